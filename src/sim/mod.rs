@@ -1,0 +1,130 @@
+//! The plants: what vehicles and walkers do when commanded, and what they hit.
+//!
+//! One trait, two implementations: [`kinematic`] (2D, closed form) and
+//! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is
+//! flat and unbounded; roads are a matter of the scene.
+//!
+//! Frame: x forward, y left, z up (ISO 8855). Poses and states are of the
+//! **front bumper's middle**, projected to the ground.
+//!
+//! Architecture Invariant: no reward, no rule and no role lives here. A plant
+//! does not know who is the ego.
+
+use serde::{Deserialize, Serialize};
+
+/// A body in a plant, numbered in the order of spawning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct BodyId(pub usize);
+
+/// The two plants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum PlantKind {
+    /// 3D rigid bodies on rapier3d.
+    Rigid,
+    /// 2D, closed form.
+    Kinematic,
+}
+
+/// The ground all bodies stand on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ground {
+    /// Coefficient of friction μ between tyre and road, above 0.
+    pub friction: f64,
+}
+
+/// A pose of the front bumper's middle on the ground.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pose {
+    /// Position along world x.
+    pub x_m: f64,
+    /// Position along world y (left).
+    pub y_m: f64,
+    /// Counter-clockwise from world x.
+    pub heading_rad: f64,
+}
+
+/// What a body does, as a plant reports it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BodyState {
+    /// Where the front bumper is.
+    pub pose: Pose,
+    /// Velocity along the heading.
+    pub speed_mps: f64,
+    /// Velocity to the left of the heading.
+    pub lateral_mps: f64,
+    /// Turning rate, counter-clockwise.
+    pub yaw_rate_rad_per_s: f64,
+    /// Mean acceleration along the heading over the last `advance`.
+    pub accel_mps2: f64,
+}
+
+/// What a body is asked to do until the next command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// A wheeled vehicle: net acceleration along the heading and path curvature.
+    ///
+    /// The plant caps the acceleration at ±μg and by engine power; a braking
+    /// vehicle stops at speed 0 unless it was already rolling backwards.
+    Drive {
+        /// Net acceleration.
+        accel_mps2: f64,
+        /// Curvature of the path, positive to the left.
+        curvature_per_m: f64,
+    },
+    /// A walker: a velocity in the world frame, reached at the walker's acceleration.
+    Walk {
+        /// Along world x.
+        x_mps: f64,
+        /// Along world y.
+        y_mps: f64,
+    },
+}
+
+/// The first touch of two bodies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// The two bodies, lower number first.
+    pub pair: (BodyId, BodyId),
+    /// Seconds after the beginning of the `advance` that reports it.
+    pub after_s: f64,
+    /// Speed at which the two approach each other along the contact normal, ≥ 0.
+    pub closing_speed_mps: f64,
+    /// Where, in the world frame.
+    pub point_m: [f64; 3],
+}
+
+/// Position and orientation of a body's centre, for viewers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// Centre of the bounding box in the world frame.
+    pub centre_m: [f64; 3],
+    /// Quaternion (x, y, z, w).
+    pub rotation: [f64; 4],
+}
+/// A plant: bodies on flat ground, stepped together.
+///
+/// Equal calls give equal bits, also on a fork and on any thread.
+pub trait Plant: Send {
+    /// Which one it is.
+    fn kind(&self) -> PlantKind;
+    /// Removes all bodies and lays new ground; time starts at 0.
+    fn clear(&mut self, ground: Ground);
+    /// Puts a body on the ground, moving along its heading.
+    fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId;
+    /// Sets what the body does from now on.
+    fn command(&mut self, id: BodyId, command: Command);
+    /// Moves on by `dt_s` in `substeps` equal steps; stops at first contact.
+    ///
+    /// Returns the earliest contact within the step, if any.
+    fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact>;
+    /// State of a body.
+    fn state(&self, id: BodyId) -> BodyState;
+    /// Centre and orientation of a body.
+    fn placement(&self, id: BodyId) -> Placement;
+    /// Clearance between the two bodies' boxes, 0 when they touch.
+    fn gap_m(&self, a: BodyId, b: BodyId) -> f64;
+    /// Whether every state is finite and within the plant's bounds.
+    fn sound(&self) -> bool;
+    /// An independent copy that continues bit for bit.
+    fn fork(&self) -> Box<dyn Plant>;
+}
