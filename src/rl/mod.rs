@@ -6,6 +6,28 @@
 //!
 //! Architecture Invariant: no IO and no clock. Progress and the wish to stop
 //! go through a callback; a checkpoint is a value.
+//!
+//! | file | what | paper |
+//! | --- | --- | --- |
+//! | `dqn` | deep Q-learning, recipe R | Mnih 2015, van Hasselt 2016 |
+//! | `replay` | prioritised replay, n-step returns | Schaul 2016, Watkins 1989 |
+//! | `kernel`, `nn` | matrix products, perceptron, Adam | |
+//! | `bundle` | named tensors: how policies and checkpoints are kept | |
+//! | `dice` | the learners' random numbers | |
+//! | `learner` | the learner-neutral surface | |
+
+mod bundle;
+mod dice;
+pub mod dqn;
+pub mod kernel;
+mod learner;
+pub mod nn;
+pub mod replay;
+
+pub use bundle::{Bundle, BundleError, Data, Element};
+pub use dice::Dice;
+pub use dqn::DqnConfig;
+pub use learner::{ConfigError, Learner, LearnerConfig, load_policy};
 
 /// The shapes of a decision problem.
 #[derive(Clone, Debug, PartialEq, Eq)]

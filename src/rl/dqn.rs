@@ -1,0 +1,529 @@
+//! Deep Q-learning, as measured to work on adversarial driving (recipe R).
+//!
+//! - Mnih et al., "Human-level control through deep reinforcement learning",
+//!   Nature 2015: replay, target network.
+//! - van Hasselt, Guez, Silver, "Deep Reinforcement Learning with Double
+//!   Q-learning", AAAI 2016: the online network picks, the target network
+//!   judges.
+//! - Schaul et al. 2016 and Watkins 1989: see [`super::replay`].
+//! - Dabney, Ostrovski, Barreto, "Temporally-Extended ε-Greedy Exploration",
+//!   ICLR 2021: exploratory actions are held.
+//!
+//! Deviations: docs/learners.md.
+
+use serde::{Deserialize, Serialize};
+
+use super::bundle::{Bundle, BundleError};
+use super::dice::Dice;
+use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, linear, within};
+use super::nn::{Adam, Mlp, Tape, argmax};
+use super::replay::{Batch, Lived, Replay, Tail, check};
+use super::{Control, End, Env, Policy, Progress, Spaces};
+
+/// The kind of a kept policy.
+pub(super) const POLICY: &str = "brakecheck dqn policy 1";
+/// The kind of a checkpoint.
+const CHECKPOINT: &str = "brakecheck dqn checkpoint 1";
+
+/// Hyperparameters of [`Dqn`]; the defaults are recipe R.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DqnConfig {
+    /// Decisions to train for (300000): the hardest stock world has converged.
+    pub decisions: u64,
+    /// Widths of the hidden ReLU layers ([64, 64]): larger ones did not help.
+    pub hidden: Vec<usize>,
+    /// Transitions per update (64): 32 loses a percent or two.
+    pub batch: usize,
+    /// Decisions between updates (2): the cheapest that reaches the optimum.
+    pub update_every: u64,
+    /// Transitions in the replay before the first update (1000): some variety.
+    pub learning_starts: usize,
+    /// Adam's step at the start (1e-3): fast early learning.
+    pub learning_rate: f64,
+    /// Adam's step at the end, linear between (5e-5): lets the values settle.
+    pub final_learning_rate: f64,
+    /// |δ| beyond which the loss is linear (1): rewards lie within about ±1.
+    pub huber: f64,
+    /// Share of the online network in every target update (0.005): soft target.
+    pub polyak: f64,
+    /// γ (1): the reward comes once, at the end; 0.9 fails.
+    pub discount: f64,
+    /// Rewards in an n-step return (3): 1 is slower, whole episodes fail.
+    pub steps: usize,
+    /// ε at the start (1): every action everywhere.
+    pub exploration: f64,
+    /// ε at the end (0.05): ε-soft to the last.
+    pub final_exploration: f64,
+    /// Share of the training in which ε falls, linearly (0.25).
+    pub exploration_fraction: f64,
+    /// An exploratory action is held 1 to this many decisions (4): reaches far.
+    pub hold: usize,
+    /// Share of episodes that restart from a failed start (0.5): hard ones.
+    pub restart: f64,
+    /// Failed starts remembered (400): recent ones.
+    pub restart_pool: usize,
+    /// Retries of one failed start (4): some cannot be solved.
+    pub restart_tries: u32,
+    /// α of the prioritised replay (0.6): 0 is uniform.
+    pub priority: f64,
+    /// β of the prioritised replay at the start, 1 at the end (0.4).
+    pub correction: f64,
+    /// Transitions kept (None: all): forgetting was never measured to help.
+    pub capacity: Option<usize>,
+    /// Gain of the last layer's weights at the start (0.01): values near zero.
+    pub last_gain: f64,
+}
+
+impl Default for DqnConfig {
+    fn default() -> Self {
+        DqnConfig {
+            decisions: 300_000,
+            hidden: vec![64, 64],
+            batch: 64,
+            update_every: 2,
+            learning_starts: 1000,
+            learning_rate: 1e-3,
+            final_learning_rate: 5e-5,
+            huber: 1.0,
+            polyak: 0.005,
+            discount: 1.0,
+            steps: 3,
+            exploration: 1.0,
+            final_exploration: 0.05,
+            exploration_fraction: 0.25,
+            hold: 4,
+            restart: 0.5,
+            restart_pool: 400,
+            restart_tries: 4,
+            priority: 0.6,
+            correction: 0.4,
+            capacity: None,
+            last_gain: 0.01,
+        }
+    }
+}
+
+impl DqnConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// Names the first field that is out of range, and what would be right.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        within("decisions", self.decisions as f64, 1.0, 1e12)?;
+        within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
+        for width in &self.hidden {
+            within("hidden", *width as f64, 1.0, 4096.0)?;
+        }
+        within("batch", self.batch as f64, 1.0, 65536.0)?;
+        within("update_every", self.update_every as f64, 1.0, 1e6)?;
+        within("learning_starts", self.learning_starts as f64, 1.0, 1e9)?;
+        within("learning_rate", self.learning_rate, 1e-9, 1.0)?;
+        within("final_learning_rate", self.final_learning_rate, 0.0, 1.0)?;
+        within("huber", self.huber, 1e-6, 1e6)?;
+        within("polyak", self.polyak, 1e-6, 1.0)?;
+        within("discount", self.discount, 0.0, 1.0)?;
+        within("steps", self.steps as f64, 1.0, 1e6)?;
+        within("exploration", self.exploration, 0.0, 1.0)?;
+        within("final_exploration", self.final_exploration, 0.0, 1.0)?;
+        within("exploration_fraction", self.exploration_fraction, 0.0, 1.0)?;
+        within("hold", self.hold as f64, 1.0, 1e6)?;
+        within("restart", self.restart, 0.0, 1.0)?;
+        within("restart_pool", self.restart_pool as f64, 1.0, 1e9)?;
+        within("restart_tries", f64::from(self.restart_tries), 0.0, 1e9)?;
+        within("priority", self.priority, 0.0, 1.0)?;
+        within("correction", self.correction, 0.0, 1.0)?;
+        if let Some(capacity) = self.capacity {
+            within(
+                "capacity",
+                capacity as f64,
+                self.learning_starts as f64,
+                1e12,
+            )?;
+        }
+        within("last_gain", self.last_gain, 0.0, 10.0)
+    }
+
+    fn sizes(&self, spaces: &Spaces) -> Vec<usize> {
+        let mut sizes = vec![spaces.observation];
+        sizes.extend(&self.hidden);
+        sizes.push(spaces.actions);
+        sizes
+    }
+}
+
+/// A start whose last training episode failed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct FailedStart {
+    index: u64,
+    tries: u32,
+}
+
+/// The learner: everything that changes while it trains.
+pub struct Dqn {
+    config: DqnConfig,
+    online: Mlp,
+    target: Mlp,
+    adam: Adam,
+    replay: Replay,
+    failed: Vec<FailedStart>,
+    dice: Dice,
+    decisions: u64,
+    episodes: u64,
+    aborted: u64,
+    /// Index of the next fresh start.
+    fresh: u64,
+    room: Room,
+}
+
+/// Buffers without meaning between updates.
+struct Room {
+    batch: Batch,
+    here: Tape,
+    there: Tape,
+    gradient: Vec<f32>,
+    lived: Lived,
+}
+
+impl Dqn {
+    /// A learner that has seen nothing.
+    pub fn new(config: &DqnConfig, spaces: &Spaces, seed: u64) -> Dqn {
+        let mut dice = Dice::new(seed);
+        let sizes = config.sizes(spaces);
+        let online = Mlp::orthogonal(&sizes, config.last_gain as f32, &mut dice);
+        Dqn::around(config, spaces, online, dice)
+    }
+
+    /// A learner that starts from the weights of a kept policy.
+    ///
+    /// # Errors
+    /// When the bundle is no policy of this kind and shape.
+    pub fn from_policy(
+        config: &DqnConfig,
+        spaces: &Spaces,
+        seed: u64,
+        policy: &Bundle,
+    ) -> Result<Dqn, BundleError> {
+        let net = QPolicy::load(policy)?.net;
+        expect_sizes(
+            "the policy's layer sizes",
+            &net.sizes(),
+            &config.sizes(spaces),
+        )?;
+        Ok(Dqn::around(config, spaces, net, Dice::new(seed)))
+    }
+
+    /// A learner that goes on where [`Learner::checkpoint`] was taken.
+    ///
+    /// # Errors
+    /// When the bundle is no checkpoint of this kind and shape.
+    pub fn restore(
+        config: &DqnConfig,
+        spaces: &Spaces,
+        bundle: &Bundle,
+    ) -> Result<Dqn, BundleError> {
+        expect_kind(bundle, CHECKPOINT)?;
+        let online = Mlp::load("online", bundle)?;
+        expect_sizes(
+            "the checkpoint's layer sizes",
+            &online.sizes(),
+            &config.sizes(spaces),
+        )?;
+        let mut dqn = Dqn::around(config, spaces, online, Dice::restore(bundle)?);
+        let target = dqn.online.load_as("target", bundle)?;
+        dqn.target.parameters_mut().copy_from_slice(&target);
+        dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
+        dqn.replay.restore(bundle, spaces.actions)?;
+        let counters = bundle.get::<u64>("counters", &[4])?;
+        (dqn.decisions, dqn.episodes) = (counters[0], counters[1]);
+        (dqn.aborted, dqn.fresh) = (counters[2], counters[3]);
+        let indices = bundle.rows::<u64>("failed/indices", &[])?;
+        let tries = bundle.get::<u32>("failed/tries", &[indices.len()])?;
+        check(
+            "number of failed starts",
+            indices.len(),
+            config.restart_pool + 1,
+        )?;
+        let pairs = indices.iter().zip(tries);
+        dqn.failed = pairs
+            .map(|(&index, &tries)| FailedStart { index, tries })
+            .collect();
+        Ok(dqn)
+    }
+
+    fn around(config: &DqnConfig, spaces: &Spaces, online: Mlp, dice: Dice) -> Dqn {
+        let capacity = config.capacity.unwrap_or(usize::MAX - 1);
+        let parameters = online.parameters().len();
+        Dqn {
+            target: online.clone(),
+            adam: Adam::new(parameters),
+            replay: Replay::new(spaces.observation, capacity, config.priority),
+            failed: Vec::new(),
+            dice,
+            decisions: 0,
+            episodes: 0,
+            aborted: 0,
+            fresh: 0,
+            room: Room {
+                batch: Batch::default(),
+                here: online.tape(config.batch),
+                there: online.tape(config.batch),
+                gradient: vec![0.0; parameters],
+                lived: Lived::default(),
+            },
+            config: config.clone(),
+            online,
+        }
+    }
+
+    /// Plays one episode, learning on the way; returns its return.
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        let start = self.pick_start();
+        let width = self.online.inputs();
+        let actions = self.online.outputs();
+        let mut lived = std::mem::take(&mut self.room.lived);
+        lived.clear();
+        let mut obs = vec![0.0; width];
+        env.reset(start.index, &mut obs);
+        lived.observations.extend_from_slice(&obs);
+        let (mut held, mut holding) = (0, 0);
+        let end = loop {
+            let greedy = self.online.evaluate(&obs, argmax);
+            if holding == 0 && self.dice.unit() < self.exploration() {
+                held = self.dice.below(actions);
+                holding = 1 + self.dice.below(self.config.hold);
+            }
+            let action = if 0 < holding { held } else { greedy };
+            holding = holding.saturating_sub(1);
+            let step = env.step(action, &mut obs);
+            lived.observations.extend_from_slice(&obs);
+            lived.actions.push(action);
+            lived.greedy.push(action == greedy);
+            lived.rewards.push(step.reward);
+            self.decisions += 1;
+            if self.decisions.is_multiple_of(self.config.update_every)
+                && self.config.learning_starts <= self.replay.len()
+            {
+                self.update();
+            }
+            if let Some(end) = step.end {
+                break end;
+            }
+        };
+        let total: f32 = lived.rewards.iter().sum();
+        match end {
+            End::Aborted => self.aborted += 1,
+            End::Terminated | End::Truncated => {
+                self.episodes += 1;
+                self.remember(&lived, end);
+                if total <= 0.0 {
+                    self.keep_failed(start);
+                }
+            }
+        }
+        self.room.lived = lived;
+        total
+    }
+
+    fn remember(&mut self, lived: &Lived, end: End) {
+        let tail = if end == End::Truncated {
+            Tail::Open
+        } else {
+            Tail::Terminal
+        };
+        let discount = self.config.discount as f32;
+        lived.n_step(
+            self.online.inputs(),
+            self.config.steps,
+            discount,
+            tail,
+            |transition| {
+                self.replay.push(transition);
+            },
+        );
+    }
+
+    /// A failed start with the configured probability, else a fresh one.
+    fn pick_start(&mut self) -> FailedStart {
+        if self.dice.unit() < self.config.restart && !self.failed.is_empty() {
+            let pick = self.dice.below(self.failed.len());
+            let start = self.failed.remove(pick);
+            return FailedStart {
+                tries: start.tries + 1,
+                ..start
+            };
+        }
+        self.fresh += 1;
+        FailedStart {
+            index: self.fresh - 1,
+            tries: 0,
+        }
+    }
+
+    /// Back into the pool, unless it had its tries; the oldest makes room.
+    fn keep_failed(&mut self, start: FailedStart) {
+        if self.config.restart_tries <= start.tries {
+            return;
+        }
+        if self.failed.len() == self.config.restart_pool {
+            self.failed.remove(0);
+        }
+        self.failed.push(start);
+    }
+
+    /// One step of Adam on a prioritised batch, then of the target network.
+    fn update(&mut self) {
+        let Room {
+            batch,
+            here,
+            there,
+            gradient,
+            ..
+        } = &mut self.room;
+        let size = self.config.batch;
+        let share = self.decisions as f64 / self.config.decisions as f64;
+        let beta = linear(self.config.correction, 1.0, share);
+        self.replay.sample(size, beta, &mut self.dice, batch);
+
+        // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')).
+        let stride = self.online.output_stride();
+        let actions = self.online.outputs();
+        let picks = self.online.forward(&batch.nexts, size, here);
+        let judges = self.target.forward(&batch.nexts, size, there);
+        let rows = picks.chunks_exact(stride).zip(judges.chunks_exact(stride));
+        for (i, (pick, judge)) in rows.enumerate() {
+            batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
+        }
+
+        // δ = Q(s, a) − y; the gradient of the Huber loss is δ clipped.
+        self.online.forward(&batch.observations, size, here);
+        let huber = self.config.huber as f32;
+        let (values, gradients) = self.online.output_and_gradient(size, here);
+        gradients.fill(0.0);
+        for i in 0..size {
+            let at = i * stride + batch.actions[i];
+            let error = values[at] - batch.rewards[i];
+            gradients[at] = batch.weights[i] * error.clamp(-huber, huber) / size as f32;
+            self.replay.prioritise(batch.slots[i], error);
+        }
+        self.online
+            .backward(&batch.observations, size, here, gradient);
+        let rates = (self.config.learning_rate, self.config.final_learning_rate);
+        let rate = linear(rates.0, rates.1, share) as f32;
+        self.adam.step(self.online.parameters_mut(), gradient, rate);
+
+        let polyak = self.config.polyak as f32;
+        let pairs = self
+            .target
+            .parameters_mut()
+            .iter_mut()
+            .zip(self.online.parameters());
+        for (target, online) in pairs {
+            *target += polyak * (online - *target);
+        }
+    }
+
+    fn exploration(&self) -> f64 {
+        let fall = self.config.exploration_fraction * self.config.decisions as f64;
+        let share = if 0.0 < fall {
+            self.decisions as f64 / fall
+        } else {
+            1.0
+        };
+        linear(
+            self.config.exploration,
+            self.config.final_exploration,
+            share,
+        )
+    }
+}
+
+impl Learner for Dqn {
+    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
+        while !self.finished() {
+            let episode_return = self.episode(env);
+            let progress = Progress {
+                decisions: self.decisions,
+                episodes: self.episodes,
+                aborted: self.aborted,
+                episode_return,
+                exploration: self.exploration() as f32,
+            };
+            if observer(&progress) == Control::Stop {
+                return;
+            }
+        }
+    }
+
+    fn decisions(&self) -> u64 {
+        self.decisions
+    }
+
+    fn finished(&self) -> bool {
+        self.config.decisions <= self.decisions
+    }
+
+    fn policy(&self) -> Box<dyn Policy> {
+        Box::new(QPolicy {
+            net: self.online.clone(),
+        })
+    }
+
+    fn policy_bundle(&self) -> Bundle {
+        let mut bundle = Bundle::new(POLICY);
+        self.online.save("q", &mut bundle);
+        bundle
+    }
+
+    fn checkpoint(&self) -> Bundle {
+        let mut bundle = Bundle::new(CHECKPOINT);
+        self.online.save("online", &mut bundle);
+        self.target.save("target", &mut bundle);
+        self.adam.save(&self.online, "adam", &mut bundle);
+        self.replay.save(&mut bundle);
+        self.dice.save(&mut bundle);
+        let counters = vec![self.decisions, self.episodes, self.aborted, self.fresh];
+        bundle.put("counters", &[4], counters);
+        let n = self.failed.len();
+        bundle.put(
+            "failed/indices",
+            &[n],
+            self.failed.iter().map(|s| s.index).collect(),
+        );
+        bundle.put(
+            "failed/tries",
+            &[n],
+            self.failed.iter().map(|s| s.tries).collect(),
+        );
+        bundle
+    }
+}
+
+/// Greedy in Q; V(s) = max Q(s, ·).
+#[derive(Clone, Debug, PartialEq)]
+pub struct QPolicy {
+    net: Mlp,
+}
+
+impl QPolicy {
+    /// Reads what [`Learner::policy_bundle`] of a [`Dqn`] gave.
+    ///
+    /// # Errors
+    /// When the bundle is no policy of this kind, or misshapen.
+    pub fn load(bundle: &Bundle) -> Result<QPolicy, BundleError> {
+        expect_kind(bundle, POLICY)?;
+        Ok(QPolicy {
+            net: Mlp::load("q", bundle)?,
+        })
+    }
+}
+
+impl Policy for QPolicy {
+    fn act(&self, obs: &[f32]) -> usize {
+        self.net.evaluate(obs, argmax)
+    }
+
+    fn value(&self, obs: &[f32]) -> f32 {
+        self.net.evaluate(obs, |values| values[argmax(values)])
+    }
+}

@@ -1,0 +1,98 @@
+//! Matrix products for small networks, in one fixed order of additions.
+//!
+//! Every sum runs over the shared index from first to last, product by
+//! product, without fused multiply-add; only independent sums share a vector
+//! register. So a result does not depend on the batch it was computed in, nor
+//! on the width of the registers: acting and training agree to the last bit,
+//! on every CPU.
+
+/// Columns are stored in multiples of this; the padding holds zeros.
+pub const LANES: usize = 8;
+
+/// Rows of a result that are worked on together.
+const ROWS: usize = 2;
+
+/// Rounds a number of columns up to a multiple of [`LANES`].
+pub const fn padded(columns: usize) -> usize {
+    columns.next_multiple_of(LANES)
+}
+
+/// `start + left · right`, ready to be written row by row.
+///
+/// Element (i, p) of the left factor is `left[i * row + p * column]`; exchange
+/// the two strides for its transpose. `right` is `[depth, width]`, dense;
+/// `start` is `[width]`; `width` is a multiple of [`LANES`].
+#[derive(Clone, Copy, Debug)]
+pub struct Product<'a> {
+    /// The numbers of the left factor.
+    pub left: &'a [f32],
+    /// Distance between rows of the left factor.
+    pub row: usize,
+    /// Distance between columns of the left factor.
+    pub column: usize,
+    /// The right factor.
+    pub right: &'a [f32],
+    /// What every row of the sum starts from: the bias, or zeros.
+    pub start: &'a [f32],
+}
+
+impl Product<'_> {
+    /// Fills `out`, `[rows, width]`, dense.
+    #[inline(always)]
+    pub fn write(&self, out: &mut [f32]) {
+        let width = self.start.len();
+        // Invariant: columns are padded, so that no tile hangs over the edge.
+        assert!(width.is_multiple_of(LANES) && out.len().is_multiple_of(width));
+        let mut strips = out.chunks_exact_mut(ROWS * width);
+        let mut row = 0;
+        for strip in &mut strips {
+            self.strip::<ROWS>(row, width, strip);
+            row += ROWS;
+        }
+        for strip in strips.into_remainder().chunks_exact_mut(width) {
+            self.strip::<1>(row, width, strip);
+            row += 1;
+        }
+    }
+
+    #[inline(always)]
+    fn strip<const R: usize>(&self, row: usize, width: usize, out: &mut [f32]) {
+        let mut column = 0;
+        while column + 2 * LANES <= width {
+            self.tile::<R, { 2 * LANES }>(row, column, width, out);
+            column += 2 * LANES;
+        }
+        if column < width {
+            self.tile::<R, LANES>(row, column, width, out);
+        }
+    }
+
+    /// R rows by C columns of the result, held in registers while p runs.
+    #[inline(always)]
+    fn tile<const R: usize, const C: usize>(
+        &self,
+        row: usize,
+        column: usize,
+        width: usize,
+        out: &mut [f32],
+    ) {
+        let mut sums = [[0.0f32; C]; R];
+        for sum in &mut sums {
+            sum.copy_from_slice(&self.start[column..column + C]);
+        }
+        for (p, right) in self.right.chunks_exact(width).enumerate() {
+            let Some(right) = right[column..].first_chunk::<C>() else {
+                return;
+            };
+            for (r, sum) in sums.iter_mut().enumerate() {
+                let left = self.left[(row + r) * self.row + p * self.column];
+                for c in 0..C {
+                    sum[c] += left * right[c];
+                }
+            }
+        }
+        for (sum, out) in sums.iter().zip(out.chunks_exact_mut(width)) {
+            out[column..column + C].copy_from_slice(sum);
+        }
+    }
+}

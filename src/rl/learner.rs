@@ -1,0 +1,206 @@
+//! The learner-neutral surface: configuration, state, and loading a policy.
+
+use serde::{Deserialize, Serialize};
+
+use super::bundle::{Bundle, BundleError};
+use super::dqn::{self, Dqn, DqnConfig};
+use super::{Control, Env, Policy, Progress, Spaces};
+
+/// A learner at work: a configuration turned into state.
+pub trait Learner: Send {
+    /// Trains until the configured decisions are taken or `observer` says
+    /// [`Control::Stop`].
+    ///
+    /// `observer` is called after every episode; the episode in which the last
+    /// decision falls is played to its end. `env` must be the same problem at
+    /// every call.
+    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control);
+
+    /// Decisions taken so far.
+    fn decisions(&self) -> u64;
+
+    /// Whether the configured decisions are taken.
+    fn finished(&self) -> bool;
+
+    /// The greedy policy learned so far.
+    fn policy(&self) -> Box<dyn Policy>;
+
+    /// The same policy, to be kept; [`load_policy`] reads it.
+    fn policy_bundle(&self) -> Bundle;
+
+    /// Everything that training needs to go on as if never interrupted.
+    fn checkpoint(&self) -> Bundle;
+}
+
+/// Which learner, with every hyperparameter: the `learner` of a world file.
+///
+/// ```
+/// use brakecheck::rl::LearnerConfig;
+///
+/// let ron = ron::Options::default()
+///     .with_default_extension(ron::extensions::Extensions::UNWRAP_VARIANT_NEWTYPES);
+/// let learner: LearnerConfig = ron.from_str("Dqn(decisions: 50_000)")?;
+/// assert_eq!(learner.decisions(), 50_000);
+/// # Ok::<(), ron::error::SpannedError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum LearnerConfig {
+    /// Deep Q-learning.
+    Dqn(DqnConfig),
+}
+
+impl Default for LearnerConfig {
+    fn default() -> Self {
+        LearnerConfig::Dqn(DqnConfig::default())
+    }
+}
+
+impl LearnerConfig {
+    /// Decisions to train for.
+    pub fn decisions(&self) -> u64 {
+        match self {
+            LearnerConfig::Dqn(config) => config.decisions,
+        }
+    }
+
+    /// The same, with another number of decisions.
+    pub fn with_decisions(mut self, decisions: u64) -> Self {
+        match &mut self {
+            LearnerConfig::Dqn(config) => config.decisions = decisions,
+        }
+        self
+    }
+
+    /// The name of the learner, as in a world file.
+    pub fn name(&self) -> &'static str {
+        match self {
+            LearnerConfig::Dqn(_) => "Dqn",
+        }
+    }
+
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// Names the first field that is out of range, and what would be right.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        match self {
+            LearnerConfig::Dqn(config) => config.validate(),
+        }
+    }
+
+    /// A learner that has seen nothing; equal seeds learn equally.
+    pub fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
+        match self {
+            LearnerConfig::Dqn(config) => Box::new(Dqn::new(config, spaces, seed)),
+        }
+    }
+
+    /// A learner that starts from a policy kept earlier (fine-tuning).
+    ///
+    /// # Errors
+    /// When the policy is of another learner, or its shapes are others.
+    pub fn build_from(
+        &self,
+        spaces: &Spaces,
+        seed: u64,
+        policy: &Bundle,
+    ) -> Result<Box<dyn Learner>, BundleError> {
+        match self {
+            LearnerConfig::Dqn(config) => {
+                Ok(Box::new(Dqn::from_policy(config, spaces, seed, policy)?))
+            }
+        }
+    }
+
+    /// A learner that goes on from a checkpoint.
+    ///
+    /// # Errors
+    /// When the checkpoint is of another learner, or its shapes are others.
+    pub fn restore(
+        &self,
+        spaces: &Spaces,
+        checkpoint: &Bundle,
+    ) -> Result<Box<dyn Learner>, BundleError> {
+        match self {
+            LearnerConfig::Dqn(config) => Ok(Box::new(Dqn::restore(config, spaces, checkpoint)?)),
+        }
+    }
+}
+
+/// The policy of any learner, from what [`Learner::policy_bundle`] gave.
+///
+/// # Errors
+/// When the bundle is no policy, or its shapes do not fit each other.
+pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
+    match bundle.meta() {
+        dqn::POLICY => Ok(Box::new(dqn::QPolicy::load(bundle)?)),
+        other => Err(BundleError::Mismatch {
+            what: "the kind of the bundle",
+            expected: format!("`{}`", dqn::POLICY),
+            found: format!("`{other}`"),
+        }),
+    }
+}
+
+/// A hyperparameter that is out of range.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("learner field `{field}` {why}")]
+pub struct ConfigError {
+    /// The field, as in a world file.
+    pub field: &'static str,
+    /// What is wrong with it.
+    pub why: String,
+    /// What would be right.
+    pub help: String,
+}
+
+/// Refuses a number outside of [low, high], and NaN.
+pub(super) fn within(
+    field: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+) -> Result<(), ConfigError> {
+    if low <= value && value <= high {
+        return Ok(());
+    }
+    Err(ConfigError {
+        field,
+        why: format!("is {value}"),
+        help: format!("give a number from {low} to {high}"),
+    })
+}
+
+/// Refuses a bundle of another kind.
+pub(super) fn expect_kind(bundle: &Bundle, kind: &'static str) -> Result<(), BundleError> {
+    if bundle.meta() == kind {
+        return Ok(());
+    }
+    Err(BundleError::Mismatch {
+        what: "the kind of the bundle",
+        expected: format!("`{kind}`"),
+        found: format!("`{}`", bundle.meta()),
+    })
+}
+
+/// Refuses a network of other sizes than configured.
+pub(super) fn expect_sizes(
+    what: &'static str,
+    found: &[usize],
+    expected: &[usize],
+) -> Result<(), BundleError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(BundleError::Mismatch {
+        what,
+        expected: format!("{expected:?}"),
+        found: format!("{found:?}"),
+    })
+}
+
+/// From `start` to `end` in a straight line while `share` goes from 0 to 1.
+pub(super) fn linear(start: f64, end: f64, share: f64) -> f64 {
+    start + (end - start) * share.clamp(0.0, 1.0)
+}

@@ -1,0 +1,485 @@
+//! A multilayer perceptron with ReLU, its gradient, and Adam.
+//!
+//! Parameters lie in one flat vector, layer after layer, each as a bias
+//! `[width]` followed by weights `[inputs, width]`, where `width` is the
+//! number of outputs padded by [`padded`]. Padding is zero and stays
+//! zero: its gradient vanishes.
+//!
+//! Architecture Invariant: nothing is allocated after construction, and no
+//! result depends on the batch it was computed in (see [`super::kernel`]).
+
+use super::bundle::{Bundle, BundleError};
+use super::dice::Dice;
+use super::kernel::{Product, padded};
+
+/// One affine layer, as offsets into the flat parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Layer {
+    inputs: usize,
+    outputs: usize,
+    width: usize,
+    bias: usize,
+    weights: usize,
+    end: usize,
+}
+
+/// A perceptron: affine layers with ReLU between them, none after the last.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mlp {
+    layers: Vec<Layer>,
+    parameters: Vec<f32>,
+}
+
+/// Room for a batch: activations forward, deltas backward.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    activations: Vec<Vec<f32>>,
+    deltas: Vec<Vec<f32>>,
+    transposed: Vec<f32>,
+    zeros: Vec<f32>,
+}
+
+impl Mlp {
+    /// A network of zeros. `sizes` are inputs, hidden widths, outputs.
+    pub fn zeros(sizes: &[usize]) -> Mlp {
+        let mut layers = Vec::new();
+        let mut end = 0;
+        for pair in sizes.windows(2) {
+            let width = padded(pair[1]);
+            let (bias, weights) = (end, end + width);
+            end = weights + pair[0] * width;
+            layers.push(Layer {
+                inputs: pair[0],
+                outputs: pair[1],
+                width,
+                bias,
+                weights,
+                end,
+            });
+        }
+        // Invariant: at least inputs and outputs were given.
+        assert!(!layers.is_empty(), "a network needs at least two sizes");
+        Mlp {
+            layers,
+            parameters: vec![0.0; end],
+        }
+    }
+
+    /// Orthogonal weights (Saxe 2014), biases zero.
+    ///
+    /// Hidden layers have gain √2 (for ReLU), the last layer `last_gain`: a
+    /// small one makes all outputs start near zero.
+    pub fn orthogonal(sizes: &[usize], last_gain: f32, dice: &mut Dice) -> Mlp {
+        let mut net = Mlp::zeros(sizes);
+        let last = net.layers.len() - 1;
+        for (i, layer) in net.layers.clone().into_iter().enumerate() {
+            let gain = if i == last {
+                last_gain
+            } else {
+                std::f32::consts::SQRT_2
+            };
+            let matrix = orthogonal_matrix(layer.inputs, layer.outputs, dice);
+            for (row, values) in matrix.iter().enumerate() {
+                let at = layer.weights + row * layer.width;
+                for (weight, value) in net.parameters[at..].iter_mut().zip(values) {
+                    *weight = gain * (*value as f32);
+                }
+            }
+        }
+        net
+    }
+
+    /// Length of an input.
+    pub fn inputs(&self) -> usize {
+        self.layers[0].inputs
+    }
+
+    /// Length of an output.
+    pub fn outputs(&self) -> usize {
+        self.last().outputs
+    }
+
+    /// Distance between the output rows of a batch.
+    pub fn output_stride(&self) -> usize {
+        self.last().width
+    }
+
+    /// All parameters, flat, padding included.
+    pub fn parameters(&self) -> &[f32] {
+        &self.parameters
+    }
+
+    /// All parameters, flat, to be changed.
+    pub fn parameters_mut(&mut self) -> &mut [f32] {
+        &mut self.parameters
+    }
+
+    /// Inputs, hidden widths, outputs.
+    pub fn sizes(&self) -> Vec<usize> {
+        let outputs = self.layers.iter().map(|layer| layer.outputs);
+        std::iter::once(self.inputs()).chain(outputs).collect()
+    }
+
+    /// Writes the parameters as `prefix/0/bias`, `prefix/0/weight`, ….
+    pub fn save(&self, prefix: &str, bundle: &mut Bundle) {
+        self.save_as(&self.parameters, prefix, bundle);
+    }
+
+    /// Writes flat numbers of this network's shape, without the padding.
+    ///
+    /// Biases have shape `[outputs]`, weights `[inputs, outputs]`.
+    pub fn save_as(&self, flat: &[f32], prefix: &str, bundle: &mut Bundle) {
+        for (i, layer) in self.layers.iter().enumerate() {
+            let bias = flat[layer.bias..layer.bias + layer.outputs].to_vec();
+            let rows = flat[layer.weights..layer.end].chunks_exact(layer.width);
+            let weight: Vec<f32> = rows
+                .flat_map(|row| &row[..layer.outputs])
+                .copied()
+                .collect();
+            bundle.put(format!("{prefix}/{i}/bias"), &[layer.outputs], bias);
+            bundle.put(
+                format!("{prefix}/{i}/weight"),
+                &[layer.inputs, layer.outputs],
+                weight,
+            );
+        }
+    }
+
+    /// Reads a network whose sizes are those of the tensors found.
+    ///
+    /// # Errors
+    /// When a tensor is missing or does not fit its neighbours.
+    pub fn load(prefix: &str, bundle: &Bundle) -> Result<Mlp, BundleError> {
+        let mut sizes = Vec::new();
+        while let Some(shape) = bundle.shape(&format!("{prefix}/{}/weight", sizes.len())) {
+            sizes.push(shape.to_vec());
+        }
+        let ends: Vec<usize> = sizes
+            .iter()
+            .map(|s| s.last().copied().unwrap_or(0))
+            .collect();
+        let first = sizes.first().and_then(|s| s.first()).copied().unwrap_or(0);
+        let sizes: Vec<usize> = std::iter::once(first).chain(ends).collect();
+        if sizes.len() < 2 || sizes.contains(&0) {
+            return Err(BundleError::Missing {
+                name: format!("{prefix}/0/weight"),
+            });
+        }
+        let mut net = Mlp::zeros(&sizes);
+        net.parameters = net.load_as(prefix, bundle)?;
+        Ok(net)
+    }
+
+    /// Reads flat numbers of this network's shape.
+    ///
+    /// # Errors
+    /// When a tensor is missing or misshapen.
+    pub fn load_as(&self, prefix: &str, bundle: &Bundle) -> Result<Vec<f32>, BundleError> {
+        let mut flat = vec![0.0; self.parameters.len()];
+        for (i, layer) in self.layers.iter().enumerate() {
+            let bias = bundle.get::<f32>(&format!("{prefix}/{i}/bias"), &[layer.outputs])?;
+            let shape = [layer.inputs, layer.outputs];
+            let weight = bundle.get::<f32>(&format!("{prefix}/{i}/weight"), &shape)?;
+            flat[layer.bias..layer.bias + layer.outputs].copy_from_slice(bias);
+            let rows = flat[layer.weights..layer.end].chunks_exact_mut(layer.width);
+            for (row, values) in rows.zip(weight.chunks_exact(layer.outputs)) {
+                row[..layer.outputs].copy_from_slice(values);
+            }
+        }
+        Ok(flat)
+    }
+
+    /// Room for batches of up to `batch` rows.
+    pub fn tape(&self, batch: usize) -> Tape {
+        let per_layer = || {
+            self.layers
+                .iter()
+                .map(|layer| vec![0.0; batch * layer.width])
+                .collect()
+        };
+        let widest = self
+            .layers
+            .iter()
+            .map(|layer| layer.width)
+            .max()
+            .unwrap_or(0);
+        let largest = self
+            .layers
+            .iter()
+            .map(|layer| padded(layer.inputs) * layer.width)
+            .max();
+        Tape {
+            activations: per_layer(),
+            deltas: per_layer(),
+            transposed: vec![0.0; largest.unwrap_or(0)],
+            zeros: vec![0.0; widest],
+        }
+    }
+
+    /// Outputs for `batch` inputs, `[batch, inputs]`, dense.
+    ///
+    /// Returns `[batch, output_stride]`. The tape remembers what
+    /// [`Mlp::backward`] needs.
+    #[inline(always)]
+    pub fn forward<'a>(&self, inputs: &[f32], batch: usize, tape: &'a mut Tape) -> &'a [f32] {
+        let last = self.layers.len() - 1;
+        for (i, layer) in self.layers.iter().enumerate() {
+            let (before, after) = tape.activations.split_at_mut(i);
+            let (left, row) = match before.last() {
+                None => (inputs, layer.inputs),
+                Some(hidden) => (&hidden[..], self.layers[i - 1].width),
+            };
+            let out = &mut after[0][..batch * layer.width];
+            self.affine(layer, left, row, out);
+            if i < last {
+                relu(out);
+            }
+        }
+        &tape.activations[last][..batch * self.layers[last].width]
+    }
+
+    /// The outputs of the last [`Mlp::forward`], and their gradient to be
+    /// filled in, both `[batch, output_stride]`.
+    ///
+    /// Padding columns of the gradient must be zero.
+    pub fn output_and_gradient<'a>(
+        &self,
+        batch: usize,
+        tape: &'a mut Tape,
+    ) -> (&'a [f32], &'a mut [f32]) {
+        let last = self.layers.len() - 1;
+        let end = batch * self.layers[last].width;
+        (
+            &tape.activations[last][..end],
+            &mut tape.deltas[last][..end],
+        )
+    }
+
+    /// The gradient of the parameters, after [`Mlp::forward`] on the same
+    /// inputs and with the tape's output gradient filled in.
+    ///
+    /// Sums over the batch; `gradient` is overwritten.
+    #[inline(always)]
+    pub fn backward(&self, inputs: &[f32], batch: usize, tape: &mut Tape, gradient: &mut [f32]) {
+        for (i, layer) in self.layers.iter().enumerate().rev() {
+            let (below, here) = tape.deltas.split_at_mut(i);
+            let delta = &here[0][..batch * layer.width];
+            let (left, row) = match i {
+                0 => (inputs, layer.inputs),
+                _ => (&tape.activations[i - 1][..], self.layers[i - 1].width),
+            };
+            // dW = xᵀ · delta
+            let weights = &mut gradient[layer.weights..layer.end];
+            let start = &tape.zeros[..layer.width];
+            Product {
+                left,
+                row: 1,
+                column: row,
+                right: delta,
+                start,
+            }
+            .write(weights);
+            // db = Σ delta
+            let bias = &mut gradient[layer.bias..layer.weights];
+            bias.fill(0.0);
+            for row in delta.chunks_exact(layer.width) {
+                for (sum, d) in bias.iter_mut().zip(row) {
+                    *sum += d;
+                }
+            }
+            // delta below = (delta · Wᵀ) where the hidden unit was on
+            let Some(below) = below.last_mut() else {
+                continue;
+            };
+            let width = self.layers[i - 1].width;
+            let transposed = &mut tape.transposed[..layer.outputs * width];
+            let weights = &self.parameters[layer.weights..layer.end];
+            for (p, row) in transposed.chunks_exact_mut(width).enumerate() {
+                for (value, column) in row.iter_mut().zip(weights.chunks_exact(layer.width)) {
+                    *value = column[p];
+                }
+            }
+            let out = &mut below[..batch * width];
+            let start = &tape.zeros[..width];
+            Product {
+                left: delta,
+                row: layer.width,
+                column: 1,
+                right: transposed,
+                start,
+            }
+            .write(out);
+            for (d, on) in out.iter_mut().zip(&tape.activations[i - 1]) {
+                *d = if *on > 0.0 { *d } else { 0.0 };
+            }
+        }
+    }
+
+    /// Calls `read` with the outputs for one input, without a tape.
+    ///
+    /// Bit for bit what [`Mlp::forward`] gives. Layers up to 128 wide stay on
+    /// the stack.
+    pub fn evaluate<T>(&self, input: &[f32], read: impl FnOnce(&[f32]) -> T) -> T {
+        const STACK: usize = 128;
+        let widest = self
+            .layers
+            .iter()
+            .map(|layer| layer.width)
+            .max()
+            .unwrap_or(0);
+        if widest <= STACK {
+            let (mut a, mut b) = ([0.0; STACK], [0.0; STACK]);
+            self.evaluate_in(input, &mut a, &mut b, read)
+        } else {
+            let (mut a, mut b) = (vec![0.0; widest], vec![0.0; widest]);
+            self.evaluate_in(input, &mut a, &mut b, read)
+        }
+    }
+
+    fn evaluate_in<'a, T>(
+        &self,
+        input: &[f32],
+        mut here: &'a mut [f32],
+        mut there: &'a mut [f32],
+        read: impl FnOnce(&[f32]) -> T,
+    ) -> T {
+        let last = self.layers.len() - 1;
+        for (i, layer) in self.layers.iter().enumerate() {
+            let left = if i == 0 { input } else { &*there };
+            let out = &mut here[..layer.width];
+            self.affine(layer, left, layer.inputs, out);
+            if i < last {
+                relu(out);
+            }
+            std::mem::swap(&mut here, &mut there);
+        }
+        read(&there[..self.outputs()])
+    }
+
+    #[inline(always)]
+    fn affine(&self, layer: &Layer, left: &[f32], row: usize, out: &mut [f32]) {
+        let right = &self.parameters[layer.weights..layer.end];
+        let start = &self.parameters[layer.bias..layer.weights];
+        Product {
+            left,
+            row,
+            column: 1,
+            right,
+            start,
+        }
+        .write(out);
+    }
+
+    fn last(&self) -> &Layer {
+        &self.layers[self.layers.len() - 1]
+    }
+}
+
+/// Adam (Kingma, Ba 2015): the moments and the number of steps taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adam {
+    /// Running mean of the gradient.
+    pub mean: Vec<f32>,
+    /// Running mean of its square.
+    pub square: Vec<f32>,
+    /// Steps taken.
+    pub steps: u64,
+}
+
+impl Adam {
+    const MEAN_DECAY: f32 = 0.9;
+    const SQUARE_DECAY: f32 = 0.999;
+    const EPSILON: f32 = 1e-8;
+
+    /// Writes the moments of this network's parameters.
+    pub fn save(&self, net: &Mlp, prefix: &str, bundle: &mut Bundle) {
+        net.save_as(&self.mean, &format!("{prefix}/mean"), bundle);
+        net.save_as(&self.square, &format!("{prefix}/square"), bundle);
+        bundle.put(format!("{prefix}/steps"), &[1], vec![self.steps]);
+    }
+
+    /// Reads the moments of this network's parameters.
+    ///
+    /// # Errors
+    /// When a tensor is missing or misshapen.
+    pub fn load(net: &Mlp, prefix: &str, bundle: &Bundle) -> Result<Adam, BundleError> {
+        Ok(Adam {
+            mean: net.load_as(&format!("{prefix}/mean"), bundle)?,
+            square: net.load_as(&format!("{prefix}/square"), bundle)?,
+            steps: bundle.one(&format!("{prefix}/steps"))?,
+        })
+    }
+
+    /// No step taken yet, for a network with this many parameters.
+    pub fn new(parameters: usize) -> Adam {
+        Adam {
+            mean: vec![0.0; parameters],
+            square: vec![0.0; parameters],
+            steps: 0,
+        }
+    }
+
+    /// Moves the parameters against the gradient.
+    #[inline(always)]
+    pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f32) {
+        self.steps += 1;
+        let steps = self.steps as f64;
+        let correct = |decay: f32| 1.0 - libm::pow(f64::from(decay), steps);
+        let rate = (f64::from(learning_rate) / correct(Adam::MEAN_DECAY)) as f32;
+        let shrink = (1.0 / libm::sqrt(correct(Adam::SQUARE_DECAY))) as f32;
+        let moments = self.mean.iter_mut().zip(&mut self.square);
+        for ((parameter, g), (mean, square)) in parameters.iter_mut().zip(gradient).zip(moments) {
+            *mean += (1.0 - Adam::MEAN_DECAY) * (g - *mean);
+            *square += (1.0 - Adam::SQUARE_DECAY) * (g * g - *square);
+            *parameter -= rate * *mean / (square.sqrt() * shrink + Adam::EPSILON);
+        }
+    }
+}
+
+/// Index of the largest value; ties go to the lowest index.
+pub fn argmax(values: &[f32]) -> usize {
+    let mut best = 0;
+    for (i, value) in values.iter().enumerate() {
+        if values[best] < *value {
+            best = i;
+        }
+    }
+    best
+}
+
+#[inline(always)]
+fn relu(values: &mut [f32]) {
+    for value in values {
+        *value = if *value > 0.0 { *value } else { 0.0 };
+    }
+}
+
+/// A matrix with orthonormal rows or columns, whichever are fewer, by
+/// Gram-Schmidt on normal draws.
+fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut Dice) -> Vec<Vec<f64>> {
+    let (few, many) = (rows.min(columns), rows.max(columns));
+    let mut basis: Vec<Vec<f64>> = Vec::with_capacity(few);
+    while basis.len() < few {
+        let mut vector: Vec<f64> = (0..many).map(|_| dice.normal()).collect();
+        for _ in 0..2 {
+            for other in &basis {
+                let along: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
+                vector
+                    .iter_mut()
+                    .zip(other)
+                    .for_each(|(a, b)| *a -= along * b);
+            }
+        }
+        let length = libm::sqrt(vector.iter().map(|a| a * a).sum());
+        if 1e-6 < length {
+            vector.iter_mut().for_each(|a| *a /= length);
+            basis.push(vector);
+        }
+    }
+    if rows <= columns {
+        return basis;
+    }
+    (0..rows)
+        .map(|row| basis.iter().map(|column| column[row]).collect())
+        .collect()
+}

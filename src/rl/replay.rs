@@ -1,0 +1,374 @@
+//! Prioritised experience replay with n-step returns.
+//!
+//! - Schaul, Quan, Antonoglou, Silver, "Prioritized Experience Replay", ICLR
+//!   2016: proportional variant, P(i) ∝ p_i^α, weights (N·P(i))^−β scaled by
+//!   their maximum in the batch, new transitions with the largest priority
+//!   seen, stratified sampling.
+//! - Watkins, "Learning from Delayed Rewards", 1989: an n-step return ends
+//!   before the first exploratory action that was not greedy.
+
+use super::bundle::{Bundle, BundleError};
+use super::dice::Dice;
+
+/// A binary tree of partial sums over leaves that are at least 0.
+///
+/// Every inner node is exactly the rounded sum of its two children, so the
+/// tree is a pure function of its leaves.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct SumTree {
+    /// Heap order: node i has the children 2i and 2i + 1; index 0 is unused.
+    nodes: Vec<f64>,
+}
+
+impl SumTree {
+    /// A tree over these leaves.
+    pub fn new(leaves: &[f64]) -> SumTree {
+        let mut tree = SumTree::default();
+        tree.grow(leaves.len());
+        let first = tree.capacity();
+        tree.nodes[first..first + leaves.len()].copy_from_slice(leaves);
+        tree.sum_up();
+        tree
+    }
+
+    /// Makes room for leaves with index below `leaves`; new leaves are 0.
+    pub fn grow(&mut self, leaves: usize) {
+        let old = self.capacity();
+        let new = leaves.next_power_of_two();
+        if old < new {
+            let mut nodes = vec![0.0; 2 * new];
+            nodes[new..new + old].copy_from_slice(&self.nodes[old..]);
+            self.nodes = nodes;
+            self.sum_up();
+        }
+    }
+
+    /// Sets a leaf.
+    pub fn set(&mut self, leaf: usize, value: f64) {
+        let mut node = self.capacity() + leaf;
+        self.nodes[node] = value;
+        while 1 < node {
+            node /= 2;
+            self.nodes[node] = self.nodes[2 * node] + self.nodes[2 * node + 1];
+        }
+    }
+
+    /// A leaf.
+    pub fn get(&self, leaf: usize) -> f64 {
+        self.nodes[self.capacity() + leaf]
+    }
+
+    /// The sum of all leaves.
+    pub fn total(&self) -> f64 {
+        self.nodes.get(1).copied().unwrap_or(0.0)
+    }
+
+    /// The leaf in whose share of the total `mass` lies; never a leaf of 0
+    /// while the total is positive.
+    pub fn find(&self, mut mass: f64) -> usize {
+        let first = self.capacity();
+        let mut node = 1;
+        while node < first {
+            let (left, right) = (self.nodes[2 * node], self.nodes[2 * node + 1]);
+            // Rounding may leave `mass` at the very end: then stay where
+            // there is something to find.
+            if mass < left || right <= 0.0 {
+                node *= 2;
+            } else {
+                mass -= left;
+                node = 2 * node + 1;
+            }
+        }
+        node - first
+    }
+
+    fn capacity(&self) -> usize {
+        self.nodes.len() / 2
+    }
+
+    fn sum_up(&mut self) {
+        for node in (1..self.capacity()).rev() {
+            self.nodes[node] = self.nodes[2 * node] + self.nodes[2 * node + 1];
+        }
+    }
+}
+
+/// One n-step transition.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transition<'a> {
+    /// The observation s.
+    pub observation: &'a [f32],
+    /// The action taken in it.
+    pub action: usize,
+    /// The discounted rewards r₁ + γ r₂ + … up to the next observation.
+    pub reward: f32,
+    /// The observation after those rewards.
+    pub next: &'a [f32],
+    /// γ^k for a bootstrap after k rewards, 0 after a terminal state.
+    pub discount: f32,
+}
+
+/// A batch of transitions, with the importance of each.
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    /// Where in the replay.
+    pub slots: Vec<usize>,
+    /// Importance weights, at most 1.
+    pub weights: Vec<f32>,
+    /// Observations, `[batch, observation]`.
+    pub observations: Vec<f32>,
+    /// Next observations, `[batch, observation]`.
+    pub nexts: Vec<f32>,
+    /// Actions.
+    pub actions: Vec<usize>,
+    /// Rewards.
+    pub rewards: Vec<f32>,
+    /// Discounts of the bootstrap.
+    pub discounts: Vec<f32>,
+}
+
+/// The memory: transitions and their priorities.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Replay {
+    observation: usize,
+    capacity: usize,
+    alpha: f64,
+    oldest: usize,
+    largest: f64,
+    observations: Vec<f32>,
+    nexts: Vec<f32>,
+    actions: Vec<u32>,
+    rewards: Vec<f32>,
+    discounts: Vec<f32>,
+    priorities: SumTree,
+}
+
+impl Replay {
+    /// Added to |δ|, so that nothing is forgotten for good.
+    const FLOOR: f64 = 1e-3;
+
+    /// An empty memory of up to `capacity` transitions.
+    pub fn new(observation: usize, capacity: usize, alpha: f64) -> Replay {
+        Replay {
+            observation,
+            capacity,
+            alpha,
+            oldest: 0,
+            largest: 1.0,
+            observations: Vec::new(),
+            nexts: Vec::new(),
+            actions: Vec::new(),
+            rewards: Vec::new(),
+            discounts: Vec::new(),
+            priorities: SumTree::default(),
+        }
+    }
+
+    /// Transitions kept.
+    pub fn len(&self) -> usize {
+        self.actions.len()
+    }
+
+    /// Whether nothing is kept.
+    pub fn is_empty(&self) -> bool {
+        self.actions.is_empty()
+    }
+
+    /// Keeps a transition, in place of the oldest one when full.
+    pub fn push(&mut self, transition: Transition) {
+        let slot = if self.len() < self.capacity {
+            self.observations.extend_from_slice(transition.observation);
+            self.nexts.extend_from_slice(transition.next);
+            self.actions.push(transition.action as u32);
+            self.rewards.push(transition.reward);
+            self.discounts.push(transition.discount);
+            self.priorities.grow(self.len());
+            self.len() - 1
+        } else {
+            let slot = self.oldest;
+            let row = slot * self.observation..(slot + 1) * self.observation;
+            self.observations[row.clone()].copy_from_slice(transition.observation);
+            self.nexts[row].copy_from_slice(transition.next);
+            self.actions[slot] = transition.action as u32;
+            self.rewards[slot] = transition.reward;
+            self.discounts[slot] = transition.discount;
+            self.oldest = (slot + 1) % self.capacity;
+            slot
+        };
+        self.priorities.set(slot, self.largest);
+    }
+
+    /// Fills `batch` with `size` draws; β is the strength of the correction.
+    pub fn sample(&self, size: usize, beta: f64, dice: &mut Dice, batch: &mut Batch) {
+        batch.clear();
+        let total = self.priorities.total();
+        let mut largest = 0.0f64;
+        for i in 0..size {
+            let mass = (i as f64 + dice.unit()) / size as f64 * total;
+            let slot = self.priorities.find(mass);
+            let share = self.len() as f64 * self.priorities.get(slot) / total;
+            let weight = libm::pow(share, -beta);
+            largest = largest.max(weight);
+            batch.slots.push(slot);
+            batch.weights.push(weight as f32);
+            let row = slot * self.observation..(slot + 1) * self.observation;
+            batch
+                .observations
+                .extend_from_slice(&self.observations[row.clone()]);
+            batch.nexts.extend_from_slice(&self.nexts[row]);
+            batch.actions.push(self.actions[slot] as usize);
+            batch.rewards.push(self.rewards[slot]);
+            batch.discounts.push(self.discounts[slot]);
+        }
+        for weight in &mut batch.weights {
+            *weight = (f64::from(*weight) / largest) as f32;
+        }
+    }
+
+    /// Sets the priority of a slot to (|δ| + floor)^α.
+    pub fn prioritise(&mut self, slot: usize, error: f32) {
+        let priority = libm::pow(f64::from(error.abs()) + Replay::FLOOR, self.alpha);
+        self.largest = self.largest.max(priority);
+        self.priorities.set(slot, priority);
+    }
+
+    /// Writes everything into a checkpoint.
+    pub fn save(&self, bundle: &mut Bundle) {
+        let n = self.len();
+        let wide = [n, self.observation];
+        bundle.put("replay/observations", &wide, self.observations.clone());
+        bundle.put("replay/nexts", &wide, self.nexts.clone());
+        bundle.put("replay/actions", &[n], self.actions.clone());
+        bundle.put("replay/rewards", &[n], self.rewards.clone());
+        bundle.put("replay/discounts", &[n], self.discounts.clone());
+        let leaves: Vec<f64> = (0..n).map(|slot| self.priorities.get(slot)).collect();
+        bundle.put("replay/priorities", &[n], leaves);
+        bundle.put("replay/oldest", &[1], vec![self.oldest as u64]);
+        bundle.put("replay/largest", &[1], vec![self.largest]);
+    }
+
+    /// Fills an empty memory from a checkpoint.
+    ///
+    /// # Errors
+    /// When a tensor is missing or misshapen, or an index is out of range.
+    pub fn restore(&mut self, bundle: &Bundle, actions: usize) -> Result<(), BundleError> {
+        let kept = bundle.rows::<u32>("replay/actions", &[])?;
+        let n = kept.len();
+        let wide = [n, self.observation];
+        let oldest = bundle.one::<u64>("replay/oldest")? as usize;
+        let leaves = bundle.get::<f64>("replay/priorities", &[n])?;
+        check("replay length", n, self.capacity.saturating_add(1))?;
+        check("oldest slot of the replay", oldest, n.max(1))?;
+        for action in kept {
+            check("action in the replay", *action as usize, actions)?;
+        }
+        if let Some(leaf) = leaves.iter().find(|leaf| **leaf <= 0.0) {
+            return Err(BundleError::Mismatch {
+                what: "priority in the replay",
+                expected: "positive".into(),
+                found: leaf.to_string(),
+            });
+        }
+        self.observations = bundle.get::<f32>("replay/observations", &wide)?.to_vec();
+        self.nexts = bundle.get::<f32>("replay/nexts", &wide)?.to_vec();
+        self.actions = kept.to_vec();
+        self.rewards = bundle.get::<f32>("replay/rewards", &[n])?.to_vec();
+        self.discounts = bundle.get::<f32>("replay/discounts", &[n])?.to_vec();
+        self.priorities = SumTree::new(leaves);
+        self.oldest = oldest;
+        self.largest = bundle.one("replay/largest")?;
+        Ok(())
+    }
+}
+
+impl Batch {
+    fn clear(&mut self) {
+        self.slots.clear();
+        self.weights.clear();
+        self.observations.clear();
+        self.nexts.clear();
+        self.actions.clear();
+        self.rewards.clear();
+        self.discounts.clear();
+    }
+}
+
+/// Refuses an index that is not below `end`.
+pub(super) fn check(what: &'static str, index: usize, end: usize) -> Result<(), BundleError> {
+    if index < end {
+        return Ok(());
+    }
+    let expected = format!("below {end}");
+    Err(BundleError::Mismatch {
+        what,
+        expected,
+        found: index.to_string(),
+    })
+}
+
+/// How an episode's last observation continues.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tail {
+    /// Nothing follows: no bootstrap.
+    Terminal,
+    /// The world would go on: bootstrap from the last observation.
+    Open,
+}
+
+/// An episode as it was lived: L decisions and L + 1 observations.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Lived {
+    /// `[L + 1, observation]`.
+    pub observations: Vec<f32>,
+    /// Actions taken.
+    pub actions: Vec<usize>,
+    /// Whether each action was greedy when it was taken.
+    pub greedy: Vec<bool>,
+    /// Rewards.
+    pub rewards: Vec<f32>,
+}
+
+impl Lived {
+    /// Forgets everything, keeps the room.
+    pub fn clear(&mut self) {
+        self.observations.clear();
+        self.actions.clear();
+        self.greedy.clear();
+        self.rewards.clear();
+    }
+
+    /// Hands the n-step transitions of the episode to `take`.
+    ///
+    /// A return starting at decision t ends after n rewards, at the end of the
+    /// episode, or before the first later decision that was not greedy:
+    /// beyond it the rewards are not those of the greedy policy.
+    pub fn n_step(
+        &self,
+        width: usize,
+        n: usize,
+        discount: f32,
+        tail: Tail,
+        mut take: impl FnMut(Transition),
+    ) {
+        let row = |t: usize| &self.observations[t * width..(t + 1) * width];
+        let end = self.actions.len();
+        for t in 0..end {
+            let (mut reward, mut factor, mut next) = (0.0, 1.0, t);
+            while next < end && next < t + n && (next == t || self.greedy[next]) {
+                reward += factor * self.rewards[next];
+                factor *= discount;
+                next += 1;
+            }
+            if next == end && tail == Tail::Terminal {
+                factor = 0.0;
+            }
+            take(Transition {
+                observation: row(t),
+                action: self.actions[t],
+                reward,
+                next: row(next),
+                discount: factor,
+            });
+        }
+    }
+}
