@@ -67,7 +67,6 @@ impl Product<'_> {
         }
     }
 
-    /// R rows by C columns of the result, held in registers while p runs.
     #[inline(always)]
     fn tile<const R: usize, const C: usize>(
         &self,
@@ -76,23 +75,34 @@ impl Product<'_> {
         width: usize,
         out: &mut [f32],
     ) {
-        let mut sums = [[0.0f32; C]; R];
-        for sum in &mut sums {
-            sum.copy_from_slice(&self.start[column..column + C]);
-        }
-        for (p, right) in self.right.chunks_exact(width).enumerate() {
-            let Some(right) = right[column..].first_chunk::<C>() else {
-                return;
-            };
-            for (r, sum) in sums.iter_mut().enumerate() {
-                let left = self.left[(row + r) * self.row + p * self.column];
-                for c in 0..C {
-                    sum[c] += left * right[c];
-                }
-            }
-        }
+        let mut start = [0.0f32; C];
+        start.copy_from_slice(&self.start[column..column + C]);
+        let sums = self.sums::<R, C>(row, column, width, [start; R]);
         for (sum, out) in sums.iter().zip(out.chunks_exact_mut(width)) {
             out[column..column + C].copy_from_slice(sum);
         }
+    }
+
+    /// R rows by C columns of the result, held in registers while p runs.
+    #[inline(always)]
+    fn sums<const R: usize, const C: usize>(
+        &self,
+        row: usize,
+        column: usize,
+        width: usize,
+        mut sums: [[f32; C]; R],
+    ) -> [[f32; C]; R] {
+        for (p, right) in self.right.chunks_exact(width).enumerate() {
+            let Some(right) = right.get(column..).and_then(|right| right.first_chunk::<C>()) else {
+                return sums;
+            };
+            for r in 0..R {
+                let left = self.left[(row + r) * self.row + p * self.column];
+                for c in 0..C {
+                    sums[r][c] += left * right[c];
+                }
+            }
+        }
+        sums
     }
 }
