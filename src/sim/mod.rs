@@ -10,7 +10,41 @@
 //! Architecture Invariant: no reward, no rule and no role lives here. A plant
 //! does not know who is the ego.
 
+mod body;
+pub mod kinematic;
+mod limits;
+mod planar;
+pub mod rigid;
+mod walk;
+
 use serde::{Deserialize, Serialize};
+
+pub use body::{Body, BodyError, BodyKind, InvalidBody, Vehicle, Walker};
+pub use kinematic::Kinematic;
+pub use rigid::Rigid;
+
+/// Gravity, downwards.
+pub const GRAVITY_MPS2: f64 = 9.81;
+
+/// An empty plant of a kind.
+pub fn plant(kind: PlantKind, ground: Ground) -> Box<dyn Plant> {
+    match kind {
+        PlantKind::Rigid => Box::new(Rigid::new(ground)),
+        PlantKind::Kinematic => Box::new(Kinematic::new(ground)),
+    }
+}
+
+/// The command, unless a number in it is not finite.
+fn finite(command: Command) -> Option<Command> {
+    let (first, second) = match command {
+        Command::Drive {
+            accel_mps2,
+            curvature_per_m,
+        } => (accel_mps2, curvature_per_m),
+        Command::Walk { x_mps, y_mps } => (x_mps, y_mps),
+    };
+    (first.is_finite() && second.is_finite()).then_some(command)
+}
 
 /// A body in a plant, numbered in the order of spawning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -101,6 +135,7 @@ pub struct Placement {
     /// Quaternion (x, y, z, w).
     pub rotation: [f64; 4],
 }
+
 /// A plant: bodies on flat ground, stepped together.
 ///
 /// Equal calls give equal bits, also on a fork and on any thread.

@@ -1,0 +1,119 @@
+//! What engine, tyres and steering can do, the same for both plants.
+
+use super::body::{Body, Vehicle};
+use super::{GRAVITY_MPS2, Ground};
+
+/// Density of air at sea level.
+const AIR_KG_PER_M3: f64 = 1.225;
+
+/// The limits of one vehicle on one ground.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// What the tyres can transmit: μ·grip·g.
+    pub grip_mps2: f64,
+    /// Engine power per mass.
+    power_w_per_kg: f64,
+    /// Curvature at full steering lock.
+    lock_per_m: f64,
+    /// Air drag per mass and speed squared.
+    drag_per_m: f64,
+    /// Rolling resistance per mass.
+    rolling_mps2: f64,
+}
+
+/// How a vehicle moves along its path for one step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drive {
+    /// Net acceleration along the heading, resistances included.
+    pub net_mps2: f64,
+    /// The part of it that the tyres transmit.
+    pub tyre_mps2: f64,
+    /// When the vehicle comes to rest and stays; infinite if it does not.
+    pub rest_after_s: f64,
+}
+
+impl Drive {
+    /// Speed after a time within the step.
+    pub fn speed_mps(&self, start_mps: f64, after_s: f64) -> f64 {
+        if self.rest_after_s <= after_s {
+            return 0.0;
+        }
+        start_mps + self.net_mps2 * after_s
+    }
+}
+
+impl Limits {
+    pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Limits {
+        Limits {
+            grip_mps2: ground.friction * vehicle.grip * GRAVITY_MPS2,
+            power_w_per_kg: vehicle.power_w / body.mass_kg,
+            lock_per_m: libm::tan(vehicle.max_steer_rad) / vehicle.wheelbase_m,
+            drag_per_m: 0.5 * AIR_KG_PER_M3 * vehicle.drag_area_m2 / body.mass_kg,
+            rolling_mps2: vehicle.rolling_resistance * GRAVITY_MPS2,
+        }
+    }
+
+    /// What becomes of a commanded acceleration during `dt_s` from a speed.
+    ///
+    /// Capped by grip, and by power such that the speed at the end of the step
+    /// is what the full power reaches: v₁² = v₀² + 2·P/m·dt.
+    pub fn drive(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> Drive {
+        let tyre_mps2 = self.tyre_mps2(command_mps2, speed_mps, dt_s);
+        let drag_mps2 = self.drag_per_m * speed_mps * speed_mps;
+        let resistance_mps2 = drag_mps2 + self.rolling_mps2;
+        let (net_mps2, stops) = if 0.0 < speed_mps {
+            let net_mps2 = tyre_mps2 - resistance_mps2;
+            (net_mps2, net_mps2 < 0.0)
+        } else if speed_mps < 0.0 {
+            let net_mps2 = tyre_mps2 + resistance_mps2;
+            // Throttle may carry a vehicle that rolls backwards through zero.
+            (net_mps2, 0.0 < net_mps2 && tyre_mps2 <= 0.0)
+        } else {
+            // At rest brakes hold, and the throttle must overcome resistance.
+            ((tyre_mps2 - resistance_mps2).max(0.0), false)
+        };
+        let rest_after_s = if stops {
+            -speed_mps / net_mps2
+        } else {
+            f64::INFINITY
+        };
+        Drive {
+            net_mps2,
+            tyre_mps2,
+            rest_after_s,
+        }
+    }
+
+    /// The curvature that steering lock and friction circle leave.
+    ///
+    /// v²·|κ| ≤ √((μg)² − a²), at the greater of the speeds in the step: the
+    /// acceleration is served first.
+    pub fn curvature_per_m(&self, command_per_m: f64, tyre_mps2: f64, speed_mps: f64) -> f64 {
+        let locked = command_per_m.clamp(-self.lock_per_m, self.lock_per_m);
+        let speed_squared = speed_mps * speed_mps;
+        let lateral_squared = self.grip_mps2 * self.grip_mps2 - tyre_mps2 * tyre_mps2;
+        let demand = locked * speed_squared;
+        if demand * demand <= lateral_squared {
+            return locked;
+        }
+        let circle = lateral_squared.max(0.0).sqrt() / speed_squared;
+        locked.clamp(-circle, circle)
+    }
+
+    fn tyre_mps2(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> f64 {
+        let wanted = command_mps2.clamp(-self.grip_mps2, self.grip_mps2);
+        // Braking needs no engine: only motion that gains speed does.
+        let (along, before) = if speed_mps < 0.0 {
+            (-wanted, -speed_mps)
+        } else {
+            (wanted, speed_mps)
+        };
+        let after = before + along * dt_s;
+        if along <= 0.0 || along * after <= self.power_w_per_kg {
+            return wanted;
+        }
+        let reachable = (before * before + 2.0 * self.power_w_per_kg * dt_s).sqrt();
+        let powered = ((reachable - before) / dt_s).min(along);
+        if speed_mps < 0.0 { -powered } else { powered }
+    }
+}

@@ -1,0 +1,210 @@
+//! Oriented rectangles on the ground: the shapes in which bodies meet.
+//!
+//! Both plants measure gaps and contacts between upright boxes standing on the
+//! ground, so that two bodies touch exactly when their rectangles do, however
+//! much a chassis pitches or rolls on its springs.
+
+use super::body::Body;
+
+/// Overlap up to which two bodies merely touch.
+pub(super) const TOUCH_M: f64 = 1e-3;
+
+/// A rectangle on the ground, its motion at one instant included.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Rect {
+    pub x_m: f64,
+    pub y_m: f64,
+    /// Cosine and sine of the heading.
+    pub cos: f64,
+    pub sin: f64,
+    /// Velocity of the centre in the world frame.
+    pub vx_mps: f64,
+    pub vy_mps: f64,
+    pub yaw_rate_rad_per_s: f64,
+}
+
+/// The constant part of a rectangle.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Extent {
+    pub half_length_m: f64,
+    pub half_width_m: f64,
+    /// Centre to corner.
+    pub radius_m: f64,
+    /// Height of the box that stands on the rectangle.
+    pub height_m: f64,
+}
+
+/// Clearance of two rectangles along one direction; negative when they overlap.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Separation {
+    pub gap_m: f64,
+    /// Unit vector from the first to the second.
+    pub nx: f64,
+    pub ny: f64,
+}
+
+/// A rectangle with its extent.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape<'a> {
+    pub rect: &'a Rect,
+    pub extent: &'a Extent,
+}
+
+impl Extent {
+    pub fn of(body: &Body) -> Extent {
+        let (half_length_m, half_width_m) = (0.5 * body.length_m, 0.5 * body.width_m);
+        let radius_m = (half_length_m * half_length_m + half_width_m * half_width_m).sqrt();
+        Extent {
+            half_length_m,
+            half_width_m,
+            radius_m,
+            height_m: body.height_m,
+        }
+    }
+}
+
+impl Shape<'_> {
+    fn corners(&self) -> [(f64, f64); 4] {
+        let Rect {
+            x_m, y_m, cos, sin, ..
+        } = *self.rect;
+        let (l, w) = (self.extent.half_length_m, self.extent.half_width_m);
+        let at = |ahead: f64, left: f64| {
+            (
+                x_m + ahead * cos - left * sin,
+                y_m + ahead * sin + left * cos,
+            )
+        };
+        [at(l, w), at(l, -w), at(-l, w), at(-l, -w)]
+    }
+
+    /// Clearance along the four face normals (the separating axes).
+    pub fn separations(&self, other: &Shape) -> [Separation; 4] {
+        let (a, b) = (self.rect, other.rect);
+        let (dx, dy) = (b.x_m - a.x_m, b.y_m - a.y_m);
+        let cos = (a.cos * b.cos + a.sin * b.sin).abs();
+        let sin = (a.cos * b.sin - a.sin * b.cos).abs();
+        let along = |half_a: f64, half_b: f64, nx: f64, ny: f64| {
+            let offset = dx * nx + dy * ny;
+            let side = if offset < 0.0 { -1.0 } else { 1.0 };
+            Separation {
+                gap_m: offset.abs() - half_a - half_b,
+                nx: side * nx,
+                ny: side * ny,
+            }
+        };
+        let (la, wa) = (self.extent.half_length_m, self.extent.half_width_m);
+        let (lb, wb) = (other.extent.half_length_m, other.extent.half_width_m);
+        [
+            along(la, lb * cos + wb * sin, a.cos, a.sin),
+            along(wa, lb * sin + wb * cos, -a.sin, a.cos),
+            along(la * cos + wa * sin, lb, b.cos, b.sin),
+            along(la * sin + wa * cos, wb, -b.sin, b.cos),
+        ]
+    }
+
+    /// The greatest of the [`Shape::separations`]: ≤ 0 exactly when they touch.
+    pub fn separation(&self, other: &Shape) -> Separation {
+        let [first, rest @ ..] = self.separations(other);
+        rest.into_iter().fold(
+            first,
+            |best, next| if best.gap_m < next.gap_m { next } else { best },
+        )
+    }
+
+    /// Euclidean clearance, 0 when they touch.
+    pub fn gap_m(&self, other: &Shape) -> f64 {
+        if self.separation(other).gap_m <= 0.0 {
+            return 0.0;
+        }
+        // The least distance of two disjoint rectangles is at a corner of one.
+        let squared = |corners: [(f64, f64); 4], shape: &Shape| {
+            corners
+                .into_iter()
+                .map(|corner| shape.distance_squared(corner))
+                .fold(f64::INFINITY, f64::min)
+        };
+        squared(self.corners(), other)
+            .min(squared(other.corners(), self))
+            .sqrt()
+    }
+
+    fn distance_squared(&self, (x_m, y_m): (f64, f64)) -> f64 {
+        let Rect { cos, sin, .. } = *self.rect;
+        let (dx, dy) = (x_m - self.rect.x_m, y_m - self.rect.y_m);
+        let ahead = ((dx * cos + dy * sin).abs() - self.extent.half_length_m).max(0.0);
+        let left = ((dy * cos - dx * sin).abs() - self.extent.half_width_m).max(0.0);
+        ahead * ahead + left * left
+    }
+
+    /// Velocity of a point fixed to the body.
+    fn velocity_at(&self, (x_m, y_m): (f64, f64)) -> (f64, f64) {
+        let Rect {
+            vx_mps,
+            vy_mps,
+            yaw_rate_rad_per_s: rate,
+            ..
+        } = *self.rect;
+        (
+            vx_mps - rate * (y_m - self.rect.y_m),
+            vy_mps + rate * (x_m - self.rect.x_m),
+        )
+    }
+
+    /// Where two touching shapes meet, and how fast they approach there.
+    ///
+    /// The point is the middle of the faces' common part; the speed is along
+    /// the contact normal, at least 0.
+    pub fn meeting(&self, other: &Shape) -> ([f64; 3], f64) {
+        let Separation { nx, ny, .. } = self.separation(other);
+        let mine = Face::foremost(self.corners(), (nx, ny));
+        let theirs = Face::foremost(other.corners(), (-nx, -ny));
+        // Both faces measured along the same tangent.
+        let (low, high) = (mine.low.max(-theirs.high), mine.high.min(-theirs.low));
+        let (normal, tangent) = (0.5 * (mine.reach - theirs.reach), 0.5 * (low + high));
+        let point = (normal * nx - tangent * ny, normal * ny + tangent * nx);
+        let (ours, other_velocity) = (self.velocity_at(point), other.velocity_at(point));
+        let closing = (ours.0 - other_velocity.0) * nx + (ours.1 - other_velocity.1) * ny;
+        let height_m = 0.5 * self.extent.height_m.min(other.extent.height_m);
+        ([point.0, point.1, height_m], closing.max(0.0))
+    }
+}
+
+/// The side of a rectangle that reaches farthest in a direction.
+struct Face {
+    reach: f64,
+    /// Extent along the direction turned left by 90°.
+    low: f64,
+    high: f64,
+}
+
+impl Face {
+    fn foremost(corners: [(f64, f64); 4], (nx, ny): (f64, f64)) -> Face {
+        let reach = corners
+            .iter()
+            .map(|(x, y)| x * nx + y * ny)
+            .fold(f64::NEG_INFINITY, f64::max);
+        let mut face = Face {
+            reach,
+            low: f64::INFINITY,
+            high: f64::NEG_INFINITY,
+        };
+        for (x, y) in corners {
+            if reach - TOUCH_M <= x * nx + y * ny {
+                let tangent = y * nx - x * ny;
+                face.low = face.low.min(tangent);
+                face.high = face.high.max(tangent);
+            }
+        }
+        face
+    }
+}
+
+/// How far two bodies may move before they can touch, as a cheap test.
+///
+/// True when the circles around both, grown by `reach_m`, do not meet.
+pub(super) fn far_apart(a: &Shape, b: &Shape, reach_m: f64) -> bool {
+    let (dx, dy) = (b.rect.x_m - a.rect.x_m, b.rect.y_m - a.rect.y_m);
+    let radii = a.extent.radius_m + b.extent.radius_m + reach_m;
+    radii * radii < dx * dx + dy * dy
+}

@@ -1,0 +1,356 @@
+//! The 3D plant: ray-cast cars on rapier3d, contacts by parry3d.
+//!
+//! Every vehicle is one rigid body on four wheels that are rays with a spring,
+//! a damper and a friction circle each. It pitches, rolls and slips; it cannot
+//! roll over. Walkers have no dynamics worth a rigid body: they follow the same
+//! closed form as on the kinematic plant.
+//!
+//! Architecture Invariant: rapier never resolves a collision. [`Rigid::advance`]
+//! ends at the first touch, found between the upright boxes of the bodies, and
+//! leaves every body where it is at that instant.
+
+mod car;
+mod touch;
+mod world;
+
+use self::car::Car;
+use self::touch::{Sweep, Touch, touch};
+use self::world::World;
+use super::planar::{Extent, Rect};
+use super::walk::Stride;
+use super::{
+    Body, BodyId, BodyKind, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose,
+    Walker,
+};
+
+/// Distance from the origin beyond which f32 positions are too coarse (26 mm).
+const BOUND_M: f64 = 10_000.0;
+/// rapier caps speeds at 400 m/s; nothing on a road comes near.
+const BOUND_MPS: f64 = 200.0;
+
+/// The rigid plant.
+#[derive(Clone)]
+pub struct Rigid {
+    ground: Ground,
+    world: World,
+    movers: Vec<Mover>,
+    sweeps: Vec<Sweep>,
+    faulty: bool,
+}
+
+#[derive(Clone)]
+struct Mover {
+    body: Figure,
+    height_m: f64,
+    accel_mps2: f64,
+    /// Speed at the beginning of the running `advance`.
+    before_mps: f64,
+}
+
+#[derive(Clone)]
+enum Figure {
+    Car(Box<Car>),
+    Foot(Foot),
+}
+
+#[derive(Clone)]
+struct Foot {
+    walker: Walker,
+    stride: Stride,
+    /// Where the last step began.
+    before: Stride,
+    target_mps: (f64, f64),
+    /// A walker keeps the heading it was spawned with.
+    heading: (f64, f64),
+}
+
+impl Rigid {
+    /// An empty plant.
+    pub fn new(ground: Ground) -> Rigid {
+        Rigid {
+            ground,
+            world: World::new(),
+            movers: Vec::new(),
+            sweeps: Vec::new(),
+            faulty: false,
+        }
+    }
+
+    fn step(&mut self, dt_s: f64) {
+        for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
+            match &mut mover.body {
+                Figure::Car(car) => car.drive(&mut self.world, &sweep.after, dt_s),
+                Figure::Foot(foot) => foot.walk(dt_s),
+            }
+        }
+        self.world.step(dt_s);
+        for (mover, sweep) in self.movers.iter().zip(&mut self.sweeps) {
+            sweep.move_on(mover.rect(&self.world));
+        }
+    }
+
+    fn first_touch(&self) -> Option<((BodyId, BodyId), Touch)> {
+        let mut first: Option<((BodyId, BodyId), Touch)> = None;
+        for (b, sweep_b) in self.sweeps.iter().enumerate() {
+            for (a, sweep_a) in self.sweeps.iter().enumerate().take(b) {
+                let Some(next) = touch(sweep_a, sweep_b) else {
+                    continue;
+                };
+                if first.is_none_or(|(_, best)| next.share < best.share) {
+                    first = Some(((BodyId(a), BodyId(b)), next));
+                }
+            }
+        }
+        first
+    }
+
+    /// Takes all bodies back to a share of the last step.
+    fn rewind(&mut self, share: f64) {
+        for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
+            match &mut mover.body {
+                Figure::Car(car) => car.rewind(&mut self.world, share),
+                Figure::Foot(foot) => foot.rewind(share),
+            }
+            *sweep = Sweep::resting(mover.rect(&self.world), sweep.extent);
+        }
+    }
+}
+
+impl Plant for Rigid {
+    fn kind(&self) -> PlantKind {
+        PlantKind::Rigid
+    }
+
+    fn clear(&mut self, ground: Ground) {
+        self.ground = ground;
+        self.world = World::new();
+        self.movers.clear();
+        self.sweeps.clear();
+        self.faulty = false;
+    }
+
+    fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId {
+        let (sin, cos) = libm::sincos(pose.heading_rad);
+        let back_m = body.half_length_m();
+        let rect = Rect {
+            x_m: pose.x_m - back_m * cos,
+            y_m: pose.y_m - back_m * sin,
+            cos,
+            sin,
+            vx_mps: speed_mps * cos,
+            vy_mps: speed_mps * sin,
+            yaw_rate_rad_per_s: 0.0,
+        };
+        let figure = match &body.kind {
+            BodyKind::Vehicle(vehicle) => Figure::Car(Box::new(Car::new(
+                &mut self.world,
+                body,
+                vehicle,
+                self.ground,
+                &rect,
+            ))),
+            BodyKind::Walker(walker) => Figure::Foot(Foot::new(walker, &rect)),
+        };
+        let mover = Mover {
+            body: figure,
+            height_m: body.height_m,
+            accel_mps2: 0.0,
+            before_mps: speed_mps,
+        };
+        self.sweeps
+            .push(Sweep::resting(mover.rect(&self.world), Extent::of(body)));
+        self.movers.push(mover);
+        BodyId(self.movers.len() - 1)
+    }
+
+    fn command(&mut self, id: BodyId, command: Command) {
+        let Some(command) = super::finite(command) else {
+            self.faulty = true;
+            return;
+        };
+        match (&mut self.movers[id.0].body, command) {
+            (
+                Figure::Car(car),
+                Command::Drive {
+                    accel_mps2,
+                    curvature_per_m,
+                },
+            ) => {
+                car.command(accel_mps2, curvature_per_m);
+            }
+            (Figure::Foot(foot), Command::Walk { x_mps, y_mps }) => {
+                foot.target_mps = foot.walker.within_limit((x_mps, y_mps));
+            }
+            _ => self.faulty = true,
+        }
+    }
+
+    fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact> {
+        for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
+            mover.before_mps = along(&sweep.after);
+        }
+        let steps = substeps.max(1);
+        let step_s = dt_s / f64::from(steps);
+        let mut contact = None;
+        let mut elapsed_s = dt_s;
+        for index in 0..steps {
+            if 0.0 < step_s {
+                self.step(step_s);
+            }
+            let Some((pair, touch)) = self.first_touch() else {
+                continue;
+            };
+            self.rewind(touch.share);
+            elapsed_s = step_s * (f64::from(index) + touch.share);
+            let Touch {
+                closing_speed_mps,
+                point_m,
+                ..
+            } = touch;
+            contact = Some(Contact {
+                pair,
+                after_s: elapsed_s,
+                closing_speed_mps,
+                point_m,
+            });
+            break;
+        }
+        if 0.0 < elapsed_s {
+            for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
+                mover.accel_mps2 = (along(&sweep.after) - mover.before_mps) / elapsed_s;
+            }
+        }
+        contact
+    }
+
+    fn state(&self, id: BodyId) -> BodyState {
+        let Rect {
+            x_m,
+            y_m,
+            cos,
+            sin,
+            vx_mps,
+            vy_mps,
+            yaw_rate_rad_per_s,
+        } = self.sweeps[id.0].after;
+        let ahead_m = self.sweeps[id.0].extent.half_length_m;
+        BodyState {
+            pose: Pose {
+                x_m: x_m + ahead_m * cos,
+                y_m: y_m + ahead_m * sin,
+                heading_rad: libm::atan2(sin, cos),
+            },
+            speed_mps: vx_mps * cos + vy_mps * sin,
+            lateral_mps: vy_mps * cos - vx_mps * sin + yaw_rate_rad_per_s * ahead_m,
+            yaw_rate_rad_per_s,
+            accel_mps2: self.movers[id.0].accel_mps2,
+        }
+    }
+
+    fn placement(&self, id: BodyId) -> Placement {
+        let mover = &self.movers[id.0];
+        match &mover.body {
+            Figure::Car(car) => car.motion(&self.world).placement(mover.height_m),
+            Figure::Foot(foot) => {
+                let (x_m, y_m) = foot.stride.at_m;
+                let half_rad = 0.5 * libm::atan2(foot.heading.1, foot.heading.0);
+                let (sin, cos) = libm::sincos(half_rad);
+                Placement {
+                    centre_m: [x_m, y_m, 0.5 * mover.height_m],
+                    rotation: [0.0, 0.0, sin, cos],
+                }
+            }
+        }
+    }
+
+    fn gap_m(&self, a: BodyId, b: BodyId) -> f64 {
+        self.sweeps[a.0].now().gap_m(&self.sweeps[b.0].now())
+    }
+
+    fn sound(&self) -> bool {
+        // NaN compares false, so it is not sound.
+        let fine = |sweep: &Sweep| {
+            let Rect {
+                x_m,
+                y_m,
+                vx_mps,
+                vy_mps,
+                yaw_rate_rad_per_s,
+                ..
+            } = sweep.after;
+            [x_m, y_m].into_iter().all(|value| value.abs() <= BOUND_M)
+                && [vx_mps, vy_mps]
+                    .into_iter()
+                    .all(|value| value.abs() <= BOUND_MPS)
+                && yaw_rate_rad_per_s.is_finite()
+        };
+        !self.faulty && self.sweeps.iter().all(fine)
+    }
+
+    fn fork(&self) -> Box<dyn Plant> {
+        Box::new(self.clone())
+    }
+}
+
+impl Mover {
+    fn rect(&self, world: &World) -> Rect {
+        match &self.body {
+            Figure::Car(car) => car.rect(world),
+            Figure::Foot(foot) => foot.rect(),
+        }
+    }
+}
+
+impl Foot {
+    fn new(walker: &Walker, rect: &Rect) -> Foot {
+        let velocity_mps = walker.within_limit((rect.vx_mps, rect.vy_mps));
+        let stride = Stride {
+            at_m: (rect.x_m, rect.y_m),
+            velocity_mps,
+        };
+        let heading = (rect.cos, rect.sin);
+        Foot {
+            walker: walker.clone(),
+            stride,
+            before: stride,
+            target_mps: velocity_mps,
+            heading,
+        }
+    }
+
+    fn walk(&mut self, dt_s: f64) {
+        self.before = self.stride;
+        let ramp = self.walker.ramp(self.stride.velocity_mps, self.target_mps);
+        self.stride = self.stride.after(&ramp, dt_s);
+    }
+
+    fn rewind(&mut self, share: f64) {
+        let mix = |(ax, ay): (f64, f64), (bx, by): (f64, f64)| {
+            (ax + share * (bx - ax), ay + share * (by - ay))
+        };
+        self.stride.at_m = mix(self.before.at_m, self.stride.at_m);
+        self.stride.velocity_mps = mix(self.before.velocity_mps, self.stride.velocity_mps);
+    }
+
+    fn rect(&self) -> Rect {
+        let Stride {
+            at_m: (x_m, y_m),
+            velocity_mps: (vx_mps, vy_mps),
+        } = self.stride;
+        let (cos, sin) = self.heading;
+        Rect {
+            x_m,
+            y_m,
+            cos,
+            sin,
+            vx_mps,
+            vy_mps,
+            yaw_rate_rad_per_s: 0.0,
+        }
+    }
+}
+
+/// Speed along the heading.
+fn along(rect: &Rect) -> f64 {
+    rect.vx_mps * rect.cos + rect.vy_mps * rect.sin
+}

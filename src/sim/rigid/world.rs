@@ -1,0 +1,233 @@
+//! The rapier world below the rigid plant: all f32 lives here.
+//!
+//! The world holds the chassis and the ground, and nothing in it collides: a
+//! contact ends the plant's motion before rapier would have to resolve it.
+//! Chassis therefore carry no colliders, and the wheels' rays look only at the
+//! ground, through a bounding volume hierarchy of one leaf.
+
+use parry3d::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d::query::DefaultQueryDispatcher;
+use rapier3d::control::DynamicRayCastVehicleController;
+use rapier3d::math::{Pose, Rotation, Vector};
+use rapier3d::prelude::{
+    CCDSolver, ColliderBuilder, ColliderSet, DefaultBroadPhase, ImpulseJointSet,
+    IntegrationParameters, IslandManager, MassProperties, MultibodyJointSet, NarrowPhase,
+    PhysicsPipeline, QueryFilter, QueryPipelineMut, RigidBodyBuilder, RigidBodyHandle,
+    RigidBodySet, SharedShape, SoftBodySet,
+};
+
+use crate::sim::planar::Rect;
+use crate::sim::{Body, GRAVITY_MPS2, Placement};
+
+/// rapier's sets, without its events and hooks.
+pub(super) struct World {
+    bodies: RigidBodySet,
+    colliders: ColliderSet,
+    islands: IslandManager,
+    broad_phase: DefaultBroadPhase,
+    narrow_phase: NarrowPhase,
+    impulse_joints: ImpulseJointSet,
+    multibody_joints: MultibodyJointSet,
+    soft_bodies: SoftBodySet,
+    ccd_solver: CCDSolver,
+    parameters: IntegrationParameters,
+    /// Workspace only: a fork starts with a fresh one.
+    pipeline: PhysicsPipeline,
+    ground: Bvh,
+}
+
+/// Pose and velocity of a chassis at one instant.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Motion {
+    pose: Pose,
+    linear: Vector,
+    angular: Vector,
+}
+
+impl World {
+    /// Flat ground at height 0, and no bodies.
+    pub fn new() -> World {
+        let mut colliders = ColliderSet::new();
+        let ground = ColliderBuilder::new(SharedShape::halfspace(Vector::Z)).build();
+        let aabb = ground.compute_aabb();
+        let (leaf, _) = colliders.insert(ground).into_raw_parts();
+        World {
+            bodies: RigidBodySet::new(),
+            colliders,
+            islands: IslandManager::new(),
+            broad_phase: DefaultBroadPhase::default(),
+            narrow_phase: NarrowPhase::new(),
+            impulse_joints: ImpulseJointSet::new(),
+            multibody_joints: MultibodyJointSet::new(),
+            soft_bodies: SoftBodySet::new(),
+            ccd_solver: CCDSolver::new(),
+            // More solver iterations give a standing car a phantom velocity.
+            parameters: IntegrationParameters {
+                num_solver_iterations: 1,
+                ..Default::default()
+            },
+            pipeline: PhysicsPipeline::new(),
+            ground: Bvh::from_iter(BvhBuildStrategy::Binned, [(leaf as usize, aabb)]),
+        }
+    }
+
+    /// Puts a chassis on the ground: its origin below the middle of its box.
+    pub fn insert(&mut self, body: &Body, rect: &Rect) -> RigidBodyHandle {
+        let (l, w, h) = (body.length_m, body.width_m, body.height_m);
+        let twelfth = body.mass_kg / 12.0;
+        let inertia = vector(
+            twelfth * (w * w + h * h),
+            twelfth * (l * l + h * h),
+            twelfth * (l * l + w * w),
+        );
+        let com = vector(body.com_ahead_m, 0.0, body.com_height_m);
+        // Half-angle formulas, so that no platform's sine takes part.
+        let half_cos = (0.5 * (1.0 + rect.cos)).max(0.0).sqrt();
+        let half_sin = (0.5 * (1.0 - rect.cos)).max(0.0).sqrt().copysign(rect.sin);
+        let rotation = Rotation::from_xyzw(0.0, 0.0, half_sin as f32, half_cos as f32).normalize();
+        let chassis = RigidBodyBuilder::dynamic()
+            .pose(Pose::from_parts(vector(rect.x_m, rect.y_m, 0.0), rotation))
+            .linvel(vector(rect.vx_mps, rect.vy_mps, 0.0))
+            .additional_mass_properties(MassProperties::new(com, body.mass_kg as f32, inertia))
+            .can_sleep(false);
+        let handle = self.bodies.insert(chassis);
+        // Otherwise the first step would find a body without mass.
+        self.bodies[handle].recompute_mass_properties_from_colliders(&self.colliders);
+        handle
+    }
+
+    /// Lets a car's wheels act on its chassis for a step.
+    pub fn roll(&mut self, car: &mut DynamicRayCastVehicleController, dt_s: f64) {
+        let queries = QueryPipelineMut {
+            dispatcher: &DefaultQueryDispatcher,
+            bvh: &self.ground,
+            bodies: &mut self.bodies,
+            colliders: &mut self.colliders,
+            filter: QueryFilter::new(),
+        };
+        car.update_vehicle(dt_s as f32, queries);
+    }
+
+    /// One step of rapier.
+    pub fn step(&mut self, dt_s: f64) {
+        self.parameters.dt = dt_s as f32;
+        self.pipeline.step(
+            vector(0.0, 0.0, -GRAVITY_MPS2),
+            &self.parameters,
+            &mut self.islands,
+            &mut self.broad_phase,
+            &mut self.narrow_phase,
+            &mut self.bodies,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibody_joints,
+            &mut self.soft_bodies,
+            &mut self.ccd_solver,
+            &(),
+            &(),
+        );
+    }
+
+    /// Pose and velocity of a chassis.
+    pub fn motion(&self, handle: RigidBodyHandle) -> Motion {
+        let chassis = &self.bodies[handle];
+        Motion {
+            pose: *chassis.position(),
+            linear: chassis.linvel(),
+            angular: chassis.angvel(),
+        }
+    }
+
+    /// Puts a chassis elsewhere.
+    pub fn place(&mut self, handle: RigidBodyHandle, motion: &Motion) {
+        let chassis = &mut self.bodies[handle];
+        chassis.set_position(motion.pose, true);
+        chassis.set_linvel(motion.linear, true);
+        chassis.set_angvel(motion.angular, true);
+    }
+}
+
+impl Clone for World {
+    fn clone(&self) -> World {
+        World {
+            bodies: self.bodies.clone(),
+            colliders: self.colliders.clone(),
+            islands: self.islands.clone(),
+            broad_phase: self.broad_phase.clone(),
+            narrow_phase: self.narrow_phase.clone(),
+            impulse_joints: self.impulse_joints.clone(),
+            multibody_joints: self.multibody_joints.clone(),
+            soft_bodies: self.soft_bodies.clone(),
+            ccd_solver: self.ccd_solver.clone(),
+            parameters: self.parameters,
+            pipeline: PhysicsPipeline::new(),
+            ground: self.ground.clone(),
+        }
+    }
+}
+
+impl Motion {
+    /// The footprint: upright, around the centre of mass, which pitch and roll turn about.
+    pub fn rect(&self, body: &ComOffset) -> Rect {
+        let ahead = self.pose.rotation * Vector::X;
+        let (ahead_x, ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
+        let scale = 1.0 / (ahead_x * ahead_x + ahead_y * ahead_y).sqrt();
+        let (cos, sin) = (ahead_x * scale, ahead_y * scale);
+        let com = self.pose * body.local;
+        let yaw_rate_rad_per_s = f64::from(self.angular.z);
+        Rect {
+            x_m: f64::from(com.x) - body.ahead_m * cos,
+            y_m: f64::from(com.y) - body.ahead_m * sin,
+            cos,
+            sin,
+            vx_mps: f64::from(self.linear.x) + yaw_rate_rad_per_s * body.ahead_m * sin,
+            vy_mps: f64::from(self.linear.y) - yaw_rate_rad_per_s * body.ahead_m * cos,
+            yaw_rate_rad_per_s,
+        }
+    }
+
+    /// Centre of the bounding box, pitch and roll included.
+    pub fn placement(&self, height_m: f64) -> Placement {
+        let centre = self.pose * vector(0.0, 0.0, 0.5 * height_m);
+        let rotation = self.pose.rotation;
+        Placement {
+            centre_m: [centre.x, centre.y, centre.z].map(f64::from),
+            rotation: [rotation.x, rotation.y, rotation.z, rotation.w].map(f64::from),
+        }
+    }
+
+    /// The motion a share of the way to another one.
+    pub fn towards(&self, end: &Motion, share: f64) -> Motion {
+        let share = share as f32;
+        Motion {
+            pose: Pose::from_parts(
+                self.pose.translation.lerp(end.pose.translation, share),
+                self.pose.rotation.lerp(end.pose.rotation, share),
+            ),
+            linear: self.linear.lerp(end.linear, share),
+            angular: self.angular.lerp(end.angular, share),
+        }
+    }
+}
+
+/// Where the centre of mass sits in the frame of the chassis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ComOffset {
+    local: Vector,
+    ahead_m: f64,
+}
+
+impl ComOffset {
+    pub fn of(body: &Body) -> ComOffset {
+        let local = vector(body.com_ahead_m, 0.0, body.com_height_m);
+        ComOffset {
+            local,
+            ahead_m: body.com_ahead_m,
+        }
+    }
+}
+
+/// The cast to rapier's numbers.
+pub(super) fn vector(x: f64, y: f64, z: f64) -> Vector {
+    Vector::new(x as f32, y as f32, z as f32)
+}

@@ -1,0 +1,69 @@
+//! How a walker moves: evenly accelerated until it has the velocity asked for.
+
+use super::body::Walker;
+
+/// Position and velocity of a walker's centre in the world frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stride {
+    pub at_m: (f64, f64),
+    pub velocity_mps: (f64, f64),
+}
+
+/// A constant acceleration and how long it lasts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ramp {
+    pub accel_mps2: (f64, f64),
+    pub until_s: f64,
+}
+
+impl Stride {
+    /// Where the walker is after a time on a ramp, in closed form.
+    pub fn after(&self, ramp: &Ramp, after_s: f64) -> Stride {
+        let ramp_s = after_s.min(ramp.until_s);
+        let along = |at_m: f64, before_mps: f64, accel_mps2: f64| {
+            let after_mps = before_mps + accel_mps2 * ramp_s;
+            let ramp_m = 0.5 * (before_mps + after_mps) * ramp_s;
+            (at_m + ramp_m + after_mps * (after_s - ramp_s), after_mps)
+        };
+        let (x_m, vx_mps) = along(self.at_m.0, self.velocity_mps.0, ramp.accel_mps2.0);
+        let (y_m, vy_mps) = along(self.at_m.1, self.velocity_mps.1, ramp.accel_mps2.1);
+        Stride {
+            at_m: (x_m, y_m),
+            velocity_mps: (vx_mps, vy_mps),
+        }
+    }
+}
+
+impl Walker {
+    /// The velocity in the direction asked for that the walker can reach.
+    pub(super) fn within_limit(&self, (x_mps, y_mps): (f64, f64)) -> (f64, f64) {
+        let speed_mps = length((x_mps, y_mps));
+        if speed_mps <= self.max_speed_mps {
+            return (x_mps, y_mps);
+        }
+        let scale = self.max_speed_mps / speed_mps;
+        (x_mps * scale, y_mps * scale)
+    }
+
+    /// How the velocity goes from one value to another.
+    pub(super) fn ramp(&self, from_mps: (f64, f64), to_mps: (f64, f64)) -> Ramp {
+        let (dx, dy) = (to_mps.0 - from_mps.0, to_mps.1 - from_mps.1);
+        let change_mps = length((dx, dy));
+        if change_mps == 0.0 {
+            return Ramp {
+                accel_mps2: (0.0, 0.0),
+                until_s: 0.0,
+            };
+        }
+        let scale = self.accel_mps2 / change_mps;
+        Ramp {
+            accel_mps2: (dx * scale, dy * scale),
+            until_s: change_mps / self.accel_mps2,
+        }
+    }
+}
+
+/// Euclidean length of a vector.
+pub(super) fn length((x, y): (f64, f64)) -> f64 {
+    (x * x + y * y).sqrt()
+}
