@@ -221,7 +221,9 @@ impl Vehicle {
         within("wheel_radius_m", self.wheel_radius_m, 0.05, body.height_m)?;
         within("power_w", self.power_w, 1.0, 1e7)?;
         within("grip", self.grip, 0.01, 3.0)?;
-        within("max_steer_rad", self.max_steer_rad, 0.01, 1.4)?;
+        // Beyond this the turn's centre would lie under the inner wheel.
+        let most_rad = libm::atan(1.6 * self.wheelbase_m / self.track_m).min(1.4);
+        within("max_steer_rad", self.max_steer_rad, 0.01, most_rad)?;
         within("suspension_hz", self.suspension_hz, 0.5, 4.0)?;
         within("suspension_damping", self.suspension_damping, 0.05, 2.0)?;
         within("suspension_rest_m", self.suspension_rest_m, 0.01, 2.0)?;
@@ -234,6 +236,13 @@ impl Vehicle {
         )?;
         within("drag_area_m2", self.drag_area_m2, 0.0, 50.0)?;
         within("rolling_resistance", self.rolling_resistance, 0.0, 0.5)?;
+        // Narrow and tall on soft springs, it would fall over sideways.
+        let (omega_per_s, half_m) = (
+            core::f64::consts::TAU * self.suspension_hz,
+            0.5 * self.track_m,
+        );
+        let most_m = 0.5 * (omega_per_s * half_m).powi(2) / GRAVITY_MPS2;
+        within("com_height_m", body.com_height_m, 0.01, most_m)?;
         // Both axles must carry weight, or the vehicle tips over its bumper.
         let (rear_m, span_m) = (self.rear_axle_ahead_m(body), self.wheelbase_m);
         let (low_m, high_m) = (rear_m + 0.1 * span_m, rear_m + 0.9 * span_m);

@@ -4,9 +4,9 @@ use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::prelude::RigidBodyHandle;
 
 use super::world::{ComOffset, Motion, World, vector};
-use crate::sim::limits::Limits;
+use crate::sim::limits::{Drive, Limits};
 use crate::sim::planar::Rect;
-use crate::sim::{Body, Ground, Vehicle};
+use crate::sim::{Body, Ground, Placement, Vehicle};
 
 /// More than any suspension needs, so that a spring always carries its car.
 const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
@@ -15,19 +15,23 @@ const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
 #[derive(Clone, Debug)]
 pub(super) struct Car {
     handle: RigidBodyHandle,
+    /// Where rapier's origin lies for this car.
+    origin_m: (f64, f64),
     controller: DynamicRayCastVehicleController,
     limits: Limits,
     com: ComOffset,
     mass_kg: f64,
     wheelbase_m: f64,
+    track_m: f64,
     /// Static share of the weight on each wheel.
     load_shares: [f64; 4],
     /// The speed that the last step should have ended with.
     target_mps: f64,
     accel_mps2: f64,
     curvature_per_m: f64,
-    /// Motion at the beginning of the step.
+    /// Motion and origin at the beginning of the step.
     before: Motion,
+    origin_before_m: (f64, f64),
 }
 
 impl Car {
@@ -39,7 +43,7 @@ impl Car {
         ground: Ground,
         rect: &Rect,
     ) -> Car {
-        let handle = world.insert(body, rect);
+        let (handle, origin_m) = world.insert(body, rect);
         let mut controller = DynamicRayCastVehicleController::new(handle);
         controller.index_up_axis = 2;
         controller.index_forward_axis = 0;
@@ -59,7 +63,8 @@ impl Car {
                 suspension_compression: damping as f32,
                 suspension_damping: damping as f32,
                 max_suspension_travel: vehicle.suspension_travel_m as f32,
-                side_friction_stiffness: 1.0,
+                // Likewise, so that front and rear slip alike and steer neutrally.
+                side_friction_stiffness: (2.0 * share) as f32,
                 friction_slip: (ground.friction * vehicle.grip) as f32,
                 max_suspension_force: MAX_SUSPENSION_FORCE_N,
             };
@@ -77,11 +82,13 @@ impl Car {
         }
         Car {
             handle,
+            origin_m,
             controller,
             limits: Limits::new(body, vehicle, ground),
             com: ComOffset::of(body),
             mass_kg: body.mass_kg,
             wheelbase_m: vehicle.wheelbase_m,
+            track_m: vehicle.track_m,
             load_shares: [
                 front_share,
                 front_share,
@@ -93,6 +100,7 @@ impl Car {
             accel_mps2: 0.0,
             curvature_per_m: 0.0,
             before: world.motion(handle),
+            origin_before_m: origin_m,
         }
     }
 
@@ -102,33 +110,21 @@ impl Car {
     }
 
     /// Sets the wheels and lets them act for one step.
-    ///
-    /// The force is what takes the car from its speed to the speed it should
-    /// have after the step, so that what tyres and rounding took away in one
-    /// step is given back in the next, and a standstill is held by the same
-    /// law. rapier's brake is not used: an engine force would override it.
     pub fn drive(&mut self, world: &mut World, rect: &Rect, dt_s: f64) {
+        world.recentre(self.handle, &mut self.origin_m);
         self.before = world.motion(self.handle);
+        self.origin_before_m = self.origin_m;
         let speed_mps = rect.vx_mps * rect.cos + rect.vy_mps * rect.sin;
         let drive = self.limits.drive(self.accel_mps2, self.target_mps, dt_s);
-        let wanted_mps2 = (drive.speed_mps(self.target_mps, dt_s) - speed_mps) / dt_s;
-        let most_mps2 = self.limits.grip_mps2.max(drive.net_mps2.abs());
-        let accel_mps2 = wanted_mps2.clamp(-most_mps2, most_mps2);
-        let end_mps = speed_mps + accel_mps2 * dt_s;
-        let top_mps = speed_mps.abs().max(end_mps.abs());
-        let curvature_per_m =
-            self.limits
-                .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps);
-        let steering_rad = libm::atan(self.wheelbase_m * curvature_per_m) as f32;
-        self.target_mps = end_mps;
+        let force_n = self.mass_kg * self.accelerate(&drive, speed_mps, dt_s);
+        let steering_rad = self.steer(&drive, speed_mps);
 
         // Each wheel takes its share of the load, so that none slips first.
         let wheels = self.controller.wheels_mut();
-        let load_n: f64 = wheels
+        let loads_n = wheels
             .iter()
-            .map(|wheel| f64::from(wheel.wheel_suspension_force))
-            .sum();
-        let force_n = self.mass_kg * accel_mps2;
+            .map(|wheel| f64::from(wheel.wheel_suspension_force));
+        let load_n: f64 = loads_n.sum();
         for (index, wheel) in wheels.iter_mut().enumerate() {
             let share = if 0.0 < load_n {
                 f64::from(wheel.wheel_suspension_force) / load_n
@@ -136,26 +132,92 @@ impl Car {
                 self.load_shares[index]
             };
             wheel.engine_force = (force_n * share) as f32;
-            wheel.steering = if index < 2 { steering_rad } else { 0.0 };
+            wheel.steering = steering_rad[index];
         }
         world.roll(&mut self.controller, dt_s);
     }
 
-    /// Pose and velocity now.
-    pub fn motion(&self, world: &World) -> Motion {
-        world.motion(self.handle)
+    /// The acceleration that the wheels have to give, and the next target.
+    ///
+    /// It takes the car from its speed to the speed it should have after the
+    /// step, so that what tyres and rounding took away in one step is given
+    /// back in the next, and a standstill is held by the same law. rapier's
+    /// brake is not used: an engine force would override it.
+    fn accelerate(&mut self, drive: &Drive, speed_mps: f64, dt_s: f64) -> f64 {
+        let next_mps = drive.speed_mps(self.target_mps, dt_s);
+        let wanted_mps2 = (next_mps - speed_mps) / dt_s;
+        let most_mps2 = self.limits.grip_mps2.max(drive.net_mps2.abs());
+        if wanted_mps2.abs() <= most_mps2 {
+            self.target_mps = next_mps;
+            return wanted_mps2;
+        }
+        // The tyres cannot follow, so the target waits for the car; it does not
+        // change sides, or a brake would become a reverse gear.
+        let given_mps2 = wanted_mps2.clamp(-most_mps2, most_mps2);
+        self.aim(speed_mps + given_mps2 * dt_s);
+        given_mps2
+    }
+
+    fn aim(&mut self, speed_mps: f64) {
+        let forwards = 0.0 <= self.target_mps;
+        self.target_mps = if forwards {
+            speed_mps.max(0.0)
+        } else {
+            speed_mps.min(0.0)
+        };
+    }
+
+    /// Steering angle of each wheel.
+    ///
+    /// Ackermann: each front wheel stands square to the turn's centre. Parallel
+    /// wheels would fight each other and lose a tenth of a tight turn.
+    fn steer(&self, drive: &Drive, speed_mps: f64) -> [f32; 4] {
+        let top_mps = speed_mps.abs().max(self.target_mps.abs());
+        let curvature_per_m =
+            self.limits
+                .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps);
+        if curvature_per_m == 0.0 {
+            return [0.0; 4];
+        }
+        let towards_centre = |left_m: f64| {
+            let tangent = self.wheelbase_m * curvature_per_m / (1.0 - curvature_per_m * left_m);
+            libm::atan(tangent) as f32
+        };
+        let left_m = 0.5 * self.track_m;
+        [towards_centre(left_m), towards_centre(-left_m), 0.0, 0.0]
+    }
+
+    /// Centre and orientation of the bounding box.
+    pub fn placement(&self, world: &World, height_m: f64) -> Placement {
+        let motion = world.motion(self.handle);
+        motion.placement(self.origin_m, height_m)
     }
 
     /// The footprint now.
     pub fn rect(&self, world: &World) -> Rect {
-        self.motion(world).rect(&self.com)
+        world.motion(self.handle).rect(self.origin_m, &self.com)
+    }
+
+    /// Corrects the position after rapier's step.
+    ///
+    /// rapier moves a body by the velocity at the end of a step, which puts it
+    /// ½·dt·Δv too far; the mean velocity makes constant acceleration exact.
+    pub fn settle(&mut self, world: &World, dt_s: f64) {
+        let (gain_x_mps, gain_y_mps) = world.motion(self.handle).gain_mps(&self.before);
+        self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
+        self.origin_m.1 -= 0.5 * dt_s * gain_y_mps;
     }
 
     /// Goes back to a share of the last step.
     pub fn rewind(&mut self, world: &mut World, share: f64) {
-        let motion = self.before.towards(&self.motion(world), share);
+        let motion = self.before.towards(&world.motion(self.handle), share);
         world.place(self.handle, &motion);
-        let rect = motion.rect(&self.com);
-        self.target_mps = rect.vx_mps * rect.cos + rect.vy_mps * rect.sin;
+        let mix = |from_m: f64, to_m: f64| from_m + share * (to_m - from_m);
+        self.origin_m = (
+            mix(self.origin_before_m.0, self.origin_m.0),
+            mix(self.origin_before_m.1, self.origin_m.1),
+        );
+        let rect = motion.rect(self.origin_m, &self.com);
+        self.aim(rect.vx_mps * rect.cos + rect.vy_mps * rect.sin);
     }
 }

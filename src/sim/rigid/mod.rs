@@ -23,8 +23,8 @@ use super::{
     Walker,
 };
 
-/// Distance from the origin beyond which f32 positions are too coarse (26 mm).
-const BOUND_M: f64 = 10_000.0;
+/// Distance from the origin beyond which the plant calls itself unsound.
+const BOUND_M: f64 = 1e6;
 /// rapier caps speeds at 400 m/s; nothing on a road comes near.
 const BOUND_MPS: f64 = 200.0;
 
@@ -84,7 +84,10 @@ impl Rigid {
             }
         }
         self.world.step(dt_s);
-        for (mover, sweep) in self.movers.iter().zip(&mut self.sweeps) {
+        for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
+            if let Figure::Car(car) = &mut mover.body {
+                car.settle(&self.world, dt_s);
+            }
             sweep.move_on(mover.rect(&self.world));
         }
     }
@@ -250,7 +253,7 @@ impl Plant for Rigid {
     fn placement(&self, id: BodyId) -> Placement {
         let mover = &self.movers[id.0];
         match &mover.body {
-            Figure::Car(car) => car.motion(&self.world).placement(mover.height_m),
+            Figure::Car(car) => car.placement(&self.world, mover.height_m),
             Figure::Foot(foot) => {
                 let (x_m, y_m) = foot.stride.at_m;
                 let half_rad = 0.5 * libm::atan2(foot.heading.1, foot.heading.0);

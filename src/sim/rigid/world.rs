@@ -3,7 +3,9 @@
 //! The world holds the chassis and the ground, and nothing in it collides: a
 //! contact ends the plant's motion before rapier would have to resolve it.
 //! Chassis therefore carry no colliders, and the wheels' rays look only at the
-//! ground, through a bounding volume hierarchy of one leaf.
+//! ground, through a bounding volume hierarchy of one leaf. And since the ground
+//! is the same everywhere, each car has an origin of its own, which follows it:
+//! f32 positions stay as fine as 4 µm wherever the car drives.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d::query::DefaultQueryDispatcher;
@@ -18,6 +20,9 @@ use rapier3d::prelude::{
 
 use crate::sim::planar::Rect;
 use crate::sim::{Body, GRAVITY_MPS2, Placement};
+
+/// Grid of the cars' origins: shifts by it are exact in f32.
+const GRID_M: f64 = 32.0;
 
 /// rapier's sets, without its events and hooks.
 pub(super) struct World {
@@ -71,8 +76,10 @@ impl World {
         }
     }
 
-    /// Puts a chassis on the ground: its origin below the middle of its box.
-    pub fn insert(&mut self, body: &Body, rect: &Rect) -> RigidBodyHandle {
+    /// Puts a chassis on the ground, and tells where its origin lies.
+    ///
+    /// The frame of the chassis sits on the ground, below the middle of the box.
+    pub fn insert(&mut self, body: &Body, rect: &Rect) -> (RigidBodyHandle, (f64, f64)) {
         let (l, w, h) = (body.length_m, body.width_m, body.height_m);
         let twelfth = body.mass_kg / 12.0;
         let inertia = vector(
@@ -85,15 +92,17 @@ impl World {
         let half_cos = (0.5 * (1.0 + rect.cos)).max(0.0).sqrt();
         let half_sin = (0.5 * (1.0 - rect.cos)).max(0.0).sqrt().copysign(rect.sin);
         let rotation = Rotation::from_xyzw(0.0, 0.0, half_sin as f32, half_cos as f32).normalize();
+        let origin_m = (on_grid(rect.x_m), on_grid(rect.y_m));
+        let translation = vector(rect.x_m - origin_m.0, rect.y_m - origin_m.1, 0.0);
         let chassis = RigidBodyBuilder::dynamic()
-            .pose(Pose::from_parts(vector(rect.x_m, rect.y_m, 0.0), rotation))
+            .pose(Pose::from_parts(translation, rotation))
             .linvel(vector(rect.vx_mps, rect.vy_mps, 0.0))
             .additional_mass_properties(MassProperties::new(com, body.mass_kg as f32, inertia))
             .can_sleep(false);
         let handle = self.bodies.insert(chassis);
         // Otherwise the first step would find a body without mass.
         self.bodies[handle].recompute_mass_properties_from_colliders(&self.colliders);
-        handle
+        (handle, origin_m)
     }
 
     /// Lets a car's wheels act on its chassis for a step.
@@ -138,12 +147,27 @@ impl World {
         }
     }
 
+    /// Lets a car's origin catch up with the car when that is far.
+    pub fn recentre(&mut self, handle: RigidBodyHandle, origin_m: &mut (f64, f64)) {
+        let Vector { x, y, .. } = self.bodies[handle].translation();
+        if x.abs().max(y.abs()) <= 2.0 * GRID_M as f32 {
+            return;
+        }
+        let (shift_x_m, shift_y_m) = (on_grid(f64::from(x)), on_grid(f64::from(y)));
+        let mut motion = self.motion(handle);
+        motion.pose.translation -= vector(shift_x_m, shift_y_m, 0.0);
+        self.place(handle, &motion);
+        *origin_m = (origin_m.0 + shift_x_m, origin_m.1 + shift_y_m);
+    }
+
     /// Puts a chassis elsewhere.
     pub fn place(&mut self, handle: RigidBodyHandle, motion: &Motion) {
         let chassis = &mut self.bodies[handle];
         chassis.set_position(motion.pose, true);
         chassis.set_linvel(motion.linear, true);
         chassis.set_angvel(motion.angular, true);
+        // Otherwise the wheels would act about the old centre of mass.
+        chassis.recompute_mass_properties_from_colliders(&self.colliders);
     }
 }
 
@@ -168,7 +192,7 @@ impl Clone for World {
 
 impl Motion {
     /// The footprint: upright, around the centre of mass, which pitch and roll turn about.
-    pub fn rect(&self, body: &ComOffset) -> Rect {
+    pub fn rect(&self, (origin_x_m, origin_y_m): (f64, f64), body: &ComOffset) -> Rect {
         let ahead = self.pose.rotation * Vector::X;
         let (ahead_x, ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
         let scale = 1.0 / (ahead_x * ahead_x + ahead_y * ahead_y).sqrt();
@@ -176,8 +200,8 @@ impl Motion {
         let com = self.pose * body.local;
         let yaw_rate_rad_per_s = f64::from(self.angular.z);
         Rect {
-            x_m: f64::from(com.x) - body.ahead_m * cos,
-            y_m: f64::from(com.y) - body.ahead_m * sin,
+            x_m: origin_x_m + f64::from(com.x) - body.ahead_m * cos,
+            y_m: origin_y_m + f64::from(com.y) - body.ahead_m * sin,
             cos,
             sin,
             vx_mps: f64::from(self.linear.x) + yaw_rate_rad_per_s * body.ahead_m * sin,
@@ -187,13 +211,20 @@ impl Motion {
     }
 
     /// Centre of the bounding box, pitch and roll included.
-    pub fn placement(&self, height_m: f64) -> Placement {
+    pub fn placement(&self, origin_m: (f64, f64), height_m: f64) -> Placement {
         let centre = self.pose * vector(0.0, 0.0, 0.5 * height_m);
+        let (x_m, y_m) = (f64::from(centre.x), f64::from(centre.y));
         let rotation = self.pose.rotation;
         Placement {
-            centre_m: [centre.x, centre.y, centre.z].map(f64::from),
+            centre_m: [origin_m.0 + x_m, origin_m.1 + y_m, f64::from(centre.z)],
             rotation: [rotation.x, rotation.y, rotation.z, rotation.w].map(f64::from),
         }
+    }
+
+    /// Velocity gained since an earlier instant, along world x and y.
+    pub fn gain_mps(&self, before: &Motion) -> (f64, f64) {
+        let gain = self.linear - before.linear;
+        (f64::from(gain.x), f64::from(gain.y))
     }
 
     /// The motion a share of the way to another one.
@@ -225,6 +256,10 @@ impl ComOffset {
             ahead_m: body.com_ahead_m,
         }
     }
+}
+
+fn on_grid(value_m: f64) -> f64 {
+    libm::round(value_m / GRID_M) * GRID_M
 }
 
 /// The cast to rapier's numbers.
