@@ -1,1 +1,47 @@
-//! x
+//! Adversarial testing of driving controllers: **can a car that keeps every
+//! rule still make yours crash?**
+//!
+//! brakecheck trains adversarial road users ("ados") against a driving
+//! controller ("the ego"), in physics, under rules stated in Signal Temporal
+//! Logic, and hands over the crashes: watchable, replayable bit for bit, and
+//! usable as regression tests against the next version of the ego.
+//!
+//! It implements "Automatic Testing With Reusable Adversarial Agents" (Qin,
+//! Aréchiga, Best, Deshmukh); `docs/paper.md` maps its equations to functions.
+//!
+//! A tour, from the bottom up:
+//!
+//! ```
+//! use brakecheck::scenario::Scenario;
+//! use brakecheck::testbench::{Aftermath, Constant, play};
+//! use brakecheck::seed::{Purpose, StartKey};
+//!
+//! // A world is one RON file: road, agents, what the ego must never do, and
+//! // which rules the ado must keep.
+//! let world = Scenario::parse("acc.ron", include_str!("../worlds/acc.ron"))?;
+//! assert_eq!(world.ego_spec.to_string(), "always[0, T] headway >= d_safe");
+//!
+//! // Play one episode: the ado brakes all the time, which its rules forbid.
+//! let mut bench = world.bench();
+//! let key = StartKey { purpose: Purpose::Test, seed: 0, index: 0 };
+//! let start = bench.draw(key);
+//! let episode = play(&mut bench, &start, 0, &mut Constant(0), Aftermath::Play);
+//! println!("{:?} after {} samples", episode.verdict, episode.judged);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod campaign;
+//pub mod cli;
+pub mod ego;
+pub mod rl;
+pub mod rulebook;
+pub mod run;
+pub mod scenario;
+pub mod scene;
+pub mod seed;
+pub mod sim;
+pub mod stl;
+pub mod testbench;
+pub mod trace;
+
+

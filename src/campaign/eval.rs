@@ -1,0 +1,264 @@
+//! Evaluating an ado: frozen policy or baseline × ego × test starts → a row.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use cpu_time::ThreadTime;
+use rayon::prelude::*;
+
+use super::Watch;
+use crate::rl::Policy;
+use crate::rulebook::Verdict;
+use crate::run::{ClosingSpeed, Row, wilson};
+use crate::scenario::Scenario;
+use crate::scene::Start;
+use crate::seed::{Purpose, StartKey};
+use crate::testbench::{
+    Actor, Aftermath, Constant, Episode, Held, PolicyActor, Random, Testbench, play,
+};
+
+/// Decisions for which the held-random baseline keeps an action.
+pub const HOLD_DECISIONS: usize = 5;
+
+/// Test starts, with those on which the nominal ego fails by itself.
+#[derive(Clone, Debug)]
+pub struct TestStarts {
+    /// Seed of the stream.
+    pub seed: u64,
+    /// Each start with the seed of its noise.
+    pub starts: Vec<(Start, u64)>,
+    /// Whether the nominal ego fails without an adversary, all rules kept.
+    pub trivial: Vec<bool>,
+}
+
+/// Draws `count` test starts and plays each with coasting ados.
+///
+/// `scenario` must be the nominal one: what is trivial is fixed once and
+/// carried to all egos.
+pub fn trivial_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
+    let bench = scenario.bench();
+    let keys = (0..count as u64).map(|index| StartKey {
+        purpose: Purpose::Test,
+        seed,
+        index,
+    });
+    let starts: Vec<(Start, u64)> = keys
+        .map(|key| (bench.draw(key), bench.noise_of(key)))
+        .collect();
+    let neutral = bench.spaces().neutral;
+    let trivial = starts
+        .par_iter()
+        .map_init(
+            || scenario.bench(),
+            |bench, (start, noise)| {
+                let mut coasting = Constant(neutral);
+                play(bench, start, *noise, &mut coasting, Aftermath::Skip)
+                    .verdict
+                    .is_success()
+            },
+        )
+        .collect();
+    TestStarts {
+        seed,
+        starts,
+        trivial,
+    }
+}
+
+/// Who plays the ado.
+#[derive(Clone, Copy)]
+pub enum Ado<'a> {
+    /// A trained policy and the seed of its training.
+    Trained(&'a dyn Policy, u64),
+    /// A uniformly random action at each decision.
+    Random,
+    /// A uniformly random action, held for five decisions.
+    Held,
+    /// The same action all the time.
+    Constant(usize),
+}
+
+impl Ado<'_> {
+    /// The word in rows.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Ado::Trained(..) => "trained",
+            Ado::Random => "random",
+            Ado::Held => "hold",
+            Ado::Constant(_) => "constant",
+        }
+    }
+
+    fn method(&self, scenario: &Scenario) -> String {
+        match self {
+            Ado::Trained(..) => scenario.learner.name().to_lowercase(),
+            Ado::Random => "random".to_owned(),
+            Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
+            Ado::Constant(action) => scenario.spec().action_label(*action),
+        }
+    }
+
+    /// Somebody who acts so.
+    pub fn actor(&self, actions: usize) -> Box<dyn Actor + '_> {
+        match *self {
+            Ado::Trained(policy, _) => Box::new(PolicyActor(policy)),
+            Ado::Random => Box::new(Random::new(actions)),
+            Ado::Held => Box::new(Held::new(actions, HOLD_DECISIONS)),
+            Ado::Constant(action) => Box::new(Constant(action)),
+        }
+    }
+}
+
+/// What to evaluate.
+#[derive(Clone, Copy)]
+pub struct EvalRequest<'a> {
+    /// The world, with the ego to be tested.
+    pub scenario: &'a Scenario,
+    /// What rows call that ego.
+    pub ego: &'a str,
+    /// Who plays the ado.
+    pub ado: Ado<'a>,
+    /// The test starts.
+    pub starts: &'a TestStarts,
+}
+
+/// How one episode of an evaluation went.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// How it was judged.
+    pub verdict: Verdict,
+    /// Closing speed, if the agents touched.
+    pub closing_speed_mps: Option<f64>,
+    /// Physics steps spent.
+    pub physics_steps: u64,
+    /// Processor time spent.
+    pub cpu_s: f64,
+}
+
+/// A row and the outcomes behind it.
+#[derive(Clone, Debug)]
+pub struct Evaluated {
+    /// The row.
+    pub row: Row,
+    /// Per start; `None` for trivial ones and for those not reached.
+    pub outcomes: Vec<Option<Outcome>>,
+}
+
+/// Plays every start once and counts.
+pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
+    let starts = request.starts;
+    let done = AtomicU64::new(0);
+    let total = starts.starts.len() as u64;
+    let outcomes: Vec<Option<Outcome>> = (0..starts.starts.len())
+        .into_par_iter()
+        .map_init(
+            || request.scenario.bench(),
+            |bench, index| {
+                (watch.progress)(done.fetch_add(1, Ordering::Relaxed), total);
+                if starts.trivial[index] || watch.stopped() {
+                    return None;
+                }
+                let clock = ThreadTime::now();
+                let episode = request.play(bench, index);
+                Some(Outcome {
+                    verdict: episode.verdict,
+                    closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
+                    physics_steps: episode.physics_steps,
+                    cpu_s: clock.elapsed().as_secs_f64(),
+                })
+            },
+        )
+        .collect();
+    Evaluated {
+        row: request.row(&outcomes),
+        outcomes,
+    }
+}
+
+impl EvalRequest<'_> {
+    /// Plays one start, to contact or the horizon after a success.
+    pub fn play(&self, bench: &mut Testbench, index: usize) -> Episode {
+        let (start, noise) = &self.starts.starts[index];
+        let mut actor = self.ado.actor(bench.spaces().actions);
+        play(bench, start, *noise, &mut *actor, Aftermath::Play)
+    }
+
+    fn row(&self, outcomes: &[Option<Outcome>]) -> Row {
+        let mut row = blank_row(self.scenario, self.ego, self.starts);
+        row.ado = self.ado.word().to_owned();
+        row.method = self.ado.method(self.scenario);
+        if let Ado::Trained(_, seed) = self.ado {
+            row.train_seed = Some(seed);
+        }
+        row.sims_per_start = 1.0;
+        let played = outcomes.iter().flatten();
+        let count = |test: fn(&Verdict) -> bool| {
+            let verdicts = played.clone().map(|outcome| &outcome.verdict);
+            verdicts.filter(|verdict| test(verdict)).count()
+        };
+        let fouls = count(|verdict| matches!(verdict, Verdict::Foul { .. }));
+        row.invalid = count(|verdict| matches!(verdict, Verdict::Invalid));
+        row.physics_steps = played.clone().map(|outcome| outcome.physics_steps).sum();
+        row.cpu_s = played.clone().map(|outcome| outcome.cpu_s).sum();
+        let contacts: Vec<f64> = played.filter_map(|o| o.closing_speed_mps).collect();
+        let solved = outcomes.iter().zip(&self.starts.trivial);
+        row.solved = solved
+            .map(|(outcome, trivial)| match (outcome, trivial) {
+                (_, true) => 't',
+                (Some(outcome), _) if outcome.verdict.is_success() => '1',
+                (Some(_), _) => '0',
+                (None, _) => '-',
+            })
+            .collect();
+        count_solved(&mut row);
+        row.foul_rate = share(fouls, row.starts);
+        row.contact_rate = share(contacts.len(), row.starts);
+        row.closing_speed_mps = ClosingSpeed::of(contacts);
+        row
+    }
+}
+
+/// A row of which only the headings are filled in.
+pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> Row {
+    Row {
+        world: scenario.name.clone(),
+        plant: scenario.plant(),
+        judge: scenario.rulebook().judge,
+        ego: ego.to_owned(),
+        ado: String::new(),
+        method: String::new(),
+        train_seed: None,
+        start_seed: starts.seed,
+        starts: 0,
+        trivial: 0,
+        successes: 0,
+        success_rate: 0.0,
+        ci95: [0.0, 1.0],
+        recall: None,
+        beyond_search: None,
+        foul_rate: 0.0,
+        contact_rate: 0.0,
+        closing_speed_mps: None,
+        invalid: 0,
+        sims_per_start: 0.0,
+        physics_steps: 0,
+        cpu_s: 0.0,
+        solved: String::new(),
+    }
+}
+
+/// Fills the counts of a row from its `solved`.
+pub(super) fn count_solved(row: &mut Row) {
+    let count = |mark: u8| row.solved.bytes().filter(|b| *b == mark).count();
+    row.successes = count(b'1');
+    row.starts = row.successes + count(b'0');
+    row.trivial = count(b't');
+    row.success_rate = share(row.successes, row.starts);
+    row.ci95 = wilson(row.successes, row.starts);
+}
+
+fn share(part: usize, whole: usize) -> f64 {
+    match whole {
+        0 => 0.0,
+        _ => part as f64 / whole as f64,
+    }
+}

@@ -1,0 +1,31 @@
+//! Campaigns as functions: train, evaluate, search, replay.
+//!
+//! Everything here runs in parallel per episode and gives the same rows for any
+//! number of threads: starts, noise and actors are pure functions of their keys.
+
+mod eval;
+mod replay;
+mod search;
+mod train;
+
+pub use eval::{Ado, EvalRequest, Evaluated, eval, trivial_starts};
+pub use replay::{Difference, Kept, Regressions, Replayed, replay};
+pub use search::{Found, Method, SearchRequest, Searched, search};
+pub use train::{TrainError, TrainRequest, Trained, train};
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// How a campaign reports and is asked to stop; it never changes a result.
+pub struct Watch<'a> {
+    /// Called when `done` of `total` units of work are finished, from any thread.
+    pub progress: &'a (dyn Fn(u64, u64) + Sync),
+    /// Set from outside to stop early; what was computed is kept.
+    pub stop: &'a AtomicBool,
+}
+
+impl Watch<'_> {
+    /// Whether somebody asked to stop.
+    pub fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}

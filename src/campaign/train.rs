@@ -1,0 +1,179 @@
+//! Training an ado: testbench ⇄ learner → policy, kept in a run directory.
+
+use cpu_time::ThreadTime;
+use serde::Serialize;
+
+use super::Watch;
+use crate::rl::{Bundle, BundleError, Control, Learner, Progress};
+use crate::run::{Done, RunDir, RunError};
+use crate::scenario::Scenario;
+use crate::seed::Purpose;
+use crate::testbench::Gym;
+
+/// Decisions between two checkpoints.
+const CHECKPOINT_DECISIONS: u64 = 50_000;
+/// Episodes per line of `progress.jsonl`.
+const REPORT_EPISODES: u64 = 250;
+/// Faults in a row with no single good episode after which training gives up.
+const MAX_FAULTS: u64 = 50;
+
+/// What to train.
+pub struct TrainRequest<'a> {
+    /// The world, as it is to be trained in.
+    pub scenario: &'a Scenario,
+    /// A policy to begin with, for fine-tuning.
+    pub from: Option<&'a Bundle>,
+}
+
+/// What training came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trained {
+    /// How far it came.
+    pub done: Done,
+    /// Whether somebody stopped it; a checkpoint is kept then.
+    pub interrupted: bool,
+    /// Episodes dropped for faults of ego or physics.
+    pub aborted: u64,
+}
+
+/// Training could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// The run directory.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A checkpoint or a policy to begin with does not fit.
+    #[error("the stored learner does not fit this world: {0}")]
+    Bundle(#[from] BundleError),
+    /// The ego fails in (nearly) every episode.
+    #[error("the ego or the physics failed in {aborted} episodes and worked in {episodes}")]
+    Faults {
+        /// Dropped episodes.
+        aborted: u64,
+        /// Good ones.
+        episodes: u64,
+    },
+}
+
+/// One line of `progress.jsonl`.
+#[derive(Serialize)]
+struct Line {
+    decisions: u64,
+    episodes: u64,
+    aborted: u64,
+    solved_share: f64,
+    mean_return: f64,
+    exploration: f32,
+}
+
+/// Trains in `run` until the configured decisions are taken or `watch` stops it.
+///
+/// Goes on from the run's checkpoint if there is one: the result is the same,
+/// byte for byte, as without the interruption.
+///
+/// # Errors
+/// The disk refuses; the checkpoint does not fit; the ego keeps failing.
+pub fn train(
+    request: &TrainRequest<'_>,
+    run: &mut RunDir,
+    watch: &Watch<'_>,
+) -> Result<Trained, TrainError> {
+    let scenario = request.scenario;
+    let seed = run.manifest().seed;
+    let asked = scenario.learner.decisions();
+    let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
+    let spaces = scenario.world().spaces();
+    let mut learner = match (run.checkpoint()?, request.from) {
+        (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
+        (None, Some(policy)) => scenario.learner.build_from(spaces, seed, policy)?,
+        (None, None) => scenario.learner.build(spaces, seed),
+    };
+    let spent_s = run.manifest().cpu_s;
+    let clock = ThreadTime::now();
+    let mut ledger = Ledger {
+        episodes: run.manifest().episodes,
+        ..Ledger::default()
+    };
+    while !learner.finished() && !watch.stopped() {
+        let until = (learner.decisions() / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
+        learner.train(&mut gym, &mut |progress| {
+            ledger.note(progress);
+            (watch.progress)(progress.decisions.min(asked), asked);
+            let pause = until <= progress.decisions || watch.stopped() || ledger.hopeless();
+            match pause {
+                true => Control::Stop,
+                false => Control::Continue,
+            }
+        });
+        run.append_progress(&std::mem::take(&mut ledger.lines))?;
+        let done = ledger.done(&*learner, asked, spent_s + clock.elapsed().as_secs_f64());
+        if ledger.hopeless() {
+            return Err(TrainError::Faults {
+                aborted: ledger.aborted,
+                episodes: ledger.episodes,
+            });
+        }
+        if !learner.finished() {
+            run.save_checkpoint(&learner.checkpoint(), done)?;
+        }
+    }
+    let done = ledger.done(&*learner, asked, spent_s + clock.elapsed().as_secs_f64());
+    if learner.finished() {
+        run.save_policy(&learner.policy_bundle(), done)?;
+    }
+    Ok(Trained {
+        done,
+        interrupted: !learner.finished(),
+        aborted: ledger.aborted,
+    })
+}
+
+/// Counts episodes and writes progress lines.
+#[derive(Default)]
+struct Ledger {
+    lines: String,
+    episodes: u64,
+    aborted: u64,
+    in_line: u64,
+    solved: u64,
+    returns: f64,
+}
+
+impl Ledger {
+    fn note(&mut self, progress: &Progress) {
+        self.aborted = progress.aborted;
+        self.episodes = progress.episodes;
+        self.in_line += 1;
+        self.returns += f64::from(progress.episode_return);
+        self.solved += u64::from(0.0 < progress.episode_return);
+        if self.in_line < REPORT_EPISODES {
+            return;
+        }
+        let line = Line {
+            decisions: progress.decisions,
+            episodes: progress.episodes,
+            aborted: progress.aborted,
+            solved_share: self.solved as f64 / self.in_line as f64,
+            mean_return: self.returns / self.in_line as f64,
+            exploration: progress.exploration,
+        };
+        if let Ok(text) = serde_json::to_string(&line) {
+            self.lines.push_str(&text);
+            self.lines.push('\n');
+        }
+        (self.in_line, self.solved, self.returns) = (0, 0, 0.0);
+    }
+
+    fn hopeless(&self) -> bool {
+        MAX_FAULTS <= self.aborted && self.episodes * 10 < self.aborted
+    }
+
+    fn done(&self, learner: &dyn Learner, asked: u64, cpu_s: f64) -> Done {
+        Done {
+            decisions_asked: asked,
+            decisions: learner.decisions(),
+            episodes: self.episodes,
+            cpu_s,
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! Adaptive cruise control (Sec. V-B): a proportional-derivative follower.
+//!
+//! u = Kp (d − d_ref) + Kd (v_lead − v_ego), saturated to [−brake, accel], with
+//! d front bumper to front bumper and d_ref = standstill + time gap · v_ego.
+//! With no car ahead it keeps its speed.
+
+use super::parameters::parameters;
+use super::{Command, Controller, Fault, Percept};
+
+parameters! {
+    /// The follower of Eqs. (12) and (13), with a constant time gap.
+    pub struct Acc {
+        /// Gain on the headway error, 1/s².
+        kp_per_s2, at_least 0.0;
+        /// Gain on the speed difference, 1/s.
+        kd_per_s, at_least 0.0;
+        /// Reference headway at standstill, front to front, m.
+        standstill_headway_m, at_least 0.0;
+        /// Reference headway per speed, s.
+        time_gap_s, at_least 0.0;
+        /// Hardest braking it asks for, m/s².
+        max_brake_mps2, at_least 0.0;
+        /// Hardest acceleration it asks for, m/s².
+        max_accel_mps2, at_least 0.0;
+        /// Time constant of the actuator behind the command, s; 0 is none.
+        lag_s, at_least 0.0;
+    }
+}
+
+impl Controller for Acc {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let Some(lead) = percept.leader() else {
+            return Ok(Command::accelerate(0.0));
+        };
+        let speed_mps = percept.own.speed_mps;
+        let reference_m = self.standstill_headway_m + self.time_gap_s * speed_mps;
+        let wish_mps2 = self.kp_per_s2 * (lead.headway_m - reference_m)
+            + self.kd_per_s * (lead.speed_mps - speed_mps);
+        Ok(Command::accelerate(
+            wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2),
+        ))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

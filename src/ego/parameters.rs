@@ -1,0 +1,75 @@
+//! Named numeric parameters of controllers: what `reuse` changes and what
+//! families of egos range over.
+
+/// One numeric parameter and its present value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Field name in the world file.
+    pub name: &'static str,
+    /// What it means.
+    pub about: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Least value that makes sense (inclusive).
+    pub at_least: f64,
+}
+
+/// A change named a parameter that the controller does not have.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("this controller has no parameter `{name}`")]
+pub struct UnknownParameter {
+    /// The name asked for.
+    pub name: String,
+    /// The names there are.
+    pub known: Vec<&'static str>,
+}
+
+/// Declares a controller's parameter struct together with its table.
+macro_rules! parameters {
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            $( $(#[doc = $about:literal])+ $field:ident $(= $default:expr)? , at_least $least:expr; )*
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct $name {
+            $( $(#[doc = $about])+ pub $field: f64, )*
+        }
+
+        impl $name {
+            /// Its numeric parameters with their present values.
+            pub fn parameters(&self) -> Vec<$crate::ego::Parameter> {
+                vec![$( $crate::ego::Parameter {
+                    name: stringify!($field),
+                    about: concat!($($about),+).trim_ascii(),
+                    value: self.$field,
+                    at_least: $least,
+                } ),*]
+            }
+
+            /// Sets one parameter by name.
+            ///
+            /// # Errors
+            /// The name is none of the fields.
+            pub fn set(
+                &mut self,
+                name: &str,
+                value: f64,
+            ) -> Result<(), $crate::ego::UnknownParameter> {
+                match name {
+                    $( stringify!($field) => self.$field = value, )*
+                    _ => return Err($crate::ego::UnknownParameter {
+                        name: name.to_owned(),
+                        known: vec![$( stringify!($field) ),*],
+                    }),
+                }
+                Ok(())
+            }
+        }
+    };
+}
+
+pub(crate) use parameters;

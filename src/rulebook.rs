@@ -1,0 +1,335 @@
+//! Definition 4: prioritised rules and the ego's specification give a verdict,
+//! and the verdict gives the reward. Nothing else rewards an ado.
+//!
+//! The paper prints "ρ_min = −ρ_max > 0" and a penalty of −M ρ_min; only a
+//! penalty makes its Lemma 2 true, so the readings here are those of
+//! `docs/paper.md`: "kept" is strict (ρ > 0), a violated ego specification is
+//! strict too (ρ(¬ψ) > 0), and lawful rewards stay inside an open interval
+//! above every penalty.
+//!
+//! Architecture Invariant: pure functions of traces; no scene, no learner.
+
+use serde::{Deserialize, Serialize};
+
+use crate::stl::{Monitor, OnlineMonitor, Scratch};
+use crate::trace::Trace;
+
+/// When an episode ends and what is judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum JudgeKind {
+    /// The prefix up to the first decided sample is judged, and play ends there.
+    #[default]
+    UntilViolation,
+    /// The whole run to the horizon is judged; the contact sample is held.
+    WholeRun,
+}
+
+/// From a verdict to a number: strictly increasing in ρ(¬ψ), fouls below all.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Reward {
+    /// Definition 4 as printed, with the penalty −M ρ_max.
+    Plain {
+        /// Clamp of the robustness, above 0.
+        rho_max: f64,
+    },
+    /// ±jump + (1 − jump) tanh(ρ / scale); fouls at −1 and below by rank.
+    Tanh {
+        /// Clamp of the robustness, above 0.
+        #[serde(default = "default_rho_max")]
+        rho_max: f64,
+        /// Robustness at which tanh reaches 0.76, above 0.
+        #[serde(default = "default_scale")]
+        scale: f64,
+        /// Height of the step at ρ = 0, in [0, 1).
+        #[serde(default = "default_jump")]
+        jump: f64,
+    },
+}
+
+fn default_rho_max() -> f64 {
+    50.0
+}
+
+fn default_scale() -> f64 {
+    10.0
+}
+
+fn default_jump() -> f64 {
+    0.5
+}
+
+impl Default for Reward {
+    fn default() -> Reward {
+        Reward::Tanh {
+            rho_max: default_rho_max(),
+            scale: default_scale(),
+            jump: default_jump(),
+        }
+    }
+}
+
+/// Lawful values stay this much inside the clamp, so a foul is never a tie.
+const OPEN: f64 = 1.0 - 1e-9;
+
+impl Reward {
+    /// The clamp ρ_max of the robustness.
+    pub fn rho_max(&self) -> f64 {
+        match *self {
+            Reward::Plain { rho_max } | Reward::Tanh { rho_max, .. } => rho_max,
+        }
+    }
+
+    /// Reward of a lawful run with robustness `rho` = ρ(¬ψ).
+    ///
+    /// ρ = 0 counts as held. Infinite robustness (no window, Boolean signals)
+    /// is clamped first.
+    pub fn lawful(&self, rho: f64) -> f64 {
+        match *self {
+            Reward::Plain { rho_max } => rho.clamp(-rho_max * OPEN, rho_max * OPEN),
+            Reward::Tanh {
+                rho_max,
+                scale,
+                jump,
+            } => {
+                let rho = rho.clamp(-rho_max, rho_max);
+                let step = if 0.0 < rho { jump } else { -jump };
+                let reward = step + (1.0 - jump) * libm::tanh(rho / scale);
+                reward.clamp(-OPEN, OPEN)
+            }
+        }
+    }
+
+    /// Penalty when `forfeited` (M ≥ 1) of `rules` rules are forfeited.
+    pub fn foul(&self, forfeited: usize, rules: usize) -> f64 {
+        match *self {
+            Reward::Plain { rho_max } => -(forfeited as f64) * rho_max,
+            Reward::Tanh { .. } => -1.0 - (forfeited as f64 - 1.0) / rules.max(1) as f64,
+        }
+    }
+
+    /// The reward of a verdict; an invalid episode has none.
+    pub fn of(&self, verdict: &Verdict, rules: usize) -> Option<f64> {
+        match verdict {
+            Verdict::Counterexample { by } => Some(self.lawful(*by)),
+            Verdict::Held { margin } => Some(self.lawful(-*margin)),
+            Verdict::Foul { forfeited, .. } => Some(self.foul(*forfeited, rules)),
+            Verdict::Invalid => None,
+        }
+    }
+}
+
+/// How an episode is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Verdict {
+    /// ψ_ego violated by `by` = ρ(¬ψ) > 0 while every rule was strictly kept.
+    Counterexample {
+        /// Depth of the violation.
+        by: f64,
+    },
+    /// ψ_ego held with `margin` = ρ(ψ) ≥ 0 (or the motion ended before a verdict).
+    Held {
+        /// Robustness of the specification.
+        margin: f64,
+    },
+    /// The ado broke its rule number `rule`.
+    Foul {
+        /// Position of the rule in the rulebook.
+        rule: usize,
+        /// M of Definition 4: rules of no higher priority, this one included.
+        forfeited: usize,
+    },
+    /// A fault of the ego or of the physics: nobody's success.
+    Invalid,
+}
+
+impl Verdict {
+    /// The word used in tables and files.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Verdict::Counterexample { .. } => "counterexample",
+            Verdict::Held { .. } => "held",
+            Verdict::Foul { .. } => "foul",
+            Verdict::Invalid => "invalid",
+        }
+    }
+
+    /// Whether the ado made the ego fail with all rules kept.
+    pub fn is_success(&self) -> bool {
+        matches!(self, Verdict::Counterexample { .. })
+    }
+}
+
+/// One rule of an ado, bound to the scene's signals.
+#[derive(Clone, Debug)]
+pub struct Rule {
+    /// Name in the world file.
+    pub name: String,
+    /// Name of the ado that must keep it.
+    pub ado: String,
+    /// 0 is the most important; equal numbers count together in M.
+    pub priority: usize,
+    /// The formula, kept when its robustness is above 0.
+    pub monitor: Monitor,
+}
+
+/// ψ_ego, the rules of all ados in one order, and how they are judged.
+#[derive(Clone, Debug)]
+pub struct Rulebook {
+    /// ψ_ego.
+    pub spec: Monitor,
+    /// The rules, most important first.
+    pub rules: Vec<Rule>,
+    /// Which part of the run is judged.
+    pub judge: JudgeKind,
+    /// From the verdict to a number.
+    pub reward: Reward,
+}
+
+impl Rulebook {
+    /// M of Definition 4: rules with priority no higher than that of `rule`.
+    pub fn forfeited(&self, rule: usize) -> usize {
+        let priority = self.rules[rule].priority;
+        self.rules
+            .iter()
+            .filter(|r| priority <= r.priority)
+            .count()
+    }
+
+    /// The reward of a verdict; an invalid episode has none.
+    pub fn reward_of(&self, verdict: &Verdict) -> Option<f64> {
+        self.reward.of(verdict, self.rules.len())
+    }
+
+    /// Judges a finished trace as it stands, the way the paper reads it.
+    pub fn judge_whole(&self, trace: &Trace, scratch: &mut Scratch) -> Verdict {
+        match self.first_broken(trace, scratch) {
+            Some(rule) => self.foul(rule),
+            None => lawful(self.spec.robustness(trace, scratch)),
+        }
+    }
+
+    /// The most important rule that `trace` does not strictly keep.
+    fn first_broken(&self, trace: &Trace, scratch: &mut Scratch) -> Option<usize> {
+        (0..self.rules.len())
+            .filter(|&i| self.rules[i].monitor.robustness(trace, scratch) <= 0.0)
+            .min_by_key(|&i| self.rules[i].priority)
+    }
+
+    fn foul(&self, rule: usize) -> Verdict {
+        Verdict::Foul {
+            rule,
+            forfeited: self.forfeited(rule),
+        }
+    }
+}
+
+fn lawful(rho_spec: f64) -> Verdict {
+    if rho_spec < 0.0 {
+        Verdict::Counterexample { by: -rho_spec }
+    } else {
+        Verdict::Held { margin: rho_spec }
+    }
+}
+
+/// Why no further sample will come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The last sample of the horizon has been pushed.
+    Horizon,
+    /// Two agents touched: the motion ends.
+    Contact,
+}
+
+/// Judges a run while it happens.
+///
+/// Push every sample; a verdict is returned as soon as nothing can change it
+/// ([`JudgeKind::UntilViolation`]) or when the run stops.
+#[derive(Clone)]
+pub struct Judge {
+    spec: OnlineMonitor,
+    rules: Vec<OnlineMonitor>,
+    spec_lost: bool,
+    scratch: Scratch,
+}
+
+impl Judge {
+    /// A judge for runs of at most `samples` samples.
+    pub fn new(rulebook: &Rulebook, samples: usize) -> Judge {
+        Judge {
+            spec: rulebook.spec.online_for(samples),
+            rules: rulebook
+                .rules
+                .iter()
+                .map(|rule| rule.monitor.online_for(samples))
+                .collect(),
+            spec_lost: false,
+            scratch: Scratch::default(),
+        }
+    }
+
+    /// Begins a new run and keeps the memory.
+    pub fn reset(&mut self) {
+        self.spec.reset();
+        self.rules.iter_mut().for_each(OnlineMonitor::reset);
+        self.spec_lost = false;
+    }
+
+    /// Reads the newest sample, `row`, the last one of `trace`.
+    ///
+    /// `stop` says that no further sample will come; a verdict is certain then.
+    pub fn push(
+        &mut self,
+        rulebook: &Rulebook,
+        trace: &Trace,
+        row: &[f64],
+        stop: Option<Stop>,
+    ) -> Option<Verdict> {
+        match rulebook.judge {
+            JudgeKind::UntilViolation => self.until_violation(rulebook, trace, row, stop),
+            JudgeKind::WholeRun => {
+                stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch))
+            }
+        }
+    }
+
+    fn until_violation(
+        &mut self,
+        rulebook: &Rulebook,
+        trace: &Trace,
+        row: &[f64],
+        stop: Option<Stop>,
+    ) -> Option<Verdict> {
+        let mut broken: Option<usize> = None;
+        for (i, rule) in self.rules.iter_mut().enumerate() {
+            let lost = rule.push(row).hi <= 0.0;
+            let outranks = |b: usize| rulebook.rules[i].priority < rulebook.rules[b].priority;
+            if lost && broken.is_none_or(outranks) {
+                broken = Some(i);
+            }
+        }
+        self.spec_lost |= self.spec.push(row).hi < 0.0;
+        if let Some(rule) = broken {
+            return Some(rulebook.foul(rule));
+        }
+        if self.spec_lost && rulebook.first_broken(trace, &mut self.scratch).is_none() {
+            let by = -rulebook.spec.robustness(trace, &mut self.scratch);
+            if 0.0 < by {
+                return Some(Verdict::Counterexample { by });
+            }
+        }
+        stop.map(|stop| self.at_stop(rulebook, trace, stop))
+    }
+
+    fn at_stop(&mut self, rulebook: &Rulebook, trace: &Trace, stop: Stop) -> Verdict {
+        if stop == Stop::Horizon {
+            return rulebook.judge_whole(trace, &mut self.scratch);
+        }
+        // Contact before a verdict: the ado has proven nothing, and a rule that
+        // could still have been satisfied is not broken either.
+        let margin = rulebook.spec.robustness(trace, &mut self.scratch);
+        Verdict::Held {
+            margin: margin.max(0.0),
+        }
+    }
+}

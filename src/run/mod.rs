@@ -1,0 +1,451 @@
+//! The run directory: everything needed later, nothing else.
+//!
+//! ```text
+//! RUN/world.ron                the world file, verbatim
+//! RUN/manifest.json            version, seed, target, hashes
+//! RUN/policy.safetensors       the trained ado
+//! RUN/progress.jsonl           one line per report of the learner
+//! RUN/checkpoint.safetensors   while training: all that resuming needs
+//! RUN/report.json              the rows of the closing evaluation
+//! RUN/lock                     held while training
+//! ```
+//!
+//! Files are written beside their place and renamed, so a full disk or a
+//! killed process never leaves a half-written one behind.
+
+mod kept;
+mod row;
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+pub use kept::{Counterexample, KeptError, csv_of, digests_of, trace_of_csv};
+pub use row::{ClosingSpeed, Row, wilson};
+
+use crate::rl::{Bundle, BundleError, Policy, load_policy};
+use crate::scenario::{LoadError, Scenario, ScenarioError};
+use crate::sim::PlantKind;
+
+/// Version of the layout; another one is refused.
+const FORMAT: u32 = 1;
+
+/// What a run was, and the hashes of its files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of the layout.
+    pub format: u32,
+    /// Version of the program that trained.
+    pub brakecheck: String,
+    /// Operating system and processor it trained on.
+    pub target: String,
+    /// Name of the world.
+    pub world: String,
+    /// SHA-256 of `world.ron`.
+    pub world_sha256: String,
+    /// The plant it trained on.
+    pub plant: PlantKind,
+    /// The training seed.
+    pub seed: u64,
+    /// Decisions asked for.
+    pub decisions: u64,
+    /// Decisions taken so far.
+    pub decisions_done: u64,
+    /// Episodes finished so far.
+    pub episodes: u64,
+    /// Processor time spent in training.
+    pub cpu_s: f64,
+    /// SHA-256 of `policy.safetensors`, once there is one.
+    pub policy_sha256: Option<String>,
+}
+
+/// A run directory could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A file could not be read or written.
+    #[error("{verb} `{path}` failed: {source}")]
+    Io {
+        /// What was tried.
+        verb: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// There is no run.
+    #[error("`{path}` is no run directory: {why}")]
+    NotARun {
+        /// The directory.
+        path: PathBuf,
+        /// What is missing or wrong.
+        why: String,
+    },
+    /// The directory is taken.
+    #[error("`{path}` exists already")]
+    Exists {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// Another process trains there.
+    #[error("`{path}` is in use by another process")]
+    Locked {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// A file is not what the manifest says.
+    #[error("`{path}` is damaged: {why}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+    /// The world in it is not usable.
+    #[error("the world of this run: {0}")]
+    World(Box<ScenarioError>),
+}
+
+impl RunError {
+    /// The cure, where one is known.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            RunError::Io { .. } => Some("check the path, the permissions and the free space".into()),
+            RunError::NotARun { .. } => {
+                Some("make one with `brakecheck train WORLD -o RUN`".to_owned())
+            }
+            RunError::Exists { .. } => Some(
+                "go on with `--resume`, or name another directory with `-o`".to_owned(),
+            ),
+            RunError::Locked { .. } => Some("wait for it, or name another directory".to_owned()),
+            RunError::Damaged { .. } => {
+                Some("restore the file from a backup, or train again".to_owned())
+            }
+            RunError::World(_) => None,
+        }
+    }
+}
+
+/// An open run directory.
+#[derive(Debug)]
+pub struct RunDir {
+    path: PathBuf,
+    manifest: Manifest,
+    _lock: Option<File>,
+}
+
+impl RunDir {
+    /// Makes a new run directory and locks it.
+    ///
+    /// # Errors
+    /// It exists and holds something, or cannot be written.
+    pub fn create(path: &Path, scenario: &Scenario, seed: u64) -> Result<RunDir, RunError> {
+        let taken = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+        if taken {
+            return Err(RunError::Exists { path: path.into() });
+        }
+        fs::create_dir_all(path).map_err(io_error("creating", path))?;
+        let lock = lock(path)?;
+        let run = RunDir {
+            path: path.into(),
+            manifest: Manifest {
+                format: FORMAT,
+                brakecheck: env!("CARGO_PKG_VERSION").to_owned(),
+                target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
+                world: scenario.name.clone(),
+                world_sha256: sha256(scenario.text.as_bytes()),
+                plant: scenario.plant(),
+                seed,
+                decisions: scenario.learner.decisions(),
+                decisions_done: 0,
+                episodes: 0,
+                cpu_s: 0.0,
+                policy_sha256: None,
+            },
+            _lock: Some(lock),
+        };
+        run.write("world.ron", scenario.text.as_bytes())?;
+        run.write_manifest()?;
+        Ok(run)
+    }
+
+    /// Opens a run directory for reading and verifies its hashes.
+    ///
+    /// # Errors
+    /// It is none, or a file in it is damaged.
+    pub fn open(path: &Path) -> Result<RunDir, RunError> {
+        let not_a_run = |why: String| RunError::NotARun {
+            path: path.into(),
+            why,
+        };
+        if !path.is_dir() {
+            return Err(not_a_run("there is no such directory".to_owned()));
+        }
+        let file = path.join("manifest.json");
+        if !file.is_file() {
+            return Err(not_a_run("it has no `manifest.json`".to_owned()));
+        }
+        let text = fs::read(&file).map_err(io_error("reading", &file))?;
+        let manifest: Manifest =
+            serde_json::from_slice(&text).map_err(|error| RunError::Damaged {
+                path: file.clone(),
+                why: error.to_string(),
+            })?;
+        if manifest.format != FORMAT {
+            return Err(RunError::Damaged {
+                path: file,
+                why: format!("format {} is not {FORMAT}", manifest.format),
+            });
+        }
+        let run = RunDir {
+            path: path.into(),
+            manifest,
+            _lock: None,
+        };
+        run.read_verified("world.ron", Some(&run.manifest.world_sha256))?;
+        Ok(run)
+    }
+
+    /// Opens a run directory to go on training in it.
+    ///
+    /// # Errors
+    /// It is none, is damaged, or another process trains in it.
+    pub fn resume(path: &Path) -> Result<RunDir, RunError> {
+        let mut run = RunDir::open(path)?;
+        run._lock = Some(lock(path)?);
+        Ok(run)
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What it was.
+    pub fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    /// The world it was trained in, on the plant it was trained on.
+    ///
+    /// # Errors
+    /// The kept world file is not usable by this version.
+    pub fn scenario(&self) -> Result<Scenario, RunError> {
+        let file = self.path.join("world.ron");
+        match Scenario::load(&file) {
+            Ok(scenario) => Ok(scenario.on(self.manifest.plant)),
+            Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
+            Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
+        }
+    }
+
+    /// The trained ado.
+    ///
+    /// # Errors
+    /// There is none yet, or its file is damaged.
+    pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
+        let bundle = self.policy_bundle()?;
+        load_policy(&bundle).map_err(self.damaged("policy.safetensors"))
+    }
+
+    /// The trained ado as stored.
+    ///
+    /// # Errors
+    /// There is none yet, or its file is damaged.
+    pub fn policy_bundle(&self) -> Result<Bundle, RunError> {
+        let Some(expected) = &self.manifest.policy_sha256 else {
+            return Err(RunError::NotARun {
+                path: self.path.clone(),
+                why: "its training has not finished: go on with `train … --resume`".to_owned(),
+            });
+        };
+        let bytes = self.read_verified("policy.safetensors", Some(expected))?;
+        Bundle::from_bytes(&bytes).map_err(self.damaged("policy.safetensors"))
+    }
+
+    /// The checkpoint to go on from, if training was interrupted.
+    ///
+    /// # Errors
+    /// Its file is damaged.
+    pub fn checkpoint(&self) -> Result<Option<Bundle>, RunError> {
+        if !self.path.join("checkpoint.safetensors").is_file() {
+            return Ok(None);
+        }
+        let bytes = self.read_verified("checkpoint.safetensors", None)?;
+        Bundle::from_bytes(&bytes)
+            .map(Some)
+            .map_err(self.damaged("checkpoint.safetensors"))
+    }
+
+    /// Stores a checkpoint and how far training has come.
+    ///
+    /// # Errors
+    /// The disk refuses; the previous checkpoint is then still there.
+    pub fn save_checkpoint(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
+        let bytes = bundle.to_bytes().map_err(self.damaged("checkpoint.safetensors"))?;
+        self.write("checkpoint.safetensors", &bytes)?;
+        self.note(done);
+        self.write_manifest()
+    }
+
+    /// Stores the trained ado; the checkpoint is no longer needed.
+    ///
+    /// # Errors
+    /// The disk refuses; the last checkpoint is then still there.
+    pub fn save_policy(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
+        let bytes = bundle.to_bytes().map_err(self.damaged("policy.safetensors"))?;
+        self.write("policy.safetensors", &bytes)?;
+        self.manifest.policy_sha256 = Some(sha256(&bytes));
+        self.note(done);
+        self.write_manifest()?;
+        let checkpoint = self.path.join("checkpoint.safetensors");
+        if checkpoint.is_file() {
+            fs::remove_file(&checkpoint).map_err(io_error("removing", &checkpoint))?;
+        }
+        Ok(())
+    }
+
+    /// Appends lines to `progress.jsonl`.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn append_progress(&self, lines: &str) -> Result<(), RunError> {
+        let path = self.path.join("progress.jsonl");
+        fs::OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(&path)
+            .and_then(|mut file| file.write_all(lines.as_bytes()))
+            .map_err(io_error("writing", &path))
+    }
+
+    /// Stores the rows of the closing evaluation.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save_report(&self, rows: &[Row]) -> Result<(), RunError> {
+        let text = serde_json::to_string_pretty(rows).map_err(|error| RunError::Damaged {
+            path: self.path.join("report.json"),
+            why: error.to_string(),
+        })?;
+        self.write("report.json", text.as_bytes())
+    }
+
+    fn note(&mut self, done: Done) {
+        self.manifest.decisions = done.decisions_asked;
+        self.manifest.decisions_done = done.decisions;
+        self.manifest.episodes = done.episodes;
+        self.manifest.cpu_s = done.cpu_s;
+    }
+
+    fn write_manifest(&self) -> Result<(), RunError> {
+        let text =
+            serde_json::to_string_pretty(&self.manifest).map_err(|error| RunError::Damaged {
+                path: self.path.join("manifest.json"),
+                why: error.to_string(),
+            })?;
+        self.write("manifest.json", text.as_bytes())
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
+        write_file(&self.path.join(name), bytes)
+    }
+
+    fn read_verified(&self, name: &str, expected: Option<&str>) -> Result<Vec<u8>, RunError> {
+        let path = self.path.join(name);
+        let bytes = fs::read(&path).map_err(|source| match source.kind() {
+            io::ErrorKind::NotFound => RunError::NotARun {
+                path: self.path.clone(),
+                why: format!("`{name}` is missing"),
+            },
+            _ => io_error("reading", &path)(source),
+        })?;
+        let found = sha256(&bytes);
+        match expected {
+            Some(expected) if expected != found => Err(RunError::Damaged {
+                path,
+                why: format!("SHA-256 is {found}, the manifest says {expected}"),
+            }),
+            _ => Ok(bytes),
+        }
+    }
+
+    fn damaged(&self, name: &str) -> impl Fn(BundleError) -> RunError + use<> {
+        let path = self.path.join(name);
+        move |error| RunError::Damaged {
+            path: path.clone(),
+            why: error.to_string(),
+        }
+    }
+}
+
+/// How far training has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Done {
+    /// Decisions asked for.
+    pub decisions_asked: u64,
+    /// Decisions taken.
+    pub decisions: u64,
+    /// Episodes finished.
+    pub episodes: u64,
+    /// Processor time spent.
+    pub cpu_s: f64,
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// The disk refuses; an older file of that name is then untouched.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    let dir = match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    };
+    let failed = io_error("writing", path);
+    let mut file = tempfile::Builder::new()
+        .prefix(".brakecheck-")
+        .tempfile_in(dir)
+        .map_err(&failed)?;
+    file.write_all(bytes).map_err(&failed)?;
+    file.as_file().sync_all().map_err(&failed)?;
+    readable(file.as_file()).map_err(&failed)?;
+    file.persist(path).map_err(|error| failed(error.error))?;
+    Ok(())
+}
+
+/// Temporary files begin private; what is kept gets ordinary permissions.
+#[cfg(unix)]
+fn readable(file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable(_file: &File) -> io::Result<()> {
+    Ok(())
+}
+
+fn lock(path: &Path) -> Result<File, RunError> {
+    let file_path = path.join("lock");
+    let file = File::create(&file_path).map_err(io_error("creating", &file_path))?;
+    match fs4::FileExt::try_lock(&file) {
+        Ok(()) => Ok(file),
+        Err(_) => Err(RunError::Locked { path: path.into() }),
+    }
+}
+
+fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
+    let path = path.to_owned();
+    move |source| RunError::Io {
+        verb,
+        path: path.clone(),
+        source,
+    }
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    let digest = Sha256::digest(bytes);
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,272 @@
+//! The shape of a world file, as serde reads it.
+
+use std::fmt;
+use std::marker::PhantomData;
+
+use indexmap::IndexMap;
+use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
+
+use crate::ego::ControllerSpec;
+use crate::rl::LearnerConfig;
+use crate::rulebook::{JudgeKind, Reward};
+use crate::scene::Clock;
+use crate::scene::drive::{Actions, Range, Road, Script};
+use crate::sim::{Body, PlantKind};
+
+#[derive(Deserialize)]
+#[serde(rename = "Scenario", deny_unknown_fields)]
+pub(super) struct ScenarioFile {
+    pub(super) name: String,
+    pub(super) question: String,
+    #[serde(default)]
+    pub(super) source: String,
+    pub(super) clock: Clock,
+    #[serde(default = "rigid")]
+    pub(super) plant: PlantKind,
+    #[serde(default)]
+    pub(super) judge: JudgeKind,
+    pub(super) road: Road,
+    #[serde(default)]
+    pub(super) bodies: Ordered<Body>,
+    pub(super) agents: Vec<AgentFile>,
+    #[serde(default)]
+    pub(super) signals: Ordered<SignalFile>,
+    #[serde(default)]
+    pub(super) formulas: Ordered<String>,
+    pub(super) ego_spec: String,
+    #[serde(default)]
+    pub(super) constants: Ordered<f64>,
+    #[serde(default)]
+    pub(super) reward: Reward,
+    #[serde(default)]
+    pub(super) learner: LearnerConfig,
+    #[serde(default)]
+    pub(super) reuse: Ordered<Change>,
+}
+
+fn rigid() -> PlantKind {
+    PlantKind::Rigid
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) enum AgentFile {
+    Vehicle {
+        name: String,
+        body: String,
+        #[serde(default)]
+        lane: usize,
+        start: StartFile,
+        drive: DriveFile,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) enum StartFile {
+    At {
+        x_m: NumberOrRange,
+        speed_mps: NumberOrRange,
+    },
+    Ahead {
+        of: String,
+        headway_m: NumberOrRange,
+        speed_mps: NumberOrRange,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) enum DriveFile {
+    Ego(ControllerSpec),
+    Ado {
+        actions: Actions,
+        neutral: usize,
+        observe: Vec<String>,
+        rulebook: Vec<RuleFile>,
+    },
+    Scripted(Script),
+}
+
+#[derive(Deserialize)]
+#[serde(rename = "Rule", deny_unknown_fields)]
+pub(super) struct RuleFile {
+    pub(super) name: String,
+    pub(super) stl: String,
+    #[serde(default)]
+    pub(super) priority: Option<usize>,
+}
+
+/// A change of a world: what `reuse` and `--ego FILE` hold.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Change", deny_unknown_fields, default)]
+pub struct Change {
+    /// Parameters of the ego's controller, by name.
+    pub ego: Patch,
+    /// Another controller altogether.
+    pub controller: Option<ControllerSpec>,
+    /// Another body for the ego.
+    pub ego_body: Option<String>,
+    /// Another road surface.
+    pub friction: Option<f64>,
+    /// The other plant.
+    pub plant: Option<PlantKind>,
+}
+
+/// `5.0` or `(5.0, 25.0)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct NumberOrRange(pub(super) Range);
+
+impl<'de> Deserialize<'de> for NumberOrRange {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<NumberOrRange, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = NumberOrRange;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "a number such as 5.0 or a range such as (5.0, 25.0)")
+            }
+
+            fn visit_f64<E: de::Error>(self, v: f64) -> Result<NumberOrRange, E> {
+                Ok(NumberOrRange(Range { lo: v, hi: v }))
+            }
+
+            fn visit_i64<E: de::Error>(self, v: i64) -> Result<NumberOrRange, E> {
+                self.visit_f64(v as f64)
+            }
+
+            fn visit_u64<E: de::Error>(self, v: u64) -> Result<NumberOrRange, E> {
+                self.visit_f64(v as f64)
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<NumberOrRange, A::Error> {
+                let missing = || de::Error::custom("a range has two numbers, such as (5.0, 25.0)");
+                let lo: f64 = seq.next_element()?.ok_or_else(missing)?;
+                let hi: f64 = seq.next_element()?.ok_or_else(missing)?;
+                if seq.next_element::<f64>()?.is_some() {
+                    return Err(missing());
+                }
+                Ok(NumberOrRange(Range { lo, hi }))
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+/// `"expression"` or `Signal(expr: "…", unit: "m", about: "…", range: (0, 80))`.
+pub(super) struct SignalFile {
+    pub(super) expr: String,
+    pub(super) unit: Option<String>,
+    pub(super) about: Option<String>,
+    pub(super) range: Option<(f64, f64)>,
+    /// Whether it was written as a struct (for the place of errors).
+    pub(super) long: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(rename = "Signal", deny_unknown_fields)]
+struct LongSignal {
+    expr: String,
+    #[serde(default)]
+    unit: Option<String>,
+    #[serde(default)]
+    about: Option<String>,
+    #[serde(default)]
+    range: Option<(f64, f64)>,
+}
+
+impl<'de> Deserialize<'de> for SignalFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SignalFile, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = SignalFile;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(
+                    f,
+                    "an expression such as \"ado.x - ego.x\" or Signal(expr: \"…\", …)"
+                )
+            }
+
+            fn visit_str<E: de::Error>(self, v: &str) -> Result<SignalFile, E> {
+                Ok(SignalFile {
+                    expr: v.to_owned(),
+                    unit: None,
+                    about: None,
+                    range: None,
+                    long: false,
+                })
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<SignalFile, A::Error> {
+                let long = LongSignal::deserialize(de::value::MapAccessDeserializer::new(map))?;
+                Ok(SignalFile {
+                    expr: long.expr,
+                    unit: long.unit,
+                    about: long.about,
+                    range: long.range,
+                    long: true,
+                })
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+/// A map that keeps its order and rejects a repeated key.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Ordered<V>(pub(super) IndexMap<String, V>);
+
+impl<V> Default for Ordered<V> {
+    fn default() -> Self {
+        Ordered(IndexMap::new())
+    }
+}
+
+struct OrderedVisitor<V>(PhantomData<V>);
+
+impl<'de, V: Deserialize<'de>> Visitor<'de> for OrderedVisitor<V> {
+    type Value = IndexMap<String, V>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "names and values")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Self::Value, A::Error> {
+        let mut map = IndexMap::new();
+        while let Some(key) = access.next_key::<String>()? {
+            if map.contains_key(&key) {
+                return Err(de::Error::custom(format!("`{key}` is given twice")));
+            }
+            map.insert(key, access.next_value()?);
+        }
+        Ok(map)
+    }
+}
+
+impl<'de, V: Deserialize<'de>> Deserialize<'de> for Ordered<V> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer
+            .deserialize_map(OrderedVisitor(PhantomData))
+            .map(Ordered)
+    }
+}
+
+/// Parameters by name, written like a struct: `(max_brake_mps2: 4.0)`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Patch(pub IndexMap<String, f64>);
+
+impl<'de> Deserialize<'de> for Patch {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Patch, D::Error> {
+        deserializer
+            .deserialize_any(OrderedVisitor(PhantomData))
+            .map(Patch)
+    }
+}
+
+impl Serialize for Patch {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.serialize(serializer)
+    }
+}

@@ -1,0 +1,318 @@
+//! Where a value stands in a RON text, by its path.
+//!
+//! The RON reader reports positions of syntax errors only; checks that come
+//! after reading name the value by its path, and this finds its bytes.
+
+use std::fmt;
+use std::ops::Range;
+
+/// One step into a RON value.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Step {
+    /// A struct's field, or the value under a map's key.
+    Name(String),
+    /// An element of a list or tuple.
+    Index(usize),
+}
+
+/// The way from the top of a file to a value, such as `agents[1].start`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Path(Vec<Step>);
+
+impl Path {
+    /// The file's top value.
+    pub fn top() -> Path {
+        Path::default()
+    }
+
+    /// Into a field, or the value under a key.
+    pub fn to(&self, name: &str) -> Path {
+        self.with(Step::Name(name.to_owned()))
+    }
+
+    /// Into a list or tuple.
+    pub fn at(&self, index: usize) -> Path {
+        self.with(Step::Index(index))
+    }
+
+    fn with(&self, step: Step) -> Path {
+        let mut steps = self.0.clone();
+        steps.push(step);
+        Path(steps)
+    }
+
+    /// The bytes of the value in `text`, or of the innermost one that exists.
+    pub fn find(&self, text: &str) -> Range<usize> {
+        for depth in (0..=self.0.len()).rev() {
+            let mut cursor = Cursor { text, at: 0 };
+            if let Some(range) = cursor.find(&self.0[..depth]) {
+                return range;
+            }
+        }
+        0..0
+    }
+}
+
+impl fmt::Display for Path {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, step) in self.0.iter().enumerate() {
+            match step {
+                Step::Name(name) if i == 0 => write!(f, "{name}")?,
+                Step::Name(name) => write!(f, ".{name}")?,
+                Step::Index(index) => write!(f, "[{index}]")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A number in a RON text that is not finite: `NaN`, `inf`, `1e999`.
+///
+/// The RON reader lets them pass; nothing here may.
+pub fn first_non_finite(text: &str) -> Option<Range<usize>> {
+    let mut cursor = Cursor { text, at: 0 };
+    loop {
+        cursor.blank();
+        let start = cursor.at;
+        let first = cursor.peek()?;
+        if first == '"' || (first == 'r' && cursor.is_raw_string()) {
+            cursor.string();
+        } else if is_word(first) || first == '+' {
+            cursor.word();
+            let token = &text[start..cursor.at];
+            let bare = token.trim_start_matches(['+', '-']);
+            let number = token.replace('_', "").parse::<f64>();
+            let word = bare == "NaN" || bare == "inf";
+            let digits = bare.starts_with(|c: char| c.is_ascii_digit() || c == '.');
+            if word || (digits && number.is_ok_and(|n| !n.is_finite())) {
+                return Some(start..cursor.at);
+            }
+        } else {
+            cursor.bump();
+        }
+    }
+}
+
+fn is_word(c: char) -> bool {
+    c.is_alphanumeric() || matches!(c, '_' | '.' | '-' | '+')
+}
+
+struct Cursor<'a> {
+    text: &'a str,
+    at: usize,
+}
+
+impl Cursor<'_> {
+    fn rest(&self) -> &str {
+        &self.text[self.at..]
+    }
+
+    fn peek(&self) -> Option<char> {
+        self.rest().chars().next()
+    }
+
+    fn bump(&mut self) -> Option<char> {
+        let c = self.peek()?;
+        self.at += c.len_utf8();
+        Some(c)
+    }
+
+    fn eat(&mut self, c: char) -> bool {
+        let there = self.peek() == Some(c);
+        if there {
+            self.at += c.len_utf8();
+        }
+        there
+    }
+
+    /// Skips white space, comments and `#![enable(…)]` lines.
+    fn blank(&mut self) {
+        loop {
+            let rest = self.rest();
+            if rest.starts_with("//") || rest.starts_with("#!") {
+                self.at += rest.find('\n').unwrap_or(rest.len());
+            } else if rest.starts_with("/*") {
+                self.at += rest.find("*/").map_or(rest.len(), |end| end + 2);
+            } else if rest.starts_with(char::is_whitespace) {
+                self.bump();
+            } else {
+                return;
+            }
+        }
+    }
+
+    fn is_raw_string(&self) -> bool {
+        let rest = self.rest()[1..].trim_start_matches('#');
+        rest.starts_with('"')
+    }
+
+    fn string(&mut self) {
+        if self.peek() == Some('r') {
+            self.bump();
+            let hashes = self.rest().len() - self.rest().trim_start_matches('#').len();
+            self.at += hashes + 1;
+            let end = format!("\"{}", "#".repeat(hashes));
+            let rest = self.rest();
+            self.at += rest.find(&end).map_or(rest.len(), |found| found + end.len());
+            return;
+        }
+        self.bump();
+        while let Some(c) = self.bump() {
+            match c {
+                '\\' => {
+                    self.bump();
+                }
+                '"' => return,
+                _ => {}
+            }
+        }
+    }
+
+    fn word(&mut self) {
+        while self.peek().is_some_and(is_word) {
+            self.bump();
+        }
+    }
+
+    /// Reads a quoted or bare name (a field, a key).
+    fn name(&mut self) -> Option<String> {
+        let start = self.at;
+        if self.peek() == Some('"') {
+            self.string();
+            let end = self.at.saturating_sub(1).max(start + 1);
+            return Some(self.text[start + 1..end].to_owned());
+        }
+        self.word();
+        (start < self.at).then(|| self.text[start..self.at].to_owned())
+    }
+
+    /// The bytes of the value under `steps`, the cursor being before a value.
+    fn find(&mut self, steps: &[Step]) -> Option<Range<usize>> {
+        self.blank();
+        let start = self.at;
+        match self.peek()? {
+            '"' => self.string(),
+            'r' if self.is_raw_string() => self.string(),
+            '\'' => {
+                self.bump();
+                if self.eat('\\') {
+                    self.bump();
+                }
+                self.bump();
+                self.eat('\'');
+            }
+            '(' | '[' | '{' => {
+                if let Some(found) = self.children(steps) {
+                    return Some(found);
+                }
+            }
+            c if is_word(c) => {
+                self.word();
+                let end = self.at;
+                self.blank();
+                if self.peek() == Some('(') {
+                    if let Some(found) = self.children(steps) {
+                        return Some(found);
+                    }
+                } else {
+                    self.at = end;
+                }
+            }
+            _ => return None,
+        }
+        steps.is_empty().then_some(start..self.at)
+    }
+
+    /// Searches a bracketed group; leaves the cursor behind it if not found.
+    fn children(&mut self, steps: &[Step]) -> Option<Range<usize>> {
+        let close = match self.bump()? {
+            '(' => ')',
+            '[' => ']',
+            _ => '}',
+        };
+        let mut index = 0;
+        loop {
+            self.blank();
+            if self.eat(close) {
+                return None;
+            }
+            let before = self.at;
+            let name = self.named();
+            let wanted = match (steps.first(), &name) {
+                (Some(Step::Name(want)), Some(name)) => want == name,
+                (Some(Step::Index(want)), _) => *want == index,
+                _ => false,
+            };
+            let inner: &[Step] = if wanted { &steps[1..] } else { &[] };
+            let found = self.find(inner);
+            if wanted && found.is_some() {
+                return found;
+            }
+            self.blank();
+            self.eat(',');
+            index += 1;
+            if self.at == before {
+                return None;
+            }
+        }
+    }
+
+    /// Reads `name:` if it is there.
+    fn named(&mut self) -> Option<String> {
+        let start = self.at;
+        let name = self.name();
+        self.blank();
+        if name.is_some() && self.eat(':') {
+            return name;
+        }
+        self.at = start;
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"// a comment with (brackets
+Scenario(
+    name: "a (b", /* not: this */ clock: (horizon_s: 15.0),
+    agents: [
+        Vehicle(name: "ego", drive: Ego(Acc(kp: 0.3))),
+        Vehicle(name: "ado", speed: (5, 25)),
+    ],
+    signals: { "headway": "ado.x - ego.x" },
+)"#;
+
+    #[test]
+    fn values_are_found_by_their_path() {
+        let top = Path::top();
+        let agents = top.to("agents");
+        let cases = [
+            (top.to("clock").to("horizon_s"), "15.0"),
+            (top.to("name"), "\"a (b\""),
+            (agents.at(0).to("drive").at(0).to("kp"), "0.3"),
+            (agents.at(1).to("speed").at(1), "25"),
+            (agents.at(1).to("speed"), "(5, 25)"),
+            (top.to("signals").to("headway"), "\"ado.x - ego.x\""),
+            (top.to("clock").to("missing"), "(horizon_s: 15.0)"),
+        ];
+        for (path, expect) in cases {
+            assert_eq!(&TEXT[path.find(TEXT)], expect, "{path}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_are_not_finite_are_found_outside_strings() {
+        let cases = [
+            ("(a: NaN)", Some("NaN")),
+            ("(a: -inf, b: 1)", Some("-inf")),
+            ("(a: 1e999)", Some("1e999")),
+            ("(a: \"NaN\", info: 1.5e3, b: 300_000)", None),
+            ("(a: 0x1F, b: Nan) // inf", None),
+        ];
+        for (text, expect) in cases {
+            assert_eq!(first_non_finite(text).map(|r| &text[r]), expect, "{text}");
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! From a RON world file to a checked [`Scenario`].
+//!
+//! Architecture Invariant: after a `Scenario` is loaded no user mistake is
+//! possible in it; every mistake before has a place, a reason and, where known,
+//! a cure ([`ScenarioError`]). All spans, helps and limits live on this floor.
+//!
+//! ```
+//! use brakecheck::scenario::Scenario;
+//!
+//! let broken = Scenario::parse("mine.ron", "Scenario(name: \"mine\", clok: ())");
+//! let error = broken.unwrap_err();
+//! assert!(error.to_string().starts_with("mine.ron:1:"));
+//! ```
+
+mod build;
+mod check;
+mod error;
+mod file;
+mod locate;
+mod read;
+
+use std::path::Path as FilePath;
+use std::sync::Arc;
+
+use indexmap::IndexMap;
+
+pub use error::{Problem, ScenarioError};
+pub use file::{Change, Patch};
+pub use locate::Path;
+
+use crate::ego::ControllerSpec;
+use crate::rl::LearnerConfig;
+use crate::rulebook::{Rule, Rulebook};
+use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive, Offer};
+use crate::sim::PlantKind;
+use crate::stl::{Formula, Names};
+use crate::testbench::Testbench;
+
+/// A world, checked: everything needed to build its test bench.
+#[derive(Clone)]
+pub struct Scenario {
+    /// Name of the world; part of every start's key.
+    pub name: String,
+    /// The question it asks.
+    pub question: String,
+    /// Where it comes from.
+    pub source: String,
+    /// The file's text, verbatim.
+    pub text: String,
+    /// ψ_ego.
+    pub ego_spec: Formula,
+    /// The ados' rules, in the file's order.
+    pub rules: Vec<RuleSpec>,
+    /// Constants and named formulas.
+    pub names: Names,
+    /// How to learn.
+    pub learner: LearnerConfig,
+    /// What the same trained ado is reused on.
+    pub reuse: IndexMap<String, Change>,
+    /// What looked odd but is allowed.
+    pub warnings: Vec<Problem>,
+    world: DriveWorld,
+    rulebook: Arc<Rulebook>,
+}
+
+/// A rule as written.
+#[derive(Clone, Debug)]
+pub struct RuleSpec {
+    /// Its name.
+    pub name: String,
+    /// The ado that must keep it.
+    pub ado: String,
+    /// 0 is the most important.
+    pub priority: usize,
+    /// Kept when its robustness is above 0.
+    pub formula: Formula,
+}
+
+/// A world file could not be read or used.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The file could not be read.
+    #[error("cannot read `{file}`: {source}")]
+    Io {
+        /// Its path.
+        file: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not a world.
+    #[error(transparent)]
+    Scenario(Box<ScenarioError>),
+}
+
+impl Scenario {
+    /// Reads and checks a world file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or it is not a world.
+    pub fn load(path: &FilePath) -> Result<Scenario, LoadError> {
+        let file = path.display().to_string();
+        let text = read::text(&file, path)?;
+        Scenario::parse(&file, &text).map_err(|error| LoadError::Scenario(Box::new(error)))
+    }
+
+    /// Checks the text of a world file; `file` names it in errors.
+    ///
+    /// # Errors
+    /// What is wrong, where, and how to cure it.
+    pub fn parse(file: &str, text: &str) -> Result<Scenario, ScenarioError> {
+        let fail = |problems| ScenarioError {
+            file: file.to_owned(),
+            text: text.to_owned(),
+            problems,
+        };
+        let parsed = read::parse(text).map_err(|problem| fail(vec![problem]))?;
+        build::build(text, parsed).map_err(fail)
+    }
+
+    /// What the driving scene is made of.
+    pub fn spec(&self) -> &DriveSpec {
+        self.world.spec()
+    }
+
+    /// The assembled world.
+    pub fn world(&self) -> &DriveWorld {
+        &self.world
+    }
+
+    /// The bound rulebook.
+    pub fn rulebook(&self) -> &Rulebook {
+        &self.rulebook
+    }
+
+    /// A fresh test bench, one per worker.
+    pub fn bench(&self) -> Testbench {
+        Testbench::new(Box::new(self.world.scene()), Arc::clone(&self.rulebook))
+    }
+
+    /// Which plant the world runs on.
+    pub fn plant(&self) -> PlantKind {
+        self.spec().plant
+    }
+
+    /// The same world with something changed.
+    ///
+    /// # Errors
+    /// What is wrong, with its path within the change.
+    pub fn with(&self, change: &Change) -> Result<Scenario, ChangeError> {
+        let mut spec = self.spec().clone();
+        check::apply(&mut spec, change)?;
+        Ok(self.remade(spec))
+    }
+
+    /// The same world on another plant.
+    pub fn on(&self, plant: PlantKind) -> Scenario {
+        let mut spec = self.spec().clone();
+        spec.plant = plant;
+        self.remade(spec)
+    }
+
+    /// The same world with the user's own controller as the ego.
+    ///
+    /// `name` is what rows and files call it.
+    pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
+        let mut spec = self.spec().clone();
+        for agent in &mut spec.agents {
+            if let Drive::Ego(drive) = &mut agent.drive {
+                *drive = EgoDrive::Own {
+                    name: name.to_owned(),
+                    factory: Arc::clone(&factory),
+                };
+            }
+        }
+        self.remade(spec)
+    }
+
+    /// The ego's stock controller, if it has one.
+    pub fn controller(&self) -> Option<&ControllerSpec> {
+        self.spec().egos().find_map(|(_, drive)| match drive {
+            EgoDrive::Stock(spec) => Some(spec),
+            EgoDrive::Own { .. } => None,
+        })
+    }
+
+    /// A change read from a file, for `--ego FILE`.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no change, or does not fit this world.
+    pub fn changed_by(&self, path: &FilePath) -> Result<Scenario, LoadError> {
+        let file = path.display().to_string();
+        let text = read::text(&file, path)?;
+        let fail = |problem| {
+            LoadError::Scenario(Box::new(ScenarioError {
+                file: file.clone(),
+                text: text.clone(),
+                problems: vec![problem],
+            }))
+        };
+        let change: Change = read::parse(&text).map_err(fail)?;
+        self.with(&change).map_err(|error| {
+            let at = error.path(&Path::top());
+            fail(error.problem(at.find(&text)))
+        })
+    }
+
+    /// Every signal that formulas may use, derived ones included.
+    pub fn signals(&self) -> Vec<Offer> {
+        self.spec().catalogue()
+    }
+
+    fn remade(&self, spec: DriveSpec) -> Scenario {
+        // Invariant: signals and observations do not depend on what a change
+        // can change, so a world that was assembled once assembles again.
+        let world = DriveWorld::new(spec).unwrap_or_else(|_| self.world.clone());
+        Scenario {
+            world,
+            ..self.clone()
+        }
+    }
+}
+
+/// A change that does not fit the world.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{what}")]
+pub struct ChangeError {
+    /// What is wrong.
+    pub what: String,
+    /// The cure, where one is known.
+    pub help: Option<String>,
+    /// Fields from the change to the place.
+    pub place: Vec<String>,
+}
+
+impl ChangeError {
+    fn path(&self, change: &Path) -> Path {
+        self.place.iter().fold(change.clone(), |path, name| path.to(name))
+    }
+
+    fn problem(&self, span: std::ops::Range<usize>) -> Problem {
+        Problem {
+            what: self.what.clone(),
+            span,
+            label: "here".to_owned(),
+            help: self.help.clone(),
+        }
+    }
+}
+
+fn bound_rules(
+    rules: &[RuleSpec],
+    monitors: Vec<crate::stl::Monitor>,
+) -> Vec<Rule> {
+    let mut bound: Vec<Rule> = rules
+        .iter()
+        .zip(monitors)
+        .map(|(rule, monitor)| Rule {
+            name: rule.name.clone(),
+            ado: rule.ado.clone(),
+            priority: rule.priority,
+            monitor,
+        })
+        .collect();
+    bound.sort_by_key(|rule| rule.priority);
+    bound
+}

@@ -1,0 +1,204 @@
+//! Reading RON with errors that name the place and the cure.
+
+use std::path::Path as FilePath;
+
+use ron::error::{Error, Position, SpannedError};
+use ron::extensions::Extensions;
+use serde::de::DeserializeOwned;
+
+use super::LoadError;
+use super::error::{Problem, ScenarioError, did_you_mean, known_names};
+use super::locate::first_non_finite;
+
+/// World files larger than this are refused.
+const MAX_BYTES: u64 = 4 << 20;
+
+/// Reads a text file of sane size in UTF-8.
+pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
+    let io = |source| LoadError::Io {
+        file: file.to_owned(),
+        source,
+    };
+    let length = std::fs::metadata(path).map_err(io)?.len();
+    if MAX_BYTES < length {
+        let what = format!("{length} bytes, more than the {MAX_BYTES} a world file may have");
+        return Err(io(std::io::Error::other(what)));
+    }
+    let bytes = std::fs::read(path).map_err(io)?;
+    String::from_utf8(bytes).map_err(|error| {
+        let at = error.utf8_error().valid_up_to();
+        let bytes = error.into_bytes();
+        let text = String::from_utf8_lossy(&bytes[..at]).into_owned();
+        LoadError::Scenario(Box::new(ScenarioError {
+            file: file.to_owned(),
+            problems: vec![Problem {
+                what: format!("byte {at} is not UTF-8"),
+                span: text.len().saturating_sub(1)..text.len(),
+                label: "after this".to_owned(),
+                help: Some("save the file as UTF-8 text".to_owned()),
+            }],
+            text,
+        }))
+    })
+}
+
+/// Reads a value from RON, finite numbers only.
+pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
+    if text.starts_with('\u{feff}') {
+        return Err(Problem {
+            what: "the file begins with a byte order mark".to_owned(),
+            span: 0..3,
+            label: "invisible character U+FEFF".to_owned(),
+            help: Some("save the file as UTF-8 without BOM".to_owned()),
+        });
+    }
+    let options = ron::Options::default().with_default_extension(
+        Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES,
+    );
+    let value = options
+        .from_str(text)
+        .map_err(|error| problem(text, &error))?;
+    // A number that is not finite passes the reader; it may not pass here.
+    match first_non_finite(text) {
+        Some(span) => Err(Problem {
+            what: format!("`{}` is not a finite number", &text[span.clone()]),
+            span,
+            label: "must be finite".to_owned(),
+            help: Some("write an ordinary number, such as 1.0e6".to_owned()),
+        }),
+        None => Ok(value),
+    }
+}
+
+fn problem(text: &str, error: &SpannedError) -> Problem {
+    let start = offset(text, error.span.start);
+    let end = offset(text, error.span.end).max(start);
+    let (what, label, help) = explain(&error.code);
+    let mut span = token(text, start, end);
+    if let Some(found) = culprit(&error.code) {
+        // The reader's span is around the name, not always on it.
+        let from = start.saturating_sub(found.len() + 8);
+        let from = (from..=start).find(|&i| text.is_char_boundary(i)).unwrap_or(start);
+        let to = (end + 8 + found.len()).min(text.len());
+        let to = (to..=text.len()).find(|&i| text.is_char_boundary(i)).unwrap_or(end);
+        if let Some(at) = text[from..to].find(found) {
+            span = from + at..from + at + found.len();
+        }
+    }
+    Problem {
+        what,
+        span,
+        label,
+        help,
+    }
+}
+
+/// The name in the file that an error is about.
+fn culprit(code: &Error) -> Option<&str> {
+    match code {
+        Error::NoSuchStructField { found, .. } | Error::NoSuchEnumVariant { found, .. } => {
+            Some(found)
+        }
+        Error::DuplicateStructField { field, .. } => Some(field),
+        _ => None,
+    }
+}
+
+fn explain(code: &Error) -> (String, String, Option<String>) {
+    match code {
+        Error::NoSuchStructField {
+            expected,
+            found,
+            outer,
+        } => {
+            let of = outer.as_ref().map_or(String::new(), |o| format!(" in `{o}`"));
+            let known = known_names("fields", expected.iter().copied());
+            let help = match did_you_mean(found, expected.iter().copied()) {
+                Some(guess) => format!("{guess} — {known}"),
+                None => known,
+            };
+            (
+                format!("unknown field `{found}`{of}"),
+                "not a field here".to_owned(),
+                Some(help),
+            )
+        }
+        Error::NoSuchEnumVariant {
+            expected, found, ..
+        } => {
+            let known = known_names("one of", expected.iter().copied());
+            let help = match did_you_mean(found, expected.iter().copied()) {
+                Some(guess) => format!("{guess} — {known}"),
+                None => known,
+            };
+            (
+                format!("`{found}` is not known here"),
+                "not known".to_owned(),
+                Some(help),
+            )
+        }
+        Error::MissingStructField { field, outer } => {
+            let of = outer.as_ref().map_or(String::new(), |o| format!(" of `{o}`"));
+            (
+                format!("the field `{field}`{of} is missing"),
+                "the block that ends here lacks it".to_owned(),
+                Some(format!("add `{field}: …`")),
+            )
+        }
+        Error::DuplicateStructField { field, .. } => (
+            format!("the field `{field}` is given twice"),
+            "second time".to_owned(),
+            Some("keep one of them".to_owned()),
+        ),
+        Error::ExceededRecursionLimit => (
+            "the file is nested too deeply".to_owned(),
+            "here".to_owned(),
+            Some("worlds need fewer than 128 levels".to_owned()),
+        ),
+        other => (
+            first_lower(&other.to_string()),
+            "here".to_owned(),
+            None,
+        ),
+    }
+}
+
+fn first_lower(message: &str) -> String {
+    let mut chars = message.chars();
+    let second_lower = message.chars().nth(1).is_none_or(|c| !c.is_uppercase());
+    match chars.next() {
+        Some(first) if second_lower => first.to_lowercase().chain(chars).collect(),
+        _ => message.to_owned(),
+    }
+}
+
+/// Byte offset of a line and column, both counted from 1 in characters.
+fn offset(text: &str, position: Position) -> usize {
+    let line_start: usize = text
+        .split_inclusive('\n')
+        .take(position.line.saturating_sub(1))
+        .map(str::len)
+        .sum();
+    let line = &text[line_start.min(text.len())..];
+    let column: usize = line
+        .chars()
+        .take(position.col.saturating_sub(1))
+        .map(char::len_utf8)
+        .sum();
+    (line_start + column).min(text.len())
+}
+
+/// A visible piece of text at or before the reader's span.
+fn token(text: &str, start: usize, end: usize) -> std::ops::Range<usize> {
+    let piece = text[start..end].trim();
+    if !piece.is_empty() && !piece.contains('\n') {
+        let lead = text[start..end].len() - text[start..end].trim_start().len();
+        return start + lead..start + lead + piece.len();
+    }
+    let before = text[..start].trim_end();
+    let from = before.char_indices().next_back().map_or(0, |(i, _)| i);
+    match before.is_empty() {
+        true => 0..text.len().min(1),
+        false => from..before.len(),
+    }
+}

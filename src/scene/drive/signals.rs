@@ -1,0 +1,239 @@
+//! What a driving scene publishes: the catalogue of signals and their sources.
+
+use super::spec::DriveSpec;
+use crate::trace::Signal;
+
+/// A quantity of one agent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Field {
+    X,
+    Y,
+    Heading,
+    Speed,
+    Accel,
+    S,
+    Lateral,
+    LateralSpeed,
+    Lane,
+    YawRate,
+}
+
+/// A quantity of two agents, seen from the first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Between {
+    Headway,
+    Lateral,
+    Gap,
+    Ttc,
+    Contact,
+}
+
+/// Where a published value comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Source {
+    Time,
+    TimeLeft,
+    Contact,
+    Agent(usize, Field),
+    Pair(usize, usize, Between),
+}
+
+/// A signal that can be published, with the range by which it is observed.
+#[derive(Clone, Debug)]
+pub struct Offer {
+    /// Its declaration.
+    pub signal: Signal,
+    /// Usual range; observations are scaled by it.
+    pub range: (f64, f64),
+    /// Whether every trace holds it; the others are published when mentioned.
+    pub always: bool,
+    pub(super) source: Source,
+}
+
+/// Time to collision is capped here, so that it is finite when not closing.
+pub const TTC_CAP_S: f64 = 100.0;
+
+const FIELDS: [(Field, &str, &str, &str, (f64, f64), bool); 10] = [
+    (
+        Field::X,
+        "x",
+        "m",
+        "front bumper along world x",
+        (-100.0, 100.0),
+        true,
+    ),
+    (
+        Field::Y,
+        "y",
+        "m",
+        "front bumper along world y (left)",
+        (-10.0, 10.0),
+        true,
+    ),
+    (
+        Field::Heading,
+        "heading",
+        "rad",
+        "counter-clockwise from world x",
+        (-1.0, 1.0),
+        true,
+    ),
+    (
+        Field::Speed,
+        "speed",
+        "m/s",
+        "velocity along the heading",
+        (0.0, 30.0),
+        true,
+    ),
+    (
+        Field::Accel,
+        "accel",
+        "m/s²",
+        "acceleration along the heading over the last sample",
+        (-5.0, 5.0),
+        true,
+    ),
+    (
+        Field::S,
+        "s",
+        "m",
+        "front bumper along the road",
+        (-100.0, 100.0),
+        false,
+    ),
+    (
+        Field::Lateral,
+        "lateral",
+        "m",
+        "offset to the left of the middle of lane 0",
+        (-10.0, 10.0),
+        false,
+    ),
+    (
+        Field::LateralSpeed,
+        "lateral_speed",
+        "m/s",
+        "velocity across the road, to the left",
+        (-3.0, 3.0),
+        false,
+    ),
+    (
+        Field::Lane,
+        "lane",
+        "",
+        "lane of the front bumper, 0 is the rightmost",
+        (0.0, 3.0),
+        false,
+    ),
+    (
+        Field::YawRate,
+        "yaw_rate",
+        "rad/s",
+        "turning rate, counter-clockwise",
+        (-1.0, 1.0),
+        false,
+    ),
+];
+
+const BETWEENS: [(Between, &str, &str, &str, (f64, f64)); 5] = [
+    (
+        Between::Headway,
+        "headway",
+        "m",
+        "distance along the road from {a} to {b}, front to front",
+        (-100.0, 100.0),
+    ),
+    (
+        Between::Lateral,
+        "lateral",
+        "m",
+        "lateral offset of {b} from {a}, to the left",
+        (-10.0, 10.0),
+    ),
+    (
+        Between::Gap,
+        "gap",
+        "m",
+        "clearance between the bodies of {a} and {b}",
+        (0.0, 100.0),
+    ),
+    (
+        Between::Ttc,
+        "ttc",
+        "s",
+        "clearance along the road over closing speed, at most 100 s",
+        (0.0, 20.0),
+    ),
+    (
+        Between::Contact,
+        "contact",
+        "",
+        "whether {a} and {b} touched",
+        (0.0, 1.0),
+    ),
+];
+
+impl DriveSpec {
+    /// Every signal this scene can publish, derived ones excepted.
+    pub fn catalogue(&self) -> Vec<Offer> {
+        let mut offers = vec![
+            Offer {
+                signal: Signal::real("time", "s", "time since the start"),
+                range: (0.0, self.clock.horizon_s),
+                always: false,
+                source: Source::Time,
+            },
+            Offer {
+                signal: Signal::real("time_left", "s", "time to the horizon"),
+                range: (0.0, self.clock.horizon_s),
+                always: true,
+                source: Source::TimeLeft,
+            },
+            Offer {
+                signal: Signal::boolean("contact", "whether any two agents touched"),
+                range: (0.0, 1.0),
+                always: true,
+                source: Source::Contact,
+            },
+        ];
+        for (i, agent) in self.agents.iter().enumerate() {
+            for (field, name, unit, about, range, always) in FIELDS {
+                offers.push(Offer {
+                    signal: Signal::real(format!("{}.{name}", agent.name), unit, about),
+                    range,
+                    always,
+                    source: Source::Agent(i, field),
+                });
+            }
+        }
+        for (i, a) in self.agents.iter().enumerate() {
+            for (j, b) in self.agents.iter().enumerate() {
+                if i == j {
+                    continue;
+                }
+                for (between, name, unit, about, range) in BETWEENS {
+                    let name = format!("{}.{}.{name}", a.name, b.name);
+                    let about = about.replace("{a}", &a.name).replace("{b}", &b.name);
+                    offers.push(Offer {
+                        signal: match between {
+                            Between::Contact => Signal::boolean(name, about),
+                            _ => Signal::real(name, unit, about),
+                        },
+                        range,
+                        always: false,
+                        source: Source::Pair(i, j, between),
+                    });
+                }
+            }
+        }
+        offers
+    }
+
+    /// The signals a trace of this scene holds, derived ones excepted.
+    pub(super) fn published(&self) -> Vec<Offer> {
+        let mut offers = self.catalogue();
+        offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
+        offers
+    }
+}

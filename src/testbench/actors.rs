@@ -1,0 +1,122 @@
+//! Who plays the ado: a trained policy, a baseline, or a recording.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::rl::Policy;
+use crate::scene::Start;
+use crate::seed;
+
+/// Somebody who picks the ados' joint action at each decision.
+pub trait Actor {
+    /// Begins an episode; `seed` feeds whatever randomness it has.
+    fn begin(&mut self, seed: u64, start: &Start);
+    /// The action at this decision.
+    fn act(&mut self, obs: &[f32]) -> usize;
+}
+
+/// A trained policy: a pure function of the observation.
+pub struct PolicyActor<'a>(pub &'a dyn Policy);
+
+impl Actor for PolicyActor<'_> {
+    fn begin(&mut self, _seed: u64, _start: &Start) {}
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        self.0.act(obs)
+    }
+}
+
+/// The same action all the time.
+pub struct Constant(pub usize);
+
+impl Actor for Constant {
+    fn begin(&mut self, _seed: u64, _start: &Start) {}
+
+    fn act(&mut self, _obs: &[f32]) -> usize {
+        self.0
+    }
+}
+
+/// Uniformly random actions, each held for a number of decisions.
+pub struct Held {
+    actions: usize,
+    hold: usize,
+    left: usize,
+    action: usize,
+    rng: ChaCha8Rng,
+}
+
+impl Held {
+    /// Each action is held for `hold` ≥ 1 decisions.
+    pub fn new(actions: usize, hold: usize) -> Held {
+        Held {
+            actions,
+            hold,
+            left: 0,
+            action: 0,
+            rng: seed::generator("held", &[]),
+        }
+    }
+}
+
+impl Actor for Held {
+    fn begin(&mut self, seed: u64, _start: &Start) {
+        self.rng = seed::generator("held", &[seed, self.hold as u64]);
+        self.left = 0;
+    }
+
+    fn act(&mut self, _obs: &[f32]) -> usize {
+        if self.left == 0 {
+            self.action = self.rng.random_range(0..self.actions);
+            self.left = self.hold;
+        }
+        self.left -= 1;
+        self.action
+    }
+}
+
+/// Uniformly random actions, a new one at each decision.
+pub struct Random(Held);
+
+impl Random {
+    /// Draws among `actions`.
+    pub fn new(actions: usize) -> Random {
+        Random(Held::new(actions, 1))
+    }
+}
+
+impl Actor for Random {
+    fn begin(&mut self, seed: u64, start: &Start) {
+        self.0.begin(seed, start);
+    }
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        self.0.act(obs)
+    }
+}
+
+/// A recorded action sequence; its last action holds when it runs out.
+pub struct Replay<'a> {
+    actions: &'a [usize],
+    next: usize,
+}
+
+impl<'a> Replay<'a> {
+    /// Plays `actions` in order; an empty list plays action 0.
+    pub fn new(actions: &'a [usize]) -> Replay<'a> {
+        Replay { actions, next: 0 }
+    }
+}
+
+impl Actor for Replay<'_> {
+    fn begin(&mut self, _seed: u64, _start: &Start) {
+        self.next = 0;
+    }
+
+    fn act(&mut self, _obs: &[f32]) -> usize {
+        let last = self.actions.len().saturating_sub(1);
+        let action = self.actions.get(self.next.min(last)).copied().unwrap_or(0);
+        self.next += 1;
+        action
+    }
+}

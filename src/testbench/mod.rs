@@ -1,0 +1,385 @@
+//! The test bench: a scene and a rulebook, played decision by decision.
+//!
+//! This is the only place where the two meet. A [`Testbench`] plays one episode
+//! at a time; [`Gym`] shows it to learners as an `rl::Env`, and [`play`] lets
+//! any [`Actor`] act in it and records the [`Episode`].
+
+mod actors;
+
+use std::sync::Arc;
+
+use rand::Rng;
+
+pub use actors::{Actor, Constant, Held, PolicyActor, Random, Replay};
+
+use crate::ego::Fault;
+use crate::rl::{self, End, Spaces, Step};
+use crate::rulebook::{Judge, JudgeKind, Rulebook, Stop, Verdict};
+use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
+use crate::seed::{Purpose, StartKey};
+use crate::trace::{Schema, Trace};
+
+/// Everything about one played episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    /// Where it began.
+    pub start: Start,
+    /// Seed of all noise in it.
+    pub noise: u64,
+    /// The ados' joint actions, one per decision, the aftermath included.
+    pub actions: Vec<usize>,
+    /// All samples, the aftermath included.
+    pub trace: Trace,
+    /// Samples on which the verdict rests; what follows is aftermath.
+    pub judged: usize,
+    /// How it was judged.
+    pub verdict: Verdict,
+    /// ρ(ψ_ego) of the judged samples.
+    pub robustness: f64,
+    /// The first contact, if the agents touched.
+    pub contact: Option<Touch>,
+    /// What failed, if the verdict is invalid.
+    pub fault: Option<Fault>,
+    /// Physics steps spent.
+    pub physics_steps: u64,
+}
+
+/// Whether a decided episode is played on to report contact and closing speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aftermath {
+    /// Stop at the verdict.
+    Skip,
+    /// After a success, go on with the same ado to contact or the horizon.
+    Play,
+}
+
+/// A scene under a rulebook.
+pub struct Testbench {
+    scene: Box<dyn Scene>,
+    rulebook: Arc<Rulebook>,
+    judge: Judge,
+    trace: Trace,
+    row: Vec<f64>,
+    verdict: Option<Verdict>,
+    judged: usize,
+    contact: Option<Touch>,
+    fault: Option<Fault>,
+    decisions: usize,
+    aftermath: Aftermath,
+}
+
+impl Testbench {
+    /// A bench on which `scene` is judged by `rulebook`.
+    pub fn new(scene: Box<dyn Scene>, rulebook: Arc<Rulebook>) -> Testbench {
+        let schema = Arc::clone(scene.schema());
+        Testbench {
+            judge: Judge::new(&rulebook, scene.clock().samples()),
+            row: vec![0.0; schema.len()],
+            trace: Trace::new(schema),
+            verdict: None,
+            judged: 0,
+            contact: None,
+            fault: None,
+            decisions: 0,
+            aftermath: Aftermath::Skip,
+            scene,
+            rulebook,
+        }
+    }
+
+    /// The rulebook in force.
+    pub fn rulebook(&self) -> &Rulebook {
+        &self.rulebook
+    }
+
+    /// Shapes of observations and joint actions.
+    pub fn spaces(&self) -> &Spaces {
+        self.scene.spaces()
+    }
+
+    /// The clocks.
+    pub fn clock(&self) -> &Clock {
+        self.scene.clock()
+    }
+
+    /// X_init.
+    pub fn axes(&self) -> &[Axis] {
+        self.scene.axes()
+    }
+
+    /// The published signals.
+    pub fn schema(&self) -> &Arc<Schema> {
+        self.scene.schema()
+    }
+
+    /// The start of a key.
+    pub fn draw(&self, key: StartKey) -> Start {
+        self.scene.draw(key)
+    }
+
+    /// Seed of the noise in the episode of a key.
+    pub fn noise_of(&self, key: StartKey) -> u64 {
+        key.generator("", "noise").next_u64()
+    }
+
+    /// What does not move, for viewers.
+    pub fn stage(&self) -> Stage {
+        self.scene.stage()
+    }
+
+    /// Where everybody is now, for viewers.
+    pub fn frame(&self) -> Frame {
+        self.scene.frame()
+    }
+
+    /// Begins an episode and judges its first sample.
+    pub fn begin(&mut self, start: &Start, noise: u64, aftermath: Aftermath) {
+        self.aftermath = aftermath;
+        self.scene.reset(start, noise);
+        self.judge.reset();
+        self.trace.clear();
+        self.verdict = None;
+        self.judged = 0;
+        self.contact = None;
+        self.fault = None;
+        self.decisions = 0;
+        self.record(None);
+    }
+
+    /// Takes one joint action; plays until the next decision or the verdict.
+    pub fn decide(&mut self, action: usize) {
+        self.decide_watched(action, &mut |_| {});
+    }
+
+    fn decide_watched(&mut self, action: usize, watch: &mut dyn FnMut(&dyn Scene)) {
+        self.scene.decide(action);
+        self.decisions += 1;
+        for _ in 0..self.clock().samples_per_decision() {
+            if self.is_done() {
+                return;
+            }
+            self.sample();
+            watch(&*self.scene);
+        }
+    }
+
+    /// The verdict, once nothing can change it.
+    pub fn verdict(&self) -> Option<Verdict> {
+        self.verdict
+    }
+
+    /// Whether the verdict has fallen.
+    pub fn is_decided(&self) -> bool {
+        self.verdict.is_some()
+    }
+
+    /// Whether the motion has ended: contact, fault or the horizon.
+    pub fn is_over(&self) -> bool {
+        self.contact.is_some() || self.fault.is_some() || self.samples_left() == 0
+    }
+
+    /// Whether there is nothing left to decide or to play.
+    pub fn is_done(&self) -> bool {
+        let played_on = self.aftermath == Aftermath::Play
+            && self.verdict.is_some_and(|verdict| verdict.is_success());
+        self.is_over() || (self.is_decided() && !played_on)
+    }
+
+    /// The samples so far.
+    pub fn trace(&self) -> &Trace {
+        &self.trace
+    }
+
+    /// Decisions taken in this episode.
+    pub fn decisions(&self) -> usize {
+        self.decisions
+    }
+
+    /// Physics steps spent in this episode.
+    pub fn physics_steps(&self) -> u64 {
+        (self.trace.len() as u64).saturating_sub(1) * u64::from(self.clock().substeps)
+    }
+
+    /// Writes the ados' joint observation.
+    pub fn observe(&self, obs: &mut [f32]) {
+        self.scene.observe(&self.row, obs);
+    }
+
+    /// A copy that continues bit for bit; `None` if the ego cannot be copied.
+    pub fn fork(&self) -> Option<Testbench> {
+        Some(Testbench {
+            scene: self.scene.fork()?,
+            rulebook: Arc::clone(&self.rulebook),
+            judge: self.judge.clone(),
+            trace: self.trace.clone(),
+            row: self.row.clone(),
+            verdict: self.verdict,
+            judged: self.judged,
+            contact: self.contact.clone(),
+            fault: self.fault.clone(),
+            decisions: self.decisions,
+            aftermath: self.aftermath,
+        })
+    }
+
+    fn samples_left(&self) -> usize {
+        self.clock().samples() - self.trace.len()
+    }
+
+    fn sample(&mut self) {
+        let stop = match self.scene.advance() {
+            Flow::Going if self.samples_left() == 1 => Some(Stop::Horizon),
+            Flow::Going => None,
+            Flow::Contact(touch) => {
+                self.contact = Some(touch);
+                Some(Stop::Contact)
+            }
+            Flow::Fault(fault) => return self.fail(fault),
+        };
+        self.record(stop);
+    }
+
+    /// Publishes, records and judges the present sample.
+    fn record(&mut self, stop: Option<Stop>) {
+        self.scene.publish(&mut self.row);
+        if self.trace.push(&self.row).is_err() {
+            let time_ms = (self.trace.len() as f64 * self.trace.dt_s() * 1e3).round() as u64;
+            return self.fail(Fault::Physics { time_ms });
+        }
+        if self.is_decided() {
+            return;
+        }
+        if stop == Some(Stop::Contact) && self.rulebook.judge == JudgeKind::WholeRun {
+            // Rigid bodies stop each other: the contact sample holds to T.
+            while 0 < self.samples_left() && self.trace.push(&self.row).is_ok() {}
+        }
+        self.verdict = self
+            .judge
+            .push(&self.rulebook, &self.trace, &self.row, stop);
+        if self.is_decided() {
+            self.judged = self.trace.len();
+        }
+    }
+
+    fn fail(&mut self, fault: Fault) {
+        self.fault = Some(fault);
+        if !self.is_decided() {
+            self.verdict = Some(Verdict::Invalid);
+            self.judged = self.trace.len();
+        }
+    }
+}
+
+/// Lets `actor` play one episode on `bench` and returns the record of it.
+pub fn play(
+    bench: &mut Testbench,
+    start: &Start,
+    noise: u64,
+    actor: &mut dyn Actor,
+    aftermath: Aftermath,
+) -> Episode {
+    let mut obs = vec![0.0; bench.spaces().observation];
+    let mut actions = Vec::with_capacity(bench.clock().decisions());
+    bench.begin(start, noise, aftermath);
+    actor.begin(noise, start);
+    while !bench.is_done() {
+        bench.observe(&mut obs);
+        let action = actor.act(&obs);
+        actions.push(action);
+        bench.decide(action);
+    }
+    bench.episode(start, noise, actions)
+}
+
+/// Plays a recorded episode again and returns where everybody was, per sample.
+pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
+    bench.begin(&episode.start, episode.noise, Aftermath::Play);
+    let mut frames = vec![bench.frame()];
+    for &action in &episode.actions {
+        bench.decide_watched(action, &mut |scene| frames.push(scene.frame()));
+    }
+    frames
+}
+
+impl Testbench {
+    fn episode(&mut self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+        let verdict = self.verdict.unwrap_or(Verdict::Invalid);
+        let mut scratch = crate::stl::Scratch::default();
+        let mut judged = self.trace.clone();
+        judged.truncate(self.judged);
+        Episode {
+            start: start.clone(),
+            noise,
+            actions,
+            robustness: self.rulebook.spec.robustness(&judged, &mut scratch),
+            trace: self.trace.clone(),
+            judged: self.judged,
+            verdict,
+            contact: self.contact.clone(),
+            fault: self.fault.clone(),
+            physics_steps: self.physics_steps(),
+        }
+    }
+}
+
+/// The test bench as learners see it: an episodic decision problem.
+///
+/// Starts come from the stream (purpose, seed); `reset(i)` begins its i-th.
+pub struct Gym {
+    bench: Testbench,
+    purpose: Purpose,
+    seed: u64,
+}
+
+impl Gym {
+    /// Training starts of `seed` on `bench`.
+    pub fn new(bench: Testbench, purpose: Purpose, seed: u64) -> Gym {
+        // Invariant: training never sees a test start.
+        assert!(purpose != Purpose::Test, "learners get no test starts");
+        Gym {
+            bench,
+            purpose,
+            seed,
+        }
+    }
+}
+
+impl rl::Env for Gym {
+    fn spaces(&self) -> &Spaces {
+        self.bench.spaces()
+    }
+
+    fn reset(&mut self, index: u64, obs: &mut [f32]) {
+        let key = StartKey {
+            purpose: self.purpose,
+            seed: self.seed,
+            index,
+        };
+        let start = self.bench.draw(key);
+        let noise = self.bench.noise_of(key);
+        self.bench.begin(&start, noise, Aftermath::Skip);
+        self.bench.observe(obs);
+    }
+
+    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
+        self.bench.decide(action);
+        self.bench.observe(obs);
+        let Some(verdict) = self.bench.verdict() else {
+            return Step {
+                reward: 0.0,
+                end: None,
+            };
+        };
+        match self.bench.rulebook.reward_of(&verdict) {
+            // The one cast from rewards to learners.
+            Some(reward) => Step {
+                reward: reward as f32,
+                end: Some(End::Terminated),
+            },
+            None => Step {
+                reward: 0.0,
+                end: Some(End::Aborted),
+            },
+        }
+    }
+}
