@@ -1,0 +1,172 @@
+//! Texts that have been read, not yet bound to signals.
+
+use std::fmt::{self, Display, Formatter};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use crate::trace::Schema;
+
+use super::bind::{bind, bind_term};
+use super::error::StlError;
+use super::leaf::Value;
+use super::monitor::Monitor;
+use super::parse::{parse_formula, parse_term};
+use super::settings::{Constants, Names, Settings};
+use super::syntax::{Node, Term, TermKind};
+
+/// A formula of Signal Temporal Logic.
+///
+/// Read it with [`str::parse`]; it prints as a canonical text that reads back
+/// as the same formula.
+///
+/// ```
+/// use brakecheck::stl::Formula;
+///
+/// let formula: Formula = "G[0:2](x>1) -> !y".parse()?;
+/// assert_eq!(formula.to_string(), "(always[0, 2] (x > 1)) implies (not y)");
+/// # Ok::<(), brakecheck::stl::StlError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Formula {
+    pub(crate) root: Arc<Node>,
+}
+
+impl Formula {
+    /// Binds names to the signals of `schema` and to `constants`.
+    ///
+    /// # Errors
+    /// An unknown name, a Boolean where a number is due or the other way
+    /// round, a bound that is no multiple of the sampling period, a formula
+    /// that looks too far.
+    pub fn bind(&self, schema: &Schema, constants: &Constants) -> Result<Monitor, StlError> {
+        let names = Names {
+            constants: constants.clone(),
+            ..Names::default()
+        };
+        self.bind_with(schema, &names, &Settings::default())
+    }
+
+    /// As [`Formula::bind`], with named formulas and another reading.
+    ///
+    /// # Errors
+    /// As [`Formula::bind`]; also a named formula that is defined by itself.
+    pub fn bind_with(
+        &self,
+        schema: &Schema,
+        names: &Names,
+        settings: &Settings,
+    ) -> Result<Monitor, StlError> {
+        let program = bind(&self.root, schema, names, settings)?;
+        Ok(Monitor::new(program, settings))
+    }
+}
+
+impl FromStr for Formula {
+    type Err = StlError;
+
+    fn from_str(text: &str) -> Result<Formula, StlError> {
+        Ok(Formula {
+            root: Arc::new(parse_formula(text)?),
+        })
+    }
+}
+
+impl Display for Formula {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.root.fmt(f)
+    }
+}
+
+/// An arithmetic expression, such as `ado.x - ego.x`.
+///
+/// ```
+/// use brakecheck::stl::{Constants, Expr};
+/// use brakecheck::trace::{Schema, Signal};
+///
+/// let schema = Schema::new(0.1, [Signal::real("x", "m", "where"), Signal::real("y", "m", "where")])?;
+/// let expr: Expr = "abs(x - y) / 2".parse()?;
+/// assert_eq!(expr.signals(), ["x", "y"]);
+/// assert_eq!(expr.bind(&schema, &Constants::new())?.eval(&[1.0, 4.0]), 1.5);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expr {
+    root: Term,
+}
+
+impl Expr {
+    /// Binds names to the signals of `schema` and to `constants`.
+    ///
+    /// # Errors
+    /// An unknown name; a Boolean signal; a constant part that is not finite.
+    pub fn bind(&self, schema: &Schema, constants: &Constants) -> Result<BoundExpr, StlError> {
+        let names = Names {
+            constants: constants.clone(),
+            ..Names::default()
+        };
+        let value = bind_term(&self.root, schema, &names)?;
+        Ok(BoundExpr {
+            value,
+            width: schema.len(),
+        })
+    }
+
+    /// The names it mentions, in order, each once; constants are among them.
+    pub fn signals(&self) -> Vec<&str> {
+        fn visit<'a>(term: &'a Term, names: &mut Vec<&'a str>) {
+            match &term.kind {
+                TermKind::Number(_) => {}
+                TermKind::Name(name) if names.contains(&&**name) => {}
+                TermKind::Name(name) => names.push(name),
+                TermKind::Negative(a) => visit(a, names),
+                TermKind::Calculated(_, sides) => {
+                    visit(&sides.0, names);
+                    visit(&sides.1, names);
+                }
+                TermKind::Call(_, all) => all.iter().for_each(|a| visit(a, names)),
+            }
+        }
+        let mut names = Vec::new();
+        visit(&self.root, &mut names);
+        names
+    }
+}
+
+impl FromStr for Expr {
+    type Err = StlError;
+
+    fn from_str(text: &str) -> Result<Expr, StlError> {
+        Ok(Expr {
+            root: parse_term(text)?,
+        })
+    }
+}
+
+impl Display for Expr {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.root.fmt(f)
+    }
+}
+
+/// An expression bound to a schema: a row to a number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoundExpr {
+    value: Value,
+    width: usize,
+}
+
+impl BoundExpr {
+    /// The value in one row; a division by zero gives ±inf or NaN.
+    ///
+    /// # Panics
+    /// When the row is shorter than the schema it is bound to.
+    pub fn eval(&self, row: &[f64]) -> f64 {
+        assert!(
+            self.width <= row.len(),
+            "a row of {} for {} signals",
+            row.len(),
+            self.width
+        );
+        self.value.at(row)
+    }
+}

@@ -1,0 +1,337 @@
+//! Sliding minima and maxima, and until: O(1) per sample whatever the window.
+//!
+//! Every kernel is written once for both extrema; the other one of a pair is
+//! [`Extremum::Dual`]. Values are never NaN, so a comparison and a select are
+//! enough, and compile to one instruction.
+
+/// Minimum or maximum.
+pub(crate) trait Extremum {
+    /// The other one.
+    type Dual: Extremum;
+    /// The extremum of nothing.
+    const NEUTRAL: f64;
+    fn pick(a: f64, b: f64) -> f64;
+}
+
+pub(crate) struct Min;
+pub(crate) struct Max;
+
+impl Extremum for Min {
+    type Dual = Max;
+    const NEUTRAL: f64 = f64::INFINITY;
+
+    #[inline(always)]
+    fn pick(a: f64, b: f64) -> f64 {
+        if a < b { a } else { b }
+    }
+}
+
+impl Extremum for Max {
+    type Dual = Min;
+    const NEUTRAL: f64 = f64::NEG_INFINITY;
+
+    #[inline(always)]
+    fn pick(a: f64, b: f64) -> f64 {
+        if b < a { a } else { b }
+    }
+}
+
+/// The extremum of all values.
+pub(crate) fn fold<E: Extremum>(values: &[f64]) -> f64 {
+    const LANES: usize = 8;
+    let mut lanes = [E::NEUTRAL; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let rest = chunks.remainder();
+    for chunk in chunks {
+        for (lane, value) in lanes.iter_mut().zip(chunk) {
+            *lane = E::pick(*lane, *value);
+        }
+    }
+    lanes
+        .iter()
+        .chain(rest)
+        .fold(E::NEUTRAL, |a, b| E::pick(a, *b))
+}
+
+/// `out[i]` = extremum of `input[i .. i + width]`, cut at the end of `input`.
+///
+/// van Herk, Gil and Werman: in blocks of `width`, a window is the end of one
+/// block and the start of the next, so a running extremum backwards and one
+/// forwards give them all.
+///
+/// `out` is not longer than `input` and `width` is at least 1.
+pub(crate) fn slide<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
+    let len = out.len();
+    debug_assert!(len <= input.len() && 0 < width);
+    if input.len() <= width {
+        return suffix::<E>(input, out);
+    }
+    if width <= 4 {
+        return slide_narrow::<E>(input, width, out);
+    }
+    // Block 0 backwards; then, for every block, forwards for the windows that
+    // began in the block before, and backwards for its own, side by side.
+    let first = width.min(len);
+    suffix::<E>(&input[..width], &mut out[..first]);
+    let mut start = width;
+    while start < input.len() && start - width < len {
+        let block = &input[start..input.len().min(start + width)];
+        let (done, rest) = out.split_at_mut(start.min(len));
+        let own = rest.len().min(block.len());
+        let own = &mut rest[..own];
+        // Windows i = start − width + 1 .. start end inside this block.
+        let open = &mut done[start - width + 1..];
+        forwards_and_backwards::<E>(block, open, own);
+        start += width;
+    }
+}
+
+/// `open[i] ⊕= extremum of block[..= i]`; `own[i] = extremum of block[i ..]`.
+fn forwards_and_backwards<E: Extremum>(block: &[f64], open: &mut [f64], own: &mut [f64]) {
+    let mut forward = E::NEUTRAL;
+    let mut backward = E::NEUTRAL;
+    // Beyond what is asked for, the backward pass only runs its extremum.
+    let (ours, beyond) = block.split_at(own.len());
+    for value in beyond.iter().rev() {
+        backward = E::pick(backward, *value);
+    }
+    let both = open.len().min(block.len()).min(own.len());
+    let (open_both, open_rest) = open.split_at_mut(both);
+    let split = own.len() - both;
+    let (own_rest, own_both) = own.split_at_mut(split);
+    let side_by_side = open_both.iter_mut().zip(&block[..both]);
+    let mirrored = own_both.iter_mut().rev().zip(ours[split..].iter().rev());
+    for ((open, ahead), (own, behind)) in side_by_side.zip(mirrored) {
+        forward = E::pick(forward, *ahead);
+        *open = E::pick(*open, forward);
+        backward = E::pick(backward, *behind);
+        *own = backward;
+    }
+    for (own, behind) in own_rest.iter_mut().zip(&ours[..split]).rev() {
+        backward = E::pick(backward, *behind);
+        *own = backward;
+    }
+    let mut ahead = block[both..].iter();
+    for open in open_rest {
+        if let Some(value) = ahead.next() {
+            forward = E::pick(forward, *value);
+        }
+        *open = E::pick(*open, forward);
+    }
+}
+
+fn slide_narrow<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
+    let len = out.len();
+    out.copy_from_slice(&input[..len]);
+    for ahead in 1..width {
+        for (out, value) in out.iter_mut().zip(&input[ahead..]) {
+            *out = E::pick(*out, *value);
+        }
+    }
+}
+
+/// `out[i]` = extremum of `input[i ..]`; `out` is not longer than `input`.
+pub(crate) fn suffix<E: Extremum>(input: &[f64], out: &mut [f64]) {
+    let (shown, beyond) = input.split_at(out.len());
+    let mut running = fold::<E>(beyond);
+    for (out, value) in out.iter_mut().zip(shown).rev() {
+        running = E::pick(running, *value);
+        *out = running;
+    }
+}
+
+/// Values of consecutive samples, the first one at sample `first`.
+#[derive(Clone, Copy)]
+pub(crate) struct View<'a> {
+    pub(crate) first: usize,
+    pub(crate) values: &'a [f64],
+}
+
+impl<'a> View<'a> {
+    /// The values from sample `from` on, as far as there are any.
+    pub(crate) fn from(self, from: usize) -> &'a [f64] {
+        let skip = from.saturating_sub(self.first).min(self.values.len());
+        &self.values[skip..]
+    }
+
+    pub(crate) fn at(self, sample: usize) -> Option<f64> {
+        sample
+            .checked_sub(self.first)
+            .and_then(|i| self.values.get(i))
+            .copied()
+    }
+}
+
+/// A window of samples: `from ..= to` away, or to the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Window {
+    pub(crate) from: usize,
+    pub(crate) to: Option<usize>,
+}
+
+impl Window {
+    pub(crate) fn width(self) -> Option<usize> {
+        self.to.map(|to| to - self.from + 1)
+    }
+}
+
+/// What lies behind the last value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Tail {
+    /// Nothing: windows are cut.
+    Cut,
+    /// The last value again and again.
+    Held,
+}
+
+impl Tail {
+    fn value(self, values: &[f64], neutral: f64) -> f64 {
+        match self {
+            Tail::Cut => neutral,
+            Tail::Held => values.last().copied().unwrap_or(neutral),
+        }
+    }
+}
+
+/// always / eventually: the extremum over the window ahead of each sample.
+pub(crate) fn ahead<E: Extremum>(
+    child: View<'_>,
+    window: Window,
+    tail: Tail,
+    from: usize,
+    out: &mut [f64],
+) {
+    let input = child.from(from + window.from);
+    let (shown, beyond) = out.split_at_mut(out.len().min(input.len()));
+    match window.width() {
+        Some(width) => slide::<E>(input, width, shown),
+        None => suffix::<E>(input, shown),
+    }
+    beyond.fill(tail.value(child.values, E::NEUTRAL));
+}
+
+/// historically / once: the extremum over the window behind each sample.
+pub(crate) fn behind<E: Extremum>(child: View<'_>, window: Window, from: usize, out: &mut [f64]) {
+    let end = from + out.len();
+    // Up to here the window is cut at the start of the trace.
+    let cut = window.to.map_or(end, |to| to.min(end)).max(from);
+    let (early, late) = out.split_at_mut(cut - from);
+    if !early.is_empty() {
+        debug_assert!(child.first == 0);
+        let known = (from + 1)
+            .saturating_sub(window.from)
+            .min(child.values.len());
+        let mut running = fold::<E>(&child.values[..known]);
+        let mut next = child.values[known..].iter();
+        for (i, out) in early.iter_mut().enumerate() {
+            if i != 0
+                && window.from <= from + i
+                && let Some(value) = next.next()
+            {
+                running = E::pick(running, *value);
+            }
+            *out = running;
+        }
+    }
+    if let (Some(to), Some(width), false) = (window.to, window.width(), late.is_empty()) {
+        let input = child.from(cut - to);
+        slide::<E>(&input[..late.len() + width - 1], width, late);
+    }
+}
+
+/// `left until right` for `E = Max`, `left release right` for `E = Min`.
+///
+/// φ U[a,b] ψ = min(G[0,a−1] φ, shift_a(min(F[0,b−a] ψ, φ U ψ))), half-open.
+/// `work` is a buffer to use.
+pub(crate) fn until<E: Extremum>(
+    left: View<'_>,
+    right: View<'_>,
+    window: Window,
+    tail: Tail,
+    from: usize,
+    out: &mut [f64],
+    work: &mut Vec<f64>,
+) {
+    let start = from + window.from;
+    let (input, guard) = (right.from(start), left.from(start));
+    let (shown, beyond) = out.split_at_mut(out.len().min(input.len()));
+    let mut running = E::NEUTRAL;
+    let step = |running: f64, guard: f64, goal: f64| E::pick(goal, E::Dual::pick(guard, running));
+    for (guard, goal) in guard.iter().zip(input).skip(shown.len()).rev() {
+        running = step(running, *guard, *goal);
+    }
+    for ((out, guard), goal) in shown.iter_mut().zip(guard).zip(input).rev() {
+        running = step(running, *guard, *goal);
+        *out = running;
+    }
+    if let Some(width) = window.width().filter(|width| *width < input.len()) {
+        work.resize(shown.len(), 0.0);
+        slide::<E>(input, width, work);
+        merge::<E::Dual>(shown, work);
+    }
+    beyond.fill(tail.value(right.values, E::NEUTRAL));
+    if window.from != 0 {
+        let before = Window {
+            from: 0,
+            to: Some(window.from - 1),
+        };
+        work.resize(out.len(), 0.0);
+        ahead::<E::Dual>(left, before, tail, from, work);
+        merge::<E::Dual>(out, work);
+    }
+}
+
+/// `left since right`, the mirror of until.
+///
+/// Unless the window is bounded, the views start at sample 0.
+pub(crate) fn since(
+    left: View<'_>,
+    right: View<'_>,
+    window: Window,
+    from: usize,
+    out: &mut [f64],
+    work: &mut Vec<f64>,
+) {
+    let first = right.first.max(left.first);
+    let mut running = f64::NEG_INFINITY;
+    let len = out.len();
+    // Sample t shows the running value of t − a.
+    let empty = window.from.saturating_sub(from).min(len);
+    let start = (from + empty).saturating_sub(window.from);
+    out[..empty].fill(f64::NEG_INFINITY);
+    let pairs = || left.from(first).iter().zip(right.from(first));
+    for (i, (guard, goal)) in pairs()
+        .take((start + len - empty).saturating_sub(first))
+        .enumerate()
+    {
+        running = Max::pick(*goal, Min::pick(*guard, running));
+        if start <= first + i {
+            out[empty + first + i - start] = running;
+        }
+    }
+    if let Some(width) = window.width() {
+        work.resize(len - empty, 0.0);
+        let within = Window {
+            from: 0,
+            to: Some(width - 1),
+        };
+        behind::<Max>(right, within, start, work);
+        merge::<Min>(&mut out[empty..], work);
+    }
+    if window.from != 0 {
+        let after = Window {
+            from: 0,
+            to: Some(window.from - 1),
+        };
+        work.resize(len, 0.0);
+        behind::<Min>(left, after, from, work);
+        merge::<Min>(out, work);
+    }
+}
+
+/// `out ⊕= other`
+pub(crate) fn merge<E: Extremum>(out: &mut [f64], other: &[f64]) {
+    for (a, b) in out.iter_mut().zip(other) {
+        *a = E::pick(*a, *b);
+    }
+}

@@ -1,0 +1,273 @@
+//! Monitors: a trace to its robustness.
+
+use std::sync::Arc;
+
+use crate::trace::Trace;
+
+use super::apply::Reading;
+use super::explain::{Explanation, explain};
+use super::kernel::Tail;
+use super::leaf::{Columns, Question};
+use super::offline::{Evaluation, Scratch};
+use super::online::OnlineMonitor;
+use super::program::Program;
+use super::settings::{Settings, TraceEnd};
+
+/// The values a robustness can still take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// The least possible value.
+    pub lo: f64,
+    /// The greatest possible value.
+    pub hi: f64,
+}
+
+impl Interval {
+    /// All values.
+    pub const ANY: Interval = Interval {
+        lo: f64::NEG_INFINITY,
+        hi: f64::INFINITY,
+    };
+
+    /// Whether nothing can change the value any more.
+    pub fn is_final(self) -> bool {
+        self.lo == self.hi
+    }
+
+    /// Whether the formula can no longer be satisfied (ρ < 0 for certain).
+    pub fn is_violated(self) -> bool {
+        self.hi < 0.0
+    }
+
+    /// Whether the formula is strictly satisfied whatever comes (ρ > 0).
+    pub fn is_kept(self) -> bool {
+        0.0 < self.lo
+    }
+
+    /// Whether `value` is still possible.
+    pub fn contains(self, value: f64) -> bool {
+        self.lo <= value && value <= self.hi
+    }
+
+    pub(crate) fn map(self, f: impl Fn(f64) -> f64) -> Interval {
+        Interval {
+            lo: f(self.lo),
+            hi: f(self.hi),
+        }
+    }
+}
+
+/// A formula bound to a schema: evaluating it cannot fail.
+///
+/// Cheap to clone, and shared freely between threads.
+#[derive(Clone, Debug)]
+pub struct Monitor {
+    pub(crate) program: Arc<Program>,
+    pub(crate) settings: Settings,
+}
+
+impl Monitor {
+    pub(crate) fn new(program: Program, settings: &Settings) -> Monitor {
+        Monitor {
+            program: Arc::new(program),
+            settings: settings.clone(),
+        }
+    }
+
+    /// The robustness ρ(φ, s, 0).
+    ///
+    /// ρ > 0 implies that the formula holds, ρ < 0 that it does not. Nothing
+    /// is allocated once `scratch` has grown. An empty trace shows nothing:
+    /// its robustness is −inf (−ρ_max where clamped).
+    ///
+    /// # Panics
+    /// When the trace has another number of signals than the bound schema.
+    pub fn robustness(&self, trace: &Trace, scratch: &mut Scratch) -> f64 {
+        self.check(trace);
+        self.clamp(self.value(trace, trace.len(), Question::Margin, scratch))
+    }
+
+    /// Whether the formula holds at sample 0; here `>` and `>=` differ.
+    ///
+    /// An empty trace satisfies nothing.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn satisfied(&self, trace: &Trace, scratch: &mut Scratch) -> bool {
+        self.check(trace);
+        0.0 < self.value(trace, trace.len(), Question::Truth, scratch)
+    }
+
+    /// The robustness at every sample.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn robustness_all(&self, trace: &Trace) -> Vec<f64> {
+        self.check(trace);
+        if trace.is_empty() {
+            return Vec::new();
+        }
+        let mut scratch = Scratch::new();
+        let reading = self.reading(trace.len());
+        let mut evaluation =
+            self.evaluation(trace, trace.len(), reading, Question::Margin, &mut scratch);
+        let mut all = evaluation.run(self.program.root(), 0, trace.len()).lower;
+        all.iter_mut().for_each(|value| *value = self.clamp(*value));
+        all
+    }
+
+    /// The robustness at sample 0 that is possible when `trace` is only the
+    /// beginning and nothing is known of the rest.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn interval(&self, trace: &Trace, scratch: &mut Scratch) -> Interval {
+        self.check(trace);
+        if trace.is_empty() {
+            return Interval::ANY.map(|value| self.clamp(value));
+        }
+        let reading = Reading {
+            known: trace.len(),
+            bounded_len: usize::MAX,
+            unbounded_len: usize::MAX,
+            tail: Tail::Cut,
+            until: self.settings.until,
+        };
+        let mut evaluation =
+            self.evaluation(trace, trace.len(), reading, Question::Margin, scratch);
+        let stretch = evaluation.run(self.program.root(), 0, 1);
+        let lo = stretch.lower[0];
+        let hi = stretch.upper.as_ref().map_or(lo, |upper| upper[0]);
+        evaluation.give_back(stretch);
+        Interval { lo, hi }.map(|value| self.clamp(value))
+    }
+
+    /// A monitor to be fed sample by sample, for a trace of unknown length.
+    pub fn online(&self) -> OnlineMonitor {
+        OnlineMonitor::new(self, None)
+    }
+
+    /// As [`Monitor::online`], for a trace that will have `len` samples.
+    ///
+    /// Windows are cut at its known end, so that bounds close earlier, and the
+    /// last sample ends with the value of [`Monitor::robustness`].
+    pub fn online_for(&self, len: usize) -> OnlineMonitor {
+        OnlineMonitor::new(self, Some(len))
+    }
+
+    /// Which leaf, at which sample, with which value decides the robustness.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn explain(&self, trace: &Trace) -> Explanation {
+        self.check(trace);
+        explain(self, trace)
+    }
+
+    /// How many samples after the first one can matter; `None`: all of them.
+    pub fn horizon_samples(&self) -> Option<usize> {
+        self.program.get(self.program.root()).horizon
+    }
+
+    /// The positions in a row of the signals that are read, ascending.
+    pub fn signals(&self) -> Vec<usize> {
+        self.program.signals()
+    }
+
+    /// The reading it was bound with.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    pub(crate) fn clamp(&self, value: f64) -> f64 {
+        match self.settings.rho_max {
+            Some(rho_max) => value.clamp(-rho_max, rho_max),
+            None => value,
+        }
+    }
+
+    pub(crate) fn value(
+        &self,
+        columns: &impl Columns,
+        len: usize,
+        question: Question,
+        scratch: &mut Scratch,
+    ) -> f64 {
+        if len == 0 {
+            return f64::NEG_INFINITY;
+        }
+        let mut evaluation = self.evaluation(columns, len, self.reading(len), question, scratch);
+        let stretch = evaluation.run(self.program.root(), 0, 1);
+        let value = stretch.lower[0];
+        evaluation.give_back(stretch);
+        value
+    }
+
+    /// How a complete trace of `len` samples is read.
+    pub(crate) fn reading(&self, len: usize) -> Reading {
+        let until = self.settings.until;
+        match self.settings.end {
+            TraceEnd::Truncate => Reading {
+                until,
+                known: len,
+                bounded_len: len,
+                unbounded_len: len,
+                tail: Tail::Cut,
+            },
+            TraceEnd::Strict => Reading {
+                until,
+                known: len,
+                bounded_len: usize::MAX,
+                unbounded_len: len,
+                tail: Tail::Cut,
+            },
+            TraceEnd::Hold => {
+                // From here on every operator repeats its last value.
+                let memory = self
+                    .program
+                    .instructions
+                    .iter()
+                    .map(|i| i.memory)
+                    .max()
+                    .unwrap_or(0);
+                let len = len + memory;
+                Reading {
+                    until,
+                    known: len,
+                    bounded_len: len,
+                    unbounded_len: len,
+                    tail: Tail::Held,
+                }
+            }
+        }
+    }
+
+    pub(crate) fn evaluation<'a, C: Columns>(
+        &'a self,
+        columns: &'a C,
+        recorded: usize,
+        reading: Reading,
+        question: Question,
+        scratch: &'a mut Scratch,
+    ) -> Evaluation<'a, C> {
+        Evaluation {
+            program: &self.program,
+            columns,
+            recorded,
+            reading,
+            question,
+            scratch,
+        }
+    }
+
+    fn check(&self, trace: &Trace) {
+        assert!(
+            trace.schema().len() == self.program.width && trace.dt_s() == self.program.dt_s,
+            "a monitor for {} signals every {} s, a trace of {} every {} s",
+            self.program.width,
+            self.program.dt_s,
+            trace.schema().len(),
+            trace.dt_s(),
+        );
+    }
+}

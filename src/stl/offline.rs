@@ -1,0 +1,262 @@
+//! Robustness of a whole trace: only the samples that matter, each once.
+
+use super::apply::{Bound, Operand, Reading, Work, apply, combine};
+use super::kernel::{Extremum, Max, Min, Tail, View, Window, fold};
+use super::leaf::{CHUNK, Columns, Question};
+use super::program::{Id, Op, Program, Side};
+
+/// Memory that evaluations use again and again.
+///
+/// One scratch serves any number of monitors and traces; once it has grown to
+/// the largest of them nothing is allocated any more.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    free: Vec<Vec<f64>>,
+    work: Work,
+}
+
+impl Scratch {
+    /// An empty scratch.
+    pub fn new() -> Scratch {
+        Scratch::default()
+    }
+
+    /// The smallest free buffer that is large enough, else the largest.
+    fn take(&mut self, len: usize) -> Vec<f64> {
+        let fits = |buffer: &Vec<f64>| match buffer.capacity() {
+            capacity if len <= capacity => (0, capacity),
+            capacity => (1, usize::MAX - capacity),
+        };
+        let best = (0..self.free.len()).min_by_key(|i| fits(&self.free[*i]));
+        let mut buffer = best.map(|i| self.free.swap_remove(i)).unwrap_or_default();
+        buffer.resize(len, 0.0);
+        buffer
+    }
+}
+
+/// The bounds of an operator at the samples `first ..`.
+pub(crate) struct Stretch {
+    first: usize,
+    pub(crate) lower: Vec<f64>,
+    /// `None`: the same as `lower`.
+    pub(crate) upper: Option<Vec<f64>>,
+}
+
+impl Stretch {
+    fn operand(&self) -> Operand<'_> {
+        let view = |values| View {
+            first: self.first,
+            values,
+        };
+        Operand {
+            lower: view(&self.lower),
+            upper: view(self.upper.as_ref().unwrap_or(&self.lower)),
+        }
+    }
+}
+
+/// One evaluation of a program over a trace.
+pub(crate) struct Evaluation<'a, C> {
+    pub(crate) program: &'a Program,
+    pub(crate) columns: &'a C,
+    /// Samples in the columns; beyond them the last one is held.
+    pub(crate) recorded: usize,
+    pub(crate) reading: Reading,
+    pub(crate) question: Question,
+    pub(crate) scratch: &'a mut Scratch,
+}
+
+impl<C: Columns> Evaluation<'_, C> {
+    /// The bounds of `id` at the samples `from .. to`, at least one.
+    pub(crate) fn run(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        let program = self.program;
+        let instruction = program.get(id);
+        let mut lower = self.scratch.take(to - from);
+        if instruction.pointwise {
+            for (i, out) in lower.chunks_mut(CHUNK).enumerate() {
+                self.fill(id, from + i * CHUNK, out);
+            }
+            return Stretch {
+                first: from,
+                lower,
+                upper: None,
+            };
+        }
+        if let (Op::Ahead(side, window, child), 1) = (&instruction.op, to - from)
+            && program.get(*child).pointwise
+        {
+            return self.scan(*side, *window, *child, from, lower);
+        }
+        let mut operands = instruction.op.operands();
+        let last = self.reading.known - 1;
+        let (start, end) = self.reach(&instruction.op, from, to - 1, last);
+        let a = operands.next().map(|a| self.run(a, start, end + 1));
+        let b = operands.next().map(|b| self.run(b, start, end + 1));
+        // Invariant: what is not pointwise has an operand.
+        let Some(a) = a else {
+            return Stretch {
+                first: from,
+                lower,
+                upper: None,
+            };
+        };
+        let pair = (a.operand(), b.as_ref().unwrap_or(&a).operand());
+        let mut upper = None;
+        if !self.reading.is_exact() && !program.is_instant(id) {
+            let mut out = self.scratch.take(to - from);
+            apply(
+                &instruction.op,
+                &self.reading,
+                pair,
+                Bound::Upper,
+                from,
+                &mut out,
+                &mut self.scratch.work,
+            );
+            upper = Some(out);
+        }
+        apply(
+            &instruction.op,
+            &self.reading,
+            pair,
+            Bound::Lower,
+            from,
+            &mut lower,
+            &mut self.scratch.work,
+        );
+        self.give_back(a);
+        if let Some(b) = b {
+            self.give_back(b);
+        }
+        Stretch {
+            first: from,
+            lower,
+            upper,
+        }
+    }
+
+    pub(crate) fn give_back(&mut self, stretch: Stretch) {
+        self.scratch.free.push(stretch.lower);
+        self.scratch.free.extend(stretch.upper);
+    }
+
+    /// The operands' samples that matter for `from ..= to`.
+    fn reach(&self, op: &Op, from: usize, to: usize, last: usize) -> (usize, usize) {
+        let ahead = |window: Window| window.to.map_or(last, |b| to.saturating_add(b).min(last));
+        let behind = |window: Window| window.to.map_or(0, |b| from.saturating_sub(b));
+        match op {
+            Op::Ahead(_, window, _) => (from.saturating_add(window.from).min(last), ahead(*window)),
+            Op::Until(_, _, window, ..) => (from, ahead(*window)),
+            Op::Behind(_, window, _) => {
+                let start = behind(*window);
+                (start, to.saturating_sub(window.from).max(start))
+            }
+            Op::Since(window, ..) => (behind(*window), to),
+            Op::Edge(..) => (from.saturating_sub(1), to),
+            Op::Constant(_) | Op::Leaf(_) | Op::Not(_) | Op::Gate(..) => (from, to),
+        }
+    }
+
+    /// A pointwise operator at `from ..`, at most [`CHUNK`] samples.
+    fn fill(&mut self, id: Id, from: usize, out: &mut [f64]) {
+        let program = self.program;
+        match &program.get(id).op {
+            Op::Constant(true) => out.fill(self.truth()),
+            Op::Constant(false) => out.fill(-self.truth()),
+            Op::Leaf(leaf) => {
+                let recorded = self.recorded.saturating_sub(from).min(out.len());
+                let (known, held) = out.split_at_mut(recorded);
+                leaf.fill(self.columns, self.question, from, known);
+                if !held.is_empty() {
+                    let mut last = [0.0];
+                    leaf.fill(self.columns, self.question, self.recorded - 1, &mut last);
+                    held.fill(last[0]);
+                }
+            }
+            Op::Not(a) => {
+                self.fill(*a, from, out);
+                out.iter_mut().for_each(|value| *value = -*value);
+            }
+            Op::Gate(gate, a, b) => {
+                let mut left = self.scratch.take(CHUNK);
+                let mut right = self.scratch.take(CHUNK);
+                let len = out.len();
+                self.fill(*a, from, &mut left[..len]);
+                self.fill(*b, from, &mut right[..len]);
+                let (a, b) = (&left[..len], &right[..len]);
+                combine(*gate, (a, a), (b, b), out);
+                self.scratch.free.extend([left, right]);
+            }
+            // Invariant: temporal operators are never pointwise.
+            _ => out.fill(f64::NEG_INFINITY),
+        }
+    }
+
+    fn truth(&self) -> f64 {
+        match self.question {
+            Question::Margin => f64::INFINITY,
+            Question::Truth => 1.0,
+        }
+    }
+
+    /// always / eventually at one sample: a single pass without temporaries.
+    fn scan(
+        &mut self,
+        side: Side,
+        window: Window,
+        child: Id,
+        at: usize,
+        mut lower: Vec<f64>,
+    ) -> Stretch {
+        let reading = self.reading;
+        let start = match reading.tail {
+            Tail::Cut => at.saturating_add(window.from),
+            Tail::Held => at.saturating_add(window.from).min(reading.known - 1),
+        };
+        let end = window.to.map_or(reading.known, |to| {
+            at.saturating_add(to).saturating_add(1).min(reading.known)
+        });
+        let mut chunk = [0.0; CHUNK];
+        let neutral = match side {
+            Side::Min => Min::NEUTRAL,
+            Side::Max => Max::NEUTRAL,
+        };
+        let (mut value, mut next) = (neutral, start);
+        while next < end {
+            let len = (end - next).min(CHUNK);
+            let part = &mut chunk[..len];
+            self.fill(child, next, part);
+            value = match side {
+                Side::Min => Min::pick(value, fold::<Min>(part)),
+                Side::Max => Max::pick(value, fold::<Max>(part)),
+            };
+            next += len;
+        }
+        let len = reading.len(window);
+        let is_open = reading.known < len
+            && at.saturating_add(window.from) < len
+            && window
+                .to
+                .is_none_or(|to| reading.known <= at.saturating_add(to));
+        lower[0] = if is_open && side == Side::Min {
+            f64::NEG_INFINITY
+        } else {
+            value
+        };
+        let mut upper = None;
+        if !reading.is_exact() {
+            let mut out = self.scratch.take(1);
+            out[0] = if is_open && side == Side::Max {
+                f64::INFINITY
+            } else {
+                value
+            };
+            upper = Some(out);
+        }
+        Stretch {
+            first: at,
+            lower,
+            upper,
+        }
+    }
+}

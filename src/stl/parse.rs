@@ -1,0 +1,545 @@
+//! Tokens to a syntax tree, by operator precedence.
+//!
+//! Tightest first: arithmetic, comparison, `not` and the temporal prefixes,
+//! until and release, unless, since (in this order, as in RTAMT), and, or, implies (to the right), iff, xor.
+//! A formula and a number share one grammar, so that `(x + 1) * 2 > 3` and
+//! `(x > 1) and y` need no look-ahead; what is what is checked as operators
+//! take their operands.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::error::{StlError, suggest};
+use super::syntax::{Comparison, Function, Kind, Node, Span, Term, TermKind, Unary};
+use super::token::{Spanned, Token, tokenize};
+
+mod bounds;
+mod words;
+
+pub(crate) use words::is_keyword;
+use words::{
+    Infix, Prefix, infix_of, is_prefix_letter, is_word_operator, prefix_of, starts_operand,
+};
+
+/// Levels of the syntax tree.
+pub(crate) const MAX_DEPTH: usize = 100;
+/// Levels of the parser's recursion: parentheses count, too.
+const MAX_NESTING: usize = 2 * MAX_DEPTH + 50;
+
+/// How tightly an operator holds its operands.
+mod strength {
+    pub(super) const LOOSEST: u8 = 0;
+    pub(super) const XOR: u8 = 1;
+    pub(super) const IFF: u8 = 2;
+    pub(super) const IMPLIES: u8 = 3;
+    pub(super) const OR: u8 = 4;
+    pub(super) const AND: u8 = 5;
+    pub(super) const SINCE: u8 = 6;
+    pub(super) const UNLESS: u8 = 7;
+    pub(super) const UNTIL: u8 = 8;
+    pub(super) const PREFIX: u8 = 9;
+    pub(super) const COMPARE: u8 = 10;
+    pub(super) const ADD: u8 = 11;
+    pub(super) const MULTIPLY: u8 = 12;
+    pub(super) const NEGATE: u8 = 13;
+}
+
+pub(crate) fn parse_formula(text: &str) -> Result<Node, StlError> {
+    let mut parser = Parser::new(text)?;
+    let parsed = parser.expression(strength::LOOSEST)?;
+    parser.finish()?;
+    parsed.into_formula("a formula is expected here")
+}
+
+pub(crate) fn parse_term(text: &str) -> Result<Term, StlError> {
+    let mut parser = Parser::new(text)?;
+    let parsed = parser.expression(strength::LOOSEST)?;
+    parser.finish()?;
+    parsed.into_term("a number is expected here")
+}
+
+/// What has been read: its sort is settled by the operator that takes it.
+enum Parsed {
+    Formula(Node),
+    Term(Term),
+    Name(Arc<str>, Range<usize>),
+}
+
+impl Parsed {
+    fn with_span(self, span: Range<usize>) -> Parsed {
+        match self {
+            Parsed::Formula(node) => Parsed::Formula(Node {
+                span: Span(span),
+                ..node
+            }),
+            Parsed::Term(term) => Parsed::Term(Term {
+                span: Span(span),
+                ..term
+            }),
+            Parsed::Name(name, _) => Parsed::Name(name, span),
+        }
+    }
+
+    fn into_formula(self, what: &str) -> Result<Node, StlError> {
+        match self {
+            Parsed::Formula(node) => Ok(node),
+            Parsed::Name(name, span) => Ok(Node::new(Kind::Name(name), span)),
+            Parsed::Term(term) => Err(StlError::new(what, term.span.0.clone(), "this is a number")
+                .with_help(format!("compare it with something, such as `{term} > 0`"))),
+        }
+    }
+
+    fn into_term(self, what: &str) -> Result<Term, StlError> {
+        match self {
+            Parsed::Term(term) => Ok(term),
+            Parsed::Name(name, span) => Ok(Term::new(TermKind::Name(name), span)),
+            Parsed::Formula(node) => Err(StlError::new(
+                what,
+                node.span.0.clone(),
+                "this is true or false, not a number",
+            )),
+        }
+    }
+}
+
+struct Parser<'a> {
+    tokens: Vec<Spanned<'a>>,
+    at: usize,
+    nesting: usize,
+}
+
+impl<'a> Parser<'a> {
+    fn new(text: &'a str) -> Result<Parser<'a>, StlError> {
+        Ok(Parser {
+            tokens: tokenize(text)?,
+            at: 0,
+            nesting: 0,
+        })
+    }
+
+    /// The `ahead`-th token from here; beyond the end, the end.
+    fn peek(&self, ahead: usize) -> &Spanned<'a> {
+        // Invariant: there is always a last token, the end.
+        &self.tokens[(self.at + ahead).min(self.tokens.len() - 1)]
+    }
+
+    fn advance(&mut self) -> Spanned<'a> {
+        let token = self.peek(0).clone();
+        self.at += 1;
+        token
+    }
+
+    fn at_symbol(&self, symbol: &str) -> bool {
+        matches!(self.peek(0).token, Token::Symbol(s) if s == symbol)
+    }
+
+    fn take_symbol(&mut self, symbol: &str) -> bool {
+        let there = self.at_symbol(symbol);
+        self.at += usize::from(there);
+        there
+    }
+
+    fn descend(&mut self) -> Result<(), StlError> {
+        self.nesting += 1;
+        if MAX_NESTING < self.nesting {
+            return Err(too_deep(self.peek(0).span.clone()));
+        }
+        Ok(())
+    }
+
+    fn expression(&mut self, loosest: u8) -> Result<Parsed, StlError> {
+        self.descend()?;
+        let mut left = self.operand()?;
+        while let Some(infix) = infix_of(&self.peek(0).token) {
+            if infix.strength() < loosest {
+                break;
+            }
+            let operator = self.advance();
+            left = self.combine(left, infix, operator)?;
+        }
+        self.nesting -= 1;
+        Ok(left)
+    }
+
+    fn combine(
+        &mut self,
+        left: Parsed,
+        infix: Infix,
+        operator: Spanned<'a>,
+    ) -> Result<Parsed, StlError> {
+        let word = describe(&operator.token);
+        let needs = |side: &str, sort: &str| format!("{word} needs a {sort} on its {side}");
+        let hint = |error: StlError| match operator.token {
+            Token::Symbol("=>") => error.with_help("`=>` is implication; \"at least\" is `>=`"),
+            _ => error,
+        };
+        if let Infix::Compare(op) = infix {
+            return self.comparison(left, op, operator);
+        }
+        if infix == Infix::In {
+            return self.membership(left, operator);
+        }
+        if let Infix::Arithmetic(op) = infix {
+            let left = left.into_term(&needs("left", "number"))?;
+            let right = self
+                .expression(infix.strength() + 1)?
+                .into_term(&needs("right", "number"))?;
+            let span = left.span.0.start..right.span.0.end;
+            let kind = TermKind::Calculated(op, Box::new((left, right)));
+            return checked_term(Term::new(kind, span)).map(Parsed::Term);
+        }
+        let left = left.into_formula(&needs("left", "formula")).map_err(hint)?;
+        let bounds = match infix {
+            Infix::Temporal(_) => self.bounds()?,
+            _ => None,
+        };
+        // Implication groups to the right, everything else to the left.
+        let tighter = infix.strength() + u8::from(infix != Infix::Implies);
+        let right = self
+            .expression(tighter)?
+            .into_formula(&needs("right", "formula"))
+            .map_err(hint)?;
+        let span = left.span.0.start..right.span.0.end;
+        let kind = match infix {
+            Infix::And => return checked(flat(left, right, span, Kind::And)).map(Parsed::Formula),
+            Infix::Or => return checked(flat(left, right, span, Kind::Or)).map(Parsed::Formula),
+            Infix::Implies => Kind::Implies(left.into(), right.into()),
+            Infix::Iff => Kind::Iff(left.into(), right.into()),
+            Infix::Temporal(op) => Kind::Binary(op, bounds, left.into(), right.into()),
+            Infix::Xor | Infix::Compare(_) | Infix::In | Infix::Arithmetic(_) => {
+                Kind::Xor(left.into(), right.into())
+            }
+        };
+        checked(Node::new(kind, span)).map(Parsed::Formula)
+    }
+
+    /// `first op second op third …`: every neighbouring pair is compared.
+    fn comparison(
+        &mut self,
+        left: Parsed,
+        op: Comparison,
+        operator: Spanned<'a>,
+    ) -> Result<Parsed, StlError> {
+        let equality = matches!(op, Comparison::Equal | Comparison::NotEqual);
+        let hint = |error: StlError| match equality {
+            true => error.with_help("two formulas are compared with `iff` or `xor`"),
+            false => error,
+        };
+        let what = format!("{} compares numbers", describe(&operator.token));
+        let first = left.into_term(&what).map_err(hint)?;
+        let mut rest = Vec::new();
+        let mut op = Some(op);
+        while let Some(comparison) = op {
+            let right = self
+                .expression(strength::COMPARE + 1)?
+                .into_term(&what)
+                .map_err(hint)?;
+            rest.push((comparison, right));
+            op = match infix_of(&self.peek(0).token) {
+                Some(Infix::Compare(next)) => {
+                    self.advance();
+                    Some(next)
+                }
+                _ => None,
+            };
+        }
+        let end = rest
+            .last()
+            .map_or(first.span.0.end, |(_, term)| term.span.0.end);
+        let span = first.span.0.start..end;
+        checked(Node::new(Kind::Compare(first, rest), span)).map(Parsed::Formula)
+    }
+
+    /// `x in [low, high]`
+    fn membership(&mut self, left: Parsed, operator: Spanned<'a>) -> Result<Parsed, StlError> {
+        let what = format!("{} needs numbers", describe(&operator.token));
+        let x = left.into_term(&what)?;
+        let open = self.peek(0).span.clone();
+        if !self.take_symbol("[") {
+            return Err(self.unexpected("`[` and a range such as `[0, 1]`"));
+        }
+        let low = self.expression(strength::COMPARE + 1)?.into_term(&what)?;
+        if !self.take_symbol(",") && !self.take_symbol(":") {
+            return Err(self.unexpected("`,` and the upper end of the range"));
+        }
+        let high = self.expression(strength::COMPARE + 1)?.into_term(&what)?;
+        let end = self.close("]", open)?;
+        let span = x.span.0.start..end;
+        checked(Node::new(Kind::In(x, Box::new((low, high))), span)).map(Parsed::Formula)
+    }
+
+    fn operand(&mut self) -> Result<Parsed, StlError> {
+        if let Some(prefix) = self.prefix() {
+            return self.prefixed(prefix);
+        }
+        let Spanned { token, span } = self.peek(0).clone();
+        match token {
+            Token::Number(digits) => {
+                self.advance();
+                let value = digits.parse::<f64>().ok().filter(|v| v.is_finite());
+                let value = value.ok_or_else(|| {
+                    StlError::new("this number is too large", span.clone(), "not finite")
+                })?;
+                Ok(Parsed::Term(Term::new(TermKind::Number(value), span)))
+            }
+            Token::Quoted(name) => {
+                self.advance();
+                Ok(Parsed::Name(name.into(), span))
+            }
+            Token::Symbol("(") => {
+                self.advance();
+                let inner = self.expression(strength::LOOSEST)?;
+                let end = self.close(")", span.clone())?;
+                Ok(inner.with_span(span.start..end))
+            }
+            Token::Word("true" | "TRUE" | "false" | "FALSE") => {
+                self.advance();
+                let value = matches!(token, Token::Word("true" | "TRUE"));
+                Ok(Parsed::Formula(Node::new(Kind::Constant(value), span)))
+            }
+            Token::Word(word) if is_word_operator(word) => {
+                Err(self.unexpected("a formula or a number"))
+            }
+            Token::Word(word) if self.peek(1).token == Token::Symbol("(") => self.call(word),
+            Token::Word(word) => {
+                self.advance();
+                self.skip_breach_time();
+                Ok(Parsed::Name(word.into(), span))
+            }
+            _ => Err(self.unexpected("a formula or a number")),
+        }
+    }
+
+    /// Breach writes a signal `x[t]`.
+    fn skip_breach_time(&mut self) {
+        let tokens = [0, 1, 2].map(|ahead| self.peek(ahead).token);
+        if tokens == [Token::Symbol("["), Token::Word("t"), Token::Symbol("]")] {
+            self.at += 3;
+        }
+    }
+
+    /// The prefix operator here; a single letter only where it must be one.
+    fn prefix(&self) -> Option<Prefix> {
+        let prefix = prefix_of(&self.peek(0).token)?;
+        let Token::Word(word) = self.peek(0).token else {
+            return Some(prefix);
+        };
+        if !is_prefix_letter(word) {
+            return Some(prefix);
+        }
+        let next = self.peek(1);
+        let operator = match next.token {
+            Token::Symbol("[") => true,
+            // `G -x > 0` is an operator, `G - x > 0` and `G-x > 0` are differences.
+            Token::Symbol("-") => {
+                self.peek(0).span.end < next.span.start && next.span.end == self.peek(2).span.start
+            }
+            // `G U x` is the name G until x, `G U > 3` is always (U > 3).
+            Token::Word("U" | "R" | "W" | "S") => {
+                !starts_operand(&self.peek(2).token) && !self.at_bounds(2)
+            }
+            ref token => starts_operand(token),
+        };
+        operator.then_some(prefix)
+    }
+
+    fn at_bounds(&self, ahead: usize) -> bool {
+        self.peek(ahead).token == Token::Symbol("[")
+    }
+
+    fn prefixed(&mut self, prefix: Prefix) -> Result<Parsed, StlError> {
+        let operator = self.advance();
+        let word = describe(&operator.token);
+        let start = operator.span.start;
+        if prefix == Prefix::Negate {
+            let inner = self.expression(strength::NEGATE)?;
+            let term = inner
+                .into_term("`-` needs a number")
+                .map_err(|e| e.with_help("negate a formula with `not`"))?;
+            let span = start..term.span.0.end;
+            let kind = match term.kind {
+                TermKind::Number(value) => TermKind::Number(-value),
+                _ => TermKind::Negative(Box::new(term)),
+            };
+            return checked_term(Term::new(kind, span)).map(Parsed::Term);
+        }
+        let bounds = match prefix {
+            Prefix::Temporal(op) if op.takes_bounds() => self.bounds()?,
+            Prefix::Temporal(op) if self.at_symbol("[") => {
+                let span = self.peek(0).span.clone();
+                let error =
+                    StlError::new(format!("{word} takes no bounds"), span, "not allowed here");
+                return Err(match op {
+                    Unary::Next | Unary::StrongNext => {
+                        error.with_help("`always[a, a]` looks several samples ahead")
+                    }
+                    _ => error,
+                });
+            }
+            _ => None,
+        };
+        let inner = self
+            .expression(strength::PREFIX)?
+            .into_formula(&format!("{word} needs a formula"))?;
+        let span = start..inner.span.0.end;
+        let kind = match prefix {
+            Prefix::Temporal(op) => Kind::Unary(op, bounds, inner.into()),
+            Prefix::Not | Prefix::Negate => Kind::Not(inner.into()),
+        };
+        checked(Node::new(kind, span)).map(Parsed::Formula)
+    }
+
+    /// `name(argument, …)`
+    fn call(&mut self, word: &str) -> Result<Parsed, StlError> {
+        let name = self.advance().span;
+        let Some(function) = Function::parse(word) else {
+            let error = StlError::new(
+                format!("there is no function `{word}`"),
+                name,
+                "unknown function",
+            );
+            return Err(error.maybe_help(suggest(word, "functions", Function::NAMES.into_iter())));
+        };
+        let open = self.advance().span;
+        let mut arguments = Vec::new();
+        if !self.at_symbol(")") {
+            loop {
+                let argument = self.expression(strength::LOOSEST)?;
+                arguments.push(argument.into_term(&format!("`{word}` takes numbers"))?);
+                if !self.take_symbol(",") {
+                    break;
+                }
+            }
+        }
+        let end = self.close(")", open)?;
+        let (fewest, most) = function.arity();
+        if arguments.len() < fewest || most < arguments.len() {
+            let wants = match (fewest, most) {
+                (1, _) => "1 argument".to_owned(),
+                (2, 2) => "2 arguments".to_owned(),
+                _ => format!("{fewest} to {most} arguments"),
+            };
+            return Err(StlError::new(
+                format!("`{word}` takes {wants}, not {}", arguments.len()),
+                name.start..end,
+                "wrong number of arguments",
+            ));
+        }
+        checked_term(Term::new(
+            TermKind::Call(function, arguments),
+            name.start..end,
+        ))
+        .map(Parsed::Term)
+    }
+
+    fn close(&mut self, symbol: &str, open: Range<usize>) -> Result<usize, StlError> {
+        let here = self.peek(0).clone();
+        if self.take_symbol(symbol) {
+            return Ok(here.span.end);
+        }
+        if here.token == Token::End {
+            let opener = if symbol == ")" { "(" } else { "[" };
+            return Err(StlError::new(
+                format!("this `{opener}` is never closed"),
+                open,
+                "opened here",
+            )
+            .with_help(format!("add a `{symbol}`")));
+        }
+        Err(self.unexpected(&format!("an operator or `{symbol}`")))
+    }
+
+    fn finish(&self) -> Result<(), StlError> {
+        match self.peek(0).token {
+            Token::End => Ok(()),
+            _ => Err(self.unexpected("an operator or the end")),
+        }
+    }
+
+    fn unexpected(&self, expected: &str) -> StlError {
+        let Spanned { token, span } = self.peek(0).clone();
+        if token == Token::End && self.at == 0 {
+            return StlError::new("there is no formula", span, "empty")
+                .with_help("write something like `always[0, 10] (speed <= 30)`");
+        }
+        let error = StlError::new(
+            format!("expected {expected}, found {}", describe(&token)),
+            span,
+            format!("expected {expected}"),
+        );
+        let before = self.at.checked_sub(1).map(|at| &self.tokens[at].token);
+        match (before, token) {
+            (Some(Token::Number(number)), Token::Word(word))
+                if expected.starts_with("an operator") =>
+            {
+                error.with_help(format!("a product is written `{number} * {word}`"))
+            }
+            (Some(Token::Word(name)), Token::Symbol("[")) => error.with_help(format!(
+                "`{name}` is read as a name here, and a name has no bounds"
+            )),
+            (_, Token::Symbol(")")) if expected.starts_with("an operator") => {
+                error.with_help("there is no `(` for this `)`")
+            }
+            (_, Token::Word(word)) => error.maybe_help(words::closest_operator(word)),
+            _ => error,
+        }
+    }
+}
+
+/// Conjunctions and disjunctions are kept flat, whatever their parentheses.
+fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) -> Kind) -> Node {
+    let same = |node: &Node| {
+        std::mem::discriminant(&node.kind) == std::mem::discriminant(&join(Vec::new()))
+    };
+    let depth_of = |node: &Node| node.depth + usize::from(!same(node));
+    let depth = depth_of(&left).max(depth_of(&right));
+    let parts = |node: Node| match (same(&node), node) {
+        (
+            true,
+            Node {
+                kind: Kind::And(all) | Kind::Or(all),
+                ..
+            },
+        ) => all,
+        (_, node) => vec![Arc::new(node)],
+    };
+    let mut all = parts(left);
+    all.append(&mut parts(right));
+    Node {
+        kind: join(all),
+        span: Span(span),
+        depth,
+    }
+}
+
+fn checked(node: Node) -> Result<Node, StlError> {
+    match MAX_DEPTH < node.depth {
+        true => Err(too_deep(node.span.0)),
+        false => Ok(node),
+    }
+}
+
+fn checked_term(term: Term) -> Result<Term, StlError> {
+    match MAX_DEPTH < term.depth {
+        true => Err(too_deep(term.span.0)),
+        false => Ok(term),
+    }
+}
+
+fn too_deep(span: Range<usize>) -> StlError {
+    StlError::new(
+        format!("this is nested deeper than {MAX_DEPTH} levels"),
+        span,
+        "too deep",
+    )
+    .with_help("split it into named formulas")
+}
+
+fn describe(token: &Token<'_>) -> String {
+    match token {
+        Token::Word(text) | Token::Number(text) => format!("`{text}`"),
+        Token::Quoted(text) => format!("\"{text}\""),
+        Token::Symbol(text) => format!("`{text}`"),
+        Token::End => "the end".to_owned(),
+    }
+}

@@ -1,0 +1,175 @@
+//! A bound formula: operators over leaves, in an order that has operands first.
+
+use std::sync::Arc;
+
+use super::kernel::Window;
+use super::leaf::{Leaf, larger, smaller};
+use super::syntax::Node;
+
+/// Where an operator stands in a [`Program`].
+pub(crate) type Id = usize;
+
+/// Minimum or maximum, as data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Side {
+    Min,
+    Max,
+}
+
+/// Operators that look at one sample of two operands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Gate {
+    And,
+    Or,
+    Implies,
+    Iff,
+    Xor,
+}
+
+impl Gate {
+    /// The lower bound from lower bounds `a`, `b` and upper bounds `a_up`,
+    /// `b_up`; with all bounds exchanged, the upper one.
+    #[inline(always)]
+    pub(crate) fn at(self, a: f64, a_up: f64, b: f64, b_up: f64) -> f64 {
+        match self {
+            Gate::And => smaller(a, b),
+            Gate::Or => larger(a, b),
+            Gate::Implies => larger(-a_up, b),
+            Gate::Iff => smaller(larger(-a_up, b), larger(a, -b_up)),
+            Gate::Xor => smaller(larger(a, b), larger(-a_up, -b_up)),
+        }
+    }
+}
+
+/// What makes an until weak or strong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Strength {
+    /// The right side must come.
+    Strong,
+    /// Or the left side holds throughout.
+    Weak,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) enum Op {
+    /// `true` or `false`.
+    Constant(bool),
+    Leaf(Leaf),
+    Not(Id),
+    Gate(Gate, Id, Id),
+    /// `Min`: always, next; `Max`: eventually, strong next.
+    Ahead(Side, Window, Id),
+    /// `Min`: historically, prev; `Max`: once, strong prev.
+    Behind(Side, Window, Id),
+    /// `Max`: until, unless; `Min`: release.
+    Until(Side, Strength, Window, Id, Id),
+    Since(Window, Id, Id),
+    Edge(Edge, Id),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Edge {
+    Rise,
+    Fall,
+}
+
+impl Op {
+    pub(crate) fn operands(&self) -> impl Iterator<Item = Id> + use<> {
+        let (a, b) = match *self {
+            Op::Constant(_) | Op::Leaf(_) => (None, None),
+            Op::Not(a) | Op::Ahead(_, _, a) | Op::Behind(_, _, a) | Op::Edge(_, a) => {
+                (Some(a), None)
+            }
+            Op::Gate(_, a, b) | Op::Until(_, _, _, a, b) | Op::Since(_, a, b) => (Some(a), Some(b)),
+        };
+        a.into_iter().chain(b)
+    }
+}
+
+/// An operator and what is known about it from its shape.
+#[derive(Clone, Debug)]
+pub(crate) struct Instruction {
+    pub(crate) op: Op,
+    /// The sub-formula it stands for.
+    pub(crate) source: Arc<Node>,
+    /// How many samples ahead it looks; `None`: to the end of the trace.
+    pub(crate) horizon: Option<usize>,
+    /// How many samples after its signals have settled it still changes.
+    pub(crate) memory: usize,
+    /// Whether it has no temporal operator inside.
+    pub(crate) pointwise: bool,
+}
+
+/// A bound formula; the last instruction is the whole.
+#[derive(Clone, Debug)]
+pub(crate) struct Program {
+    pub(crate) instructions: Vec<Instruction>,
+    /// Signals in a row of the schema it is bound to.
+    pub(crate) width: usize,
+    pub(crate) dt_s: f64,
+}
+
+impl Program {
+    pub(crate) fn root(&self) -> Id {
+        self.instructions.len() - 1
+    }
+
+    pub(crate) fn get(&self, id: Id) -> &Instruction {
+        &self.instructions[id]
+    }
+
+    /// Whether the value of a sample is known as soon as the sample is.
+    pub(crate) fn is_instant(&self, id: Id) -> bool {
+        self.get(id).horizon == Some(0)
+    }
+
+    /// Adds an operator; `None` when it looks further than `limit` samples.
+    pub(crate) fn push(&mut self, op: Op, source: Arc<Node>, limit: usize) -> Option<Id> {
+        let (mut horizon, mut memory, mut pointwise) = (Some(0usize), 0usize, true);
+        for operand in op.operands() {
+            let operand = self.get(operand);
+            horizon = horizon.zip(operand.horizon).map(|(a, b)| a.max(b));
+            memory = memory.max(operand.memory);
+            pointwise &= operand.pointwise;
+        }
+        match &op {
+            Op::Ahead(_, window, _) | Op::Until(_, _, window, _, _) => {
+                horizon = horizon.zip(window.to).map(|(a, b)| a.saturating_add(b));
+                pointwise = false;
+            }
+            Op::Behind(_, window, _) | Op::Since(window, _, _) => {
+                memory = memory.saturating_add(window.to.unwrap_or(window.from));
+                pointwise = false;
+            }
+            Op::Edge(..) => {
+                memory = memory.saturating_add(1);
+                pointwise = false;
+            }
+            Op::Constant(_) | Op::Leaf(_) | Op::Not(_) | Op::Gate(..) => {}
+        }
+        if limit < memory || horizon.is_some_and(|horizon| limit < horizon) {
+            return None;
+        }
+        self.instructions.push(Instruction {
+            op,
+            source,
+            horizon,
+            memory,
+            pointwise,
+        });
+        Some(self.instructions.len() - 1)
+    }
+
+    /// Positions of the signals that are read, ascending.
+    pub(crate) fn signals(&self) -> Vec<usize> {
+        let mut all = Vec::new();
+        for instruction in &self.instructions {
+            if let Op::Leaf(leaf) = &instruction.op {
+                leaf.signals(&mut |signal| all.push(signal));
+            }
+        }
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+}
