@@ -2,10 +2,24 @@
 //!
 //! One trait, two implementations: [`kinematic`] (2D, closed form) and
 //! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is
-//! flat and unbounded; roads are a matter of the scene.
+//! flat and unbounded; roads are a matter of the scene. What they model and
+//! what not is in `docs/physics.md`.
 //!
 //! Frame: x forward, y left, z up (ISO 8855). Poses and states are of the
 //! **front bumper's middle**, projected to the ground.
+//!
+//! ```
+//! use brakecheck::sim::{Body, Command, Ground, PlantKind, Pose, plant};
+//!
+//! let sedan = Body::shipped("sedan").unwrap().unwrap();
+//! let mut plant = plant(PlantKind::Rigid, Ground { friction: 0.9 });
+//! let rear = plant.spawn(&sedan, Pose::default(), 20.0);
+//! let front = plant.spawn(&sedan, Pose { x_m: 14.54, ..Pose::default() }, 0.0);
+//! plant.command(front, Command::Drive { accel_mps2: -6.0, curvature_per_m: 0.0 });
+//! let contact = (0..100).find_map(|_| plant.advance(0.05, 4)).unwrap();
+//! assert_eq!(contact.pair, (rear, front));
+//! assert!((contact.closing_speed_mps - 20.0).abs() < 1e-3);
+//! ```
 //!
 //! Architecture Invariant: no reward, no rule and no role lives here. A plant
 //! does not know who is the ego.
@@ -145,20 +159,31 @@ pub trait Plant: Send {
     /// Removes all bodies and lays new ground; time starts at 0.
     fn clear(&mut self, ground: Ground);
     /// Puts a body on the ground, moving along its heading.
+    ///
+    /// It coasts (a walker keeps walking) until it is commanded. The body must
+    /// be valid (see [`Body::validate`]); a walker starts no faster than it can.
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId;
     /// Sets what the body does from now on.
+    ///
+    /// A command that is not finite, or not of the body's kind, is not obeyed
+    /// and makes the plant unsound until it is cleared.
     fn command(&mut self, id: BodyId, command: Command);
     /// Moves on by `dt_s` in `substeps` equal steps; stops at first contact.
     ///
-    /// Returns the earliest contact within the step, if any.
+    /// Returns the earliest contact within the step, if any. Every body then is
+    /// where it is at that instant, and there it stays: a plant never moves on
+    /// while two bodies touch and approach each other, but reports the contact
+    /// again after 0 s. Bodies that overlap are in contact even if they part.
     fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact>;
     /// State of a body.
     fn state(&self, id: BodyId) -> BodyState;
     /// Centre and orientation of a body.
     fn placement(&self, id: BodyId) -> Placement;
-    /// Clearance between the two bodies' boxes, 0 when they touch.
+    /// Clearance between the two bodies' upright boxes, 0 when they touch.
     fn gap_m(&self, a: BodyId, b: BodyId) -> f64;
-    /// Whether every state is finite and within the plant's bounds.
+    /// Whether every state is finite and in bounds, and every command was fit.
+    ///
+    /// The bounds are 1000 km from the origin, and 200 m/s on the rigid plant.
     fn sound(&self) -> bool;
     /// An independent copy that continues bit for bit.
     fn fork(&self) -> Box<dyn Plant>;

@@ -5,6 +5,7 @@
 //! much a chassis pitches or rolls on its springs.
 
 use super::body::Body;
+use super::{BodyId, Contact};
 
 /// Overlap up to which two bodies merely touch.
 pub(super) const TOUCH_M: f64 = 1e-3;
@@ -41,6 +42,30 @@ pub(super) struct Separation {
     /// Unit vector from the first to the second.
     pub nx: f64,
     pub ny: f64,
+}
+
+/// How two touching shapes meet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Meeting {
+    pub point_m: [f64; 3],
+    /// Along the contact normal, at least 0.
+    pub closing_speed_mps: f64,
+}
+
+impl Meeting {
+    /// The contact to report.
+    pub fn contact(&self, pair: (BodyId, BodyId), after_s: f64) -> Contact {
+        let Meeting {
+            point_m,
+            closing_speed_mps,
+        } = *self;
+        Contact {
+            pair,
+            after_s,
+            closing_speed_mps,
+            point_m,
+        }
+    }
 }
 
 /// A rectangle with its extent.
@@ -151,11 +176,10 @@ impl Shape<'_> {
         )
     }
 
-    /// Where two touching shapes meet, and how fast they approach there.
+    /// Where and how fast two touching shapes meet.
     ///
-    /// The point is the middle of the faces' common part; the speed is along
-    /// the contact normal, at least 0.
-    pub fn meeting(&self, other: &Shape) -> ([f64; 3], f64) {
+    /// The point is the middle of the faces' common part.
+    pub fn meeting(&self, other: &Shape) -> Meeting {
         let Separation { nx, ny, .. } = self.separation(other);
         let mine = Face::foremost(self.corners(), (nx, ny));
         let theirs = Face::foremost(other.corners(), (-nx, -ny));
@@ -166,7 +190,10 @@ impl Shape<'_> {
         let (ours, other_velocity) = (self.velocity_at(point), other.velocity_at(point));
         let closing = (ours.0 - other_velocity.0) * nx + (ours.1 - other_velocity.1) * ny;
         let height_m = 0.5 * self.extent.height_m.min(other.extent.height_m);
-        ([point.0, point.1, height_m], closing.max(0.0))
+        Meeting {
+            point_m: [point.0, point.1, height_m],
+            closing_speed_mps: closing.max(0.0),
+        }
     }
 }
 
@@ -200,9 +227,9 @@ impl Face {
     }
 }
 
-/// How far two bodies may move before they can touch, as a cheap test.
+/// Whether two bodies that move by `reach_m` in all cannot touch, cheaply.
 ///
-/// True when the circles around both, grown by `reach_m`, do not meet.
+/// True when the circles around both, grown by the reach, do not meet.
 pub(super) fn far_apart(a: &Shape, b: &Shape, reach_m: f64) -> bool {
     let (dx, dy) = (b.rect.x_m - a.rect.x_m, b.rect.y_m - a.rect.y_m);
     let radii = a.extent.radius_m + b.extent.radius_m + reach_m;

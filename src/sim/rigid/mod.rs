@@ -14,9 +14,9 @@ mod touch;
 mod world;
 
 use self::car::Car;
-use self::touch::{Sweep, Touch, touch};
+use self::touch::{Sweep, touch};
 use self::world::World;
-use super::planar::{Extent, Rect};
+use super::planar::{Extent, Meeting, Rect};
 use super::walk::Stride;
 use super::{
     Body, BodyId, BodyKind, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose,
@@ -64,6 +64,14 @@ struct Foot {
     heading: (f64, f64),
 }
 
+/// The earliest touch within one step.
+struct FirstTouch {
+    pair: (BodyId, BodyId),
+    /// Share of the step that passes before it.
+    share: f64,
+    meeting: Meeting,
+}
+
 impl Rigid {
     /// An empty plant.
     pub fn new(ground: Ground) -> Rigid {
@@ -92,15 +100,20 @@ impl Rigid {
         }
     }
 
-    fn first_touch(&self) -> Option<((BodyId, BodyId), Touch)> {
-        let mut first: Option<((BodyId, BodyId), Touch)> = None;
+    fn first_touch(&self) -> Option<FirstTouch> {
+        let mut first: Option<FirstTouch> = None;
         for (b, sweep_b) in self.sweeps.iter().enumerate() {
             for (a, sweep_a) in self.sweeps.iter().enumerate().take(b) {
-                let Some(next) = touch(sweep_a, sweep_b) else {
+                let Some((share, meeting)) = touch(sweep_a, sweep_b) else {
                     continue;
                 };
-                if first.is_none_or(|(_, best)| next.share < best.share) {
-                    first = Some(((BodyId(a), BodyId(b)), next));
+                if first.as_ref().is_none_or(|best| share < best.share) {
+                    let pair = (BodyId(a), BodyId(b));
+                    first = Some(FirstTouch {
+                        pair,
+                        share,
+                        meeting,
+                    });
                 }
             }
         }
@@ -200,22 +213,17 @@ impl Plant for Rigid {
             if 0.0 < step_s {
                 self.step(step_s);
             }
-            let Some((pair, touch)) = self.first_touch() else {
+            let Some(FirstTouch {
+                pair,
+                share,
+                meeting,
+            }) = self.first_touch()
+            else {
                 continue;
             };
-            self.rewind(touch.share);
-            elapsed_s = step_s * (f64::from(index) + touch.share);
-            let Touch {
-                closing_speed_mps,
-                point_m,
-                ..
-            } = touch;
-            contact = Some(Contact {
-                pair,
-                after_s: elapsed_s,
-                closing_speed_mps,
-                point_m,
-            });
+            self.rewind(share);
+            elapsed_s = step_s * (f64::from(index) + share);
+            contact = Some(meeting.contact(pair, elapsed_s));
             break;
         }
         if 0.0 < elapsed_s {

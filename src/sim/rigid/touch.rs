@@ -10,7 +10,7 @@ use parry3d::shape::Cuboid;
 use rapier3d::math::{Pose, Rotation, Vector};
 
 use super::world::vector;
-use crate::sim::planar::{Extent, Rect, Shape, TOUCH_M, far_apart};
+use crate::sim::planar::{Extent, Meeting, Rect, Shape, TOUCH_M, far_apart};
 
 /// Clearance to which the time of a touch is polished.
 const POLISH_M: f64 = 1e-7;
@@ -23,15 +23,6 @@ pub(super) struct Sweep {
     pub extent: Extent,
     /// Farthest that any point of it moves.
     pub reach_m: f64,
-}
-
-/// A touch within a step.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Touch {
-    /// Share of the step that passes before it.
-    pub share: f64,
-    pub point_m: [f64; 3],
-    pub closing_speed_mps: f64,
 }
 
 impl Sweep {
@@ -95,34 +86,25 @@ impl Sweep {
     }
 }
 
-/// First touch of two footprints within the step, if any.
-pub(super) fn touch(a: &Sweep, b: &Sweep) -> Option<Touch> {
+/// First touch of two footprints, and the share of the step before it.
+pub(super) fn touch(a: &Sweep, b: &Sweep) -> Option<(f64, Meeting)> {
     let (start_a, start_b) = (a.shape(&a.before), b.shape(&b.before));
     if far_apart(&start_a, &start_b, a.reach_m + b.reach_m) {
         return None;
     }
     let gap_m = start_a.separation(&start_b).gap_m;
     if gap_m <= 0.0 {
-        let (point_m, closing_speed_mps) = start_a.meeting(&start_b);
+        let meeting = start_a.meeting(&start_b);
         // Bodies that merely touch may part; bodies that overlap may not.
-        let parting = -TOUCH_M <= gap_m && closing_speed_mps <= 0.0;
-        return (!parting).then_some(Touch {
-            share: 0.0,
-            point_m,
-            closing_speed_mps,
-        });
+        let parting = -TOUCH_M <= gap_m && meeting.closing_speed_mps <= 0.0;
+        return (!parting).then_some((0.0, meeting));
     }
     if stay_apart(a, b) {
         return None;
     }
     let share = polish(a, b, cast(a, b))?;
     let (rect_a, rect_b) = (a.at(share), b.at(share));
-    let (point_m, closing_speed_mps) = a.shape(&rect_a).meeting(&b.shape(&rect_b));
-    Some(Touch {
-        share,
-        point_m,
-        closing_speed_mps,
-    })
+    Some((share, a.shape(&rect_a).meeting(&b.shape(&rect_b))))
 }
 
 /// Whether one face keeps the two apart during the whole step.
@@ -179,19 +161,20 @@ fn cast(a: &Sweep, b: &Sweep) -> Option<f64> {
 
 /// The touch near a cast's result, to [`POLISH_M`]; `None` if there is none.
 ///
-/// Regula falsi (Illinois) on the clearance between the beginning of the step,
-/// when it is positive, and an instant at which it is not. A cast that finds
-/// nothing is not believed when the boxes overlap at the end.
+/// Regula falsi (Illinois) on the clearance, between the beginning of the step
+/// and an instant at which the boxes overlap: the cast's, or the end of the
+/// step, or, when a corner leaves again within the step, the deepest one. A
+/// cast that finds nothing is not believed when the boxes overlap at the end.
 fn polish(a: &Sweep, b: &Sweep, cast: Option<f64>) -> Option<f64> {
     let gap_m = |share: f64| {
         let (rect_a, rect_b) = (a.at(share), b.at(share));
         a.shape(&rect_a).separation(&b.shape(&rect_b)).gap_m
     };
     let touching = |share: &f64| gap_m(*share) <= 0.0;
-    let Some(mut high) = cast.filter(touching).or(Some(1.0).filter(touching)) else {
-        // A corner may graze and leave within the step.
-        return cast.filter(|share| gap_m(*share) <= TOUCH_M);
-    };
+    let mut high = cast
+        .filter(touching)
+        .or(Some(1.0).filter(touching))
+        .or_else(|| cast.map(|share| least(gap_m, share)).filter(touching))?;
     let (mut low, mut low_m, mut high_m) = (0.0, gap_m(0.0), gap_m(high));
     for _ in 0..60 {
         if high_m.abs() <= POLISH_M {
@@ -210,4 +193,89 @@ fn polish(a: &Sweep, b: &Sweep, cast: Option<f64>) -> Option<f64> {
         }
     }
     Some(high)
+}
+
+/// Where a function that falls and rises from `from` to 1 is least.
+fn least(value: impl Fn(f64) -> f64, from: f64) -> f64 {
+    let (mut low, mut high) = (from, 1.0);
+    for _ in 0..60 {
+        let third = (high - low) / 3.0;
+        if value(low + third) < value(high - third) {
+            high -= third;
+        } else {
+            low += third;
+        }
+    }
+    low
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn rect(x_m: f64, y_m: f64, heading_rad: f64) -> Rect {
+        let (sin, cos) = libm::sincos(heading_rad);
+        Rect {
+            x_m,
+            y_m,
+            cos,
+            sin,
+            ..Rect::default()
+        }
+    }
+
+    fn sweep(from: (f64, f64, f64), by: (f64, f64, f64), half: (f64, f64)) -> Sweep {
+        let extent = Extent {
+            half_length_m: half.0,
+            half_width_m: half.1,
+            radius_m: (half.0 * half.0 + half.1 * half.1).sqrt(),
+            height_m: 1.5,
+        };
+        let mut sweep = Sweep::resting(rect(from.0, from.1, from.2), extent);
+        sweep.move_on(rect(from.0 + by.0, from.1 + by.1, from.2 + by.2));
+        sweep
+    }
+
+    fn gap_m(a: &Sweep, b: &Sweep, share: f64) -> f64 {
+        let (rect_a, rect_b) = (a.at(share), b.at(share));
+        a.shape(&rect_a).separation(&b.shape(&rect_b)).gap_m
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        /// Gates, cast and polish together agree with brute force.
+        #[test]
+        fn touches_are_where_dense_sampling_sees_them(
+            x_m in 2.0..5.5, y_m in -2.5..2.5, heading_rad in -3.1..3.1,
+            by_a in (-0.2..0.6, -0.3..0.3, -0.05..0.05),
+            by_b in (-0.6..0.2, -0.3..0.3, -0.05..0.05),
+        ) {
+            let a = sweep((0.0, 0.0, 0.0), by_a, (2.27, 0.9));
+            let b = sweep((x_m, y_m, heading_rad), by_b, (1.0, 0.4));
+            if gap_m(&a, &b, 0.0) <= 0.0 { return Ok(()); }
+            let sampled = (0..=500).map(|index| f64::from(index) / 500.0)
+                .find(|share| gap_m(&a, &b, *share) <= 0.0);
+            match (sampled, touch(&a, &b)) {
+                (Some(sampled), Some((share, _))) => {
+                    prop_assert!(sampled - 0.003 <= share && share <= sampled, "{share} {sampled}");
+                    prop_assert!(gap_m(&a, &b, share).abs() <= 2.0 * POLISH_M);
+                }
+                (Some(sampled), None) => prop_assert!(false, "missed at {sampled}"),
+                // A graze may fall between two samples.
+                (None, Some((share, _))) => prop_assert!(gap_m(&a, &b, share) <= POLISH_M),
+                (None, None) => {}
+            }
+        }
+    }
+
+    #[test]
+    fn parrys_cast_sees_a_head_on_touch() {
+        let a = sweep((0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (2.27, 0.9));
+        let b = sweep((4.6, 0.2, 0.0), (0.0, 0.0, 0.0), (2.27, 0.9));
+        let share = cast(&a, &b).expect("a hit");
+        assert!((share - 0.2).abs() < 0.02, "{share}");
+    }
 }

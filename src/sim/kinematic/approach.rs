@@ -1,0 +1,81 @@
+//! When two bodies on known paths first touch.
+
+use super::mover::{Mover, Path};
+use crate::sim::planar::{Meeting, Separation, TOUCH_M, far_apart};
+
+/// Clearance at which an approach counts as a touch.
+const TOLERANCE_M: f64 = 1e-9;
+/// Evaluations after which a grazing approach is taken for a touch.
+const MAX_EVALUATIONS: u32 = 1000;
+
+/// First touch of two moving bodies within `horizon_s`, strictly before its end.
+///
+/// Conservative advancement: at each instant the best separating axis says how
+/// long the two cannot touch, whatever they do within their bounds.
+pub(super) fn meet(
+    (a, b): (&Mover, &Mover),
+    (path_a, path_b): (&Path, &Path),
+    horizon_s: f64,
+) -> Option<(f64, Meeting)> {
+    let (mut rect_a, mut rect_b) = (a.rect(&path_a.start), b.rect(&path_b.start));
+    let reach_m = (path_a.speed_bound_mps + path_b.speed_bound_mps) * horizon_s;
+    if far_apart(&a.shape(&rect_a), &b.shape(&rect_b), reach_m) {
+        return None;
+    }
+    let bound_mps2 = path_a.accel_bound_mps2 + path_b.accel_bound_mps2;
+    let mut after_s = 0.0;
+    for evaluation in 0..MAX_EVALUATIONS {
+        let (shape_a, shape_b) = (a.shape(&rect_a), b.shape(&rect_b));
+        let gap_m = shape_a.separation(&shape_b).gap_m;
+        if gap_m <= TOLERANCE_M {
+            let meeting = shape_a.meeting(&shape_b);
+            // Bodies that touch from the start may part; bodies that overlap may not.
+            let parting = evaluation == 0 && -TOUCH_M <= gap_m && meeting.closing_speed_mps <= 0.0;
+            return (!parting).then_some((after_s, meeting));
+        }
+        let spin_mps = rect_a.yaw_rate_rad_per_s.abs() * a.extent.radius_m
+            + rect_b.yaw_rate_rad_per_s.abs() * b.extent.radius_m;
+        let safe = |axis: Separation| {
+            let Separation { gap_m, nx, ny } = axis;
+            let (vx, vy) = (rect_a.vx_mps - rect_b.vx_mps, rect_a.vy_mps - rect_b.vy_mps);
+            safe_s(
+                gap_m - 0.5 * TOLERANCE_M,
+                vx * nx + vy * ny + spin_mps,
+                bound_mps2,
+            )
+        };
+        after_s += shape_a
+            .separations(&shape_b)
+            .into_iter()
+            .map(safe)
+            .fold(0.0, f64::max);
+        if horizon_s <= after_s {
+            return None;
+        }
+        rect_a = a.rect(&path_a.at(after_s));
+        rect_b = b.rect(&path_b.at(after_s));
+    }
+    // So slow an approach is a touch: what is left is below 1e-7 m.
+    Some((after_s, a.shape(&rect_a).meeting(&b.shape(&rect_b))))
+}
+
+/// Time in which a gap cannot close, given closing speed and bounded acceleration.
+fn safe_s(gap_m: f64, closing_mps: f64, bound_mps2: f64) -> f64 {
+    if gap_m <= 0.0 {
+        return 0.0;
+    }
+    let root = (closing_mps * closing_mps + 2.0 * bound_mps2 * gap_m).sqrt();
+    if 0.0 <= closing_mps {
+        let sum = closing_mps + root;
+        return if sum == 0.0 {
+            f64::INFINITY
+        } else {
+            2.0 * gap_m / sum
+        };
+    }
+    if bound_mps2 == 0.0 {
+        f64::INFINITY
+    } else {
+        (root - closing_mps) / bound_mps2
+    }
+}
