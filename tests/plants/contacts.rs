@@ -52,7 +52,7 @@ fn contact_time_and_closing_speed_match_the_closed_form() {
                 close(
                     before_s + contact.after_s,
                     want_s,
-                    0.002,
+                    0.001,
                     &format!("time, {what}"),
                 );
                 close(
