@@ -31,7 +31,7 @@
 //! ```
 
 pub mod campaign;
-//pub mod cli;
+pub mod cli;
 pub mod ego;
 pub mod rl;
 pub mod rulebook;

@@ -1,5 +1,6 @@
 //! Evaluating an ado: frozen policy or baseline × ego × test starts → a row.
 
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cpu_time::ThreadTime;
@@ -8,8 +9,8 @@ use rayon::prelude::*;
 use super::Watch;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::run::{ClosingSpeed, Row, wilson};
-use crate::scenario::Scenario;
+use crate::run::{ClosingSpeed, Counterexample, KeptError, Row, RunError, wilson};
+use crate::scenario::{Change, Scenario};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{
@@ -261,4 +262,74 @@ fn share(part: usize, whole: usize) -> f64 {
         0 => 0.0,
         _ => part as f64 / whole as f64,
     }
+}
+
+/// The constant ado that succeeds most often; ties go to the lower action.
+pub fn best_constant(
+    scenario: &Scenario,
+    ego: &str,
+    starts: &TestStarts,
+    watch: &Watch<'_>,
+) -> Evaluated {
+    let constant = |action| {
+        let request = EvalRequest {
+            scenario,
+            ego,
+            ado: Ado::Constant(action),
+            starts,
+        };
+        eval(&request, watch)
+    };
+    let actions = scenario.world().spaces().actions;
+    let mut best = constant(0);
+    for action in 1..actions {
+        let other = constant(action);
+        if best.row.successes < other.row.successes {
+            best = other;
+        }
+    }
+    best.row.method = format!("{}, the best of {actions}", best.row.method);
+    best
+}
+
+/// Writes the first `most` counterexamples of an evaluation into a directory.
+///
+/// Each is played again (episodes are pure functions of their start) and
+/// written as `WORLD-EGO-INDEX.ron` with its samples as `.csv` beside it.
+///
+/// # Errors
+/// The disk refuses.
+pub fn keep(
+    request: &EvalRequest<'_>,
+    change: &Change,
+    evaluated: &Evaluated,
+    dir: &Path,
+    most: usize,
+) -> Result<Vec<PathBuf>, KeptError> {
+    std::fs::create_dir_all(dir).map_err(|source| RunError::Io {
+        verb: "creating",
+        path: dir.into(),
+        source,
+    })?;
+    let mut bench = request.scenario.bench();
+    let solved = evaluated.outcomes.iter().enumerate();
+    let solved = solved
+        .filter(|(_, outcome)| outcome.is_some_and(|outcome| outcome.verdict.is_success()))
+        .take(most);
+    let mut files = Vec::new();
+    for (index, _) in solved {
+        let episode = request.play(&mut bench, index);
+        let ado = request.ado.word();
+        let kept =
+            Counterexample::record(request.scenario, request.ego, change, ado, &episode);
+        let ego: String = request
+            .ego
+            .chars()
+            .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
+            .collect();
+        let file = dir.join(format!("{}-{ego}-{index:04}.ron", request.scenario.name));
+        kept.save(&file, &episode.trace)?;
+        files.push(file);
+    }
+    Ok(files)
 }

@@ -8,8 +8,10 @@ mod replay;
 mod search;
 mod train;
 
-pub use eval::{Ado, EvalRequest, Evaluated, eval, trivial_starts};
-pub use replay::{Difference, Kept, Regressions, Replayed, replay};
+pub use eval::{
+    Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, keep, trivial_starts,
+};
+pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use search::{Found, Method, SearchRequest, Searched, search};
 pub use train::{TrainError, TrainRequest, Trained, train};
 

@@ -187,7 +187,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The file cannot be read, is no change, or does not fit this world.
-    pub fn changed_by(&self, path: &FilePath) -> Result<Scenario, LoadError> {
+    pub fn changed_by(&self, path: &FilePath) -> Result<(Change, Scenario), LoadError> {
         let file = path.display().to_string();
         let text = read::text(&file, path)?;
         let fail = |problem| {
@@ -198,10 +198,13 @@ impl Scenario {
             }))
         };
         let change: Change = read::parse(&text).map_err(fail)?;
-        self.with(&change).map_err(|error| {
-            let at = error.path(&Path::top());
-            fail(error.problem(at.find(&text)))
-        })
+        match self.with(&change) {
+            Ok(scenario) => Ok((change, scenario)),
+            Err(error) => {
+                let at = error.path(&Path::top());
+                Err(fail(error.problem(at.find(&text))))
+            }
+        }
     }
 
     /// Every signal that formulas may use, derived ones included.

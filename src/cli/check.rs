@@ -1,0 +1,159 @@
+//! `brakecheck check`: is this world sound, and what can its formulas say?
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::{Common, Exit, Failure, failure, print_json, table_of, talk};
+use crate::scenario::{LoadError, Scenario};
+use crate::scene::drive::DriveSpec;
+
+#[derive(Args, Debug)]
+pub(super) struct CheckArgs {
+    /// The world file.
+    world: PathBuf,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
+    let scenario = match Scenario::load(&args.world) {
+        Ok(scenario) => scenario,
+        Err(error) => {
+            if args.common.json {
+                print_json(&problems(&error));
+            }
+            return Err(error.into());
+        }
+    };
+    if args.common.json {
+        print_json(&listing(&scenario));
+    } else {
+        talk::data(&text(&scenario));
+    }
+    let file = args.world.display().to_string();
+    let warnings = scenario.warnings.iter();
+    let notes: Vec<_> = warnings
+        .map(|warning| failure::warning(&file, &scenario.text, warning))
+        .collect();
+    if !notes.is_empty() {
+        let shown = Failure {
+            exit: Exit::Done,
+            notes,
+        };
+        talk::say(shown.render(talk::theme(), talk::width()).trim_end());
+    }
+    Ok(Exit::Done)
+}
+
+fn problems(error: &LoadError) -> serde_json::Value {
+    let problems = match error {
+        LoadError::Io { .. } => vec![json!({ "what": error.to_string() })],
+        LoadError::Scenario(error) => {
+            let problems = error.problems.iter();
+            problems
+                .map(|problem| {
+                    let (line, column) = error.line_column(problem.span.start);
+                    json!({ "line": line, "column": column, "what": problem.what, "help": problem.help })
+                })
+                .collect()
+        }
+    };
+    json!({ "ok": false, "problems": problems })
+}
+
+/// Name, unit, meaning, and whether traces hold it without being asked to.
+fn signals(spec: &DriveSpec) -> Vec<(String, String, String, &'static str)> {
+    let published = spec.catalogue().into_iter().map(|offer| {
+        let held = match offer.always || spec.extra.contains(&offer.signal.name) {
+            true => "recorded",
+            false => "on demand",
+        };
+        (offer.signal, held)
+    });
+    let derived = spec.derived.iter();
+    let derived = derived.map(|derived| (derived.signal.clone(), "derived"));
+    published
+        .chain(derived)
+        .map(|(signal, held)| (signal.name, signal.unit.into_owned(), signal.about, held))
+        .collect()
+}
+
+fn listing(scenario: &Scenario) -> serde_json::Value {
+    let spec = scenario.spec();
+    let signals = signals(spec).into_iter();
+    let signals: Vec<_> = signals
+        .map(|(name, unit, about, held)| {
+            json!({ "name": name, "unit": unit, "about": about, "published": held })
+        })
+        .collect();
+    let rules = scenario.rules.iter();
+    let rules: Vec<_> = rules
+        .map(|rule| {
+            json!({ "name": rule.name, "ado": rule.ado, "priority": rule.priority, "stl": rule.formula.to_string() })
+        })
+        .collect();
+    let actions: Vec<_> = (0..scenario.world().spaces().actions)
+        .map(|action| spec.action_label(action))
+        .collect();
+    let mut egos = vec!["nominal"];
+    egos.extend(scenario.reuse.keys().map(String::as_str));
+    let axes = spec.axes();
+    let starts: Vec<_> = axes
+        .iter()
+        .map(|axis| json!({ "name": axis.name, "unit": axis.unit, "lo": axis.lo, "hi": axis.hi }))
+        .collect();
+    json!({
+        "ok": true,
+        "world": scenario.name,
+        "signals": signals,
+        "constants": scenario.names.constants,
+        "ego_spec": scenario.ego_spec.to_string(),
+        "rules": rules,
+        "actions": actions,
+        "egos": egos,
+        "starts": starts,
+    })
+}
+
+fn text(scenario: &Scenario) -> String {
+    let spec = scenario.spec();
+    let mut out = format!("{}: {}\n", scenario.name, scenario.question);
+    let clock = spec.clock;
+    out.push_str(&format!(
+        "\n{:?} plant, judge {:?}; {} s in samples of {} s, a decision every {} s, {} physics steps per sample\n",
+        spec.plant, scenario.rulebook().judge, clock.horizon_s, clock.sample_s, clock.decision_s, clock.substeps
+    ));
+    out.push_str(&format!("\nthe ego must   {}\n", scenario.ego_spec));
+    for rule in &scenario.rules {
+        out.push_str(&format!(
+            "{} must   {}   ({})\n",
+            rule.ado, rule.formula, rule.name
+        ));
+    }
+    let actions = 0..scenario.world().spaces().actions;
+    let actions: Vec<String> = actions.map(|action| spec.action_label(action)).collect();
+    out.push_str(&format!("\nactions        {}\n", actions.join(", ")));
+    let constants = scenario.names.constants.iter();
+    let constants: Vec<String> = constants.map(|(name, v)| format!("{name} = {v}")).collect();
+    out.push_str(&format!("constants      {}\n", constants.join(", ")));
+    let mut egos = vec!["nominal"];
+    egos.extend(scenario.reuse.keys().map(String::as_str));
+    out.push_str(&format!("egos           {}\n", egos.join(", ")));
+    for axis in spec.axes() {
+        out.push_str(&format!(
+            "start          {} in {} … {} {}\n",
+            axis.name, axis.lo, axis.hi, axis.unit
+        ));
+    }
+    let observed = spec.observe.iter();
+    let observed: Vec<String> = observed
+        .map(|o| format!("{} ({} … {})", o.name, o.mid - o.half, o.mid + o.half))
+        .collect();
+    out.push_str(&format!("observed       {}\n\n", observed.join(", ")));
+    let lines = signals(spec).into_iter();
+    let lines = lines.map(|(name, unit, about, held)| [name, unit, about, held.to_owned()]);
+    out.push_str(&table_of(["signal", "unit", "meaning", "in traces"], lines));
+    out
+}

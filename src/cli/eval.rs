@@ -1,0 +1,196 @@
+//! `brakecheck eval`: a frozen ado on test starts and egos, beside baselines.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::{Common, Exit, Failure, NamedEgo, PlantArg, egos, print_json, table, talk};
+use crate::campaign::{
+    Ado, EvalRequest, Evaluated, Method, SearchRequest, TestStarts, Watch, best_constant, eval,
+    keep, search, trivial_starts,
+};
+use crate::rl::Policy;
+use crate::run::{Row, RunDir};
+
+#[derive(Args, Debug)]
+pub(super) struct EvalArgs {
+    /// The run directory that `train` made.
+    run: PathBuf,
+    /// Test starts to draw.
+    #[arg(long, value_name = "N", default_value_t = 500)]
+    starts: usize,
+    /// Who plays the ado; repeat for several.
+    #[arg(long, value_enum, default_value = "trained", value_name = "ADO")]
+    ado: Vec<AdoArg>,
+    /// Which ego is tested: nominal, a name under `reuse`, a RON file, or all.
+    #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
+    ego: String,
+    /// The physics to test in, instead of the run's.
+    #[arg(long)]
+    plant: Option<PlantArg>,
+    /// Also search with at most so many switches, and fill in recall.
+    #[arg(long, value_name = "M")]
+    search: Option<usize>,
+    /// Write counterexamples of the trained ado into a directory.
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+    /// Counterexamples to write per ego.
+    #[arg(long, value_name = "N", default_value_t = 10, requires = "keep")]
+    keep_most: usize,
+    /// Exit with 1 if the trained ado makes an ego fail.
+    #[arg(long)]
+    fail_on_counterexample: bool,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum AdoArg {
+    /// The trained policy.
+    Trained,
+    /// A random action at each decision.
+    Random,
+    /// A random action, held for five decisions.
+    Hold,
+    /// The best of the constant actions.
+    Constant,
+    /// All of them.
+    All,
+}
+
+pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
+    let run = RunDir::open(&args.run)?;
+    let policy = run.policy()?;
+    let mut nominal = run.scenario()?;
+    if let Some(plant) = args.plant {
+        nominal = nominal.on(plant.into());
+    }
+    let egos = egos(&nominal, &args.ego)?;
+    let starts = trivial_starts(&nominal, args.common.seed, args.starts);
+    let bar = talk::bar("evaluating", 0);
+    let watch = Watch {
+        progress: &|done, total| {
+            bar.set_length(total);
+            bar.set_position(done);
+        },
+        stop: talk::stop(),
+    };
+    let job = Job {
+        args,
+        policy: &*policy,
+        train_seed: run.manifest().seed,
+        starts: &starts,
+        watch: &watch,
+    };
+    let mut rows = Vec::new();
+    let mut failed = false;
+    for ego in &egos {
+        bar.set_message(format!("evaluating: {}", ego.name));
+        failed |= job.one_ego(ego, &mut rows)?;
+        if talk::stopped() {
+            break;
+        }
+    }
+    bar.finish_and_clear();
+    match args.common.json {
+        true => print_json(&json!({ "rows": rows })),
+        false => talk::data(&table::rows(&rows)),
+    }
+    if talk::stopped() {
+        talk::say("interrupted: the rows cover the starts that were finished");
+        return Ok(Exit::Interrupted);
+    }
+    Ok(match failed && args.fail_on_counterexample {
+        true => Exit::Counterexample,
+        false => Exit::Done,
+    })
+}
+
+struct Job<'a> {
+    args: &'a EvalArgs,
+    policy: &'a dyn Policy,
+    train_seed: u64,
+    starts: &'a TestStarts,
+    watch: &'a Watch<'a>,
+}
+
+impl Job<'_> {
+    /// Adds the rows of one ego; says whether the trained ado made it fail.
+    fn one_ego(&self, ego: &NamedEgo, rows: &mut Vec<Row>) -> Result<bool, Failure> {
+        let first = rows.len();
+        let mut failed = false;
+        for ado in self.ados() {
+            let evaluated = self.one_ado(ego, ado);
+            if ado == AdoArg::Trained {
+                failed = 0 < evaluated.row.successes;
+                self.keep(ego, &evaluated)?;
+            }
+            rows.push(evaluated.row);
+        }
+        if let Some(switches) = self.args.search {
+            let request = SearchRequest {
+                scenario: &ego.scenario,
+                ego: &ego.name,
+                method: Method::Switches(switches),
+                budget: 0,
+                starts: self.starts,
+            };
+            let searched = search(&request, self.watch);
+            for row in &mut rows[first..] {
+                row.compare_with_search(&searched.row.solved);
+            }
+            rows.push(searched.row);
+        }
+        Ok(failed)
+    }
+
+    fn ados(&self) -> Vec<AdoArg> {
+        match self.args.ado.contains(&AdoArg::All) {
+            true => vec![
+                AdoArg::Trained,
+                AdoArg::Hold,
+                AdoArg::Random,
+                AdoArg::Constant,
+            ],
+            false => self.args.ado.clone(),
+        }
+    }
+
+    fn request<'b>(&'b self, ego: &'b NamedEgo, ado: Ado<'b>) -> EvalRequest<'b> {
+        EvalRequest {
+            scenario: &ego.scenario,
+            ego: &ego.name,
+            ado,
+            starts: self.starts,
+        }
+    }
+
+    fn one_ado(&self, ego: &NamedEgo, ado: AdoArg) -> Evaluated {
+        let ado = match ado {
+            AdoArg::Constant => {
+                return best_constant(&ego.scenario, &ego.name, self.starts, self.watch);
+            }
+            AdoArg::Random => Ado::Random,
+            AdoArg::Hold => Ado::Held,
+            AdoArg::Trained | AdoArg::All => Ado::Trained(self.policy, self.train_seed),
+        };
+        eval(&self.request(ego, ado), self.watch)
+    }
+
+    fn keep(&self, ego: &NamedEgo, evaluated: &Evaluated) -> Result<(), Failure> {
+        let Some(dir) = &self.args.keep else {
+            return Ok(());
+        };
+        let request = self.request(ego, Ado::Trained(self.policy, self.train_seed));
+        let files = keep(&request, &ego.change, evaluated, dir, self.args.keep_most)?;
+        talk::say(&format!(
+            "kept {} of {} counterexamples of `{}` in {}",
+            files.len(),
+            evaluated.row.successes,
+            ego.name,
+            dir.display()
+        ));
+        Ok(())
+    }
+}

@@ -1,0 +1,218 @@
+//! Every error, rendered once: place, reason, cure, and the exit code.
+
+use std::fmt;
+use std::path::Path;
+
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
+
+use crate::campaign::{RegressionError, TrainError};
+use crate::run::{KeptError, RunError};
+use crate::scenario::{LoadError, Problem, ScenarioError};
+
+/// The documented exit codes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// Done.
+    Done = 0,
+    /// A counterexample was found and asked to fail, or a kept one still fails.
+    Counterexample = 1,
+    /// The user's input is wrong.
+    Input = 2,
+    /// A fault of ego, disk or program.
+    Fault = 3,
+    /// A replay is not bit-identical.
+    NotIdentical = 4,
+    /// Interrupted; what was computed is saved or printed.
+    Interrupted = 130,
+}
+
+/// Why a verb could not be carried out.
+#[derive(Debug)]
+pub struct Failure {
+    /// The exit code.
+    pub exit: Exit,
+    /// One or more messages.
+    pub notes: Vec<Note>,
+}
+
+/// One message with its place, where it has one.
+#[derive(Debug)]
+pub struct Note {
+    what: String,
+    help: Option<String>,
+    place: Option<(NamedSource<String>, LabeledSpan)>,
+}
+
+impl Failure {
+    /// A message about the user's input.
+    pub fn input(what: impl Into<String>, help: impl Into<String>) -> Failure {
+        Failure::plain(Exit::Input, what.into(), Some(help.into()))
+    }
+
+    /// A message about a fault that is not the user's.
+    pub fn fault(what: impl Into<String>, help: Option<String>) -> Failure {
+        Failure::plain(Exit::Fault, what.into(), help)
+    }
+
+    fn plain(exit: Exit, what: String, help: Option<String>) -> Failure {
+        let note = Note {
+            what,
+            help,
+            place: None,
+        };
+        Failure {
+            exit,
+            notes: vec![note],
+        }
+    }
+
+    /// Renders all messages, `width` columns wide.
+    pub fn render(&self, theme: GraphicalTheme, width: usize) -> String {
+        let handler = GraphicalReportHandler::new_themed(theme)
+            .with_width(width)
+            .with_context_lines(1);
+        let mut text = String::new();
+        for note in &self.notes {
+            if handler.render_report(&mut text, note).is_err() {
+                text.push_str(&note.what);
+            }
+        }
+        text
+    }
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.what)
+    }
+}
+
+impl std::error::Error for Note {}
+
+impl Diagnostic for Note {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        self.help
+            .as_ref()
+            .map(|help| Box::new(help) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn miette::SourceCode> {
+        let (source, _) = self.place.as_ref()?;
+        Some(source)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let (_, label) = self.place.as_ref()?;
+        Some(Box::new(std::iter::once(label.clone())))
+    }
+}
+
+fn placed(file: &str, text: &str, problem: &Problem) -> Note {
+    let length = problem.span.len().max(1);
+    let label = LabeledSpan::new(Some(problem.label.clone()), problem.span.start, length);
+    Note {
+        what: problem.what.clone(),
+        help: problem.help.clone(),
+        place: Some((NamedSource::new(file, text.to_owned()), label)),
+    }
+}
+
+impl From<ScenarioError> for Failure {
+    fn from(error: ScenarioError) -> Failure {
+        let problems = error.problems.iter();
+        Failure {
+            exit: Exit::Input,
+            notes: problems
+                .map(|problem| placed(&error.file, &error.text, problem))
+                .collect(),
+        }
+    }
+}
+
+/// A warning as text, for `check`.
+pub fn warning(file: &str, text: &str, problem: &Problem) -> Note {
+    placed(file, text, problem)
+}
+
+impl From<LoadError> for Failure {
+    fn from(error: LoadError) -> Failure {
+        match error {
+            LoadError::Scenario(error) => Failure::from(*error),
+            LoadError::Io { .. } => Failure::input(
+                error.to_string(),
+                "name a world file, such as worlds/acc.ron",
+            ),
+        }
+    }
+}
+
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Failure {
+        let help = error.help();
+        match error {
+            RunError::World(world) => Failure::from(*world),
+            RunError::NotARun { .. } | RunError::Exists { .. } => {
+                Failure::plain(Exit::Input, error.to_string(), help)
+            }
+            RunError::Io { .. } | RunError::Locked { .. } | RunError::Damaged { .. } => {
+                Failure::plain(Exit::Fault, error.to_string(), help)
+            }
+        }
+    }
+}
+
+impl From<KeptError> for Failure {
+    fn from(error: KeptError) -> Failure {
+        match error {
+            KeptError::Run(error) => Failure::from(error),
+            KeptError::World { source, .. } => Failure::from(*source),
+            KeptError::Format { .. } | KeptError::Change { .. } => Failure::input(
+                error.to_string(),
+                "kept counterexamples are written by `brakecheck eval RUN --keep DIR`",
+            ),
+        }
+    }
+}
+
+impl From<RegressionError> for Failure {
+    fn from(error: RegressionError) -> Failure {
+        match error {
+            RegressionError::Kept(error) => Failure::from(error),
+            RegressionError::NoSuchEgo { ref known, .. } => {
+                let help = format!("known: {}; or name a RON file with a `Change`", known.join(", "));
+                Failure::input(error.to_string(), help)
+            }
+            RegressionError::Change(change) => Failure::plain(
+                Exit::Input,
+                change.to_string(),
+                change.help.clone(),
+            ),
+            other => Failure::fault(other.to_string(), None),
+        }
+    }
+}
+
+impl From<TrainError> for Failure {
+    fn from(error: TrainError) -> Failure {
+        match error {
+            TrainError::Run(error) => Failure::from(error),
+            TrainError::Bundle(_) => Failure::input(
+                error.to_string(),
+                "the run was made with another world or learner: train anew",
+            ),
+            TrainError::Faults { .. } => Failure::fault(
+                error.to_string(),
+                Some("look at the ego: its controller errs or its commands are not finite".into()),
+            ),
+        }
+    }
+}
+
+/// A path is given as one thing and is another.
+pub fn wrong_kind(path: &Path, want: &str) -> Failure {
+    let what = match path.exists() {
+        true => format!("`{}` is no {want}", path.display()),
+        false => format!("there is no `{}`", path.display()),
+    };
+    Failure::input(what, format!("name a {want}"))
+}

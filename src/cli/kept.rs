@@ -1,0 +1,206 @@
+//! `brakecheck replay` and `brakecheck view`: kept counterexamples.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::{Common, Exit, Failure, failure, print_json, table_of, talk};
+use crate::campaign::{Regressions, Replayed};
+use crate::scenario::Scenario;
+
+#[derive(Args, Debug)]
+pub(super) struct ReplayArgs {
+    /// A kept counterexample, a directory of them, or a run directory.
+    #[arg(value_name = "FILE|DIR|RUN")]
+    what: PathBuf,
+    /// Which of them: a number (from 0) or a file name; all if left out.
+    episode: Option<String>,
+    /// Replay against this ego: a name under `reuse`, or a RON file.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    ego: Option<String>,
+    /// What counts as well: reproducing what was recorded.
+    #[arg(long, value_enum)]
+    expect: Option<Expect>,
+    /// Exit with 1 if a kept counterexample still fails (the default).
+    #[arg(long)]
+    fail_on_counterexample: bool,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum Expect {
+    /// Verdict, robustness, contact and every sample as recorded.
+    Recorded,
+}
+
+pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
+    let mut regressions = find(&args.what, args.episode.as_deref())?;
+    if let Some(ego) = &args.ego {
+        regressions = against(regressions, ego)?;
+    }
+    let replayed = regressions.replay()?;
+    match args.common.json {
+        true => print_json(&json!({ "rows": replayed.iter().map(row).collect::<Vec<_>>() })),
+        false => talk::data(&table(&replayed)),
+    }
+    let differs = replayed.iter().any(|replayed| !replayed.identical);
+    if regressions.is_recorded_ego() && differs {
+        return Ok(Exit::NotIdentical);
+    }
+    let still_fails = replayed.iter().any(Replayed::still_fails);
+    Ok(match (args.expect, still_fails) {
+        (Some(Expect::Recorded), _) if differs => Exit::NotIdentical,
+        (None, true) => Exit::Counterexample,
+        _ => Exit::Done,
+    })
+}
+
+/// The kept counterexamples under a path, or one of them.
+fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Failure> {
+    let inside = what.join("episodes");
+    let dir = match what.join("manifest.json").is_file() {
+        true => inside.as_path(),
+        false => what,
+    };
+    if !dir.exists() {
+        return Err(failure::wrong_kind(
+            dir,
+            "kept counterexample or directory of them",
+        ));
+    }
+    let Some(episode) = episode else {
+        return Ok(Regressions::load(dir)?);
+    };
+    if let Ok(number) = episode.parse::<usize>() {
+        let all = Regressions::load(dir)?;
+        let count = all.kept().len();
+        let Some(kept) = all.kept().get(number) else {
+            return Err(Failure::input(
+                format!("there is no episode {number} in `{}`", dir.display()),
+                format!("it holds {count}, counted from 0"),
+            ));
+        };
+        return Ok(Regressions::load(&kept.path)?);
+    }
+    let file = dir.join(episode);
+    let file = match file.exists() {
+        true => file,
+        false => dir.join(format!("{episode}.ron")),
+    };
+    if !file.is_file() {
+        return Err(failure::wrong_kind(&file, "kept counterexample"));
+    }
+    Ok(Regressions::load(&file)?)
+}
+
+fn against(regressions: Regressions, ego: &str) -> Result<Regressions, Failure> {
+    let path = Path::new(ego);
+    if path.extension().is_none_or(|extension| extension != "ron") {
+        return Ok(regressions.with_named_ego(ego));
+    }
+    let Some(first) = regressions.kept().first() else {
+        return Ok(regressions);
+    };
+    let world: Scenario = first.counterexample.scenario(&first.path)?;
+    let (change, _) = world.changed_by(path)?;
+    Ok(regressions.with_change(change))
+}
+
+fn row(replayed: &Replayed) -> serde_json::Value {
+    let difference = replayed.first_difference.as_ref();
+    json!({
+        "file": replayed.path.display().to_string(),
+        "verdict": replayed.episode.verdict.word(),
+        "robustness": finite_or_word(replayed.episode.robustness),
+        "contact_s": replayed.episode.contact.as_ref().map(|touch| touch.time_s),
+        "identical": replayed.identical,
+        "first_difference": difference.map(ToString::to_string),
+    })
+}
+
+/// JSON has no infinities: they are the words "inf" and "-inf".
+fn finite_or_word(value: f64) -> serde_json::Value {
+    match value.is_finite() {
+        true => json!(value),
+        false => json!(if 0.0 < value { "inf" } else { "-inf" }),
+    }
+}
+
+fn table(replayed: &[Replayed]) -> String {
+    let lines = replayed.iter().map(|replayed| {
+        let contact = replayed.episode.contact.as_ref();
+        let contact = contact.map_or("–".to_owned(), |touch| {
+            format!("{:.3} s, {:.2} m/s", touch.time_s, touch.closing_speed_mps)
+        });
+        let bits = match (&replayed.first_difference, replayed.identical) {
+            (_, true) => "identical".to_owned(),
+            (Some(difference), _) => format!("differs at {difference}"),
+            (None, _) => "verdict or contact differs".to_owned(),
+        };
+        [
+            replayed.path.display().to_string(),
+            replayed.episode.verdict.word().to_owned(),
+            format!("{:.6}", replayed.episode.robustness),
+            contact,
+            bits,
+        ]
+    });
+    table_of(["file", "verdict", "ρ(ψ)", "contact", "bits"], lines)
+}
+
+#[cfg(any())]
+#[derive(Args, Debug)]
+pub(super) struct ViewArgs {
+    /// A kept counterexample, a directory of them, or a run directory.
+    #[arg(value_name = "FILE|DIR|RUN")]
+    what: PathBuf,
+    /// Which of them: a number (from 0) or a file name.
+    #[arg(default_value = "0")]
+    episode: String,
+    /// Replay against this ego first: a name under `reuse`, or a RON file.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    ego: Option<String>,
+    /// The recording to write [default: the episode's name with .rrd].
+    #[arg(short, long, value_name = "OUT.rrd")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[cfg(any())]
+pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
+    let single = args.what.is_file();
+    let episode = (!single).then_some(args.episode.as_str());
+    let mut regressions = find(&args.what, episode)?;
+    if let Some(ego) = &args.ego {
+        regressions = against(regressions, ego)?;
+    }
+    let replayed = regressions.replay()?;
+    let Some(replayed) = replayed.first() else {
+        return Err(failure::wrong_kind(&args.what, "kept counterexample"));
+    };
+    let name = replayed.path.with_extension("rrd");
+    let name = name.file_name().map(PathBuf::from).unwrap_or(name);
+    let output = args.output.clone().unwrap_or(name);
+    let caption = replayed.path.display().to_string();
+    let recorded =
+        crate::view::record(&replayed.scenario, &replayed.episode, &caption, &output)
+            .map_err(|error| Failure::fault(error.to_string(), error.help()))?;
+    match args.common.json {
+        true => print_json(&json!({
+            "file": recorded.path.display().to_string(),
+            "bytes": recorded.bytes,
+            "samples": recorded.samples,
+        })),
+        false => talk::data(&format!(
+            "{}: {} samples, {} kB; open it with `rerun {}`",
+            recorded.path.display(),
+            recorded.samples,
+            recorded.bytes.div_ceil(1000),
+            recorded.path.display()
+        )),
+    }
+    Ok(Exit::Done)
+}

@@ -1,0 +1,191 @@
+//! The command line: arguments in, rows and files out; no logic of its own.
+//!
+//! stdout is data, stderr is talk and progress bars. Exit codes: [`Exit`].
+
+mod check;
+mod eval;
+mod failure;
+mod kept;
+mod search;
+mod table;
+mod talk;
+mod train;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use miette::GraphicalTheme;
+
+pub use failure::{Exit, Failure, Note};
+
+use crate::scenario::{Change, Scenario};
+use crate::sim::PlantKind;
+
+/// Can a car that keeps every rule still make yours crash?
+#[derive(Parser, Debug)]
+#[command(name = "brakecheck", version, about, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+/// What every verb takes.
+#[derive(Args, Clone, Debug)]
+struct Common {
+    /// Print one JSON object on stdout instead of tables.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Seed of the training, or of the test starts.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    seed: u64,
+    /// Threads to use; rows do not depend on it [default: one per core].
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    jobs: Option<u16>,
+}
+
+#[derive(Subcommand, Debug)]
+enum Verb {
+    /// Validate a world; list its signals, rules, actions, egos and starts.
+    Check(check::CheckArgs),
+    /// Train an ado in a world and keep it in a run directory.
+    Train(train::TrainArgs),
+    /// Measure a trained ado and baselines on test starts and egos.
+    Eval(eval::EvalArgs),
+    /// Search action sequences per start: what an adversary can do at all.
+    Search(search::SearchArgs),
+    /// Play kept counterexamples again, bit for bit or against a changed ego.
+    Replay(kept::ReplayArgs),
+    /// Write an episode as a recording for the rerun viewer.
+    #[cfg(any())]
+    View(kept::ViewArgs),
+}
+
+/// A plant, as named on the command line.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum PlantArg {
+    /// 3D rigid bodies on rapier3d.
+    Rigid,
+    /// 2D, closed form.
+    Kinematic,
+}
+
+impl From<PlantArg> for PlantKind {
+    fn from(plant: PlantArg) -> PlantKind {
+        match plant {
+            PlantArg::Rigid => PlantKind::Rigid,
+            PlantArg::Kinematic => PlantKind::Kinematic,
+        }
+    }
+}
+
+/// Runs the program on the process's arguments.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    talk::listen_for_interrupts();
+    let result = match cli.verb {
+        Verb::Check(args) => check::run(&args),
+        Verb::Train(args) => with_jobs(&args.common.clone(), move || train::run(&args)),
+        Verb::Eval(args) => with_jobs(&args.common.clone(), move || eval::run(&args)),
+        Verb::Search(args) => with_jobs(&args.common.clone(), move || search::run(&args)),
+        Verb::Replay(args) => kept::replay(&args),
+        #[cfg(any())]
+        Verb::View(args) => kept::view(&args),
+    };
+    let exit = result.unwrap_or_else(|failure| {
+        talk::say(failure.render(talk::theme(), talk::width()).trim_end());
+        failure.exit
+    });
+    ExitCode::from(exit as u8)
+}
+
+fn with_jobs<F>(common: &Common, verb: F) -> Result<Exit, Failure>
+where
+    F: FnOnce() -> Result<Exit, Failure> + Send,
+{
+    let jobs = usize::from(common.jobs.unwrap_or(0));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build();
+    let pool = pool.map_err(|error| Failure::fault(error.to_string(), None))?;
+    pool.install(verb)
+}
+
+/// An ego as named on the command line, and how it differs from the world's.
+struct NamedEgo {
+    name: String,
+    change: Change,
+    scenario: Scenario,
+}
+
+/// Resolves `--ego NAME|FILE.ron|all` against a world.
+fn egos(scenario: &Scenario, asked: &str) -> Result<Vec<NamedEgo>, Failure> {
+    let nominal = || NamedEgo {
+        name: "nominal".to_owned(),
+        change: Change::default(),
+        scenario: scenario.clone(),
+    };
+    let reused = |name: &String, change: &Change| -> Result<NamedEgo, Failure> {
+        let changed = scenario
+            .with(change)
+            .map_err(|error| Failure::input(error.to_string(), "mend the world's `reuse`"))?;
+        Ok(NamedEgo {
+            name: name.clone(),
+            change: change.clone(),
+            scenario: changed,
+        })
+    };
+    if asked == "nominal" {
+        return Ok(vec![nominal()]);
+    }
+    if asked == "all" {
+        let mut all = vec![nominal()];
+        for (name, change) in &scenario.reuse {
+            all.push(reused(name, change)?);
+        }
+        return Ok(all);
+    }
+    if let Some((name, change)) = scenario.reuse.get_key_value(asked) {
+        return Ok(vec![reused(name, change)?]);
+    }
+    let path = PathBuf::from(asked);
+    if path.extension().is_some_and(|extension| extension == "ron") {
+        let (change, changed) = scenario.changed_by(&path)?;
+        return Ok(vec![NamedEgo {
+            name: asked.to_owned(),
+            change,
+            scenario: changed,
+        }]);
+    }
+    let known: Vec<&str> = scenario.reuse.keys().map(String::as_str).collect();
+    Err(Failure::input(
+        format!("there is no ego `{asked}` in this world"),
+        format!(
+            "known: nominal, {}; or name a RON file with a `Change`",
+            known.join(", ")
+        ),
+    ))
+}
+
+/// A plain table with a header.
+fn table_of<const N: usize>(
+    header: [&str; N],
+    lines: impl IntoIterator<Item = [String; N]>,
+) -> String {
+    let mut table = comfy_table::Table::new();
+    table
+        .load_style(comfy_table::presets::UTF8_FULL_CONDENSED)
+        .set_header(header);
+    for line in lines {
+        table.add_row(line);
+    }
+    table.to_string()
+}
+
+/// Prints one JSON object on stdout.
+fn print_json(value: &serde_json::Value) {
+    talk::data(&value.to_string());
+}
+
+/// Renders failures without colour, for tests and logs.
+pub fn plain_theme() -> GraphicalTheme {
+    GraphicalTheme::unicode_nocolor()
+}

@@ -1,0 +1,67 @@
+//! Talking to a person: stdout for data, stderr for talk, bars and Ctrl-C.
+
+use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use miette::GraphicalTheme;
+
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Set once Ctrl-C was pressed.
+pub(super) fn stop() -> &'static AtomicBool {
+    &STOP
+}
+
+/// Whether Ctrl-C was pressed.
+pub(super) fn stopped() -> bool {
+    STOP.load(Ordering::Relaxed)
+}
+
+/// The first Ctrl-C asks to stop and save, the second one ends at once.
+pub(super) fn listen_for_interrupts() {
+    // Without a handler the program still works: Ctrl-C then ends it at once.
+    let _ = ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+        let _ = writeln!(io::stderr(), "\nstopping and saving (again to end at once)");
+    });
+}
+
+/// One line of talk on stderr.
+pub(super) fn say(line: &str) {
+    let _ = writeln!(io::stderr(), "{line}");
+}
+
+/// Data on stdout; a closed pipe is no error of ours.
+pub(super) fn data(text: &str) {
+    let _ = writeln!(io::stdout(), "{text}");
+}
+
+/// A progress bar that shows on terminals only.
+pub(super) fn bar(what: &str, total: u64) -> ProgressBar {
+    let bar = ProgressBar::new(total);
+    let style = ProgressStyle::with_template(
+        "{msg:<24} {wide_bar} {human_pos}/{human_len}  {elapsed} (eta {eta})",
+    );
+    if let Ok(style) = style {
+        bar.set_style(style);
+    }
+    bar.set_message(what.to_owned());
+    bar
+}
+
+/// Colours on a terminal, plain text elsewhere.
+pub(super) fn theme() -> GraphicalTheme {
+    let plain = std::env::var_os("NO_COLOR").is_some();
+    match io::stderr().is_terminal() && !plain {
+        true => GraphicalTheme::unicode(),
+        false => super::plain_theme(),
+    }
+}
+
+/// Columns for messages.
+pub(super) fn width() -> usize {
+    100
+}

@@ -1,0 +1,180 @@
+//! `brakecheck train`: a world in, a run directory with a trained ado out.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::{Common, Exit, Failure, PlantArg, print_json, table, talk};
+use crate::campaign::{
+    Ado, EvalRequest, TrainRequest, Watch, best_constant, eval, keep, train, trivial_starts,
+};
+use crate::run::RunDir;
+use crate::scenario::{Change, Scenario};
+
+/// Counterexamples of the closing evaluation that a run directory keeps.
+const KEPT_EPISODES: usize = 5;
+
+#[derive(Args, Debug)]
+pub(super) struct TrainArgs {
+    /// The world file.
+    world: PathBuf,
+    /// The run directory to make [default: runs/WORLD-SEED].
+    #[arg(short, long, value_name = "RUN")]
+    output: Option<PathBuf>,
+    /// Decisions to train for, instead of the world's number.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    decisions: Option<u64>,
+    /// The physics to train in, instead of the world's.
+    #[arg(long)]
+    plant: Option<PlantArg>,
+    /// Go on with an interrupted training in RUN.
+    #[arg(long)]
+    resume: bool,
+    /// Begin with the policy of another run and fine-tune it.
+    #[arg(long, value_name = "RUN", conflicts_with = "resume")]
+    from: Option<PathBuf>,
+    /// Test starts of the closing evaluation.
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    starts: usize,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
+    let mut scenario = Scenario::load(&args.world)?;
+    if let Some(plant) = args.plant {
+        scenario = scenario.on(plant.into());
+    }
+    if let Some(decisions) = args.decisions {
+        scenario.learner = scenario.learner.with_decisions(decisions);
+    }
+    let seed = args.common.seed;
+    let default = || PathBuf::from(format!("runs/{}-{seed}", scenario.name));
+    let path = args.output.clone().unwrap_or_else(default);
+    let mut run = match args.resume {
+        true => resume(args, &path, &mut scenario)?,
+        false => RunDir::create(&path, &scenario, seed)?,
+    };
+    let from = match &args.from {
+        Some(from) => Some(RunDir::open(from)?.policy_bundle()?),
+        None => None,
+    };
+    let bar = talk::bar("training (decisions)", scenario.learner.decisions());
+    let watch = Watch {
+        progress: &|done, _| bar.set_position(done),
+        stop: talk::stop(),
+    };
+    let request = TrainRequest {
+        scenario: &scenario,
+        from: from.as_ref(),
+    };
+    let trained = train(&request, &mut run, &watch)?;
+    bar.finish_and_clear();
+    if trained.interrupted {
+        talk::say(&format!(
+            "stopped after {} of {} decisions; go on with `brakecheck train {} -o {} --resume`",
+            trained.done.decisions,
+            trained.done.decisions_asked,
+            args.world.display(),
+            path.display()
+        ));
+        return Ok(Exit::Interrupted);
+    }
+    let rate = trained.done.decisions as f64 / trained.done.cpu_s.max(1e-9);
+    talk::say(&format!(
+        "trained for {} decisions in {} episodes: {:.1} s of processor time, {rate:.0} decisions/s",
+        trained.done.decisions, trained.done.episodes, trained.done.cpu_s
+    ));
+    let rows = closing_evaluation(args, &scenario, &run)?;
+    run.save_report(&rows)?;
+    if args.common.json {
+        print_json(&json!({
+            "run": path.display().to_string(),
+            "world": scenario.name,
+            "plant": scenario.plant(),
+            "seed": run.manifest().seed,
+            "decisions": trained.done.decisions,
+            "episodes": trained.done.episodes,
+            "cpu_s": trained.done.cpu_s,
+            "decisions_per_cpu_s": rate,
+            "rows": rows,
+        }));
+    } else {
+        talk::data(&table::rows(&rows));
+        talk::say(&format!("kept in {}", path.display()));
+    }
+    Ok(match talk::stopped() {
+        true => Exit::Interrupted,
+        false => Exit::Done,
+    })
+}
+
+/// Opens a run to go on with; it must be of the same world.
+fn resume(
+    args: &TrainArgs,
+    path: &std::path::Path,
+    scenario: &mut Scenario,
+) -> Result<RunDir, Failure> {
+    let run = RunDir::resume(path)?;
+    let kept = run.scenario()?;
+    if kept.text != scenario.text {
+        return Err(Failure::input(
+            format!(
+                "`{}` differs from the world that `{}` was begun with",
+                args.world.display(),
+                path.display()
+            ),
+            "resume with the world file in the run directory, or train anew with `-o`",
+        ));
+    }
+    if args.plant.is_none() {
+        *scenario = scenario.on(run.manifest().plant);
+    } else if scenario.plant() != run.manifest().plant {
+        return Err(Failure::input(
+            format!("this run was begun on the {:?} plant", run.manifest().plant),
+            "leave out `--plant`",
+        ));
+    }
+    if args.decisions.is_none() {
+        let decisions = run.manifest().decisions;
+        scenario.learner = scenario.learner.clone().with_decisions(decisions);
+    }
+    Ok(run)
+}
+
+/// The trained ado beside the baselines, on the first test starts.
+fn closing_evaluation(
+    args: &TrainArgs,
+    scenario: &Scenario,
+    run: &RunDir,
+) -> Result<Vec<crate::run::Row>, Failure> {
+    let policy = run.policy()?;
+    let starts = trivial_starts(scenario, 0, args.starts);
+    let bar = talk::bar("evaluating", 0);
+    let watch = Watch {
+        progress: &|done, total| {
+            bar.set_length(total);
+            bar.set_position(done);
+        },
+        stop: talk::stop(),
+    };
+    let request = |ado| EvalRequest {
+        scenario,
+        ego: "nominal",
+        ado,
+        starts: &starts,
+    };
+    let trained = request(Ado::Trained(&*policy, run.manifest().seed));
+    let evaluated = eval(&trained, &watch);
+    let episodes = run.path().join("episodes");
+    keep(&trained, &Change::default(), &evaluated, &episodes, KEPT_EPISODES)?;
+    let rows = vec![
+        evaluated.row,
+        eval(&request(Ado::Held), &watch).row,
+        eval(&request(Ado::Random), &watch).row,
+        best_constant(scenario, "nominal", &starts, &watch).row,
+    ];
+    bar.finish_and_clear();
+    Ok(rows)
+}
