@@ -17,7 +17,8 @@ use super::bundle::{Bundle, BundleError};
 use super::dice::Dice;
 use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, linear, within};
 use super::nn::{Adam, Mlp, Tape, argmax};
-use super::replay::{Batch, Lived, Replay, Tail, check};
+use super::replay::{Batch, Lived, Replay, Tail};
+use super::starts::Starts;
 use super::{Control, End, Env, Policy, Progress, Spaces};
 
 /// The kind of a kept policy.
@@ -152,13 +153,6 @@ impl DqnConfig {
     }
 }
 
-/// A start whose last training episode failed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct FailedStart {
-    index: u64,
-    tries: u32,
-}
-
 /// The learner: everything that changes while it trains.
 pub struct Dqn {
     config: DqnConfig,
@@ -166,13 +160,11 @@ pub struct Dqn {
     target: Mlp,
     adam: Adam,
     replay: Replay,
-    failed: Vec<FailedStart>,
+    starts: Starts,
     dice: Dice,
     decisions: u64,
     episodes: u64,
     aborted: u64,
-    /// Index of the next fresh start.
-    fresh: u64,
     room: Room,
 }
 
@@ -234,20 +226,9 @@ impl Dqn {
         dqn.target.parameters_mut().copy_from_slice(&target);
         dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
         dqn.replay.restore(bundle, spaces.actions)?;
-        let counters = bundle.get::<u64>("counters", &[4])?;
-        (dqn.decisions, dqn.episodes) = (counters[0], counters[1]);
-        (dqn.aborted, dqn.fresh) = (counters[2], counters[3]);
-        let indices = bundle.rows::<u64>("failed/indices", &[])?;
-        let tries = bundle.get::<u32>("failed/tries", &[indices.len()])?;
-        check(
-            "number of failed starts",
-            indices.len(),
-            config.restart_pool + 1,
-        )?;
-        let pairs = indices.iter().zip(tries);
-        dqn.failed = pairs
-            .map(|(&index, &tries)| FailedStart { index, tries })
-            .collect();
+        dqn.starts.restore(bundle)?;
+        let counters = bundle.get::<u64>("counters", &[3])?;
+        (dqn.decisions, dqn.episodes, dqn.aborted) = (counters[0], counters[1], counters[2]);
         Ok(dqn)
     }
 
@@ -258,12 +239,11 @@ impl Dqn {
             target: online.clone(),
             adam: Adam::new(parameters),
             replay: Replay::new(spaces.observation, capacity, config.priority),
-            failed: Vec::new(),
+            starts: Starts::new(config.restart, config.restart_pool, config.restart_tries),
             dice,
             decisions: 0,
             episodes: 0,
             aborted: 0,
-            fresh: 0,
             room: Room {
                 batch: Batch::default(),
                 here: online.tape(config.batch),
@@ -278,7 +258,7 @@ impl Dqn {
 
     /// Plays one episode, learning on the way; returns its return.
     fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        let start = self.pick_start();
+        let start = self.starts.pick(&mut self.dice);
         let width = self.online.inputs();
         let actions = self.online.outputs();
         let mut lived = std::mem::take(&mut self.room.lived);
@@ -317,7 +297,7 @@ impl Dqn {
                 self.episodes += 1;
                 self.remember(&lived, end);
                 if total <= 0.0 {
-                    self.keep_failed(start);
+                    self.starts.failed(start);
                 }
             }
         }
@@ -343,34 +323,6 @@ impl Dqn {
         );
     }
 
-    /// A failed start with the configured probability, else a fresh one.
-    fn pick_start(&mut self) -> FailedStart {
-        if self.dice.unit() < self.config.restart && !self.failed.is_empty() {
-            let pick = self.dice.below(self.failed.len());
-            let start = self.failed.remove(pick);
-            return FailedStart {
-                tries: start.tries + 1,
-                ..start
-            };
-        }
-        self.fresh += 1;
-        FailedStart {
-            index: self.fresh - 1,
-            tries: 0,
-        }
-    }
-
-    /// Back into the pool, unless it had its tries; the oldest makes room.
-    fn keep_failed(&mut self, start: FailedStart) {
-        if self.config.restart_tries <= start.tries {
-            return;
-        }
-        if self.failed.len() == self.config.restart_pool {
-            self.failed.remove(0);
-        }
-        self.failed.push(start);
-    }
-
     /// One step of Adam on a prioritised batch, then of the target network.
     fn update(&mut self) {
         let Room {
@@ -381,8 +333,8 @@ impl Dqn {
             ..
         } = &mut self.room;
         let size = self.config.batch;
-        let share = self.decisions as f64 / self.config.decisions as f64;
-        let beta = linear(self.config.correction, 1.0, share);
+        let span = self.config.decisions as f64;
+        let beta = linear(self.config.correction, 1.0, self.decisions, span);
         self.replay.sample(size, beta, &mut self.dice, batch);
 
         // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')).
@@ -409,7 +361,7 @@ impl Dqn {
         self.online
             .backward(&batch.observations, size, here, gradient);
         let rates = (self.config.learning_rate, self.config.final_learning_rate);
-        let rate = linear(rates.0, rates.1, share) as f32;
+        let rate = linear(rates.0, rates.1, self.decisions, span) as f32;
         self.adam.step(self.online.parameters_mut(), gradient, rate);
 
         let polyak = self.config.polyak as f32;
@@ -425,16 +377,8 @@ impl Dqn {
 
     fn exploration(&self) -> f64 {
         let fall = self.config.exploration_fraction * self.config.decisions as f64;
-        let share = if 0.0 < fall {
-            self.decisions as f64 / fall
-        } else {
-            1.0
-        };
-        linear(
-            self.config.exploration,
-            self.config.final_exploration,
-            share,
-        )
+        let (start, end) = (self.config.exploration, self.config.final_exploration);
+        linear(start, end, self.decisions, fall)
     }
 }
 
@@ -482,18 +426,11 @@ impl Learner for Dqn {
         self.adam.save(&self.online, "adam", &mut bundle);
         self.replay.save(&mut bundle);
         self.dice.save(&mut bundle);
-        let counters = vec![self.decisions, self.episodes, self.aborted, self.fresh];
-        bundle.put("counters", &[4], counters);
-        let n = self.failed.len();
+        self.starts.save(&mut bundle);
         bundle.put(
-            "failed/indices",
-            &[n],
-            self.failed.iter().map(|s| s.index).collect(),
-        );
-        bundle.put(
-            "failed/tries",
-            &[n],
-            self.failed.iter().map(|s| s.tries).collect(),
+            "counters",
+            &[3],
+            vec![self.decisions, self.episodes, self.aborted],
         );
         bundle
     }

@@ -93,7 +93,10 @@ impl Product<'_> {
         mut sums: [[f32; C]; R],
     ) -> [[f32; C]; R] {
         for (p, right) in self.right.chunks_exact(width).enumerate() {
-            let Some(right) = right.get(column..).and_then(|right| right.first_chunk::<C>()) else {
+            let Some(right) = right
+                .get(column..)
+                .and_then(|right| right.first_chunk::<C>())
+            else {
                 return sums;
             };
             for r in 0..R {

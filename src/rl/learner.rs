@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::{Bundle, BundleError};
 use super::dqn::{self, Dqn, DqnConfig};
+use super::ppo::{self, Ppo, PpoConfig};
+use super::q_table::{self, QTable, QTableConfig};
 use super::{Control, Env, Policy, Progress, Spaces};
 
 /// A learner at work: a configuration turned into state.
@@ -46,8 +48,12 @@ pub trait Learner: Send {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum LearnerConfig {
-    /// Deep Q-learning.
+    /// Deep Q-learning: the default, for driving.
     Dqn(DqnConfig),
+    /// Tabular Q-learning: for small or binned worlds.
+    QTable(QTableConfig),
+    /// Proximal policy optimisation.
+    Ppo(PpoConfig),
 }
 
 impl Default for LearnerConfig {
@@ -61,6 +67,8 @@ impl LearnerConfig {
     pub fn decisions(&self) -> u64 {
         match self {
             LearnerConfig::Dqn(config) => config.decisions,
+            LearnerConfig::QTable(config) => config.decisions,
+            LearnerConfig::Ppo(config) => config.decisions,
         }
     }
 
@@ -68,6 +76,8 @@ impl LearnerConfig {
     pub fn with_decisions(mut self, decisions: u64) -> Self {
         match &mut self {
             LearnerConfig::Dqn(config) => config.decisions = decisions,
+            LearnerConfig::QTable(config) => config.decisions = decisions,
+            LearnerConfig::Ppo(config) => config.decisions = decisions,
         }
         self
     }
@@ -76,6 +86,8 @@ impl LearnerConfig {
     pub fn name(&self) -> &'static str {
         match self {
             LearnerConfig::Dqn(_) => "Dqn",
+            LearnerConfig::QTable(_) => "QTable",
+            LearnerConfig::Ppo(_) => "Ppo",
         }
     }
 
@@ -86,6 +98,8 @@ impl LearnerConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         match self {
             LearnerConfig::Dqn(config) => config.validate(),
+            LearnerConfig::QTable(config) => config.validate(),
+            LearnerConfig::Ppo(config) => config.validate(),
         }
     }
 
@@ -93,6 +107,8 @@ impl LearnerConfig {
     pub fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         match self {
             LearnerConfig::Dqn(config) => Box::new(Dqn::new(config, spaces, seed)),
+            LearnerConfig::QTable(config) => Box::new(QTable::new(config, spaces, seed)),
+            LearnerConfig::Ppo(config) => Box::new(Ppo::new(config, spaces, seed)),
         }
     }
 
@@ -106,11 +122,13 @@ impl LearnerConfig {
         seed: u64,
         policy: &Bundle,
     ) -> Result<Box<dyn Learner>, BundleError> {
-        match self {
-            LearnerConfig::Dqn(config) => {
-                Ok(Box::new(Dqn::from_policy(config, spaces, seed, policy)?))
+        Ok(match self {
+            LearnerConfig::Dqn(config) => Box::new(Dqn::from_policy(config, spaces, seed, policy)?),
+            LearnerConfig::QTable(config) => {
+                Box::new(QTable::from_policy(config, spaces, seed, policy)?)
             }
-        }
+            LearnerConfig::Ppo(config) => Box::new(Ppo::from_policy(config, spaces, seed, policy)?),
+        })
     }
 
     /// A learner that goes on from a checkpoint.
@@ -122,9 +140,11 @@ impl LearnerConfig {
         spaces: &Spaces,
         checkpoint: &Bundle,
     ) -> Result<Box<dyn Learner>, BundleError> {
-        match self {
-            LearnerConfig::Dqn(config) => Ok(Box::new(Dqn::restore(config, spaces, checkpoint)?)),
-        }
+        Ok(match self {
+            LearnerConfig::Dqn(config) => Box::new(Dqn::restore(config, spaces, checkpoint)?),
+            LearnerConfig::QTable(config) => Box::new(QTable::restore(config, spaces, checkpoint)?),
+            LearnerConfig::Ppo(config) => Box::new(Ppo::restore(config, spaces, checkpoint)?),
+        })
     }
 }
 
@@ -135,9 +155,16 @@ impl LearnerConfig {
 pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
     match bundle.meta() {
         dqn::POLICY => Ok(Box::new(dqn::QPolicy::load(bundle)?)),
+        q_table::POLICY => Ok(Box::new(q_table::TablePolicy::load(bundle)?)),
+        ppo::POLICY => Ok(Box::new(ppo::ActorCritic::load(bundle)?)),
         other => Err(BundleError::Mismatch {
             what: "the kind of the bundle",
-            expected: format!("`{}`", dqn::POLICY),
+            expected: format!(
+                "`{}`, `{}` or `{}`",
+                dqn::POLICY,
+                q_table::POLICY,
+                ppo::POLICY
+            ),
             found: format!("`{other}`"),
         }),
     }
@@ -200,7 +227,12 @@ pub(super) fn expect_sizes(
     })
 }
 
-/// From `start` to `end` in a straight line while `share` goes from 0 to 1.
-pub(super) fn linear(start: f64, end: f64, share: f64) -> f64 {
-    start + (end - start) * share.clamp(0.0, 1.0)
+/// From `start` to `end` in a straight line over the first `span` decisions.
+pub(super) fn linear(start: f64, end: f64, decisions: u64, span: f64) -> f64 {
+    let decisions = decisions as f64;
+    if decisions < span {
+        start + (end - start) * (decisions / span)
+    } else {
+        end
+    }
 }

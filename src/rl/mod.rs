@@ -10,7 +10,10 @@
 //! | file | what | paper |
 //! | --- | --- | --- |
 //! | `dqn` | deep Q-learning, recipe R | Mnih 2015, van Hasselt 2016 |
+//! | `q_table` | tabular Q-learning | Watkins 1989 |
+//! | `ppo` | clipped policy gradients with GAE | Schulman 2017, 2016 |
 //! | `replay` | prioritised replay, n-step returns | Schaul 2016, Watkins 1989 |
+//! | `starts` | which start an episode begins from | |
 //! | `kernel`, `nn` | matrix products, perceptron, Adam | |
 //! | `bundle` | named tensors: how policies and checkpoints are kept | |
 //! | `dice` | the learners' random numbers | |
@@ -22,12 +25,17 @@ pub mod dqn;
 pub mod kernel;
 mod learner;
 pub mod nn;
+pub mod ppo;
+pub mod q_table;
 pub mod replay;
+mod starts;
 
 pub use bundle::{Bundle, BundleError, Data, Element};
 pub use dice::Dice;
 pub use dqn::DqnConfig;
 pub use learner::{ConfigError, Learner, LearnerConfig, load_policy};
+pub use ppo::PpoConfig;
+pub use q_table::{Bins, LearningRate, QTableConfig};
 
 /// The shapes of a decision problem.
 #[derive(Clone, Debug, PartialEq, Eq)]

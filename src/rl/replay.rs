@@ -63,23 +63,24 @@ impl SumTree {
         self.nodes.get(1).copied().unwrap_or(0.0)
     }
 
-    /// The leaf in whose share of the total `mass` lies; never a leaf of 0
-    /// while the total is positive.
-    pub fn find(&self, mut mass: f64) -> usize {
-        let first = self.capacity();
-        let mut node = 1;
-        while node < first {
-            let (left, right) = (self.nodes[2 * node], self.nodes[2 * node + 1]);
-            // Rounding may leave `mass` at the very end: then stay where
-            // there is something to find.
-            if mass < left || right <= 0.0 {
-                node *= 2;
-            } else {
-                mass -= left;
-                node = 2 * node + 1;
+    /// For every mass the leaf in whose share of the total it lies; never a
+    /// leaf of 0 while the total is positive.
+    ///
+    /// All walk down together, level by level: the processor then waits for
+    /// many nodes at once instead of one after the other.
+    pub fn find(&self, masses: &mut [f64], leaves: &mut [usize]) {
+        leaves.fill(1);
+        for _ in 0..self.capacity().trailing_zeros() {
+            for (mass, node) in masses.iter_mut().zip(leaves.iter_mut()) {
+                let (left, right) = (self.nodes[2 * *node], self.nodes[2 * *node + 1]);
+                // Rounding may leave the mass at the very end: then the walk
+                // stays where there is something to find.
+                let goes_right = left <= *mass && 0.0 < right;
+                *mass -= if goes_right { left } else { 0.0 };
+                *node = 2 * *node + usize::from(goes_right);
             }
         }
-        node - first
+        leaves.iter_mut().for_each(|node| *node -= self.capacity());
     }
 
     fn capacity(&self) -> usize {
@@ -111,6 +112,7 @@ pub struct Transition<'a> {
 /// A batch of transitions, with the importance of each.
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
+    masses: Vec<f64>,
     /// Where in the replay.
     pub slots: Vec<usize>,
     /// Importance weights, at most 1.
@@ -135,17 +137,16 @@ pub struct Replay {
     alpha: f64,
     oldest: usize,
     largest: f64,
-    observations: Vec<f32>,
-    nexts: Vec<f32>,
+    /// Observation, next observation, reward, discount: side by side, so that
+    /// a draw waits for the memory once.
+    rows: Vec<f32>,
     actions: Vec<u32>,
-    rewards: Vec<f32>,
-    discounts: Vec<f32>,
     priorities: SumTree,
 }
 
 impl Replay {
     /// Added to |δ|, so that nothing is forgotten for good.
-    const FLOOR: f64 = 1e-3;
+    const FLOOR: f32 = 1e-3;
 
     /// An empty memory of up to `capacity` transitions.
     pub fn new(observation: usize, capacity: usize, alpha: f64) -> Replay {
@@ -155,11 +156,8 @@ impl Replay {
             alpha,
             oldest: 0,
             largest: 1.0,
-            observations: Vec::new(),
-            nexts: Vec::new(),
+            rows: Vec::new(),
             actions: Vec::new(),
-            rewards: Vec::new(),
-            discounts: Vec::new(),
             priorities: SumTree::default(),
         }
     }
@@ -177,24 +175,23 @@ impl Replay {
     /// Keeps a transition, in place of the oldest one when full.
     pub fn push(&mut self, transition: Transition) {
         let slot = if self.len() < self.capacity {
-            self.observations.extend_from_slice(transition.observation);
-            self.nexts.extend_from_slice(transition.next);
-            self.actions.push(transition.action as u32);
-            self.rewards.push(transition.reward);
-            self.discounts.push(transition.discount);
+            self.rows.resize(self.rows.len() + self.width(), 0.0);
+            self.actions.push(0);
             self.priorities.grow(self.len());
             self.len() - 1
         } else {
             let slot = self.oldest;
-            let row = slot * self.observation..(slot + 1) * self.observation;
-            self.observations[row.clone()].copy_from_slice(transition.observation);
-            self.nexts[row].copy_from_slice(transition.next);
-            self.actions[slot] = transition.action as u32;
-            self.rewards[slot] = transition.reward;
-            self.discounts[slot] = transition.discount;
             self.oldest = (slot + 1) % self.capacity;
             slot
         };
+        self.actions[slot] = transition.action as u32;
+        let width = self.width();
+        let row = &mut self.rows[slot * width..(slot + 1) * width];
+        let (observation, rest) = row.split_at_mut(self.observation);
+        let (next, numbers) = rest.split_at_mut(self.observation);
+        observation.copy_from_slice(transition.observation);
+        next.copy_from_slice(transition.next);
+        numbers.copy_from_slice(&[transition.reward, transition.discount]);
         self.priorities.set(slot, self.largest);
     }
 
@@ -202,45 +199,45 @@ impl Replay {
     pub fn sample(&self, size: usize, beta: f64, dice: &mut Dice, batch: &mut Batch) {
         batch.clear();
         let total = self.priorities.total();
-        let mut largest = 0.0f64;
-        for i in 0..size {
-            let mass = (i as f64 + dice.unit()) / size as f64 * total;
-            let slot = self.priorities.find(mass);
+        let strata = (0..size).map(|i| (i as f64 + dice.unit()) / size as f64 * total);
+        batch.masses.extend(strata);
+        batch.slots.resize(size, 0);
+        self.priorities.find(&mut batch.masses, &mut batch.slots);
+        for &slot in &batch.slots {
             let share = self.len() as f64 * self.priorities.get(slot) / total;
-            let weight = libm::pow(share, -beta);
-            largest = largest.max(weight);
-            batch.slots.push(slot);
-            batch.weights.push(weight as f32);
-            let row = slot * self.observation..(slot + 1) * self.observation;
-            batch
-                .observations
-                .extend_from_slice(&self.observations[row.clone()]);
-            batch.nexts.extend_from_slice(&self.nexts[row]);
+            batch.weights.push(libm::powf(share as f32, -beta as f32));
+            let row = &self.rows[slot * self.width()..(slot + 1) * self.width()];
+            let (observation, rest) = row.split_at(self.observation);
+            let (next, numbers) = rest.split_at(self.observation);
+            batch.observations.extend_from_slice(observation);
+            batch.nexts.extend_from_slice(next);
             batch.actions.push(self.actions[slot] as usize);
-            batch.rewards.push(self.rewards[slot]);
-            batch.discounts.push(self.discounts[slot]);
+            batch.rewards.push(numbers[0]);
+            batch.discounts.push(numbers[1]);
         }
-        for weight in &mut batch.weights {
-            *weight = (f64::from(*weight) / largest) as f32;
-        }
+        let largest = batch.weights.iter().copied().fold(0.0, f32::max);
+        batch
+            .weights
+            .iter_mut()
+            .for_each(|weight| *weight /= largest);
     }
 
     /// Sets the priority of a slot to (|δ| + floor)^α.
     pub fn prioritise(&mut self, slot: usize, error: f32) {
-        let priority = libm::pow(f64::from(error.abs()) + Replay::FLOOR, self.alpha);
+        let priority = f64::from(libm::powf(error.abs() + Replay::FLOOR, self.alpha as f32));
         self.largest = self.largest.max(priority);
         self.priorities.set(slot, priority);
+    }
+
+    fn width(&self) -> usize {
+        2 * self.observation + 2
     }
 
     /// Writes everything into a checkpoint.
     pub fn save(&self, bundle: &mut Bundle) {
         let n = self.len();
-        let wide = [n, self.observation];
-        bundle.put("replay/observations", &wide, self.observations.clone());
-        bundle.put("replay/nexts", &wide, self.nexts.clone());
+        bundle.put("replay/rows", &[n, self.width()], self.rows.clone());
         bundle.put("replay/actions", &[n], self.actions.clone());
-        bundle.put("replay/rewards", &[n], self.rewards.clone());
-        bundle.put("replay/discounts", &[n], self.discounts.clone());
         let leaves: Vec<f64> = (0..n).map(|slot| self.priorities.get(slot)).collect();
         bundle.put("replay/priorities", &[n], leaves);
         bundle.put("replay/oldest", &[1], vec![self.oldest as u64]);
@@ -254,7 +251,6 @@ impl Replay {
     pub fn restore(&mut self, bundle: &Bundle, actions: usize) -> Result<(), BundleError> {
         let kept = bundle.rows::<u32>("replay/actions", &[])?;
         let n = kept.len();
-        let wide = [n, self.observation];
         let oldest = bundle.one::<u64>("replay/oldest")? as usize;
         let leaves = bundle.get::<f64>("replay/priorities", &[n])?;
         check("replay length", n, self.capacity.saturating_add(1))?;
@@ -269,11 +265,10 @@ impl Replay {
                 found: leaf.to_string(),
             });
         }
-        self.observations = bundle.get::<f32>("replay/observations", &wide)?.to_vec();
-        self.nexts = bundle.get::<f32>("replay/nexts", &wide)?.to_vec();
+        self.rows = bundle
+            .get::<f32>("replay/rows", &[n, self.width()])?
+            .to_vec();
         self.actions = kept.to_vec();
-        self.rewards = bundle.get::<f32>("replay/rewards", &[n])?.to_vec();
-        self.discounts = bundle.get::<f32>("replay/discounts", &[n])?.to_vec();
         self.priorities = SumTree::new(leaves);
         self.oldest = oldest;
         self.largest = bundle.one("replay/largest")?;
@@ -283,6 +278,7 @@ impl Replay {
 
 impl Batch {
     fn clear(&mut self) {
+        self.masses.clear();
         self.slots.clear();
         self.weights.clear();
         self.observations.clear();

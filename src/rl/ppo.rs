@@ -1,0 +1,571 @@
+//! Proximal policy optimisation for finite action sets.
+//!
+//! - Schulman, Wolski, Dhariwal, Radford, Klimov, "Proximal Policy
+//!   Optimization Algorithms", 2017: clipped surrogate, Eq. (7).
+//! - Schulman, Moritz, Levine, Jordan, Abbeel, "High-Dimensional Continuous
+//!   Control Using Generalized Advantage Estimation", ICLR 2016: Eq. (16).
+//!
+//! Deviations: docs/learners.md.
+
+use serde::{Deserialize, Serialize};
+
+use super::bundle::{Bundle, BundleError};
+use super::dice::Dice;
+use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, linear, within};
+use super::nn::{Adam, Mlp, Tape, argmax};
+use super::replay::check;
+use super::{Control, End, Env, Policy, Progress, Spaces};
+
+/// The kind of a kept policy.
+pub(super) const POLICY: &str = "brakecheck ppo policy 1";
+/// The kind of a checkpoint.
+const CHECKPOINT: &str = "brakecheck ppo checkpoint 1";
+
+/// Hyperparameters of [`Ppo`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PpoConfig {
+    /// Decisions to train for (300000): as many as the DQN's.
+    pub decisions: u64,
+    /// Widths of the hidden ReLU layers of actor and critic ([64, 64]).
+    pub hidden: Vec<usize>,
+    /// Decisions between updates, rounded up to whole episodes (2048).
+    pub horizon: usize,
+    /// Passes over them (10): as in the paper's Table 3.
+    pub epochs: usize,
+    /// Decisions per gradient step (64): as in the paper's Table 3.
+    pub batch: usize,
+    /// Adam's step at the start (1e-3): small networks bear it.
+    pub learning_rate: f64,
+    /// Adam's step at the end, linear between (0): lets the policy settle.
+    pub final_learning_rate: f64,
+    /// γ (1): the reward comes once, at the end.
+    pub discount: f64,
+    /// λ of the advantages (0.95): between one-step (0) and whole returns (1).
+    pub trace: f64,
+    /// The ratio of probabilities counts up to 1 ± this (0.2).
+    pub clip: f64,
+    /// Weight of the entropy (0.01): keeps the actor exploring.
+    pub entropy: f64,
+    /// Gradients longer than this are shortened to it (0.5), net by net.
+    pub max_gradient: f64,
+}
+
+impl Default for PpoConfig {
+    fn default() -> Self {
+        PpoConfig {
+            decisions: 300_000,
+            hidden: vec![64, 64],
+            horizon: 2048,
+            epochs: 10,
+            batch: 64,
+            learning_rate: 1e-3,
+            final_learning_rate: 0.0,
+            discount: 1.0,
+            trace: 0.95,
+            clip: 0.2,
+            entropy: 0.01,
+            max_gradient: 0.5,
+        }
+    }
+}
+
+impl PpoConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// Names the first field that is out of range, and what would be right.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        within("decisions", self.decisions as f64, 1.0, 1e12)?;
+        within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
+        for width in &self.hidden {
+            within("hidden", *width as f64, 1.0, 4096.0)?;
+        }
+        within("horizon", self.horizon as f64, 1.0, 1e9)?;
+        within("epochs", self.epochs as f64, 1.0, 1e4)?;
+        within("batch", self.batch as f64, 1.0, 65536.0)?;
+        within("learning_rate", self.learning_rate, 1e-9, 1.0)?;
+        within("final_learning_rate", self.final_learning_rate, 0.0, 1.0)?;
+        within("discount", self.discount, 0.0, 1.0)?;
+        within("trace", self.trace, 0.0, 1.0)?;
+        within("clip", self.clip, 1e-3, 1.0)?;
+        within("entropy", self.entropy, 0.0, 10.0)?;
+        within("max_gradient", self.max_gradient, 1e-6, 1e6)
+    }
+
+    fn sizes(&self, spaces: &Spaces, outputs: usize) -> Vec<usize> {
+        let mut sizes = vec![spaces.observation];
+        sizes.extend(&self.hidden);
+        sizes.push(outputs);
+        sizes
+    }
+}
+
+/// What was lived since the last update, with the advantages.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Rollout {
+    observations: Vec<f32>,
+    actions: Vec<u32>,
+    /// log π(a | s) when the action was drawn.
+    log_probabilities: Vec<f32>,
+    /// During an episode: V(s).
+    values: Vec<f32>,
+    /// During an episode: rewards.
+    rewards: Vec<f32>,
+    advantages: Vec<f32>,
+    returns: Vec<f32>,
+}
+
+impl Rollout {
+    /// Back to the last `episode` boundary.
+    fn drop_episode(&mut self, width: usize) {
+        let kept = self.advantages.len();
+        self.observations.truncate(kept * width);
+        self.actions.truncate(kept);
+        self.log_probabilities.truncate(kept);
+        self.values.clear();
+        self.rewards.clear();
+    }
+
+    /// Advantages of the episode just lived: Â_t = Σ (γλ)^l δ_{t+l}, Eq. (16).
+    ///
+    /// `after` is the value of what follows: 0 after a terminal state.
+    fn close_episode(&mut self, after: f32, discount: f32, trace: f32) {
+        let start = self.advantages.len();
+        let end = start + self.rewards.len();
+        self.advantages.resize(end, 0.0);
+        self.returns.resize(end, 0.0);
+        let (mut next, mut sum) = (after, 0.0);
+        for t in (0..self.rewards.len()).rev() {
+            let delta = self.rewards[t] + discount * next - self.values[t];
+            sum = delta + discount * trace * sum;
+            self.advantages[start + t] = sum;
+            self.returns[start + t] = sum + self.values[t];
+            next = self.values[t];
+        }
+        self.values.clear();
+        self.rewards.clear();
+    }
+
+    fn clear(&mut self) {
+        *self = Rollout {
+            observations: std::mem::take(&mut self.observations),
+            ..Rollout::default()
+        };
+        self.observations.clear();
+    }
+}
+
+/// The learner: everything that changes while it trains.
+pub struct Ppo {
+    config: PpoConfig,
+    actor: Mlp,
+    critic: Mlp,
+    actor_adam: Adam,
+    critic_adam: Adam,
+    rollout: Rollout,
+    dice: Dice,
+    decisions: u64,
+    episodes: u64,
+    aborted: u64,
+    /// Share of the last episode's actions that were not the likeliest.
+    explored: f32,
+    room: Room,
+}
+
+/// Buffers without meaning between updates.
+struct Room {
+    order: Vec<u32>,
+    inputs: Vec<f32>,
+    probabilities: Vec<f32>,
+    actor: Tape,
+    critic: Tape,
+    actor_gradient: Vec<f32>,
+    critic_gradient: Vec<f32>,
+}
+
+impl Ppo {
+    /// A learner that has seen nothing.
+    pub fn new(config: &PpoConfig, spaces: &Spaces, seed: u64) -> Ppo {
+        let mut dice = Dice::new(seed);
+        // A small last layer: all actions start equally likely.
+        let actor = Mlp::orthogonal(&config.sizes(spaces, spaces.actions), 0.01, &mut dice);
+        let critic = Mlp::orthogonal(&config.sizes(spaces, 1), 1.0, &mut dice);
+        Ppo::around(config, actor, critic, dice)
+    }
+
+    /// A learner that starts from the networks of a kept policy.
+    ///
+    /// # Errors
+    /// When the bundle is no policy of this kind and shape.
+    pub fn from_policy(
+        config: &PpoConfig,
+        spaces: &Spaces,
+        seed: u64,
+        policy: &Bundle,
+    ) -> Result<Ppo, BundleError> {
+        expect_kind(policy, POLICY)?;
+        Ppo::with_nets(config, spaces, policy, Dice::new(seed))
+    }
+
+    /// A learner that goes on where [`Learner::checkpoint`] was taken.
+    ///
+    /// # Errors
+    /// When the bundle is no checkpoint of this kind and shape.
+    pub fn restore(
+        config: &PpoConfig,
+        spaces: &Spaces,
+        bundle: &Bundle,
+    ) -> Result<Ppo, BundleError> {
+        expect_kind(bundle, CHECKPOINT)?;
+        let mut ppo = Ppo::with_nets(config, spaces, bundle, Dice::restore(bundle)?)?;
+        ppo.actor_adam = Adam::load(&ppo.actor, "actor_adam", bundle)?;
+        ppo.critic_adam = Adam::load(&ppo.critic, "critic_adam", bundle)?;
+        let counters = bundle.get::<u64>("counters", &[3])?;
+        (ppo.decisions, ppo.episodes, ppo.aborted) = (counters[0], counters[1], counters[2]);
+        let actions = bundle.rows::<u32>("rollout/actions", &[])?;
+        let n = actions.len();
+        for action in actions {
+            check("action in the rollout", *action as usize, spaces.actions)?;
+        }
+        let wide = [n, spaces.observation];
+        let floats = |name: &str| bundle.get::<f32>(name, &[n]).map(<[f32]>::to_vec);
+        ppo.rollout = Rollout {
+            observations: bundle.get::<f32>("rollout/observations", &wide)?.to_vec(),
+            actions: actions.to_vec(),
+            log_probabilities: floats("rollout/log_probabilities")?,
+            advantages: floats("rollout/advantages")?,
+            returns: floats("rollout/returns")?,
+            ..Rollout::default()
+        };
+        Ok(ppo)
+    }
+
+    fn with_nets(
+        config: &PpoConfig,
+        spaces: &Spaces,
+        bundle: &Bundle,
+        dice: Dice,
+    ) -> Result<Ppo, BundleError> {
+        let (actor, critic) = (Mlp::load("actor", bundle)?, Mlp::load("critic", bundle)?);
+        let expected = config.sizes(spaces, spaces.actions);
+        expect_sizes("the actor's layer sizes", &actor.sizes(), &expected)?;
+        expect_sizes(
+            "the critic's layer sizes",
+            &critic.sizes(),
+            &config.sizes(spaces, 1),
+        )?;
+        Ok(Ppo::around(config, actor, critic, dice))
+    }
+
+    fn around(config: &PpoConfig, actor: Mlp, critic: Mlp, dice: Dice) -> Ppo {
+        Ppo {
+            config: config.clone(),
+            actor_adam: Adam::new(actor.parameters().len()),
+            critic_adam: Adam::new(critic.parameters().len()),
+            rollout: Rollout::default(),
+            dice,
+            decisions: 0,
+            episodes: 0,
+            aborted: 0,
+            explored: 1.0,
+            room: Room {
+                order: Vec::new(),
+                inputs: Vec::new(),
+                probabilities: Vec::new(),
+                actor: actor.tape(config.batch),
+                critic: critic.tape(config.batch),
+                actor_gradient: vec![0.0; actor.parameters().len()],
+                critic_gradient: vec![0.0; critic.parameters().len()],
+            },
+            actor,
+            critic,
+        }
+    }
+
+    /// Plays one episode with the stochastic policy; returns its return.
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        let mut obs = vec![0.0; self.actor.inputs()];
+        let mut probabilities = std::mem::take(&mut self.room.probabilities);
+        env.reset(self.episodes + self.aborted, &mut obs);
+        let mut explored = 0;
+        let end = loop {
+            self.actor
+                .evaluate(&obs, |logits| softmax(logits, &mut probabilities));
+            let action = draw(&probabilities, self.dice.unit());
+            explored += usize::from(action != argmax(&probabilities));
+            self.rollout.observations.extend_from_slice(&obs);
+            self.rollout.actions.push(action as u32);
+            let log = libm::logf(probabilities[action]);
+            self.rollout.log_probabilities.push(log);
+            self.rollout
+                .values
+                .push(self.critic.evaluate(&obs, |value| value[0]));
+            let step = env.step(action, &mut obs);
+            self.rollout.rewards.push(step.reward);
+            self.decisions += 1;
+            if let Some(end) = step.end {
+                break end;
+            }
+        };
+        self.room.probabilities = probabilities;
+        self.explored = explored as f32 / self.rollout.rewards.len() as f32;
+        let total = self.rollout.rewards.iter().sum();
+        let after = match end {
+            End::Terminated => 0.0,
+            End::Truncated => self.critic.evaluate(&obs, |value| value[0]),
+            End::Aborted => {
+                self.aborted += 1;
+                self.rollout.drop_episode(obs.len());
+                return total;
+            }
+        };
+        self.episodes += 1;
+        let (discount, trace) = (self.config.discount as f32, self.config.trace as f32);
+        self.rollout.close_episode(after, discount, trace);
+        if self.config.horizon <= self.rollout.actions.len() {
+            self.update();
+            self.rollout.clear();
+        }
+        total
+    }
+
+    /// Several passes over the rollout in shuffled minibatches.
+    fn update(&mut self) {
+        let n = self.rollout.actions.len();
+        let mut order = std::mem::take(&mut self.room.order);
+        order.clear();
+        order.extend(0..n as u32);
+        for _ in 0..self.config.epochs {
+            self.dice.shuffle(&mut order);
+            for batch in order.chunks(self.config.batch) {
+                self.gradient_step(batch);
+            }
+        }
+        self.room.order = order;
+    }
+
+    fn gradient_step(&mut self, batch: &[u32]) {
+        let Room {
+            inputs,
+            probabilities,
+            actor,
+            critic,
+            actor_gradient,
+            critic_gradient,
+            ..
+        } = &mut self.room;
+        let rollout = &self.rollout;
+        let (size, width) = (batch.len(), self.actor.inputs());
+        let scale = 1.0 / size as f32;
+        inputs.clear();
+        for &i in batch {
+            let row = i as usize * width..(i as usize + 1) * width;
+            inputs.extend_from_slice(&rollout.observations[row]);
+        }
+
+        // Actor: −min(r Â, clip(r) Â) − c H, Eq. (7) and (9), by the logits.
+        let (mean, deviation) = moments(batch.iter().map(|&i| rollout.advantages[i as usize]));
+        self.actor.forward(inputs, size, actor);
+        let (actions, stride) = (self.actor.outputs(), self.actor.output_stride());
+        let (logits, gradient) = self.actor.output_and_gradient(size, actor);
+        gradient.fill(0.0);
+        let rows = logits
+            .chunks_exact(stride)
+            .zip(gradient.chunks_exact_mut(stride));
+        for (&i, (logits, gradient)) in batch.iter().zip(rows) {
+            let i = i as usize;
+            softmax(&logits[..actions], probabilities);
+            let taken = rollout.actions[i] as usize;
+            let log = libm::logf(probabilities[taken]);
+            let ratio = libm::expf(log - rollout.log_probabilities[i]);
+            let advantage = (rollout.advantages[i] - mean) / deviation;
+            let clip = self.config.clip as f32;
+            // The clipped branch is flat: no gradient once the ratio has
+            // moved beyond the clip in the direction of the advantage.
+            let flat = match 0.0 < advantage {
+                true => 1.0 + clip < ratio,
+                false => ratio < 1.0 - clip,
+            };
+            let pull = if flat { 0.0 } else { -advantage * ratio };
+            let entropy: f32 = probabilities.iter().map(|p| -p * libm::logf(*p)).sum();
+            for (a, (p, g)) in probabilities.iter().zip(gradient).enumerate() {
+                let one = if a == taken { 1.0 } else { 0.0 };
+                let spread = self.config.entropy as f32 * p * (libm::logf(*p) + entropy);
+                *g = scale * (pull * (one - p) + spread);
+            }
+        }
+        self.actor.backward(inputs, size, actor, actor_gradient);
+
+        // Critic: ½ (V − R)².
+        self.critic.forward(inputs, size, critic);
+        let stride = self.critic.output_stride();
+        let (values, gradient) = self.critic.output_and_gradient(size, critic);
+        gradient.fill(0.0);
+        for (at, &i) in batch.iter().enumerate() {
+            let error = values[at * stride] - rollout.returns[i as usize];
+            gradient[at * stride] = scale * error;
+        }
+        self.critic.backward(inputs, size, critic, critic_gradient);
+
+        let rates = (self.config.learning_rate, self.config.final_learning_rate);
+        let span = self.config.decisions as f64;
+        let rate = linear(rates.0, rates.1, self.decisions, span) as f32;
+        let longest = self.config.max_gradient;
+        shorten(actor_gradient, longest);
+        shorten(critic_gradient, longest);
+        self.actor_adam
+            .step(self.actor.parameters_mut(), actor_gradient, rate);
+        self.critic_adam
+            .step(self.critic.parameters_mut(), critic_gradient, rate);
+    }
+}
+
+impl Learner for Ppo {
+    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
+        while !self.finished() {
+            let episode_return = self.episode(env);
+            let progress = Progress {
+                decisions: self.decisions,
+                episodes: self.episodes,
+                aborted: self.aborted,
+                episode_return,
+                exploration: self.explored,
+            };
+            if observer(&progress) == Control::Stop {
+                return;
+            }
+        }
+    }
+
+    fn decisions(&self) -> u64 {
+        self.decisions
+    }
+
+    fn finished(&self) -> bool {
+        self.config.decisions <= self.decisions
+    }
+
+    fn policy(&self) -> Box<dyn Policy> {
+        Box::new(ActorCritic {
+            actor: self.actor.clone(),
+            critic: self.critic.clone(),
+        })
+    }
+
+    fn policy_bundle(&self) -> Bundle {
+        let mut bundle = Bundle::new(POLICY);
+        self.actor.save("actor", &mut bundle);
+        self.critic.save("critic", &mut bundle);
+        bundle
+    }
+
+    fn checkpoint(&self) -> Bundle {
+        let mut bundle = Bundle::new(CHECKPOINT);
+        self.actor.save("actor", &mut bundle);
+        self.critic.save("critic", &mut bundle);
+        self.actor_adam.save(&self.actor, "actor_adam", &mut bundle);
+        self.critic_adam
+            .save(&self.critic, "critic_adam", &mut bundle);
+        self.dice.save(&mut bundle);
+        bundle.put(
+            "counters",
+            &[3],
+            vec![self.decisions, self.episodes, self.aborted],
+        );
+        let rollout = &self.rollout;
+        let n = rollout.actions.len();
+        let wide = [n, self.actor.inputs()];
+        bundle.put("rollout/observations", &wide, rollout.observations.clone());
+        bundle.put("rollout/actions", &[n], rollout.actions.clone());
+        bundle.put(
+            "rollout/log_probabilities",
+            &[n],
+            rollout.log_probabilities.clone(),
+        );
+        bundle.put("rollout/advantages", &[n], rollout.advantages.clone());
+        bundle.put("rollout/returns", &[n], rollout.returns.clone());
+        bundle
+    }
+}
+
+/// The actor's likeliest action, and the critic's value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActorCritic {
+    actor: Mlp,
+    critic: Mlp,
+}
+
+impl ActorCritic {
+    /// Reads what [`Learner::policy_bundle`] of a [`Ppo`] gave.
+    ///
+    /// # Errors
+    /// When the bundle is no policy of this kind, or misshapen.
+    pub fn load(bundle: &Bundle) -> Result<ActorCritic, BundleError> {
+        expect_kind(bundle, POLICY)?;
+        let (actor, critic) = (Mlp::load("actor", bundle)?, Mlp::load("critic", bundle)?);
+        let found = [critic.inputs(), critic.outputs()];
+        expect_sizes(
+            "the critic's inputs and outputs",
+            &found,
+            &[actor.inputs(), 1],
+        )?;
+        Ok(ActorCritic { actor, critic })
+    }
+}
+
+impl Policy for ActorCritic {
+    fn act(&self, obs: &[f32]) -> usize {
+        self.actor.evaluate(obs, argmax)
+    }
+
+    fn value(&self, obs: &[f32]) -> f32 {
+        self.critic.evaluate(obs, |value| value[0])
+    }
+}
+
+/// Probabilities that are never exactly 0, so that their logarithms exist.
+fn softmax(logits: &[f32], probabilities: &mut Vec<f32>) {
+    let top = logits[argmax(logits)];
+    probabilities.clear();
+    probabilities.extend(
+        logits
+            .iter()
+            .map(|logit| libm::expf((logit - top).max(-40.0))),
+    );
+    let sum: f32 = probabilities.iter().sum();
+    for p in probabilities {
+        *p /= sum;
+    }
+}
+
+/// The action at which the running sum of probabilities passes `unit`.
+fn draw(probabilities: &[f32], unit: f64) -> usize {
+    let mut left = unit as f32;
+    for (action, p) in probabilities.iter().enumerate() {
+        if left < *p {
+            return action;
+        }
+        left -= p;
+    }
+    // Rounding may leave a little: then the likeliest.
+    argmax(probabilities)
+}
+
+/// Mean and standard deviation; the latter with a floor, to divide by.
+fn moments(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
+    let n = values.clone().count() as f32;
+    let mean = values.clone().sum::<f32>() / n;
+    let square = values.map(|x| (x - mean) * (x - mean)).sum::<f32>() / n;
+    (mean, square.sqrt() + 1e-8)
+}
+
+/// Scales a gradient down to at most this length.
+fn shorten(gradient: &mut [f32], longest: f64) {
+    let square: f64 = gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum();
+    let length = libm::sqrt(square);
+    if longest < length {
+        let factor = (longest / length) as f32;
+        gradient.iter_mut().for_each(|g| *g *= factor);
+    }
+}

@@ -1,0 +1,514 @@
+//! Tabular Q-learning.
+//!
+//! Watkins, "Learning from Delayed Rewards", 1989, and Watkins, Dayan,
+//! "Q-learning", Machine Learning 1992: off-policy one-step updates
+//! Q(s, a) ← Q(s, a) + α (r + γ max Q(s', ·) − Q(s, a)), with α = 1/n^ω where n
+//! counts the visits of (s, a) (Even-Dar, Mansour 2003), or constant.
+//!
+//! Deviations: docs/learners.md.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::bundle::{Bundle, BundleError};
+use super::dice::Dice;
+use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, linear, within};
+use super::nn::argmax;
+use super::replay::{Lived, check};
+use super::{Control, End, Env, Policy, Progress, Spaces};
+
+/// The kind of a kept policy.
+pub(super) const POLICY: &str = "brakecheck q-table policy 1";
+/// The kind of a checkpoint.
+const CHECKPOINT: &str = "brakecheck q-table checkpoint 1";
+
+/// Hyperparameters of [`QTable`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct QTableConfig {
+    /// Decisions to train for (300000): as many as the DQN's.
+    pub decisions: u64,
+    /// α (Power(0.6)): averages noise out, forgets the first guesses.
+    pub learning_rate: LearningRate,
+    /// γ (1): the reward comes once, at the end.
+    pub discount: f64,
+    /// Q before the first visit (0): above every reward it is optimistic.
+    pub initial_value: f64,
+    /// ε at the start (1): every action everywhere.
+    pub exploration: f64,
+    /// ε at the end (0.05): ε-soft to the last.
+    pub final_exploration: f64,
+    /// Share of the training in which ε falls, linearly (0.5).
+    pub exploration_fraction: f64,
+    /// Bins per observed number (one `Bins()` for all); the last one repeats.
+    pub bins: Vec<Bins>,
+}
+
+/// The step size of tabular updates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum LearningRate {
+    /// Always this.
+    Constant(f64),
+    /// 1/n^ω at the n-th visit; converges for 0.5 < ω ≤ 1.
+    Power(f64),
+}
+
+/// How one observed number is cut into cells of equal width.
+///
+/// Numbers outside fall into the first or the last cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bins {
+    /// Lower end (-1): observations are scaled to about [-1, 1].
+    pub low: f64,
+    /// Upper end (1).
+    pub high: f64,
+    /// Number of cells (16): finer ones see each state too rarely.
+    pub count: u32,
+}
+
+impl Default for QTableConfig {
+    fn default() -> Self {
+        QTableConfig {
+            decisions: 300_000,
+            learning_rate: LearningRate::Power(0.6),
+            discount: 1.0,
+            initial_value: 0.0,
+            exploration: 1.0,
+            final_exploration: 0.05,
+            exploration_fraction: 0.5,
+            bins: vec![Bins::default()],
+        }
+    }
+}
+
+impl Default for Bins {
+    fn default() -> Self {
+        Bins {
+            low: -1.0,
+            high: 1.0,
+            count: 16,
+        }
+    }
+}
+
+impl QTableConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// Names the first field that is out of range, and what would be right.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        within("decisions", self.decisions as f64, 1.0, 1e12)?;
+        match self.learning_rate {
+            LearningRate::Constant(rate) => within("learning_rate", rate, 1e-9, 1.0)?,
+            LearningRate::Power(omega) => within("learning_rate", omega, 0.0, 1.0)?,
+        }
+        within("discount", self.discount, 0.0, 1.0)?;
+        within("initial_value", self.initial_value, -1e6, 1e6)?;
+        within("exploration", self.exploration, 0.0, 1.0)?;
+        within("final_exploration", self.final_exploration, 0.0, 1.0)?;
+        within("exploration_fraction", self.exploration_fraction, 0.0, 1.0)?;
+        within("bins", self.bins.len() as f64, 1.0, 1e6)?;
+        for bins in &self.bins {
+            within("bins: low", bins.low, -1e9, 1e9)?;
+            within("bins: high", bins.high, -1e9, 1e9)?;
+            within("bins: count", f64::from(bins.count), 1.0, 65536.0)?;
+            if bins.high <= bins.low {
+                return Err(ConfigError {
+                    field: "bins",
+                    why: format!("go from {} to {}", bins.low, bins.high),
+                    help: "give a `high` above `low`".into(),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Cells in alphabetical order of their indices, with a row for each.
+type Rows = BTreeMap<Box<[u32]>, usize>;
+
+/// The table: action values of every cell visited.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    actions: usize,
+    neutral: usize,
+    bins: Vec<Bins>,
+    rows: Rows,
+    values: Vec<f32>,
+}
+
+impl Table {
+    /// The cell of an observation.
+    fn cell(&self, obs: &[f32], cell: &mut Vec<u32>) {
+        cell.clear();
+        for (i, value) in obs.iter().enumerate() {
+            let bins = self.bins[i.min(self.bins.len() - 1)];
+            let share = (f64::from(*value) - bins.low) / (bins.high - bins.low);
+            // A cast from float saturates, so below the range is cell 0.
+            let index = (share * f64::from(bins.count)) as u32;
+            cell.push(index.min(bins.count - 1));
+        }
+    }
+
+    fn values(&self, obs: &[f32]) -> Option<&[f32]> {
+        let mut cell = Vec::with_capacity(obs.len());
+        self.cell(obs, &mut cell);
+        let row = *self.rows.get(cell.as_slice())?;
+        Some(&self.values[row * self.actions..(row + 1) * self.actions])
+    }
+
+    /// Writes rows in the order of their cells, whatever order they came in.
+    fn save(&self, bundle: &mut Bundle) {
+        let width = self.rows.keys().next().map_or(0, |cell| cell.len());
+        let cells: Vec<u32> = self.rows.keys().flatten().copied().collect();
+        bundle.put("cells", &[self.rows.len(), width], cells);
+        let values = self.in_order(&self.values);
+        bundle.put("values", &[self.rows.len(), self.actions], values);
+        bundle.put("neutral", &[1], vec![self.neutral as u64]);
+        let bins = self
+            .bins
+            .iter()
+            .flat_map(|b| [b.low, b.high, f64::from(b.count)])
+            .collect();
+        bundle.put("bins", &[self.bins.len(), 3], bins);
+    }
+
+    fn in_order<T: Copy>(&self, flat: &[T]) -> Vec<T> {
+        let rows = self.rows.values();
+        rows.flat_map(|row| &flat[row * self.actions..(row + 1) * self.actions])
+            .copied()
+            .collect()
+    }
+
+    fn load(bundle: &Bundle) -> Result<Table, BundleError> {
+        let shape = |name: &str| bundle.shape(name).unwrap_or(&[]).to_vec();
+        let (n, width) = match shape("cells")[..] {
+            [n, width] => (n, width),
+            _ => (0, 0),
+        };
+        let actions = shape("values").get(1).copied().unwrap_or(0);
+        let cells = bundle.get::<u32>("cells", &[n, width])?;
+        let values = bundle.get::<f32>("values", &[n, actions])?.to_vec();
+        let neutral = bundle.one::<u64>("neutral")? as usize;
+        check("the neutral action", neutral, actions)?;
+        let bins: Vec<Bins> = bundle
+            .rows::<f64>("bins", &[3])?
+            .chunks_exact(3)
+            .map(|b| Bins {
+                low: b[0],
+                high: b[1],
+                count: b[2] as u32,
+            })
+            .collect();
+        let config = QTableConfig {
+            bins,
+            ..QTableConfig::default()
+        };
+        config.validate().map_err(|error| BundleError::Mismatch {
+            what: "a bin of the table",
+            expected: error.help.clone(),
+            found: error.to_string(),
+        })?;
+        let keys = cells.chunks_exact(width.max(1)).map(Box::from);
+        let rows: Rows = keys.zip(0..n).collect();
+        if rows.len() != n {
+            return Err(BundleError::Mismatch {
+                what: "number of different cells",
+                expected: n.to_string(),
+                found: rows.len().to_string(),
+            });
+        }
+        Ok(Table {
+            actions,
+            neutral,
+            bins: config.bins,
+            rows,
+            values,
+        })
+    }
+}
+
+/// The learner: everything that changes while it trains.
+pub struct QTable {
+    config: QTableConfig,
+    spaces: Spaces,
+    table: Table,
+    visits: Vec<u32>,
+    dice: Dice,
+    decisions: u64,
+    episodes: u64,
+    aborted: u64,
+    cell: Vec<u32>,
+    lived: Lived,
+    /// The row of every observation of the episode.
+    trail: Vec<usize>,
+}
+
+impl QTable {
+    /// A learner that has seen nothing.
+    pub fn new(config: &QTableConfig, spaces: &Spaces, seed: u64) -> QTable {
+        let table = Table {
+            actions: spaces.actions,
+            neutral: spaces.neutral,
+            bins: config.bins.clone(),
+            rows: Rows::new(),
+            values: Vec::new(),
+        };
+        QTable::around(config, spaces, table, Dice::new(seed))
+    }
+
+    /// A learner that starts from the table of a kept policy.
+    ///
+    /// # Errors
+    /// When the bundle is no policy of this kind and shape.
+    pub fn from_policy(
+        config: &QTableConfig,
+        spaces: &Spaces,
+        seed: u64,
+        policy: &Bundle,
+    ) -> Result<QTable, BundleError> {
+        expect_kind(policy, POLICY)?;
+        let table = QTable::fitting(config, spaces, policy)?;
+        Ok(QTable::around(config, spaces, table, Dice::new(seed)))
+    }
+
+    /// A learner that goes on where [`Learner::checkpoint`] was taken.
+    ///
+    /// # Errors
+    /// When the bundle is no checkpoint of this kind and shape.
+    pub fn restore(
+        config: &QTableConfig,
+        spaces: &Spaces,
+        bundle: &Bundle,
+    ) -> Result<QTable, BundleError> {
+        expect_kind(bundle, CHECKPOINT)?;
+        let table = QTable::fitting(config, spaces, bundle)?;
+        let mut learner = QTable::around(config, spaces, table, Dice::restore(bundle)?);
+        let shape = [learner.table.rows.len(), spaces.actions];
+        learner.visits = bundle.get::<u32>("visits", &shape)?.to_vec();
+        let counters = bundle.get::<u64>("counters", &[3])?;
+        (learner.decisions, learner.episodes) = (counters[0], counters[1]);
+        learner.aborted = counters[2];
+        Ok(learner)
+    }
+
+    fn fitting(
+        config: &QTableConfig,
+        spaces: &Spaces,
+        bundle: &Bundle,
+    ) -> Result<Table, BundleError> {
+        let table = Table::load(bundle)?;
+        let width = table
+            .rows
+            .keys()
+            .next()
+            .map_or(spaces.observation, |cell| cell.len());
+        let (found, expected) = ([width, table.actions], [spaces.observation, spaces.actions]);
+        expect_sizes("the table's observation and actions", &found, &expected)?;
+        if table.bins != config.bins {
+            return Err(BundleError::Mismatch {
+                what: "the table's `bins`",
+                expected: format!("{:?}", config.bins),
+                found: format!("{:?}", table.bins),
+            });
+        }
+        Ok(table)
+    }
+
+    fn around(config: &QTableConfig, spaces: &Spaces, table: Table, dice: Dice) -> QTable {
+        QTable {
+            config: config.clone(),
+            spaces: spaces.clone(),
+            visits: vec![0; table.values.len()],
+            table,
+            dice,
+            decisions: 0,
+            episodes: 0,
+            aborted: 0,
+            cell: Vec::new(),
+            lived: Lived::default(),
+            trail: Vec::new(),
+        }
+    }
+
+    /// Plays one episode, then learns from it, last decision first.
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        self.lived.clear();
+        self.trail.clear();
+        let mut obs = vec![0.0; self.spaces.observation];
+        env.reset(self.episodes + self.aborted, &mut obs);
+        let end = loop {
+            let row = self.row(&obs);
+            self.trail.push(row);
+            let action = if self.dice.unit() < self.exploration() {
+                self.dice.below(self.spaces.actions)
+            } else {
+                argmax(self.values(row))
+            };
+            let step = env.step(action, &mut obs);
+            self.lived.actions.push(action);
+            self.lived.rewards.push(step.reward);
+            self.decisions += 1;
+            if let Some(end) = step.end {
+                break end;
+            }
+        };
+        if end == End::Aborted {
+            self.aborted += 1;
+        } else {
+            self.episodes += 1;
+            let bootstrap = match end {
+                End::Truncated => {
+                    let row = self.row(&obs);
+                    self.best(row)
+                }
+                End::Terminated | End::Aborted => 0.0,
+            };
+            self.learn(bootstrap);
+        }
+        self.lived.rewards.iter().sum()
+    }
+
+    /// One-step updates from the end of the episode to its beginning, so that
+    /// a reward at the end reaches the start at once (Lin 1992).
+    fn learn(&mut self, bootstrap: f32) {
+        let mut next = bootstrap;
+        for t in (0..self.trail.len()).rev() {
+            let row = self.trail[t];
+            let at = row * self.spaces.actions + self.lived.actions[t];
+            self.visits[at] = self.visits[at].saturating_add(1);
+            let rate = match self.config.learning_rate {
+                LearningRate::Constant(rate) => rate,
+                LearningRate::Power(omega) => libm::pow(f64::from(self.visits[at]), -omega),
+            };
+            let target = self.lived.rewards[t] + self.config.discount as f32 * next;
+            self.table.values[at] += rate as f32 * (target - self.table.values[at]);
+            next = self.best(row);
+        }
+    }
+
+    /// The row of the observation's cell, made if it was never seen.
+    fn row(&mut self, obs: &[f32]) -> usize {
+        let mut cell = std::mem::take(&mut self.cell);
+        self.table.cell(obs, &mut cell);
+        let row = match self.table.rows.get(cell.as_slice()) {
+            Some(row) => *row,
+            None => {
+                let row = self.table.rows.len();
+                self.table.rows.insert(cell.as_slice().into(), row);
+                let end = (row + 1) * self.spaces.actions;
+                self.table
+                    .values
+                    .resize(end, self.config.initial_value as f32);
+                self.visits.resize(end, 0);
+                row
+            }
+        };
+        self.cell = cell;
+        row
+    }
+
+    fn values(&self, row: usize) -> &[f32] {
+        &self.table.values[row * self.spaces.actions..(row + 1) * self.spaces.actions]
+    }
+
+    fn best(&self, row: usize) -> f32 {
+        let values = self.values(row);
+        values[argmax(values)]
+    }
+
+    fn exploration(&self) -> f64 {
+        let fall = self.config.exploration_fraction * self.config.decisions as f64;
+        let (start, end) = (self.config.exploration, self.config.final_exploration);
+        linear(start, end, self.decisions, fall)
+    }
+}
+
+impl Learner for QTable {
+    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
+        while !self.finished() {
+            let episode_return = self.episode(env);
+            let progress = Progress {
+                decisions: self.decisions,
+                episodes: self.episodes,
+                aborted: self.aborted,
+                episode_return,
+                exploration: self.exploration() as f32,
+            };
+            if observer(&progress) == Control::Stop {
+                return;
+            }
+        }
+    }
+
+    fn decisions(&self) -> u64 {
+        self.decisions
+    }
+
+    fn finished(&self) -> bool {
+        self.config.decisions <= self.decisions
+    }
+
+    fn policy(&self) -> Box<dyn Policy> {
+        Box::new(TablePolicy {
+            table: self.table.clone(),
+        })
+    }
+
+    fn policy_bundle(&self) -> Bundle {
+        let mut bundle = Bundle::new(POLICY);
+        self.table.save(&mut bundle);
+        bundle
+    }
+
+    fn checkpoint(&self) -> Bundle {
+        let mut bundle = Bundle::new(CHECKPOINT);
+        self.table.save(&mut bundle);
+        let visits = self.table.in_order(&self.visits);
+        bundle.put(
+            "visits",
+            &[self.table.rows.len(), self.spaces.actions],
+            visits,
+        );
+        self.dice.save(&mut bundle);
+        bundle.put(
+            "counters",
+            &[3],
+            vec![self.decisions, self.episodes, self.aborted],
+        );
+        bundle
+    }
+}
+
+/// Greedy in the table; in a cell never seen, neutral with value 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TablePolicy {
+    table: Table,
+}
+
+impl TablePolicy {
+    /// Reads what [`Learner::policy_bundle`] of a [`QTable`] gave.
+    ///
+    /// # Errors
+    /// When the bundle is no policy of this kind, or misshapen.
+    pub fn load(bundle: &Bundle) -> Result<TablePolicy, BundleError> {
+        expect_kind(bundle, POLICY)?;
+        Ok(TablePolicy {
+            table: Table::load(bundle)?,
+        })
+    }
+}
+
+impl Policy for TablePolicy {
+    fn act(&self, obs: &[f32]) -> usize {
+        self.table.values(obs).map_or(self.table.neutral, argmax)
+    }
+
+    fn value(&self, obs: &[f32]) -> f32 {
+        self.table
+            .values(obs)
+            .map_or(0.0, |values| values[argmax(values)])
+    }
+}
