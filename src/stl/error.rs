@@ -131,7 +131,8 @@ pub(crate) fn suggest<'a>(
         .clone()
         .map(|k| (closeness(name, k), k))
         .filter(|(score, _)| 0.75 <= *score)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
+        // The first of the closest.
+        .reduce(|a, b| if a.0 < b.0 { b } else { a })
         .map(|(_, k)| format!("did you mean `{k}`?"));
     let count = known.clone().count();
     let mut list = known

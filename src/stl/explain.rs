@@ -282,13 +282,23 @@ impl Search<'_> {
             }
             Op::Until(side, _, window, a, b) => {
                 let (_, to) = self.ahead(Window { from: 0, ..window }, now);
-                let guards = self.values(at(a, now), now, to);
-                let goals = self.values(at(b, now), now, to);
+                let mut guards = self.values(at(a, now), now, to);
+                let mut goals = self.values(at(b, now), now, to);
+                let held = self.evaluation.reading.tail == Tail::Held;
+                let from = if held {
+                    window.from.min(guards.len())
+                } else {
+                    window.from
+                };
+                if held && from == guards.len() {
+                    // The window lies in the held part: one sample of it tells all.
+                    guards.extend(guards.last().copied());
+                    goals.extend(goals.last().copied());
+                }
                 let sign = if side == Side::Max { 1.0 } else { -1.0 };
-                let found = self.until(sign, value, (&guards, &goals), window.from);
-                match found {
-                    Some(Found::Guard(i)) => Next::Down(at(a, now + i)),
-                    Some(Found::Goal(i)) => Next::Down(at(b, now + i)),
+                match self.until(sign, value, (&guards, &goals), from) {
+                    Some(Found::Guard(i)) => Next::Down(at(a, (now + i).min(to))),
+                    Some(Found::Goal(i)) => Next::Down(at(b, (now + i).min(to))),
                     None => self.nothing(window, now),
                 }
             }

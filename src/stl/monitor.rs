@@ -103,17 +103,29 @@ impl Monitor {
     /// # Panics
     /// As [`Monitor::robustness`].
     pub fn robustness_all(&self, trace: &Trace) -> Vec<f64> {
+        let mut all = Vec::new();
+        self.robustness_into(trace, &mut Scratch::new(), &mut all);
+        all
+    }
+
+    /// As [`Monitor::robustness_all`], into a vector whose memory is reused.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn robustness_into(&self, trace: &Trace, scratch: &mut Scratch, all: &mut Vec<f64>) {
         self.check(trace);
         if trace.is_empty() {
-            return Vec::new();
+            return all.clear();
         }
-        let mut scratch = Scratch::new();
         let reading = self.reading(trace.len());
         let mut evaluation =
-            self.evaluation(trace, trace.len(), reading, Question::Margin, &mut scratch);
-        let mut all = evaluation.run(self.program.root(), 0, trace.len()).lower;
-        all.iter_mut().for_each(|value| *value = self.clamp(*value));
-        all
+            self.evaluation(trace, trace.len(), reading, Question::Margin, scratch);
+        let mut stretch = evaluation.run(self.program.root(), 0, trace.len());
+        std::mem::swap(all, &mut stretch.lower);
+        evaluation.give_back(stretch);
+        if self.settings.rho_max.is_some() {
+            all.iter_mut().for_each(|value| *value = self.clamp(*value));
+        }
     }
 
     /// The robustness at sample 0 that is possible when `trace` is only the

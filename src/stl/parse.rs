@@ -14,8 +14,10 @@ use super::syntax::{Comparison, Function, Kind, Node, Span, Term, TermKind, Unar
 use super::token::{Spanned, Token, tokenize};
 
 mod bounds;
+mod complaints;
 mod words;
 
+use complaints::{checked, checked_term, describe, too_deep};
 pub(crate) use words::is_keyword;
 use words::{
     Infix, Prefix, infix_of, is_prefix_letter, is_word_operator, prefix_of, starts_operand,
@@ -398,7 +400,8 @@ impl<'a> Parser<'a> {
                 name,
                 "unknown function",
             );
-            return Err(error.maybe_help(suggest(word, "functions", Function::NAMES.into_iter())));
+            let functions = || suggest(word, "functions", Function::NAMES.into_iter());
+            return Err(error.maybe_help(words::closest_operator(word).or_else(functions)));
         };
         let open = self.advance().span;
         let mut arguments = Vec::new();
@@ -455,35 +458,6 @@ impl<'a> Parser<'a> {
             _ => Err(self.unexpected("an operator or the end")),
         }
     }
-
-    fn unexpected(&self, expected: &str) -> StlError {
-        let Spanned { token, span } = self.peek(0).clone();
-        if token == Token::End && self.at == 0 {
-            return StlError::new("there is no formula", span, "empty")
-                .with_help("write something like `always[0, 10] (speed <= 30)`");
-        }
-        let error = StlError::new(
-            format!("expected {expected}, found {}", describe(&token)),
-            span,
-            format!("expected {expected}"),
-        );
-        let before = self.at.checked_sub(1).map(|at| &self.tokens[at].token);
-        match (before, token) {
-            (Some(Token::Number(number)), Token::Word(word))
-                if expected.starts_with("an operator") =>
-            {
-                error.with_help(format!("a product is written `{number} * {word}`"))
-            }
-            (Some(Token::Word(name)), Token::Symbol("[")) => error.with_help(format!(
-                "`{name}` is read as a name here, and a name has no bounds"
-            )),
-            (_, Token::Symbol(")")) if expected.starts_with("an operator") => {
-                error.with_help("there is no `(` for this `)`")
-            }
-            (_, Token::Word(word)) => error.maybe_help(words::closest_operator(word)),
-            _ => error,
-        }
-    }
 }
 
 /// Conjunctions and disjunctions are kept flat, whatever their parentheses.
@@ -509,37 +483,5 @@ fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) ->
         kind: join(all),
         span: Span(span),
         depth,
-    }
-}
-
-fn checked(node: Node) -> Result<Node, StlError> {
-    match MAX_DEPTH < node.depth {
-        true => Err(too_deep(node.span.0)),
-        false => Ok(node),
-    }
-}
-
-fn checked_term(term: Term) -> Result<Term, StlError> {
-    match MAX_DEPTH < term.depth {
-        true => Err(too_deep(term.span.0)),
-        false => Ok(term),
-    }
-}
-
-fn too_deep(span: Range<usize>) -> StlError {
-    StlError::new(
-        format!("this is nested deeper than {MAX_DEPTH} levels"),
-        span,
-        "too deep",
-    )
-    .with_help("split it into named formulas")
-}
-
-fn describe(token: &Token<'_>) -> String {
-    match token {
-        Token::Word(text) | Token::Number(text) => format!("`{text}`"),
-        Token::Quoted(text) => format!("\"{text}\""),
-        Token::Symbol(text) => format!("`{text}`"),
-        Token::End => "the end".to_owned(),
     }
 }

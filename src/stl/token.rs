@@ -104,8 +104,8 @@ fn skip_blank(text: &str, mut at: usize) -> Result<usize, StlError> {
             at += blank;
         } else if rest.starts_with('#') || rest.starts_with("//") {
             at += rest.find('\n').unwrap_or(rest.len());
-        } else if rest.starts_with("/*") {
-            match rest[2..].find("*/") {
+        } else if let Some(comment) = rest.strip_prefix("/*") {
+            match comment.find("*/") {
                 Some(end) => at += end + 4,
                 None => {
                     return Err(StlError::new(

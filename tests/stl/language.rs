@@ -1,0 +1,351 @@
+//! The language, form by form.
+
+use brakecheck::stl::{Constants, Expr, Formula, Names, Scratch, Settings, TraceEnd};
+use brakecheck::trace::{Schema, Signal, Trace};
+
+fn formula(text: &str) -> Formula {
+    text.parse()
+        .unwrap_or_else(|e: brakecheck::stl::StlError| panic!("{}", e.render(text)))
+}
+
+#[test]
+fn canonical_texts() {
+    let cases = [
+        // Aliases.
+        ("G x>1", "always (x > 1)"),
+        (
+            "globally[0,1] alw ev F <> [] x>1",
+            "always[0, 1] always eventually eventually eventually always (x > 1)",
+        ),
+        (
+            "alw_[0,1] (x[t] > 0) => ev_[0,2] b",
+            "(always[0, 1] (x > 0)) implies (eventually[0, 2] b)",
+        ),
+        ("H O X Y b", "historically once next prev b"),
+        ("sX b and s_prev b", "(s_next b) and (s_prev b)"),
+        ("a U b", "a until b"),
+        ("a R[1:2] b", "a release[1, 2] b"),
+        ("a W b", "a unless b"),
+        ("a S[0,end] b", "a since[0, end] b"),
+        (
+            "!a & ~b && not c /\\ d",
+            "(not a) and (not b) and (not c) and d",
+        ),
+        ("a | b || c \\/ d or e", "a or b or c or d or e"),
+        (
+            "a -> b => c implies d",
+            "a implies (b implies (c implies d))",
+        ),
+        ("a <-> b <=> c iff d", "((a iff b) iff c) iff d"),
+        ("TRUE xor false", "true xor false"),
+        (
+            "¬a ∧ □b ∨ x ≥ 1 → ◇(x ≠ 2)",
+            "(((not a) and (always b)) or (x >= 1)) implies (eventually (x != 2))",
+        ),
+        (
+            "x === 1 and x !== 2 and x == 3 and x != 4",
+            "(x == 1) and (x != 2) and (x == 3) and (x != 4)",
+        ),
+        // Precedence, tightest first.
+        ("-x + 2*y < 1", "-x + 2 * y < 1"),
+        ("not x > 1 and y < 2", "(not (x > 1)) and (y < 2)"),
+        (
+            "always[0,2] x > 1 until y < 2",
+            "(always[0, 2] (x > 1)) until (y < 2)",
+        ),
+        (
+            "x<2 until y>1 implies z>0",
+            "((x < 2) until (y > 1)) implies (z > 0)",
+        ),
+        ("a until b and c until d", "(a until b) and (c until d)"),
+        ("a or b and c", "a or (b and c)"),
+        (
+            "a xor b iff c implies d or e",
+            "a xor (b iff (c implies (d or e)))",
+        ),
+        ("a since b until c", "a since (b until c)"),
+        ("a until b since c", "(a until b) since c"),
+        ("a until b until c", "(a until b) until c"),
+        ("not always not a", "not always not a"),
+        ("(a and b) and (c and d)", "a and b and c and d"),
+        // Single letters are operators where they must be.
+        ("G > 3 and F < 2", "(G > 3) and (F < 2)"),
+        ("G(x > 1)", "always (x > 1)"),
+        ("G G", "always G"),
+        ("G U x", "G until x"),
+        ("G U > 3", "always (U > 3)"),
+        ("U U U", "U until U"),
+        ("S > 1 S R > 2", "(S > 1) since (R > 2)"),
+        ("F - x > 0", "F - x > 0"),
+        ("F -x > 0", "eventually (-x > 0)"),
+        ("F-x > 0", "F - x > 0"),
+        ("X and Y or O", "(X and Y) or O"),
+        // Arithmetic.
+        ("x/2 > y", "x / 2 > y"),
+        (
+            "a - (b - c) - d > (e / f) / (g * h)",
+            "a - (b - c) - d > e / f / (g * h)",
+        ),
+        ("-(x + 1) * -2 >= --3", "-(x + 1) * -2 >= 3"),
+        (
+            "min(x, y, 1) > max(pow(x, 2), sqrt(abs(y)) + exp(z))",
+            "min(x, y, 1) > max(pow(x, 2), sqrt(abs(y)) + exp(z))",
+        ),
+        (".5e-3 < x", "0.0005 < x"),
+        // Chains and ranges.
+        ("0 < x <= 3 < y", "0 < x <= 3 < y"),
+        (
+            "x in [-6, 0] and y in [0:d]",
+            "(x in [-6, 0]) and (y in [0, d])",
+        ),
+        // Bounds.
+        ("G[0.50,1s] a", "always[0.5, 1 s] a"),
+        ("G[100 ms, 2us + 3 ns] a", "always[100 ms, 2 us + 3 ns] a"),
+        ("G[0, T - 1*(2+a)] b", "always[0, T - 1 * (2 + a)] b"),
+        ("G[T ms, inf] b", "always[T ms, end] b"),
+        // Names.
+        (
+            "ego.speed_x1 > \"a b\" and `until`",
+            "(ego.speed_x1 > \"a b\") and \"until\"",
+        ),
+        // Comments.
+        (
+            "a # one\n and // two\n b /* three */ or c",
+            "(a and b) or c",
+        ),
+    ];
+    for (text, want) in cases {
+        let formula = formula(text);
+        assert_eq!(formula.to_string(), want, "{text}");
+        assert_eq!(want.parse::<Formula>().unwrap(), formula, "{want}");
+    }
+}
+
+/// Robustness of each operator on x = 3, 1, 4, 1, 5 at one sample a second;
+/// the table of docs/stl.md.
+#[test]
+fn every_operator_by_example() {
+    let signals = [
+        Signal::real("x", "m", "a number"),
+        Signal::boolean("on", "true at 2 s only"),
+    ];
+    let mut trace = Trace::new(Schema::new(1.0, signals).unwrap().into());
+    for (i, x) in [3.0, 1.0, 4.0, 1.0, 5.0].into_iter().enumerate() {
+        trace.push(&[x, f64::from(u8::from(i == 2))]).unwrap();
+    }
+    const INF: f64 = f64::INFINITY;
+    let cases: [(&str, [f64; 5]); 33] = [
+        ("true", [INF; 5]),
+        ("false", [-INF; 5]),
+        ("on", [-INF, -INF, INF, -INF, -INF]),
+        ("x > 2", [1.0, -1.0, 2.0, -1.0, 3.0]),
+        ("x >= 2", [1.0, -1.0, 2.0, -1.0, 3.0]),
+        ("x < 2", [-1.0, 1.0, -2.0, 1.0, -3.0]),
+        ("x == 2", [-1.0, -1.0, -2.0, -1.0, -3.0]),
+        ("x != 2", [1.0, 1.0, 2.0, 1.0, 3.0]),
+        ("0 < x < 4", [1.0, 1.0, 0.0, 1.0, -1.0]),
+        ("x in [2, 4]", [1.0, -1.0, 0.0, -1.0, -1.0]),
+        ("not x > 2", [-1.0, 1.0, -2.0, 1.0, -3.0]),
+        ("x > 2 and x < 5", [1.0, -1.0, 1.0, -1.0, 0.0]),
+        ("x > 2 or x < 5", [2.0, 4.0, 2.0, 4.0, 3.0]),
+        ("x > 2 implies x > 3", [0.0, 1.0, 1.0, 1.0, 2.0]),
+        ("x > 2 iff x > 3", [0.0, 1.0, 1.0, 1.0, 2.0]),
+        ("x > 2 xor x > 3", [0.0, -1.0, -1.0, -1.0, -2.0]),
+        ("always x > 2", [-1.0, -1.0, -1.0, -1.0, 3.0]),
+        ("always[1, 2] x > 2", [-1.0, -1.0, -1.0, 3.0, INF]),
+        ("eventually[1, 2] x > 2", [2.0, 2.0, 3.0, 3.0, -INF]),
+        ("historically[1, 2] x > 2", [INF, 1.0, -1.0, -1.0, -1.0]),
+        ("once[1, 2] x > 2", [-INF, 1.0, 1.0, 2.0, 2.0]),
+        ("next x > 2", [-1.0, 2.0, -1.0, 3.0, INF]),
+        ("s_next x > 2", [-1.0, 2.0, -1.0, 3.0, -INF]),
+        ("prev x > 2", [INF, 1.0, -1.0, 2.0, -1.0]),
+        ("s_prev x > 2", [-INF, 1.0, -1.0, 2.0, -1.0]),
+        ("rise(x > 2)", [1.0, -1.0, 1.0, -2.0, 1.0]),
+        ("fall(x > 2)", [-1.0, 1.0, -2.0, 1.0, -3.0]),
+        ("x > 0 until x > 4", [1.0, 1.0, 1.0, 1.0, 1.0]),
+        ("x > 0 until[0, 2] x > 3", [1.0, 1.0, 1.0, 1.0, 2.0]),
+        ("x < 4 unless x > 4", [-0.0, -0.0, -0.0, 1.0, 1.0]),
+        ("x > 4 release x > 0", [1.0, 1.0, 1.0, 1.0, 5.0]),
+        ("x > 0 since x > 3", [0.0, 0.0, 1.0, 1.0, 2.0]),
+        ("x > 0 since[1, 2] x > 3", [-INF, 0.0, 0.0, 1.0, 1.0]),
+    ];
+    for (text, want) in cases {
+        let monitor = formula(text)
+            .bind(trace.schema(), &Constants::new())
+            .unwrap();
+        assert_eq!(monitor.robustness_all(&trace), want, "{text}");
+    }
+}
+
+#[test]
+fn bounds_are_exact() {
+    let horizon = |dt: f64, text: &str, t: f64| {
+        let schema = Schema::new(dt, [Signal::boolean("b", "")]).unwrap();
+        let constants = Constants::from([("T".to_owned(), t)]);
+        formula(text)
+            .bind(&schema, &constants)
+            .unwrap()
+            .horizon_samples()
+    };
+    assert_eq!(horizon(0.1, "G[0, 0.3] b", 0.0), Some(3));
+    assert_eq!(
+        horizon(0.1, "G[0, T] b", 0.1 * 3.0 - 0.1 * 3.0 + 0.7),
+        Some(7)
+    );
+    assert_eq!(horizon(1.0 / 30.0, "G[0, 1] b", 0.0), Some(30));
+    assert_eq!(
+        horizon(0.05, "G[0, T] F[100ms, 2 * T / 3] b", 15.0),
+        Some(500)
+    );
+    assert_eq!(horizon(0.05, "G[0, T ms] b", 50.0), Some(1));
+    assert_eq!(horizon(1e-9, "G[0, 3us] b", 0.0), Some(3000));
+    assert_eq!(horizon(0.1, "G[0, end] b", 0.0), None);
+    assert_eq!(horizon(0.1, "once[0, 5] b U[0, 0.2] next b", 0.0), Some(3));
+}
+
+#[test]
+fn names_mean_signals_then_constants_then_formulas() {
+    let schema = Schema::new(1.0, [Signal::real("x", "", "")]).unwrap();
+    let names = Names {
+        constants: Constants::from([("x".into(), 9.0), ("c".into(), 2.0)]),
+        formulas: [
+            ("near".to_owned(), formula("x < c")),
+            ("twice".to_owned(), formula("near and always near")),
+        ]
+        .into(),
+    };
+    let mut trace = Trace::new(schema.clone().into());
+    trace.push(&[1.5]).unwrap();
+    trace.push(&[1.0]).unwrap();
+    let monitor = formula("twice")
+        .bind_with(&schema, &names, &Settings::default())
+        .unwrap();
+    assert_eq!(monitor.robustness(&trace, &mut Scratch::new()), 0.5);
+    assert_eq!(monitor.signals(), [0]);
+}
+
+#[test]
+fn strict_and_weak_comparisons_differ_in_truth_only() {
+    let schema = Schema::new(1.0, [Signal::real("x", "", "")]).unwrap();
+    let mut trace = Trace::new(schema.into());
+    trace.push(&[2.0]).unwrap();
+    let mut scratch = Scratch::new();
+    let cases = [
+        ("x >= 2", true),
+        ("x > 2", false),
+        ("x == 2", true),
+        ("x != 2", false),
+        ("not x > 2", true),
+    ];
+    for (text, holds) in cases {
+        let monitor = formula(text)
+            .bind(trace.schema(), &Constants::new())
+            .unwrap();
+        assert_eq!(monitor.robustness(&trace, &mut scratch), 0.0, "{text}");
+        assert_eq!(monitor.satisfied(&trace, &mut scratch), holds, "{text}");
+    }
+}
+
+/// What cannot be computed does not hold, and its negation does.
+#[test]
+fn what_is_not_a_number_does_not_hold() {
+    let schema = Schema::new(1.0, [Signal::real("x", "", "")]).unwrap();
+    let mut trace = Trace::new(schema.into());
+    trace.push(&[0.0]).unwrap();
+    let mut scratch = Scratch::new();
+    for text in [
+        "x / x > 1",
+        "x / x <= 1",
+        "sqrt(x - 1) != 3",
+        "pow(x - 1, 0.5) == 1",
+        "exp(999 + x) - exp(999 + x) < 1",
+    ] {
+        let monitor = formula(text)
+            .bind(trace.schema(), &Constants::new())
+            .unwrap();
+        assert_eq!(
+            monitor.robustness(&trace, &mut scratch),
+            f64::NEG_INFINITY,
+            "{text}"
+        );
+        assert!(!monitor.satisfied(&trace, &mut scratch), "{text}");
+        assert_eq!(
+            monitor.online().push(&[0.0]).hi,
+            f64::NEG_INFINITY,
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn the_end_of_the_trace() {
+    let schema = Schema::new(1.0, [Signal::real("x", "", "")]).unwrap();
+    let mut trace = Trace::new(schema.into());
+    for x in [3.0, 1.0, 4.0] {
+        trace.push(&[x]).unwrap();
+    }
+    let rho = |text: &str, end: TraceEnd| {
+        let settings = Settings {
+            end,
+            ..Settings::default()
+        };
+        let monitor = formula(text)
+            .bind_with(trace.schema(), &Names::default(), &settings)
+            .unwrap();
+        monitor.robustness(&trace, &mut Scratch::new())
+    };
+    use TraceEnd::{Hold, Strict, Truncate};
+    for (text, truncate, hold, strict) in [
+        ("always[0, 5] x > 0", 1.0, 1.0, f64::NEG_INFINITY),
+        ("always[3, 5] x > 0", f64::INFINITY, 4.0, f64::NEG_INFINITY),
+        ("eventually[0, 5] x > 0", 4.0, 4.0, 4.0),
+        (
+            "eventually[3, 5] x > 0",
+            f64::NEG_INFINITY,
+            4.0,
+            f64::NEG_INFINITY,
+        ),
+        ("always x > 0", 1.0, 1.0, 1.0),
+        ("always[0, 2] x > 0", 1.0, 1.0, 1.0),
+    ] {
+        assert_eq!(
+            (rho(text, Truncate), rho(text, Hold), rho(text, Strict)),
+            (truncate, hold, strict),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn expressions() {
+    let schema = Schema::new(
+        1.0,
+        [
+            Signal::real("ado.x", "m", ""),
+            Signal::real("ego.x", "m", ""),
+        ],
+    )
+    .unwrap();
+    let expr: Expr = "max(ado.x - ego.x, c) / 2".parse().unwrap();
+    assert_eq!(expr.signals(), ["ado.x", "ego.x", "c"]);
+    let bound = expr
+        .bind(&schema, &Constants::from([("c".into(), 1.0)]))
+        .unwrap();
+    assert_eq!(
+        (bound.eval(&[9.0, 4.0]), bound.eval(&[4.0, 9.0])),
+        (2.5, 0.5)
+    );
+    assert_eq!(
+        "x > 1".parse::<Expr>().unwrap_err().to_string(),
+        "a number is expected here"
+    );
+    assert_eq!(
+        "y + 1"
+            .parse::<Expr>()
+            .unwrap()
+            .bind(&schema, &Constants::new())
+            .unwrap_err()
+            .span(),
+        0..1
+    );
+}
