@@ -29,7 +29,7 @@ const CHECKPOINT: &str = "brakecheck q-table checkpoint 1";
 pub struct QTableConfig {
     /// Decisions to train for (300000): as many as the DQN's.
     pub decisions: u64,
-    /// α (Power(0.6)): averages noise out, forgets the first guesses.
+    /// α (Constant(0.3)): cells are coarse, so old targets must fade.
     pub learning_rate: LearningRate,
     /// γ (1): the reward comes once, at the end.
     pub discount: f64,
@@ -41,6 +41,8 @@ pub struct QTableConfig {
     pub final_exploration: f64,
     /// Share of the training in which ε falls, linearly (0.5).
     pub exploration_fraction: f64,
+    /// An exploratory action is held 1 to this many decisions (4): reaches far.
+    pub hold: usize,
     /// Bins per observed number (one `Bins()` for all); the last one repeats.
     pub bins: Vec<Bins>,
 }
@@ -72,12 +74,13 @@ impl Default for QTableConfig {
     fn default() -> Self {
         QTableConfig {
             decisions: 300_000,
-            learning_rate: LearningRate::Power(0.6),
+            learning_rate: LearningRate::Constant(0.3),
             discount: 1.0,
             initial_value: 0.0,
             exploration: 1.0,
             final_exploration: 0.05,
             exploration_fraction: 0.5,
+            hold: 4,
             bins: vec![Bins::default()],
         }
     }
@@ -109,6 +112,7 @@ impl QTableConfig {
         within("exploration", self.exploration, 0.0, 1.0)?;
         within("final_exploration", self.final_exploration, 0.0, 1.0)?;
         within("exploration_fraction", self.exploration_fraction, 0.0, 1.0)?;
+        within("hold", self.hold as f64, 1.0, 1e6)?;
         within("bins", self.bins.len() as f64, 1.0, 1e6)?;
         for bins in &self.bins {
             within("bins: low", bins.low, -1e9, 1e9)?;
@@ -339,14 +343,19 @@ impl QTable {
         self.trail.clear();
         let mut obs = vec![0.0; self.spaces.observation];
         env.reset(self.episodes + self.aborted, &mut obs);
+        let (mut held, mut holding) = (0, 0);
         let end = loop {
             let row = self.row(&obs);
             self.trail.push(row);
-            let action = if self.dice.unit() < self.exploration() {
-                self.dice.below(self.spaces.actions)
-            } else {
-                argmax(self.values(row))
+            if holding == 0 && self.dice.unit() < self.exploration() {
+                held = self.dice.below(self.spaces.actions);
+                holding = 1 + self.dice.below(self.config.hold);
+            }
+            let action = match holding {
+                0 => argmax(self.values(row)),
+                _ => held,
             };
+            holding = holding.saturating_sub(1);
             let step = env.step(action, &mut obs);
             self.lived.actions.push(action);
             self.lived.rewards.push(step.reward);
