@@ -16,3 +16,17 @@ mod naive;
 mod online;
 #[path = "stl/vectors.rs"]
 mod vectors;
+
+/// Fewer cases in builds that are not optimised.
+fn cases(cases: u32) -> proptest::prelude::ProptestConfig {
+    let cases = if cfg!(debug_assertions) {
+        cases / 10
+    } else {
+        cases
+    };
+    proptest::prelude::ProptestConfig {
+        failure_persistence: None,
+        cases,
+        ..Default::default()
+    }
+}

@@ -18,8 +18,12 @@ use std::ops::Range;
 /// assert_eq!(error.help(), Some("`=>` is implication; \"at least\" is `>=`"));
 /// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{what}")]
-pub struct StlError {
+#[error("{}", .0.what)]
+pub struct StlError(Box<Parts>);
+
+/// Behind a box: results travel through a deep recursion.
+#[derive(Clone, Debug, PartialEq)]
+struct Parts {
     what: String,
     span: Range<usize>,
     label: String,
@@ -33,57 +37,59 @@ impl StlError {
         span: Range<usize>,
         label: impl Into<String>,
     ) -> StlError {
-        StlError {
+        StlError(Box::new(Parts {
             what: what.into(),
             span,
             label: label.into(),
             help: None,
             formula: None,
-        }
+        }))
     }
 
     pub(crate) fn with_help(mut self, help: impl Into<String>) -> StlError {
-        self.help = Some(help.into());
+        self.0.help = Some(help.into());
         self
     }
 
-    pub(crate) fn maybe_help(mut self, help: Option<String>) -> StlError {
-        self.help = help.or(self.help);
-        self
+    pub(crate) fn maybe_help(self, help: Option<String>) -> StlError {
+        match help {
+            Some(help) => self.with_help(help),
+            None => self,
+        }
     }
 
     /// Says that the span lies in the text of a named formula.
     pub(crate) fn inside(mut self, formula: &str) -> StlError {
-        self.formula.get_or_insert_with(|| formula.to_owned());
+        self.0.formula.get_or_insert_with(|| formula.to_owned());
         self
     }
 
     /// The byte range of the text that is wrong.
     pub fn span(&self) -> Range<usize> {
-        self.span.clone()
+        self.0.span.clone()
     }
 
     /// A few words to write under the span.
     pub fn label(&self) -> &str {
-        &self.label
+        &self.0.label
     }
 
     /// What would be right, where known.
     pub fn help(&self) -> Option<&str> {
-        self.help.as_deref()
+        self.0.help.as_deref()
     }
 
     /// The named formula whose text the span lies in; `None`: the text itself.
     pub fn formula(&self) -> Option<&str> {
-        self.formula.as_deref()
+        self.0.formula.as_deref()
     }
 
     /// Draws the message with a caret under the span, for plain terminals.
     ///
     /// `text` is the text the span lies in (see [`StlError::formula`]).
     pub fn render(&self, text: &str) -> String {
-        let start = floor_boundary(text, self.span.start);
-        let end = floor_boundary(text, self.span.end).max(start);
+        let start = floor_boundary(text, self.0.span.start);
+        let end = floor_boundary(text, self.0.span.end).max(start);
         let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
         let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);
         let line_number = text[..start].matches('\n').count() + 1;
@@ -92,8 +98,8 @@ impl StlError {
         let width = text[start..end.min(line_end)].chars().count().max(1);
         let gutter = line_number.to_string();
         let pad = " ".repeat(gutter.len());
-        let mut drawn = format!("error: {}\n", self.what);
-        if let Some(formula) = &self.formula {
+        let mut drawn = format!("error: {}\n", self.0.what);
+        if let Some(formula) = &self.0.formula {
             let _ = writeln!(drawn, "{pad}--> in `{formula}`");
         }
         let lead: String = text[line_start..start]
@@ -103,8 +109,13 @@ impl StlError {
         debug_assert_eq!(lead.chars().count(), column);
         let _ = writeln!(drawn, "{pad} |");
         let _ = writeln!(drawn, "{gutter} | {line}");
-        let _ = writeln!(drawn, "{pad} | {lead}{} {}", "^".repeat(width), self.label);
-        if let Some(help) = &self.help {
+        let _ = writeln!(
+            drawn,
+            "{pad} | {lead}{} {}",
+            "^".repeat(width),
+            self.0.label
+        );
+        if let Some(help) = &self.0.help {
             let _ = writeln!(drawn, "{pad} = help: {help}");
         }
         drawn

@@ -24,9 +24,9 @@ use words::{
 };
 
 /// Levels of the syntax tree.
-pub(crate) const MAX_DEPTH: usize = 100;
+pub(crate) const MAX_DEPTH: usize = 64;
 /// Levels of the parser's recursion: parentheses count, too.
-const MAX_NESTING: usize = 2 * MAX_DEPTH + 50;
+const MAX_NESTING: usize = 2 * MAX_DEPTH + 16;
 
 /// How tightly an operator holds its operands.
 mod strength {

@@ -150,23 +150,23 @@ fn limits() {
     );
     assert_eq!(
         parse(&"(".repeat(10_000)),
-        "this is nested deeper than 100 levels"
+        "this is nested deeper than 64 levels"
     );
     assert_eq!(
         parse(&"not ".repeat(10_000)),
-        "this is nested deeper than 100 levels"
+        "this is nested deeper than 64 levels"
     );
     assert_eq!(
         parse(&format!("{} > 1", vec!["x"; 1000].join("+"))),
-        "this is nested deeper than 100 levels"
+        "this is nested deeper than 64 levels"
     );
     assert_eq!(
         parse(&format!("{}x > 1", "-".repeat(10_000))),
-        "this is nested deeper than 100 levels"
+        "this is nested deeper than 64 levels"
     );
     assert_eq!(
         parse(&format!("G[0,{}1] x", "(".repeat(10_000))),
-        "this is nested deeper than 100 levels"
+        "this is nested deeper than 64 levels"
     );
     assert_eq!(
         parse(&format!("G[0,{}] x", ["1"; 100].join("+"))),
@@ -182,4 +182,58 @@ fn limits() {
             .count(),
         4999
     );
+}
+
+/// Everything at the limit of depth fits the stack of a test's thread.
+#[test]
+fn as_deep_as_allowed() {
+    let text = |n: usize| {
+        let mut text = format!("{} > 1", vec!["headway"; 20].join(" - "));
+        for i in 0..n {
+            text = match i % 4 {
+                0 => format!("not ({text})"),
+                1 => format!("eventually[0, 1] ({text})"),
+                2 => format!("(red) since[0, 1] ({text})"),
+                _ => format!("({text}) until[0, 1] (red)"),
+            };
+        }
+        text
+    };
+    let deep = text(43);
+    let formula: Formula = deep.parse().unwrap();
+    assert!(text(44).parse::<Formula>().is_err());
+    assert_eq!(formula.to_string().parse::<Formula>().unwrap(), formula);
+
+    let inner = text(40);
+    let outer = (0..40).fold("inner".to_owned(), |text, _| {
+        format!("always[0, 1] ({text})")
+    });
+    let outest = (0..40).fold("outer".to_owned(), |text, _| format!("rise ({text})"));
+    let names = Names {
+        formulas: [("inner", inner), ("outer", outer), ("outest", outest)]
+            .map(|(name, text)| (name.to_owned(), text.parse().unwrap()))
+            .into(),
+        ..Names::default()
+    };
+    let bind = |text: &str| {
+        let formula: Formula = text.parse().unwrap();
+        formula.bind_with(&schema(), &names, &Settings::default())
+    };
+    assert_eq!(
+        bind("always always always always always outest")
+            .map(|_| ())
+            .unwrap_err()
+            .to_string(),
+        "the formula is nested deeper than 128 levels"
+    );
+    let monitor = bind("always always always always outest").unwrap();
+    let mut trace = brakecheck::trace::Trace::new(schema().into());
+    let mut online = monitor.online();
+    for _ in 0..30 {
+        trace.push(&[1.0, 2.0, 3.0, 1.0]).unwrap();
+        online.push(&[1.0, 2.0, 3.0, 1.0]);
+    }
+    let value = monitor.robustness(&trace, &mut brakecheck::stl::Scratch::new());
+    assert_eq!(online.finish(), value);
+    assert_eq!(monitor.explain(&trace).robustness, value);
 }

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::naive::{rows, settings, trace, wff};
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 2000, ..ProptestConfig::default() })]
+    #![proptest_config(super::cases(2000))]
 
     #[test]
     fn the_leaf_has_the_value(wff in wff(), rows in rows(), closed in any::<bool>(), end in 0..3usize) {

@@ -22,7 +22,7 @@ fn reading() -> impl Strategy<Value = Until> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 2000, ..ProptestConfig::default() })]
+    #![proptest_config(super::cases(2000))]
 
     #[test]
     fn fast_is_naive(wff in wff(), rows in rows(), until in reading()) {

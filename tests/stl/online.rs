@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::naive::{Lengths, naive, rows, settings, trace, wff};
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 2000, ..ProptestConfig::default() })]
+    #![proptest_config(super::cases(2000))]
 
     /// At every prefix exactly the interval of the definition, which contains
     /// the value of every trace that begins so; at the end the value itself.
