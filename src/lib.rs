@@ -43,5 +43,3 @@ pub mod sim;
 pub mod stl;
 pub mod testbench;
 pub mod trace;
-
-

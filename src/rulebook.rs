@@ -190,10 +190,7 @@ impl Rulebook {
     /// M of Definition 4: rules with priority no higher than that of `rule`.
     pub fn forfeited(&self, rule: usize) -> usize {
         let priority = self.rules[rule].priority;
-        self.rules
-            .iter()
-            .filter(|r| priority <= r.priority)
-            .count()
+        self.rules.iter().filter(|r| priority <= r.priority).count()
     }
 
     /// The reward of a verdict; an invalid episode has none.
@@ -287,9 +284,7 @@ impl Judge {
     ) -> Option<Verdict> {
         match rulebook.judge {
             JudgeKind::UntilViolation => self.until_violation(rulebook, trace, row, stop),
-            JudgeKind::WholeRun => {
-                stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch))
-            }
+            JudgeKind::WholeRun => stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch)),
         }
     }
 

@@ -107,6 +107,9 @@ mod tests {
     #[test]
     fn a_key_gives_the_same_numbers_on_every_machine() {
         let mut rng = generator("acc/start", &[3, 0, 7]);
-        assert_eq!(rng.next_u64(), generator("acc/start", &[3, 0, 7]).next_u64());
+        assert_eq!(
+            rng.next_u64(),
+            generator("acc/start", &[3, 0, 7]).next_u64()
+        );
     }
 }

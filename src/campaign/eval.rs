@@ -320,8 +320,7 @@ pub fn keep(
     for (index, _) in solved {
         let episode = request.play(&mut bench, index);
         let ado = request.ado.word();
-        let kept =
-            Counterexample::record(request.scenario, request.ego, change, ado, &episode);
+        let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
         let ego: String = request
             .ego
             .chars()

@@ -251,7 +251,8 @@ impl Regressions {
     /// A world or a changed ego is not usable.
     pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
         let all = self.kept.iter();
-        all.map(|kept| Ok(replay(kept, self.scenario(kept)?)?)).collect()
+        all.map(|kept| Ok(replay(kept, self.scenario(kept)?)?))
+            .collect()
     }
 
     /// Replays all of them and asks for the recorded bits.

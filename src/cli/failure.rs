@@ -179,14 +179,15 @@ impl From<RegressionError> for Failure {
         match error {
             RegressionError::Kept(error) => Failure::from(error),
             RegressionError::NoSuchEgo { ref known, .. } => {
-                let help = format!("known: {}; or name a RON file with a `Change`", known.join(", "));
+                let help = format!(
+                    "known: {}; or name a RON file with a `Change`",
+                    known.join(", ")
+                );
                 Failure::input(error.to_string(), help)
             }
-            RegressionError::Change(change) => Failure::plain(
-                Exit::Input,
-                change.to_string(),
-                change.help.clone(),
-            ),
+            RegressionError::Change(change) => {
+                Failure::plain(Exit::Input, change.to_string(), change.help.clone())
+            }
             other => Failure::fault(other.to_string(), None),
         }
     }

@@ -185,9 +185,8 @@ pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
     let name = name.file_name().map(PathBuf::from).unwrap_or(name);
     let output = args.output.clone().unwrap_or(name);
     let caption = replayed.path.display().to_string();
-    let recorded =
-        crate::view::record(&replayed.scenario, &replayed.episode, &caption, &output)
-            .map_err(|error| Failure::fault(error.to_string(), error.help()))?;
+    let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, &output)
+        .map_err(|error| Failure::fault(error.to_string(), error.help()))?;
     match args.common.json {
         true => print_json(&json!({
             "file": recorded.path.display().to_string(),

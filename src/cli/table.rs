@@ -11,16 +11,30 @@ pub(super) fn rows(rows: &[Row]) -> String {
         .load_style(presets::UTF8_FULL_CONDENSED)
         .set_content_arrangement(ContentArrangement::Disabled)
         .set_header([
-            "ego", "ado", "method", "success", "95 % interval", "recall", "fouls", "contact",
-            "closing m/s", "sims/start", "cpu s",
+            "ego",
+            "ado",
+            "method",
+            "success",
+            "95 % interval",
+            "recall",
+            "fouls",
+            "contact",
+            "closing m/s",
+            "sims/start",
+            "cpu s",
         ]);
     for row in rows {
         let recall = row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"));
-        let closing = row
-            .closing_speed_mps
-            .map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90));
+        let closing = row.closing_speed_mps.map_or("–".to_owned(), |c| {
+            format!("{:.1} / {:.1}", c.median, c.p90)
+        });
         let numbers = [
-            format!("{:.1} % ({}/{})", 100.0 * row.success_rate, row.successes, row.starts),
+            format!(
+                "{:.1} % ({}/{})",
+                100.0 * row.success_rate,
+                row.successes,
+                row.starts
+            ),
             format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1]),
             recall,
             format!("{:.1} %", 100.0 * row.foul_rate),

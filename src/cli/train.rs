@@ -168,7 +168,13 @@ fn closing_evaluation(
     let trained = request(Ado::Trained(&*policy, run.manifest().seed));
     let evaluated = eval(&trained, &watch);
     let episodes = run.path().join("episodes");
-    keep(&trained, &Change::default(), &evaluated, &episodes, KEPT_EPISODES)?;
+    keep(
+        &trained,
+        &Change::default(),
+        &evaluated,
+        &episodes,
+        KEPT_EPISODES,
+    )?;
     let rows = vec![
         evaluated.row,
         eval(&request(Ado::Held), &watch).row,

@@ -156,11 +156,10 @@ impl Counterexample {
         let pretty = ron::ser::PrettyConfig::new()
             .escape_strings(false)
             .compact_arrays(true);
-        let text =
-            ron::ser::to_string_pretty(self, pretty).map_err(|error| KeptError::Format {
-                path: path.into(),
-                why: error.to_string(),
-            })?;
+        let text = ron::ser::to_string_pretty(self, pretty).map_err(|error| KeptError::Format {
+            path: path.into(),
+            why: error.to_string(),
+        })?;
         write_file(path, text.as_bytes())?;
         write_file(&path.with_extension("csv"), csv_of(trace).as_bytes())?;
         Ok(())
@@ -172,16 +171,17 @@ impl Counterexample {
     /// The world or the change in it is not usable by this version.
     pub fn scenario(&self, path: &Path) -> Result<Scenario, KeptError> {
         let name = format!("{} (in {})", self.world, path.display());
-        let world = Scenario::parse(&name, &self.world_file).map_err(|source| {
-            KeptError::World {
+        let world =
+            Scenario::parse(&name, &self.world_file).map_err(|source| KeptError::World {
                 path: path.into(),
                 source: Box::new(source),
-            }
-        })?;
-        let changed = world.with(&self.change).map_err(|source| KeptError::Change {
-            path: path.into(),
-            source,
-        })?;
+            })?;
+        let changed = world
+            .with(&self.change)
+            .map_err(|source| KeptError::Change {
+                path: path.into(),
+                source,
+            })?;
         Ok(changed.on(self.plant))
     }
 
@@ -192,10 +192,13 @@ impl Counterexample {
     pub fn start(&self, scenario: &Scenario, path: &Path) -> Result<Start, KeptError> {
         let axes = scenario.spec().axes();
         let value = |name: &str| {
-            self.start.get(name).copied().ok_or_else(|| KeptError::Format {
-                path: path.into(),
-                why: format!("the start lacks `{name}`"),
-            })
+            self.start
+                .get(name)
+                .copied()
+                .ok_or_else(|| KeptError::Format {
+                    path: path.into(),
+                    why: format!("the start lacks `{name}`"),
+                })
         };
         let values = axes.iter().map(|axis| value(&axis.name));
         Ok(Start(values.collect::<Result<_, _>>()?))

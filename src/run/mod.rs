@@ -112,13 +112,15 @@ impl RunError {
     /// The cure, where one is known.
     pub fn help(&self) -> Option<String> {
         match self {
-            RunError::Io { .. } => Some("check the path, the permissions and the free space".into()),
+            RunError::Io { .. } => {
+                Some("check the path, the permissions and the free space".into())
+            }
             RunError::NotARun { .. } => {
                 Some("make one with `brakecheck train WORLD -o RUN`".to_owned())
             }
-            RunError::Exists { .. } => Some(
-                "go on with `--resume`, or name another directory with `-o`".to_owned(),
-            ),
+            RunError::Exists { .. } => {
+                Some("go on with `--resume`, or name another directory with `-o`".to_owned())
+            }
             RunError::Locked { .. } => Some("wait for it, or name another directory".to_owned()),
             RunError::Damaged { .. } => {
                 Some("restore the file from a backup, or train again".to_owned())
@@ -284,7 +286,9 @@ impl RunDir {
     /// # Errors
     /// The disk refuses; the previous checkpoint is then still there.
     pub fn save_checkpoint(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
-        let bytes = bundle.to_bytes().map_err(self.damaged("checkpoint.safetensors"))?;
+        let bytes = bundle
+            .to_bytes()
+            .map_err(self.damaged("checkpoint.safetensors"))?;
         self.write("checkpoint.safetensors", &bytes)?;
         self.note(done);
         self.write_manifest()
@@ -295,7 +299,9 @@ impl RunDir {
     /// # Errors
     /// The disk refuses; the last checkpoint is then still there.
     pub fn save_policy(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
-        let bytes = bundle.to_bytes().map_err(self.damaged("policy.safetensors"))?;
+        let bytes = bundle
+            .to_bytes()
+            .map_err(self.damaged("policy.safetensors"))?;
         self.write("policy.safetensors", &bytes)?;
         self.manifest.policy_sha256 = Some(sha256(&bytes));
         self.note(done);

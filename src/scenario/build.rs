@@ -59,7 +59,14 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
         .map(|offer| (offer.signal.name.clone(), offer.range))
         .collect();
     let mut used: HashSet<String> = HashSet::new();
-    derived(&mut problems, &top, &file, &mut spec, &mut ranges, &mut used);
+    derived(
+        &mut problems,
+        &top,
+        &file,
+        &mut spec,
+        &mut ranges,
+        &mut used,
+    );
     problems.done()?;
     let everything = match schema_of(&spec) {
         Ok(schema) => schema,
@@ -77,11 +84,20 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
     let Some(ego_spec) = ego_spec else {
         return Err(problems.into_list());
     };
-    let bound = [(&ego_spec, top.to("ego_spec"))]
-        .into_iter()
-        .chain(rules.iter().map(|(rule, path)| (&rule.formula, path.clone())));
+    let bound = [(&ego_spec, top.to("ego_spec"))].into_iter().chain(
+        rules
+            .iter()
+            .map(|(rule, path)| (&rule.formula, path.clone())),
+    );
     for (formula, path) in bound {
-        bind(&mut problems, &path, formula, &everything, &names, &mut used);
+        bind(
+            &mut problems,
+            &path,
+            formula,
+            &everything,
+            &names,
+            &mut used,
+        );
     }
     let rules: Vec<RuleSpec> = rules.into_iter().map(|(rule, _)| rule).collect();
     for (name, path) in &observed_names {
@@ -189,7 +205,7 @@ fn agents(
             drive,
         } = entry;
         check::agent_name(problems, &path.to("name"), name);
-        if agents.iter().any(|agent| agent.name == *name) {
+        if file.agents[..i].iter().any(|other| other.name() == name) {
             let what = format!("two agents are called `{name}`");
             problems.add(&path.to("name"), what, "second one", None);
         }
@@ -199,7 +215,8 @@ fn agents(
             problems.add(&path.to("lane"), what, "no such lane", Some(help));
         }
         let body = find_body(problems, &path.to("body"), file, body);
-        let place = place(problems, &path.to("start"), start, &agents);
+        let before: Vec<&str> = file.agents[..i].iter().map(AgentFile::name).collect();
+        let place = place(problems, &path.to("start"), start, &before);
         let drive_path = path.to("drive");
         let drive = match drive {
             DriveFile::Ego(controller) => {
@@ -295,7 +312,7 @@ fn place(
     problems: &mut Problems,
     path: &Path,
     start: &StartFile,
-    before: &[Agent],
+    before: &[&str],
 ) -> Option<Place> {
     let range = |problems: &mut Problems, field: &str, value: &NumberOrRange| -> Range {
         check::range(problems, &path.to(field), value.0);
@@ -313,9 +330,8 @@ fn place(
         } => {
             let headway_m = range(problems, "headway_m", headway_m);
             let speed_mps = range(problems, "speed_mps", speed_mps);
-            let Some(position) = before.iter().position(|agent| agent.name == *of) else {
-                let known: Vec<&str> = before.iter().map(|agent| agent.name.as_str()).collect();
-                problems.unknown(&path.to("of"), "agent declared before", of, &known);
+            let Some(position) = before.iter().position(|name| name == of) else {
+                problems.unknown(&path.to("of"), "agent declared before", of, before);
                 return None;
             };
             Some(Place::Ahead {
@@ -337,7 +353,11 @@ fn derived(
 ) {
     for (name, signal) in &file.signals.0 {
         let key = top.to("signals").to(name);
-        let place = if signal.long { key.to("expr") } else { key.clone() };
+        let place = if signal.long {
+            key.to("expr")
+        } else {
+            key.clone()
+        };
         check::signal_name(problems, &key, name, ranges.contains_key(name));
         let expr: Expr = match signal.expr.parse() {
             Ok(expr) => expr,
@@ -397,11 +417,7 @@ fn usual_range(unit: &str) -> (f64, f64) {
     }
 }
 
-fn formulas(
-    problems: &mut Problems,
-    top: &Path,
-    file: &ScenarioFile,
-) -> IndexMap<String, Formula> {
+fn formulas(problems: &mut Problems, top: &Path, file: &ScenarioFile) -> IndexMap<String, Formula> {
     let mut formulas = IndexMap::new();
     for (name, text) in &file.formulas.0 {
         let path = top.to("formulas").to(name);

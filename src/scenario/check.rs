@@ -155,9 +155,20 @@ fn tidy(value: f64) -> f64 {
 
 pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
     if road.lanes() == 0 {
-        problems.add(&path.to("lanes"), "a road has at least one lane", "here", None);
+        problems.add(
+            &path.to("lanes"),
+            "a road has at least one lane",
+            "here",
+            None,
+        );
     }
-    within(problems, &path.to("lane_width_m"), road.lane_width_m(), 1.0, 20.0);
+    within(
+        problems,
+        &path.to("lane_width_m"),
+        road.lane_width_m(),
+        1.0,
+        20.0,
+    );
     within(problems, &path.to("friction"), road.friction(), 0.01, 2.0);
 }
 
@@ -251,9 +262,8 @@ pub(super) fn starts(problems: &mut Problems, path: &Path, spec: &DriveSpec) {
         }
         for j in 0..i {
             let other = &spec.agents[j];
-            let apart_m = (spec.road.lane_middle_m(agent.lane)
-                - spec.road.lane_middle_m(other.lane))
-            .abs();
+            let apart_m =
+                (spec.road.lane_middle_m(agent.lane) - spec.road.lane_middle_m(other.lane)).abs();
             if (agent.body.width_m + other.body.width_m) / 2.0 <= apart_m {
                 continue;
             }
@@ -361,7 +371,11 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
                 fail(error.to_string(), Some(help), &["ego", name])
             })?;
         }
-        if let Some(low) = controller.parameters().iter().find(|p| p.value < p.at_least) {
+        if let Some(low) = controller
+            .parameters()
+            .iter()
+            .find(|p| p.value < p.at_least)
+        {
             let what = format!("`{}` is {}, below {}", low.name, low.value, low.at_least);
             return Err(fail(what, None, &["ego", low.name]));
         }
@@ -411,7 +425,12 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
         bench.begin(&start, 0, Aftermath::Skip);
         if bench.trace().is_empty() {
             let what = "a signal is not finite at the start".to_owned();
-            problems.add(&path.to("signals"), what, "here", Some(in_words(&tried, &start)));
+            problems.add(
+                &path.to("signals"),
+                what,
+                "here",
+                Some(in_words(&tried, &start)),
+            );
             return;
         }
         bench.trace().read_row(0, &mut row);
@@ -490,7 +509,10 @@ pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
         let top = Path::top();
         let (what, place) = match tie {
             Some(rule) => (
-                format!("a coasting run keeps the rule `{}` with ρ = 0 exactly", rule.name),
+                format!(
+                    "a coasting run keeps the rule `{}` with ρ = 0 exactly",
+                    rule.name
+                ),
                 rule_place(&top, scenario, &rule.name),
             ),
             None if episode.robustness == 0.0 => (

@@ -59,10 +59,15 @@ pub(crate) fn did_you_mean<'a>(
     written: &str,
     known: impl IntoIterator<Item = &'a str>,
 ) -> Option<String> {
+    let near = |name: &'a str| {
+        let distance = strsim::damerau_levenshtein(written, name);
+        // A name without its unit, such as `max_brake`, is near as well.
+        let begun = 3 <= written.len() && name.starts_with(written);
+        (begun || distance <= 1 + name.len() / 4).then_some((distance, name))
+    };
     known
         .into_iter()
-        .map(|name| (strsim::damerau_levenshtein(written, name), name))
-        .filter(|(distance, name)| *distance <= 1 + name.len() / 4)
+        .filter_map(near)
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, name)| format!("did you mean `{name}`?"))
 }

@@ -62,6 +62,14 @@ pub(super) enum AgentFile {
     },
 }
 
+impl AgentFile {
+    pub(super) fn name(&self) -> &str {
+        match self {
+            AgentFile::Vehicle { name, .. } => name,
+        }
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) enum StartFile {

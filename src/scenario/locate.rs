@@ -153,7 +153,9 @@ impl Cursor<'_> {
             self.at += hashes + 1;
             let end = format!("\"{}", "#".repeat(hashes));
             let rest = self.rest();
-            self.at += rest.find(&end).map_or(rest.len(), |found| found + end.len());
+            self.at += rest
+                .find(&end)
+                .map_or(rest.len(), |found| found + end.len());
             return;
         }
         self.bump();

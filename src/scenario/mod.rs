@@ -63,6 +63,13 @@ pub struct Scenario {
     rulebook: Arc<Rulebook>,
 }
 
+impl std::fmt::Debug for Scenario {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut shown = f.debug_struct("Scenario");
+        shown.field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
 /// A rule as written.
 #[derive(Clone, Debug)]
 pub struct RuleSpec {
@@ -237,7 +244,9 @@ pub struct ChangeError {
 
 impl ChangeError {
     fn path(&self, change: &Path) -> Path {
-        self.place.iter().fold(change.clone(), |path, name| path.to(name))
+        self.place
+            .iter()
+            .fold(change.clone(), |path, name| path.to(name))
     }
 
     fn problem(&self, span: std::ops::Range<usize>) -> Problem {
@@ -250,10 +259,7 @@ impl ChangeError {
     }
 }
 
-fn bound_rules(
-    rules: &[RuleSpec],
-    monitors: Vec<crate::stl::Monitor>,
-) -> Vec<Rule> {
+fn bound_rules(rules: &[RuleSpec], monitors: Vec<crate::stl::Monitor>) -> Vec<Rule> {
     let mut bound: Vec<Rule> = rules
         .iter()
         .zip(monitors)

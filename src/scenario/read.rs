@@ -52,9 +52,8 @@ pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
             help: Some("save the file as UTF-8 without BOM".to_owned()),
         });
     }
-    let options = ron::Options::default().with_default_extension(
-        Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES,
-    );
+    let options = ron::Options::default()
+        .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let value = options
         .from_str(text)
         .map_err(|error| problem(text, &error))?;
@@ -74,13 +73,21 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
     let start = offset(text, error.span.start);
     let end = offset(text, error.span.end).max(start);
     let (what, label, help) = explain(&error.code);
-    let mut span = token(text, start, end);
+    let mut span = match error.code {
+        // What lacks a comma or an end is what stands before.
+        Error::ExpectedComma | Error::ExpectedMapColon | Error::Eof => token(text, start, start),
+        _ => token(text, start, end),
+    };
     if let Some(found) = culprit(&error.code) {
         // The reader's span is around the name, not always on it.
         let from = start.saturating_sub(found.len() + 8);
-        let from = (from..=start).find(|&i| text.is_char_boundary(i)).unwrap_or(start);
+        let from = (from..=start)
+            .find(|&i| text.is_char_boundary(i))
+            .unwrap_or(start);
         let to = (end + 8 + found.len()).min(text.len());
-        let to = (to..=text.len()).find(|&i| text.is_char_boundary(i)).unwrap_or(end);
+        let to = (to..=text.len())
+            .find(|&i| text.is_char_boundary(i))
+            .unwrap_or(end);
         if let Some(at) = text[from..to].find(found) {
             span = from + at..from + at + found.len();
         }
@@ -111,7 +118,9 @@ fn explain(code: &Error) -> (String, String, Option<String>) {
             found,
             outer,
         } => {
-            let of = outer.as_ref().map_or(String::new(), |o| format!(" in `{o}`"));
+            let of = outer
+                .as_ref()
+                .map_or(String::new(), |o| format!(" in `{o}`"));
             let known = known_names("fields", expected.iter().copied());
             let help = match did_you_mean(found, expected.iter().copied()) {
                 Some(guess) => format!("{guess} — {known}"),
@@ -138,7 +147,9 @@ fn explain(code: &Error) -> (String, String, Option<String>) {
             )
         }
         Error::MissingStructField { field, outer } => {
-            let of = outer.as_ref().map_or(String::new(), |o| format!(" of `{o}`"));
+            let of = outer
+                .as_ref()
+                .map_or(String::new(), |o| format!(" of `{o}`"));
             (
                 format!("the field `{field}`{of} is missing"),
                 "the block that ends here lacks it".to_owned(),
@@ -150,16 +161,27 @@ fn explain(code: &Error) -> (String, String, Option<String>) {
             "second time".to_owned(),
             Some("keep one of them".to_owned()),
         ),
+        Error::ExpectedComma => (
+            "a comma is missing".to_owned(),
+            "after this".to_owned(),
+            Some("separate values with `,`".to_owned()),
+        ),
+        Error::ExpectedMapColon => (
+            "a colon is missing".to_owned(),
+            "after this".to_owned(),
+            Some("write `\"name\": value`".to_owned()),
+        ),
+        Error::Eof => (
+            "the file ends too early".to_owned(),
+            "it ends here".to_owned(),
+            Some("close what is open: `)`, `]`, `}` or `\"`".to_owned()),
+        ),
         Error::ExceededRecursionLimit => (
             "the file is nested too deeply".to_owned(),
             "here".to_owned(),
             Some("worlds need fewer than 128 levels".to_owned()),
         ),
-        other => (
-            first_lower(&other.to_string()),
-            "here".to_owned(),
-            None,
-        ),
+        other => (first_lower(&other.to_string()), "here".to_owned(), None),
     }
 }
 

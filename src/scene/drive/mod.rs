@@ -392,7 +392,8 @@ impl Scene for DriveScene {
                 heading_rad: 0.0,
             };
             fronts_m.push(front_m);
-            self.bodies.push(self.plant.spawn(&agent.body, pose, speed_mps));
+            self.bodies
+                .push(self.plant.spawn(&agent.body, pose, speed_mps));
             self.keepers.push(LaneKeeper::new(lateral_m));
         }
         self.read_states();
@@ -476,11 +477,7 @@ impl Scene for DriveScene {
                 Drive::Ado { .. } => Role::Ado,
                 Drive::Scripted(_) => Role::Scripted,
             },
-            size_m: [
-                agent.body.length_m,
-                agent.body.width_m,
-                agent.body.height_m,
-            ],
+            size_m: [agent.body.length_m, agent.body.width_m, agent.body.height_m],
         });
         let width_m = spec.road.lane_width_m();
         let borders = (0..=spec.road.lanes()).map(|border| {

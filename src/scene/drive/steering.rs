@@ -27,18 +27,12 @@ impl LaneKeeper {
     }
 
     /// The curvature for the next sample; `lateral_mps` moves the reference.
-    pub(super) fn curvature(
-        &mut self,
-        state: &BodyState,
-        lateral_mps: f64,
-        sample_s: f64,
-    ) -> f64 {
+    pub(super) fn curvature(&mut self, state: &BodyState, lateral_mps: f64, sample_s: f64) -> f64 {
         self.reference_m += lateral_mps * sample_s;
         let offset_m = state.pose.y_m - self.reference_m;
         let drift_mps = state.speed_mps * libm::sin(state.pose.heading_rad) - lateral_mps;
         let speed_mps = state.speed_mps.abs().max(MIN_SPEED_MPS);
-        let wish_mps2 =
-            OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps;
+        let wish_mps2 = OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps;
         -wish_mps2 / (speed_mps * speed_mps)
     }
 }

@@ -1,0 +1,44 @@
+//! Worlds, rulebook and test bench: what holds for every world and every run.
+
+#[path = "worlds/conformance.rs"]
+mod conformance;
+#[path = "worlds/errors.rs"]
+mod errors;
+#[path = "worlds/judging.rs"]
+mod judging;
+#[path = "worlds/lemmas.rs"]
+mod lemmas;
+#[path = "worlds/searching.rs"]
+mod searching;
+
+use std::path::PathBuf;
+
+use brakecheck::scenario::Scenario;
+
+/// All shipped worlds by file name.
+fn shipped() -> Vec<(String, Scenario)> {
+    let dir = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("worlds");
+    let mut files: Vec<PathBuf> = std::fs::read_dir(dir)
+        .expect("the worlds")
+        .map(|entry| entry.expect("an entry").path())
+        .filter(|path| path.extension().is_some_and(|e| e == "ron"))
+        .collect();
+    files.sort();
+    files
+        .into_iter()
+        .map(|path| {
+            let name = path
+                .file_name()
+                .expect("a name")
+                .to_string_lossy()
+                .into_owned();
+            let world = Scenario::load(&path).unwrap_or_else(|error| panic!("{error}"));
+            (name, world)
+        })
+        .collect()
+}
+
+/// The ACC world.
+fn acc() -> Scenario {
+    Scenario::parse("acc.ron", include_str!("../worlds/acc.ron")).expect("a sound world")
+}

@@ -1,0 +1,175 @@
+//! Mistakes in a world file read like a compiler's messages.
+
+use brakecheck::cli::{Failure, plain_theme};
+use brakecheck::scenario::Scenario;
+use proptest::prelude::*;
+
+const ACC: &str = include_str!("../../worlds/acc.ron");
+
+/// A mistake: what it is, and the text of `acc.ron` with it.
+fn mistakes() -> Vec<(&'static str, String)> {
+    let with = |from: &str, to: &str| {
+        assert!(ACC.contains(from), "acc.ron no longer contains {from}");
+        ACC.replacen(from, to, 1)
+    };
+    vec![
+        ("a missing comma", with("plant: Rigid,", "plant: Rigid")),
+        ("an unknown field", with("horizon_s:", "horizont_s:")),
+        ("an unknown variant", with("plant: Rigid", "plant: Rigit")),
+        ("a missing field", with("decision_s: 0.5, ", "")),
+        (
+            "a field given twice",
+            with("plant: Rigid,", "plant: Rigid, plant: Rigid,"),
+        ),
+        (
+            "a constant given twice",
+            with("\"v_min\": 0.1,", "\"v_min\": 0.1, \"v_min\": 0.2,"),
+        ),
+        (
+            "a number that is none",
+            with("friction: 0.9", "friction: NaN"),
+        ),
+        ("an infinite number", with("(8.0, 60.0)", "(8.0, 1e999)")),
+        ("a reversed range", with("(8.0, 60.0)", "(60.0, 8.0)")),
+        ("a range of three", with("(8.0, 60.0)", "(8.0, 60.0, 70.0)")),
+        ("overlapping starts", with("(8.0, 60.0)", "(4.0, 60.0)")),
+        (
+            "an unknown signal in a formula",
+            with("ado.speed >= v_min", "ado.sped >= v_min"),
+        ),
+        (
+            "an unknown constant in a formula",
+            with("ado.speed <= v_lim", "ado.speed <= v_limit"),
+        ),
+        (
+            "a syntax error in a formula",
+            with("(headway >= d_safe)", "(headway >= )"),
+        ),
+        (
+            "a bound that is no multiple",
+            with("always[0, T] (headway", "always[0, 0.12] (headway"),
+        ),
+        (
+            "an unknown signal in an expression",
+            with("\"ado.x - ego.x\"", "\"ado.x - ergo.x\""),
+        ),
+        (
+            "an unknown observed signal",
+            with("\"time_left\"]", "\"timeleft\"]"),
+        ),
+        (
+            "an unknown body",
+            with("body: \"sedan\"", "body: \"seden\""),
+        ),
+        ("an unknown agent", with("of: \"ego\"", "of: \"egon\"")),
+        ("no ego", with("drive: Ego(Acc(", "drive: Egg(Acc(")),
+        (
+            "an unknown ego parameter",
+            with("kp_per_s2: 0.3", "kp: 0.3"),
+        ),
+        (
+            "an unknown parameter in reuse",
+            with("(max_brake_mps2: 4.0)", "(max_brake: 4.0)"),
+        ),
+        (
+            "a lane that is not there",
+            with(
+                "name: \"ado\", body: \"sedan\", lane: 0",
+                "name: \"ado\", body: \"sedan\", lane: 1",
+            ),
+        ),
+        (
+            "a decision that is no multiple",
+            with("decision_s: 0.5", "decision_s: 0.52"),
+        ),
+        (
+            "a horizon beyond the limit",
+            with("horizon_s: 15.0", "horizon_s: 1.0e9"),
+        ),
+        ("too coarse physics", with("substeps: 4", "substeps: 1")),
+        (
+            "a neutral action that is not there",
+            with("neutral: 1", "neutral: 3"),
+        ),
+        (
+            "a rule broken at the start",
+            with("\"v_min\": 0.1", "\"v_min\": 5.0"),
+        ),
+        (
+            "a spec violated at the start",
+            with("\"d_safe\": 4.7", "\"d_safe\": 9.0"),
+        ),
+        (
+            "a reserved constant",
+            with("\"v_min\": 0.1", "\"T\": 3.0, \"v_min\": 0.1"),
+        ),
+        (
+            "a signal that is published already",
+            with("{ \"headway\"", "{ \"ado.x\""),
+        ),
+        (
+            "a learner out of range",
+            with("decisions: 300_000", "decisions: 0"),
+        ),
+        ("a byte order mark", format!("\u{feff}{ACC}")),
+        ("half of the file", ACC[..ACC.len() / 2].to_owned()),
+        ("nothing", String::new()),
+        ("another thing", "hello".to_owned()),
+    ]
+}
+
+#[test]
+fn every_mistake_has_a_place_a_reason_and_a_cure() {
+    let mut shown = String::new();
+    for (what, text) in mistakes() {
+        let Err(error) = Scenario::parse("acc.ron", &text) else {
+            panic!("{what}: accepted");
+        };
+        for problem in &error.problems {
+            assert!(problem.span.end <= text.len(), "{what}");
+        }
+        let rendered = Failure::from(error).render(plain_theme(), 100);
+        shown.push_str(&format!("=== {what}\n{rendered}\n"));
+    }
+    insta::assert_snapshot!("world_mistakes", shown);
+}
+
+#[test]
+fn a_coasting_run_at_exactly_zero_is_warned_about() {
+    let text = ACC
+        .replace("\"v_lim\": 30.0", "\"v_lim\": 25.0")
+        .replacen(
+            "speed_mps: (5.0, 25.0)),\n            drive: Ado",
+            "speed_mps: 10.0),\n            drive: Ado",
+            1,
+        )
+        .replace("ado.speed >= v_min", "10.0 - ado.speed >= -v_min")
+        .replace("\"v_min\": 0.1", "\"v_min\": 0.0");
+    let error = Scenario::parse("acc.ron", &text).expect_err("ρ = 0 at t = 0");
+    assert!(
+        error.to_string().contains("broken already at the start"),
+        "{error}"
+    );
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 150,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn damaged_files_are_errors_or_worlds_but_never_panics(
+        at in 0..ACC.len(), cut in 0usize..40, insert in "[-(){}\\[\\],:\"a-z0-9. ]{0,6}",
+    ) {
+        let from = (0..=at).rev().find(|&i| ACC.is_char_boundary(i)).unwrap_or(0);
+        let to = (from + cut).min(ACC.len());
+        let to = (to..=ACC.len()).find(|&i| ACC.is_char_boundary(i)).unwrap_or(ACC.len());
+        let text = format!("{}{insert}{}", &ACC[..from], &ACC[to..]);
+        if let Err(error) = Scenario::parse("damaged.ron", &text) {
+            prop_assert!(!error.problems.is_empty());
+            let _ = Failure::from(error).render(plain_theme(), 100);
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Lemma 2: a trace that breaks only lesser rules earns strictly more.
+
+use brakecheck::rulebook::{Reward, Verdict};
+use proptest::prelude::*;
+
+fn rewards() -> impl Strategy<Value = Reward> {
+    prop_oneof![
+        (0.1..1e3).prop_map(|rho_max| Reward::Plain { rho_max }),
+        (0.1..1e3, 0.1..1e3, 0.0..0.99).prop_map(|(rho_max, scale, jump)| Reward::Tanh {
+            rho_max,
+            scale,
+            jump
+        }),
+    ]
+}
+
+/// Robustness values, the awkward ones included.
+fn rho() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        -1e4..1e4,
+        Just(0.0),
+        Just(-0.0),
+        Just(f64::INFINITY),
+        Just(f64::NEG_INFINITY),
+        Just(f64::MIN_POSITIVE),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_worse_broken_rule_earns_strictly_less(
+        reward in rewards(), a in 1usize..20, more in 1usize..20, lesser in 0usize..20,
+    ) {
+        let (b, rules) = (a + more, a + more + lesser);
+        // M counts forfeited rules: the larger M broke the more important rule.
+        prop_assert!(reward.foul(b, rules) < reward.foul(a, rules));
+    }
+
+    #[test]
+    fn every_lawful_run_earns_strictly_more_than_any_foul(
+        reward in rewards(), m in 1usize..20, lesser in 0usize..20, value in rho(),
+    ) {
+        prop_assert!(reward.foul(m, m + lesser) < reward.lawful(value));
+    }
+
+    #[test]
+    fn deeper_violations_never_earn_less(reward in rewards(), x in rho(), y in rho()) {
+        let (a, b) = (x.min(y), x.max(y));
+        prop_assert!(reward.lawful(a) <= reward.lawful(b));
+    }
+
+    #[test]
+    fn a_success_earns_more_than_any_held_run(
+        reward in rewards(), by in 1e-6..1e3f64, margin in 0.0..1e3f64,
+    ) {
+        let success = reward.of(&Verdict::Counterexample { by }, 2).unwrap();
+        let held = reward.of(&Verdict::Held { margin }, 2).unwrap();
+        prop_assert!(held < success);
+        prop_assert!(0.0 < success && held <= 0.0);
+    }
+}
+
+#[test]
+fn the_numbers_of_the_default_transform() {
+    let reward = Reward::default();
+    let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+    close(reward.lawful(10.0), 0.5 + 0.5 * 1f64.tanh());
+    close(reward.lawful(-10.0), -0.5 - 0.5 * 1f64.tanh());
+    close(reward.lawful(0.0), -0.5);
+    close(reward.foul(1, 2), -1.0);
+    close(reward.foul(2, 2), -1.5);
+    assert_eq!(reward.of(&Verdict::Invalid, 2), None);
+}
+
+#[test]
+fn definition_4_as_printed() {
+    let reward = Reward::Plain { rho_max: 50.0 };
+    assert_eq!(reward.lawful(3.0), 3.0);
+    assert_eq!(reward.foul(2, 2), -100.0);
+    // At M = 1 the penalty is no tie with a lawful run at the clamp.
+    assert!(reward.foul(1, 2) < reward.lawful(-1e9));
+}

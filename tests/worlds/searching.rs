@@ -1,0 +1,142 @@
+//! Search, evaluation and their rows.
+
+use std::sync::atomic::AtomicBool;
+
+use brakecheck::campaign::{
+    Ado, EvalRequest, Method, SearchRequest, TestStarts, Watch, eval, search, trivial_starts,
+};
+use brakecheck::scenario::Scenario;
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, Replay, play};
+
+static GO: AtomicBool = AtomicBool::new(false);
+
+fn quiet() -> Watch<'static> {
+    Watch {
+        progress: &|_, _| {},
+        stop: &GO,
+    }
+}
+
+fn request<'a>(world: &'a Scenario, method: Method, starts: &'a TestStarts) -> SearchRequest<'a> {
+    SearchRequest {
+        scenario: world,
+        ego: "nominal",
+        method,
+        budget: 20,
+        starts,
+    }
+}
+
+#[test]
+fn search_solves_what_a_replay_of_its_actions_solves_on_the_plant_asked_for() {
+    let world = super::acc();
+    let starts = trivial_starts(&world, 3, 24);
+    let searched = search(&request(&world, Method::Switches(1), &starts), &quiet());
+    assert!(12 <= searched.row.successes, "{:?}", searched.row);
+    let mut bench = world.bench();
+    for ((start, noise), found) in starts.starts.iter().zip(&searched.found) {
+        let Some(actions) = found.as_ref().and_then(|found| found.actions.as_ref()) else {
+            continue;
+        };
+        let mut replay = Replay::new(actions);
+        let episode = play(&mut bench, start, *noise, &mut replay, Aftermath::Skip);
+        assert!(episode.verdict.is_success());
+        let switches = actions.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        assert!(switches <= 1, "{actions:?}");
+    }
+}
+
+#[test]
+fn more_switches_solve_no_less_and_prefix_sharing_finds_what_brute_force_finds() {
+    let world = super::acc().on(PlantKind::Kinematic);
+    let starts = trivial_starts(&world, 5, 12);
+    let none = search(&request(&world, Method::Switches(0), &starts), &quiet());
+    let one = search(&request(&world, Method::Switches(1), &starts), &quiet());
+    assert!(none.row.successes <= one.row.successes);
+    let mut bench = world.bench();
+    let decisions = bench.clock().decisions();
+    for (index, (start, noise)) in starts.starts.iter().enumerate() {
+        if starts.trivial[index] {
+            continue;
+        }
+        let mut solvable = false;
+        for (a, b) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))) {
+            for switch in 1..=decisions {
+                let actions: Vec<usize> = (0..decisions)
+                    .map(|i| if i < switch { a } else { b })
+                    .collect();
+                let mut replay = Replay::new(&actions);
+                solvable |= play(&mut bench, start, *noise, &mut replay, Aftermath::Skip)
+                    .verdict
+                    .is_success();
+            }
+        }
+        let mark = one.row.solved.as_bytes()[index];
+        assert_eq!(mark == b'1', solvable, "start {index}");
+    }
+}
+
+#[test]
+fn rows_do_not_depend_on_the_number_of_threads() {
+    let world = super::acc();
+    let rows = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("a pool");
+        pool.install(|| {
+            let starts = trivial_starts(&world, 1, 40);
+            let hold = EvalRequest {
+                scenario: &world,
+                ego: "nominal",
+                ado: Ado::Held,
+                starts: &starts,
+            };
+            let mut rows = vec![
+                eval(&hold, &quiet()).row,
+                search(&request(&world, Method::Hold, &starts), &quiet()).row,
+            ];
+            // Processor time is measured, everything else is computed.
+            rows.iter_mut().for_each(|row| row.cpu_s = 0.0);
+            rows
+        })
+    };
+    assert_eq!(rows(1), rows(2));
+}
+
+#[test]
+fn trivial_starts_are_fixed_on_the_nominal_ego() {
+    let world = super::acc();
+    let starts = trivial_starts(&world, 0, 200);
+    let trivial = starts.trivial.iter().filter(|t| **t).count();
+    // PAPER's point mass has 3 to 7 %.
+    assert!((2..=20).contains(&trivial), "{trivial}");
+    let weak = world.with(&world.reuse["softer brakes"]).expect("it fits");
+    let row = eval(
+        &EvalRequest {
+            scenario: &weak,
+            ego: "softer brakes",
+            ado: Ado::Constant(1),
+            starts: &starts,
+        },
+        &quiet(),
+    )
+    .row;
+    assert_eq!(row.trivial, trivial);
+    assert_eq!(row.starts + row.trivial, 200);
+}
+
+#[test]
+fn a_stopped_evaluation_says_which_starts_it_did_not_reach() {
+    let world = super::acc();
+    let starts = trivial_starts(&world, 0, 10);
+    let stop = AtomicBool::new(true);
+    let watch = Watch {
+        progress: &|_, _| {},
+        stop: &stop,
+    };
+    let row = search(&request(&world, Method::Switches(2), &starts), &watch).row;
+    assert_eq!(row.starts, 0);
+    assert!(row.solved.chars().all(|mark| mark == '-' || mark == 't'));
+}
