@@ -3,7 +3,8 @@
 use brakecheck::rl::nn::{Adam, Mlp};
 use brakecheck::rl::replay::{Batch, Lived, Replay, SumTree, Tail, Transition};
 use brakecheck::rl::{
-    Bundle, BundleError, Control, Dice, End, Env, Learner, LearnerConfig, Spaces, Step, load_policy,
+    Bundle, BundleError, Control, Dice, End, Env, Learner, LearnerConfig, Spaces, Step,
+    load_policy, load_policy_for,
 };
 use proptest::prelude::*;
 
@@ -154,7 +155,7 @@ fn a_truncated_episode_is_bootstrapped_and_a_terminated_one_is_not() {
     for (learner, extra) in [
         ("Dqn", "learning_starts: 100"),
         ("QTable", ""),
-        ("Ppo", "trace: 0.0"),
+        ("Ppo", "trace: 0.0, horizon: 256"),
     ] {
         let ron = format!("{learner}(decisions: 8_000, discount: 0.5, {extra})");
         for (end, expected) in [(End::Terminated, 1.0), (End::Truncated, 2.0)] {
@@ -301,6 +302,8 @@ fn a_checkpoint_of_another_learner_or_shape_is_refused() {
             assert!(config(other).build_from(&wider, 1, &policy).is_err());
         }
         assert!(load_policy(&checkpoint).is_err());
+        assert!(load_policy_for(Corridor::new().spaces(), &policy).is_ok());
+        assert!(load_policy_for(&wider, &policy).is_err());
     }
 }
 
@@ -554,8 +557,8 @@ fn gradients_agree_with_finite_differences() {
             }
             let mut analytic = vec![f32::NAN; net.parameters().len()];
             net.backward(&x, batch, &mut tape, &mut analytic);
-            for at in 0..analytic.len() {
-                if net.parameters()[at] == 0.0 && analytic[at] == 0.0 {
+            for (at, analytic) in analytic.iter().enumerate() {
+                if net.parameters()[at] == 0.0 && *analytic == 0.0 {
                     continue; // padding, or a bias of a unit that is off
                 }
                 // The loss is piecewise linear in a single parameter, so one of
@@ -564,7 +567,7 @@ fn gradients_agree_with_finite_differences() {
                 let error = [1e-3f32, -1e-3].map(|h| {
                     net.parameters_mut()[at] = kept + h;
                     let numeric = (loss(&net, &mut tape) - here) / f64::from(h);
-                    (numeric - f64::from(analytic[at])).abs() / (1.0 + numeric.abs())
+                    (numeric - f64::from(*analytic)).abs() / (1.0 + numeric.abs())
                 });
                 net.parameters_mut()[at] = kept;
                 assert!(
@@ -772,7 +775,8 @@ fn a_bundle_with_a_flipped_byte_never_panics() {
 
 #[test]
 fn bundles_say_what_is_wrong_with_them() {
-    let cases: [(&str, Box<dyn Fn(&mut Bundle)>); 5] = [
+    type Spoil = Box<dyn Fn(&mut Bundle)>;
+    let cases: [(&str, Spoil); 5] = [
         (
             "tensor `q/1/bias` holds a number that is not finite at index 2",
             Box::new(|b| b.put("q/1/bias", &[3], vec![0.0, 0.0, f32::NAN])),

@@ -453,6 +453,11 @@ impl QPolicy {
             net: Mlp::load("q", bundle)?,
         })
     }
+
+    /// Observation length and number of actions.
+    pub fn shape(&self) -> [usize; 2] {
+        [self.net.inputs(), self.net.outputs()]
+    }
 }
 
 impl Policy for QPolicy {

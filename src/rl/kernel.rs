@@ -99,10 +99,10 @@ impl Product<'_> {
             else {
                 return sums;
             };
-            for r in 0..R {
+            for (r, sums) in sums.iter_mut().enumerate() {
                 let left = self.left[(row + r) * self.row + p * self.column];
-                for c in 0..C {
-                    sums[r][c] += left * right[c];
+                for (sum, right) in sums.iter_mut().zip(right) {
+                    *sum += left * right;
                 }
             }
         }

@@ -153,10 +153,38 @@ impl LearnerConfig {
 /// # Errors
 /// When the bundle is no policy, or its shapes do not fit each other.
 pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
+    Ok(load_shaped(bundle)?.0)
+}
+
+/// The same, for a world with these spaces.
+///
+/// # Errors
+/// When the bundle is no policy, or one for other observations or actions.
+pub fn load_policy_for(spaces: &Spaces, bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
+    let (policy, shape) = load_shaped(bundle)?;
+    let expected = [spaces.observation, spaces.actions];
+    expect_sizes("the policy's observation and actions", &shape, &expected)?;
+    Ok(policy)
+}
+
+/// A policy and its observation length and number of actions.
+fn load_shaped(bundle: &Bundle) -> Result<(Box<dyn Policy>, [usize; 2]), BundleError> {
     match bundle.meta() {
-        dqn::POLICY => Ok(Box::new(dqn::QPolicy::load(bundle)?)),
-        q_table::POLICY => Ok(Box::new(q_table::TablePolicy::load(bundle)?)),
-        ppo::POLICY => Ok(Box::new(ppo::ActorCritic::load(bundle)?)),
+        dqn::POLICY => {
+            let policy = dqn::QPolicy::load(bundle)?;
+            let shape = policy.shape();
+            Ok((Box::new(policy), shape))
+        }
+        q_table::POLICY => {
+            let policy = q_table::TablePolicy::load(bundle)?;
+            let shape = policy.shape();
+            Ok((Box::new(policy), shape))
+        }
+        ppo::POLICY => {
+            let policy = ppo::ActorCritic::load(bundle)?;
+            let shape = policy.shape();
+            Ok((Box::new(policy), shape))
+        }
         other => Err(BundleError::Mismatch {
             what: "the kind of the bundle",
             expected: format!(

@@ -512,6 +512,11 @@ impl ActorCritic {
         )?;
         Ok(ActorCritic { actor, critic })
     }
+
+    /// Observation length and number of actions.
+    pub fn shape(&self) -> [usize; 2] {
+        [self.actor.inputs(), self.actor.outputs()]
+    }
 }
 
 impl Policy for ActorCritic {

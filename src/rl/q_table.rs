@@ -136,6 +136,7 @@ type Rows = BTreeMap<Box<[u32]>, usize>;
 /// The table: action values of every cell visited.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
+    observation: usize,
     actions: usize,
     neutral: usize,
     bins: Vec<Bins>,
@@ -165,9 +166,8 @@ impl Table {
 
     /// Writes rows in the order of their cells, whatever order they came in.
     fn save(&self, bundle: &mut Bundle) {
-        let width = self.rows.keys().next().map_or(0, |cell| cell.len());
         let cells: Vec<u32> = self.rows.keys().flatten().copied().collect();
-        bundle.put("cells", &[self.rows.len(), width], cells);
+        bundle.put("cells", &[self.rows.len(), self.observation], cells);
         let values = self.in_order(&self.values);
         bundle.put("values", &[self.rows.len(), self.actions], values);
         bundle.put("neutral", &[1], vec![self.neutral as u64]);
@@ -225,6 +225,7 @@ impl Table {
             });
         }
         Ok(Table {
+            observation: width,
             actions,
             neutral,
             bins: config.bins,
@@ -254,6 +255,7 @@ impl QTable {
     /// A learner that has seen nothing.
     pub fn new(config: &QTableConfig, spaces: &Spaces, seed: u64) -> QTable {
         let table = Table {
+            observation: spaces.observation,
             actions: spaces.actions,
             neutral: spaces.neutral,
             bins: config.bins.clone(),
@@ -304,12 +306,10 @@ impl QTable {
         bundle: &Bundle,
     ) -> Result<Table, BundleError> {
         let table = Table::load(bundle)?;
-        let width = table
-            .rows
-            .keys()
-            .next()
-            .map_or(spaces.observation, |cell| cell.len());
-        let (found, expected) = ([width, table.actions], [spaces.observation, spaces.actions]);
+        let (found, expected) = (
+            [table.observation, table.actions],
+            [spaces.observation, spaces.actions],
+        );
         expect_sizes("the table's observation and actions", &found, &expected)?;
         if table.bins != config.bins {
             return Err(BundleError::Mismatch {
@@ -507,6 +507,11 @@ impl TablePolicy {
         Ok(TablePolicy {
             table: Table::load(bundle)?,
         })
+    }
+
+    /// Observation length and number of actions.
+    pub fn shape(&self) -> [usize; 2] {
+        [self.table.observation, self.table.actions]
     }
 }
 
