@@ -94,7 +94,7 @@ impl Ado<'_> {
             Ado::Trained(..) => scenario.learner.name().to_lowercase(),
             Ado::Random => "random".to_owned(),
             Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
-            Ado::Constant(action) => scenario.spec().action_label(*action),
+            Ado::Constant(action) => scenario.action_label(*action),
         }
     }
 

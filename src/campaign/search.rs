@@ -10,7 +10,7 @@ use super::Watch;
 use super::eval::{HOLD_DECISIONS, TestStarts, blank_row, count_solved};
 use crate::run::{ClosingSpeed, Row};
 use crate::scenario::Scenario;
-use crate::scene::Start;
+use crate::scene::{Dynamics, Start};
 use crate::seed;
 use crate::sim::PlantKind;
 use crate::testbench::{Actor, Aftermath, Held, Replay, Testbench, play};
@@ -99,7 +99,7 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
 impl SearchRequest<'_> {
     /// Whether the kinematic plant sorts out sequences first.
     fn prescreens(&self) -> bool {
-        self.scenario.plant() == PlantKind::Rigid && matches!(self.method, Method::Switches(_))
+        self.scenario.plant() == Dynamics::Rigid && matches!(self.method, Method::Switches(_))
     }
 
     fn row(&self, found: &[Option<Found>]) -> Row {

@@ -7,7 +7,6 @@ use serde_json::json;
 
 use super::{Common, Exit, Failure, failure, print_json, table_of, talk};
 use crate::scenario::{LoadError, Scenario};
-use crate::scene::drive::DriveSpec;
 
 #[derive(Args, Debug)]
 pub(super) struct CheckArgs {
@@ -63,29 +62,11 @@ fn problems(error: &LoadError) -> serde_json::Value {
     json!({ "ok": false, "problems": problems })
 }
 
-/// Name, unit, meaning, and whether traces hold it without being asked to.
-fn signals(spec: &DriveSpec) -> Vec<(String, String, String, &'static str)> {
-    let published = spec.catalogue().into_iter().map(|offer| {
-        let held = match offer.always || spec.extra.contains(&offer.signal.name) {
-            true => "recorded",
-            false => "on demand",
-        };
-        (offer.signal, held)
-    });
-    let derived = spec.derived.iter();
-    let derived = derived.map(|derived| (derived.signal.clone(), "derived"));
-    published
-        .chain(derived)
-        .map(|(signal, held)| (signal.name, signal.unit.into_owned(), signal.about, held))
-        .collect()
-}
-
 fn listing(scenario: &Scenario) -> serde_json::Value {
-    let spec = scenario.spec();
-    let signals = signals(spec).into_iter();
+    let signals = scenario.signals().into_iter();
     let signals: Vec<_> = signals
-        .map(|(name, unit, about, held)| {
-            json!({ "name": name, "unit": unit, "about": about, "published": held })
+        .map(|(signal, held)| {
+            json!({ "name": signal.name, "unit": signal.unit, "about": signal.about, "published": held.word() })
         })
         .collect();
     let rules = scenario.rules.iter();
@@ -95,11 +76,11 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
         })
         .collect();
     let actions: Vec<_> = (0..scenario.world().spaces().actions)
-        .map(|action| spec.action_label(action))
+        .map(|action| scenario.action_label(action))
         .collect();
     let mut egos = vec!["nominal"];
     egos.extend(scenario.reuse.keys().map(String::as_str));
-    let axes = spec.axes();
+    let axes = scenario.axes();
     let starts: Vec<_> = axes
         .iter()
         .map(|axis| json!({ "name": axis.name, "unit": axis.unit, "lo": axis.lo, "hi": axis.hi }))
@@ -118,12 +99,11 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
 }
 
 fn text(scenario: &Scenario) -> String {
-    let spec = scenario.spec();
     let mut out = format!("{}: {}\n", scenario.name, scenario.question);
-    let clock = spec.clock;
+    let clock = scenario.world().clock();
     out.push_str(&format!(
         "\n{:?} plant, judge {:?}; {} s in samples of {} s, a decision every {} s, {} physics steps per sample\n",
-        spec.plant, scenario.rulebook().judge, clock.horizon_s, clock.sample_s, clock.decision_s, clock.substeps
+        scenario.plant(), scenario.rulebook().judge, clock.horizon_s, clock.sample_s, clock.decision_s, clock.substeps
     ));
     out.push_str(&format!("\nthe ego must   {}\n", scenario.ego_spec));
     for rule in &scenario.rules {
@@ -133,7 +113,9 @@ fn text(scenario: &Scenario) -> String {
         ));
     }
     let actions = 0..scenario.world().spaces().actions;
-    let actions: Vec<String> = actions.map(|action| spec.action_label(action)).collect();
+    let actions: Vec<String> = actions
+        .map(|action| scenario.action_label(action))
+        .collect();
     out.push_str(&format!("\nactions        {}\n", actions.join(", ")));
     let constants = scenario.names.constants.iter();
     let constants: Vec<String> = constants.map(|(name, v)| format!("{name} = {v}")).collect();
@@ -141,19 +123,21 @@ fn text(scenario: &Scenario) -> String {
     let mut egos = vec!["nominal"];
     egos.extend(scenario.reuse.keys().map(String::as_str));
     out.push_str(&format!("egos           {}\n", egos.join(", ")));
-    for axis in spec.axes() {
+    for axis in scenario.axes() {
         out.push_str(&format!(
             "start          {} in {} … {} {}\n",
             axis.name, axis.lo, axis.hi, axis.unit
         ));
     }
-    let observed = spec.observe.iter();
+    let observed = scenario.world().observed().iter();
     let observed: Vec<String> = observed
         .map(|o| format!("{} ({} … {})", o.name, o.mid - o.half, o.mid + o.half))
         .collect();
     out.push_str(&format!("observed       {}\n\n", observed.join(", ")));
-    let lines = signals(spec).into_iter();
-    let lines = lines.map(|(name, unit, about, held)| [name, unit, about, held.to_owned()]);
+    let lines = scenario.signals().into_iter().map(|(signal, held)| {
+        let held = held.word().to_owned();
+        [signal.name, signal.unit.into_owned(), signal.about, held]
+    });
     out.push_str(&table_of(["signal", "unit", "meaning", "in traces"], lines));
     out
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, NamedEgo, PlantArg, egos, print_json, table, talk};
+use super::{Common, Exit, Failure, NamedEgo, PlantArg, egos, on_plant, print_json, table, talk};
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, SearchRequest, TestStarts, Watch, best_constant, eval,
     keep, search, trivial_starts,
@@ -64,7 +64,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let policy = run.policy()?;
     let mut nominal = run.scenario()?;
     if let Some(plant) = args.plant {
-        nominal = nominal.on(plant.into());
+        nominal = on_plant(&nominal, plant)?;
     }
     let egos = egos(&nominal, &args.ego)?;
     let starts = trivial_starts(&nominal, args.common.seed, args.starts);

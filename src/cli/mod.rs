@@ -79,6 +79,17 @@ impl From<PlantArg> for PlantKind {
     }
 }
 
+/// The same driving world on the plant asked for.
+fn on_plant(scenario: &Scenario, plant: PlantArg) -> Result<Scenario, Failure> {
+    match scenario.drive() {
+        Some(_) => Ok(scenario.on(plant.into())),
+        None => Err(Failure::input(
+            format!("`{}` runs on no plant", scenario.name),
+            "leave out `--plant`: it is for driving worlds",
+        )),
+    }
+}
+
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();

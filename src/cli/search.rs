@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, PlantArg, egos, print_json, table, talk};
+use super::{Common, Exit, Failure, PlantArg, egos, on_plant, print_json, table, talk};
 use crate::campaign::{Method, SearchRequest, Watch, search, trivial_starts};
 use crate::run::RunDir;
 use crate::scenario::Scenario;
@@ -56,7 +56,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         false => Scenario::load(&args.world)?,
     };
     if let Some(plant) = args.plant {
-        nominal = nominal.on(plant.into());
+        nominal = on_plant(&nominal, plant)?;
     }
     let egos = egos(&nominal, &args.ego)?;
     let starts = trivial_starts(&nominal, args.common.seed, args.starts);

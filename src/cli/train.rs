@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, PlantArg, print_json, table, talk};
+use super::{Common, Exit, Failure, PlantArg, on_plant, print_json, table, talk};
 use crate::campaign::{
     Ado, EvalRequest, TrainRequest, Watch, best_constant, eval, keep, train, trivial_starts,
 };
@@ -44,7 +44,7 @@ pub(super) struct TrainArgs {
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let mut scenario = Scenario::load(&args.world)?;
     if let Some(plant) = args.plant {
-        scenario = scenario.on(plant.into());
+        scenario = on_plant(&scenario, plant)?;
     }
     if let Some(decisions) = args.decisions {
         scenario.learner = scenario.learner.with_decisions(decisions);
@@ -129,7 +129,9 @@ fn resume(
         ));
     }
     if args.plant.is_none() {
-        *scenario = scenario.on(run.manifest().plant);
+        let learner = scenario.learner.clone();
+        *scenario = kept;
+        scenario.learner = learner;
     } else if scenario.plant() != run.manifest().plant {
         return Err(Failure::input(
             format!("this run was begun on the {:?} plant", run.manifest().plant),

@@ -13,8 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::{RunError, write_file};
 use crate::rulebook::Verdict;
 use crate::scenario::{Change, ChangeError, Scenario, ScenarioError};
-use crate::scene::{Start, Touch};
-use crate::sim::PlantKind;
+use crate::scene::{Dynamics, Start, Touch};
 use crate::testbench::Episode;
 use crate::trace::{Schema, Trace};
 
@@ -36,7 +35,7 @@ pub struct Counterexample {
     /// How it differed from the world's own ego and surroundings.
     pub change: Change,
     /// Which physics.
-    pub plant: PlantKind,
+    pub plant: Dynamics,
     /// Which ado.
     pub ado: String,
     /// The start, by name of the axis.
@@ -100,7 +99,7 @@ impl Counterexample {
         ado: &str,
         episode: &Episode,
     ) -> Counterexample {
-        let axes = scenario.spec().axes();
+        let axes = scenario.axes();
         let names = axes.iter().map(|axis| axis.name.clone());
         Counterexample {
             format: FORMAT,
@@ -182,7 +181,10 @@ impl Counterexample {
                 path: path.into(),
                 source,
             })?;
-        Ok(changed.on(self.plant))
+        Ok(match self.plant.plant() {
+            Some(plant) => changed.on(plant),
+            None => changed,
+        })
     }
 
     /// The start in the order of the world's axes.
@@ -190,7 +192,7 @@ impl Counterexample {
     /// # Errors
     /// An axis has no value.
     pub fn start(&self, scenario: &Scenario, path: &Path) -> Result<Start, KeptError> {
-        let axes = scenario.spec().axes();
+        let axes = scenario.axes();
         let value = |name: &str| {
             self.start
                 .get(name)

@@ -28,7 +28,7 @@ pub use row::{ClosingSpeed, Row, wilson};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy};
 use crate::scenario::{LoadError, Scenario, ScenarioError};
-use crate::sim::PlantKind;
+use crate::scene::Dynamics;
 
 /// Version of the layout; another one is refused.
 const FORMAT: u32 = 1;
@@ -47,7 +47,7 @@ pub struct Manifest {
     /// SHA-256 of `world.ron`.
     pub world_sha256: String,
     /// The plant it trained on.
-    pub plant: PlantKind,
+    pub plant: Dynamics,
     /// The training seed.
     pub seed: u64,
     /// Decisions asked for.
@@ -237,7 +237,10 @@ impl RunDir {
     pub fn scenario(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
-            Ok(scenario) => Ok(scenario.on(self.manifest.plant)),
+            Ok(scenario) => Ok(match self.manifest.plant.plant() {
+                Some(plant) => scenario.on(plant),
+                None => scenario,
+            }),
             Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
             Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
         }

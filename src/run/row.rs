@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::rulebook::JudgeKind;
-use crate::sim::PlantKind;
+use crate::scene::Dynamics;
 
 /// A rate over starts, as every verb prints it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -11,7 +11,7 @@ pub struct Row {
     /// Name of the world.
     pub world: String,
     /// Which physics.
-    pub plant: PlantKind,
+    pub plant: Dynamics,
     /// What was judged.
     pub judge: JudgeKind,
     /// Which ego: `nominal`, or the name of a change.

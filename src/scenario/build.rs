@@ -10,10 +10,9 @@ use super::error::{Problem, did_you_mean, known_names};
 use super::file::{AgentFile, DriveFile, NumberOrRange, ScenarioFile, StartFile};
 use super::locate::Path;
 use super::{RuleSpec, Scenario, bound_rules};
-use crate::rulebook::Rulebook;
-use crate::scene::drive::{
-    Agent, Derived, Drive, DriveSpec, DriveWorld, EgoDrive, Observed, Place, Range, schema_of,
-};
+use crate::rulebook::{JudgeKind, Reward, Rulebook};
+use crate::scene::drive::{Agent, Drive, DriveSpec, DriveWorld, EgoDrive, Place, Range, schema_of};
+use crate::scene::{Derived, Observed, World};
 use crate::sim::Body;
 use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};
 use crate::trace::{Schema, Signal};
@@ -33,7 +32,7 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
     }
     let constants = constants(&mut problems, &top, &file);
     let mut observed_names: Vec<(String, Path)> = Vec::new();
-    let mut rules: Vec<(RuleSpec, Path)> = Vec::new();
+    let mut rules: Vec<RuleSpec> = Vec::new();
     let agents = agents(&mut problems, &top, &file, &mut observed_names, &mut rules);
     problems.done()?;
 
@@ -84,11 +83,9 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
     let Some(ego_spec) = ego_spec else {
         return Err(problems.into_list());
     };
-    let bound = [(&ego_spec, top.to("ego_spec"))].into_iter().chain(
-        rules
-            .iter()
-            .map(|(rule, path)| (&rule.formula, path.clone())),
-    );
+    let bound = [(&ego_spec, top.to("ego_spec"))]
+        .into_iter()
+        .chain(rules.iter().map(|rule| (&rule.formula, rule.place.clone())));
     for (formula, path) in bound {
         bind(
             &mut problems,
@@ -99,7 +96,6 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
             &mut used,
         );
     }
-    let rules: Vec<RuleSpec> = rules.into_iter().map(|(rule, _)| rule).collect();
     for (name, path) in &observed_names {
         let Some(&(lo, hi)) = ranges.get(name) else {
             let known: Vec<&str> = ranges.keys().map(String::as_str).collect();
@@ -118,13 +114,20 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
     problems.done()?;
     spec.extra.retain(|name| used.contains(name));
     let world = match DriveWorld::new(spec) {
-        Ok(world) => world,
+        Ok(world) => World::Drive(world),
         Err(error) => {
             problems.add(&top, error.to_string(), "here", None);
             return Err(problems.into_list());
         }
     };
-    let rulebook = match rulebook(world.schema(), &ego_spec, &rules, &names, &file) {
+    let rulebook = match rulebook(
+        world.schema(),
+        &ego_spec,
+        &rules,
+        &names,
+        file.judge,
+        file.reward,
+    ) {
         Ok(rulebook) => Arc::new(rulebook),
         Err(error) => {
             problems.stl(&top.to("ego_spec"), &error);
@@ -157,7 +160,8 @@ fn rulebook(
     ego_spec: &Formula,
     rules: &[RuleSpec],
     names: &Names,
-    file: &ScenarioFile,
+    judge: JudgeKind,
+    reward: Reward,
 ) -> Result<Rulebook, StlError> {
     let settings = Settings::default();
     let monitors = rules
@@ -167,8 +171,8 @@ fn rulebook(
     Ok(Rulebook {
         spec: ego_spec.bind_with(schema, names, &settings)?,
         rules: bound_rules(rules, monitors),
-        judge: file.judge,
-        reward: file.reward,
+        judge,
+        reward,
     })
 }
 
@@ -191,7 +195,7 @@ fn agents(
     top: &Path,
     file: &ScenarioFile,
     observed: &mut Vec<(String, Path)>,
-    rules: &mut Vec<(RuleSpec, Path)>,
+    rules: &mut Vec<RuleSpec>,
 ) -> Vec<Agent> {
     let mut agents: Vec<Agent> = Vec::new();
     let (mut egos, mut ados) = (0, 0);
@@ -241,15 +245,13 @@ fn agents(
                     let Some(formula) = formula(problems, &stl, &rule.stl) else {
                         continue;
                     };
-                    rules.push((
-                        RuleSpec {
-                            name: rule.name.clone(),
-                            ado: name.clone(),
-                            priority: rule.priority.unwrap_or(rules.len()),
-                            formula,
-                        },
-                        stl,
-                    ));
+                    rules.push(RuleSpec {
+                        name: rule.name.clone(),
+                        ado: name.clone(),
+                        priority: rule.priority.unwrap_or(rules.len()),
+                        formula,
+                        place: stl,
+                    });
                 }
                 Drive::Ado {
                     actions: actions.clone(),

@@ -440,7 +440,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
                 let rule = &rulebook.rules[rule];
                 let what = format!("the rule `{}` is broken already at the start", rule.name);
                 let help = format!("{}; rules need ρ > 0", in_words(&tried, &start));
-                let place = rule_place(path, scenario, &rule.name);
+                let place = rule_place(scenario, &rule.name);
                 problems.add(&place, what, "ρ ≤ 0 at t = 0", Some(help));
                 return;
             }
@@ -456,7 +456,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
 }
 
 fn in_words(scenario: &Scenario, start: &Start) -> String {
-    let axes = scenario.spec().axes();
+    let axes = scenario.axes();
     let values = axes.iter().zip(&start.0);
     let list: Vec<String> = values
         .map(|(axis, value)| format!("{} = {value:.3} {}", axis.name, axis.unit))
@@ -467,28 +467,10 @@ fn in_words(scenario: &Scenario, start: &Start) -> String {
     }
 }
 
-fn rule_place(path: &Path, scenario: &Scenario, rule: &str) -> Path {
-    let agents = path.to("agents");
-    let spec = scenario.rules.iter().find(|spec| spec.name == rule);
-    let Some(spec) = spec else {
-        return agents;
-    };
-    let of_ado = scenario.rules.iter().filter(|other| other.ado == spec.ado);
-    let position = of_ado.into_iter().position(|other| other.name == rule);
-    let agent = scenario
-        .spec()
-        .agents
-        .iter()
-        .position(|agent| agent.name == spec.ado);
-    match (agent, position) {
-        (Some(agent), Some(position)) => agents
-            .at(agent)
-            .to("drive")
-            .to("rulebook")
-            .at(position)
-            .to("stl"),
-        _ => agents,
-    }
+fn rule_place(scenario: &Scenario, rule: &str) -> Path {
+    let mut rules = scenario.rules.iter();
+    let found = rules.find(|spec| spec.name == rule);
+    found.map_or_else(Path::top, |spec| spec.place.clone())
 }
 
 /// What is allowed but odd: coasting runs that sit at ρ = 0 exactly.
@@ -513,7 +495,7 @@ pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
                     "a coasting run keeps the rule `{}` with ρ = 0 exactly",
                     rule.name
                 ),
-                rule_place(&top, scenario, &rule.name),
+                rule_place(scenario, &rule.name),
             ),
             None if episode.robustness == 0.0 => (
                 "a coasting run satisfies the ego's specification with ρ = 0 exactly".to_owned(),

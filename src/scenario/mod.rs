@@ -31,10 +31,12 @@ pub use locate::Path;
 use crate::ego::ControllerSpec;
 use crate::rl::LearnerConfig;
 use crate::rulebook::{Rule, Rulebook};
-use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive, Offer};
+use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive};
+use crate::scene::{Axis, Dynamics, Held, World};
 use crate::sim::PlantKind;
 use crate::stl::{Formula, Names};
 use crate::testbench::Testbench;
+use crate::trace::Signal;
 
 /// A world, checked: everything needed to build its test bench.
 #[derive(Clone)]
@@ -59,7 +61,7 @@ pub struct Scenario {
     pub reuse: IndexMap<String, Change>,
     /// What looked odd but is allowed.
     pub warnings: Vec<Problem>,
-    world: DriveWorld,
+    world: World,
     rulebook: Arc<Rulebook>,
 }
 
@@ -81,6 +83,8 @@ pub struct RuleSpec {
     pub priority: usize,
     /// Kept when its robustness is above 0.
     pub formula: Formula,
+    /// Where its formula stands in the file.
+    place: Path,
 }
 
 /// A world file could not be read or used.
@@ -124,14 +128,26 @@ impl Scenario {
         build::build(text, parsed).map_err(fail)
     }
 
-    /// What the driving scene is made of.
-    pub fn spec(&self) -> &DriveSpec {
-        self.world.spec()
+    /// What the scene of a driving world is made of.
+    pub fn drive(&self) -> Option<&DriveSpec> {
+        match &self.world {
+            World::Drive(world) => Some(world.spec()),
+        }
     }
 
     /// The assembled world.
-    pub fn world(&self) -> &DriveWorld {
+    pub fn world(&self) -> &World {
         &self.world
+    }
+
+    /// X_init.
+    pub fn axes(&self) -> Vec<Axis> {
+        self.world.axes()
+    }
+
+    /// A joint action in words.
+    pub fn action_label(&self, action: usize) -> String {
+        self.world.action_label(action)
     }
 
     /// The bound rulebook.
@@ -141,12 +157,12 @@ impl Scenario {
 
     /// A fresh test bench, one per worker.
     pub fn bench(&self) -> Testbench {
-        Testbench::new(Box::new(self.world.scene()), Arc::clone(&self.rulebook))
+        Testbench::new(self.world.scene(), Arc::clone(&self.rulebook))
     }
 
-    /// Which plant the world runs on.
-    pub fn plant(&self) -> PlantKind {
-        self.spec().plant
+    /// What moves the world.
+    pub fn plant(&self) -> Dynamics {
+        self.world.dynamics()
     }
 
     /// The same world with something changed.
@@ -154,23 +170,33 @@ impl Scenario {
     /// # Errors
     /// What is wrong, with its path within the change.
     pub fn with(&self, change: &Change) -> Result<Scenario, ChangeError> {
-        let mut spec = self.spec().clone();
-        check::apply(&mut spec, change)?;
-        Ok(self.remade(spec))
+        match &self.world {
+            World::Drive(world) => {
+                let mut spec = world.spec().clone();
+                check::apply(&mut spec, change)?;
+                Ok(self.remade(spec))
+            }
+        }
     }
 
-    /// The same world on another plant.
+    /// The same driving world on another plant; any other world as it is.
     pub fn on(&self, plant: PlantKind) -> Scenario {
-        let mut spec = self.spec().clone();
-        spec.plant = plant;
-        self.remade(spec)
+        match &self.world {
+            World::Drive(world) => {
+                let mut spec = world.spec().clone();
+                spec.plant = plant;
+                self.remade(spec)
+            }
+        }
     }
 
     /// The same world with the user's own controller as the ego.
     ///
-    /// `name` is what rows and files call it.
+    /// `name` is what rows and files call it. A world that is not driven stays
+    /// as it is.
     pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
-        let mut spec = self.spec().clone();
+        let World::Drive(world) = &self.world;
+        let mut spec = world.spec().clone();
         for agent in &mut spec.agents {
             if let Drive::Ego(drive) = &mut agent.drive {
                 *drive = EgoDrive::Own {
@@ -184,7 +210,7 @@ impl Scenario {
 
     /// The ego's stock controller, if it has one.
     pub fn controller(&self) -> Option<&ControllerSpec> {
-        self.spec().egos().find_map(|(_, drive)| match drive {
+        self.drive()?.egos().find_map(|(_, drive)| match drive {
             EgoDrive::Stock(spec) => Some(spec),
             EgoDrive::Own { .. } => None,
         })
@@ -215,16 +241,16 @@ impl Scenario {
     }
 
     /// Every signal that formulas may use, derived ones included.
-    pub fn signals(&self) -> Vec<Offer> {
-        self.spec().catalogue()
+    pub fn signals(&self) -> Vec<(Signal, Held)> {
+        self.world.signals()
     }
 
     fn remade(&self, spec: DriveSpec) -> Scenario {
         // Invariant: signals and observations do not depend on what a change
         // can change, so a world that was assembled once assembles again.
-        let world = DriveWorld::new(spec).unwrap_or_else(|_| self.world.clone());
+        let world = DriveWorld::new(spec).map(World::Drive);
         Scenario {
-            world,
+            world: world.unwrap_or_else(|_| self.world.clone()),
             ..self.clone()
         }
     }

@@ -7,8 +7,11 @@
 //! Architecture Invariant: a scene computes no reward and no verdict.
 
 pub mod drive;
+mod world;
 
 use std::sync::Arc;
+
+pub use world::{Derived, Dynamics, Held, Observed, World};
 
 use serde::{Deserialize, Serialize};
 

@@ -13,8 +13,7 @@ use rand::RngExt;
 
 pub use signals::{Offer, TTC_CAP_S};
 pub use spec::{
-    Actions, Agent, ControllerFactory, Derived, Drive, DriveSpec, EgoDrive, Observed, Place, Range,
-    Road, Script,
+    Actions, Agent, ControllerFactory, Drive, DriveSpec, EgoDrive, Place, Range, Road, Script,
 };
 
 use super::{Axis, Cast, Clock, Flow, Frame, Role, Scene, Stage, Start, Touch};

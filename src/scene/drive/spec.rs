@@ -5,10 +5,9 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::ego::{Controller, ControllerSpec};
-use crate::scene::{Axis, Clock};
+use crate::scene::{Axis, Clock, Derived, Observed};
 use crate::sim::{Body, PlantKind};
-use crate::stl::{Constants, Expr};
-use crate::trace::Signal;
+use crate::stl::Constants;
 
 /// A fixed number or a range from which starts are drawn uniformly.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -244,26 +243,6 @@ pub struct Agent {
     pub place: Place,
     /// Who drives it.
     pub drive: Drive,
-}
-
-/// An observed signal with its fixed scale: `(value − mid) / half`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Observed {
-    /// Name of the signal.
-    pub name: String,
-    /// Middle of the declared range.
-    pub mid: f64,
-    /// Half of the declared range.
-    pub half: f64,
-}
-
-/// A derived signal: an expression over published ones.
-#[derive(Clone, Debug)]
-pub struct Derived {
-    /// Its declaration.
-    pub signal: Signal,
-    /// Its value.
-    pub expr: Expr,
 }
 
 /// A driving scene, assembled from data.

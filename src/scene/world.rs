@@ -1,0 +1,166 @@
+//! A world of any kind: what makes its scenes and knows its shapes.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::drive::{DriveSpec, DriveWorld};
+use super::{Axis, Clock, Scene};
+use crate::rl::Spaces;
+use crate::sim::PlantKind;
+use crate::trace::{Schema, Signal};
+
+/// An assembled world: makes scenes that share everything fixed.
+#[derive(Clone)]
+pub enum World {
+    /// Cars on a road.
+    Drive(DriveWorld),
+}
+
+/// What moves a world, as rows and files name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Dynamics {
+    /// 3D rigid bodies.
+    Rigid,
+    /// 2D, closed form.
+    Kinematic,
+}
+
+impl From<PlantKind> for Dynamics {
+    fn from(plant: PlantKind) -> Dynamics {
+        match plant {
+            PlantKind::Rigid => Dynamics::Rigid,
+            PlantKind::Kinematic => Dynamics::Kinematic,
+        }
+    }
+}
+
+impl Dynamics {
+    /// The plant of a driving world.
+    pub fn plant(self) -> Option<PlantKind> {
+        match self {
+            Dynamics::Rigid => Some(PlantKind::Rigid),
+            Dynamics::Kinematic => Some(PlantKind::Kinematic),
+        }
+    }
+}
+
+/// Whether traces hold a signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Held {
+    /// Always, or because the world mentions it.
+    Recorded,
+    /// Only when a world mentions it.
+    OnDemand,
+    /// Computed from others by the world file.
+    Derived,
+}
+
+impl Held {
+    /// The word in listings.
+    pub fn word(self) -> &'static str {
+        match self {
+            Held::Recorded => "recorded",
+            Held::OnDemand => "on demand",
+            Held::Derived => "derived",
+        }
+    }
+}
+
+/// An observed signal with its fixed scale: `(value − mid) / half`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observed {
+    /// Name of the signal.
+    pub name: String,
+    /// Middle of the declared range.
+    pub mid: f64,
+    /// Half of the declared range.
+    pub half: f64,
+}
+
+/// A derived signal: an expression over published ones.
+#[derive(Clone, Debug)]
+pub struct Derived {
+    /// Its declaration.
+    pub signal: Signal,
+    /// Its value.
+    pub expr: crate::stl::Expr,
+}
+
+impl World {
+    /// The clocks.
+    pub fn clock(&self) -> &Clock {
+        match self {
+            World::Drive(world) => &world.spec().clock,
+        }
+    }
+
+    /// The signals of its traces.
+    pub fn schema(&self) -> &Arc<Schema> {
+        match self {
+            World::Drive(world) => world.schema(),
+        }
+    }
+
+    /// Shapes of the ados' joint observation and action.
+    pub fn spaces(&self) -> &Spaces {
+        match self {
+            World::Drive(world) => world.spaces(),
+        }
+    }
+
+    /// A scene at rest, to be `reset`.
+    pub fn scene(&self) -> Box<dyn Scene> {
+        match self {
+            World::Drive(world) => Box::new(world.scene()),
+        }
+    }
+
+    /// X_init.
+    pub fn axes(&self) -> Vec<Axis> {
+        match self {
+            World::Drive(world) => world.spec().axes(),
+        }
+    }
+
+    /// What moves it.
+    pub fn dynamics(&self) -> Dynamics {
+        match self {
+            World::Drive(world) => world.spec().plant.into(),
+        }
+    }
+
+    /// A joint action in words.
+    pub fn action_label(&self, action: usize) -> String {
+        match self {
+            World::Drive(world) => world.spec().action_label(action),
+        }
+    }
+
+    /// Every signal that formulas may use, derived ones included.
+    pub fn signals(&self) -> Vec<(Signal, Held)> {
+        match self {
+            World::Drive(world) => driving_signals(world.spec()),
+        }
+    }
+
+    /// The ados' observation.
+    pub fn observed(&self) -> &[Observed] {
+        match self {
+            World::Drive(world) => &world.spec().observe,
+        }
+    }
+}
+
+fn driving_signals(spec: &DriveSpec) -> Vec<(Signal, Held)> {
+    let published = spec.catalogue().into_iter().map(|offer| {
+        let held = match offer.always || spec.extra.contains(&offer.signal.name) {
+            true => Held::Recorded,
+            false => Held::OnDemand,
+        };
+        (offer.signal, held)
+    });
+    let derived = spec.derived.iter();
+    let derived = derived.map(|derived| (derived.signal.clone(), Held::Derived));
+    published.chain(derived).collect()
+}
