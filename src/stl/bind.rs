@@ -17,7 +17,7 @@ use super::syntax::{Arithmetic, Binary, Comparison, Kind, Node, Term, TermKind, 
 mod times;
 
 /// Levels of a formula after named ones have been put in.
-const MAX_DEPTH: usize = 128;
+const MAX_DEPTH: usize = 200;
 
 pub(crate) fn bind(
     root: &Arc<Node>,

@@ -66,7 +66,7 @@ impl FromStr for Formula {
 
     fn from_str(text: &str) -> Result<Formula, StlError> {
         Ok(Formula {
-            root: Arc::new(parse_formula(text)?),
+            root: Arc::from(parse_formula(text)?),
         })
     }
 }
@@ -137,7 +137,7 @@ impl FromStr for Expr {
 
     fn from_str(text: &str) -> Result<Expr, StlError> {
         Ok(Expr {
-            root: parse_term(text)?,
+            root: *parse_term(text)?,
         })
     }
 }

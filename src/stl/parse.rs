@@ -10,7 +10,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::error::{StlError, suggest};
-use super::syntax::{Comparison, Function, Kind, Node, Span, Term, TermKind, Unary};
+use super::syntax::{
+    Arithmetic, Bounds, Comparison, Function, Kind, Node, Span, Term, TermKind, Unary,
+};
 use super::token::{Spanned, Token, tokenize};
 
 mod bounds;
@@ -20,11 +22,11 @@ mod words;
 use complaints::{checked, checked_term, describe, too_deep};
 pub(crate) use words::is_keyword;
 use words::{
-    Infix, Prefix, infix_of, is_prefix_letter, is_word_operator, prefix_of, starts_operand,
+    Infix, Logic, Prefix, infix_of, is_prefix_letter, is_word_operator, prefix_of, starts_operand,
 };
 
 /// Levels of the syntax tree.
-pub(crate) const MAX_DEPTH: usize = 64;
+pub(crate) const MAX_DEPTH: usize = 100;
 /// Levels of the parser's recursion: parentheses count, too.
 const MAX_NESTING: usize = 2 * MAX_DEPTH + 16;
 
@@ -46,14 +48,14 @@ mod strength {
     pub(super) const NEGATE: u8 = 13;
 }
 
-pub(crate) fn parse_formula(text: &str) -> Result<Node, StlError> {
+pub(crate) fn parse_formula(text: &str) -> Result<Box<Node>, StlError> {
     let mut parser = Parser::new(text)?;
     let parsed = parser.expression(strength::LOOSEST)?;
     parser.finish()?;
     parsed.into_formula("a formula is expected here")
 }
 
-pub(crate) fn parse_term(text: &str) -> Result<Term, StlError> {
+pub(crate) fn parse_term(text: &str) -> Result<Box<Term>, StlError> {
     let mut parser = Parser::new(text)?;
     let parsed = parser.expression(strength::LOOSEST)?;
     parser.finish()?;
@@ -62,39 +64,42 @@ pub(crate) fn parse_term(text: &str) -> Result<Term, StlError> {
 
 /// What has been read: its sort is settled by the operator that takes it.
 enum Parsed {
-    Formula(Node),
-    Term(Term),
+    Formula(Box<Node>),
+    Term(Box<Term>),
     Name(Arc<str>, Range<usize>),
 }
 
 impl Parsed {
-    fn with_span(self, span: Range<usize>) -> Parsed {
-        match self {
-            Parsed::Formula(node) => Parsed::Formula(Node {
-                span: Span(span),
-                ..node
-            }),
-            Parsed::Term(term) => Parsed::Term(Term {
-                span: Span(span),
-                ..term
-            }),
-            Parsed::Name(name, _) => Parsed::Name(name, span),
-        }
+    fn formula(kind: Kind, span: Range<usize>) -> Result<Parsed, StlError> {
+        checked(Node::new(kind, span)).map(|node| Parsed::Formula(Box::new(node)))
     }
 
-    fn into_formula(self, what: &str) -> Result<Node, StlError> {
+    fn term(kind: TermKind, span: Range<usize>) -> Result<Parsed, StlError> {
+        checked_term(Term::new(kind, span)).map(|term| Parsed::Term(Box::new(term)))
+    }
+
+    fn with_span(mut self, new: Range<usize>) -> Parsed {
+        match &mut self {
+            Parsed::Formula(node) => node.span = Span(new),
+            Parsed::Term(term) => term.span = Span(new),
+            Parsed::Name(_, span) => *span = new,
+        }
+        self
+    }
+
+    fn into_formula(self, what: &str) -> Result<Box<Node>, StlError> {
         match self {
             Parsed::Formula(node) => Ok(node),
-            Parsed::Name(name, span) => Ok(Node::new(Kind::Name(name), span)),
+            Parsed::Name(name, span) => Ok(Box::new(Node::new(Kind::Name(name), span))),
             Parsed::Term(term) => Err(StlError::new(what, term.span.0.clone(), "this is a number")
                 .with_help(format!("compare it with something, such as `{term} > 0`"))),
         }
     }
 
-    fn into_term(self, what: &str) -> Result<Term, StlError> {
+    fn into_term(self, what: &str) -> Result<Box<Term>, StlError> {
         match self {
             Parsed::Term(term) => Ok(term),
-            Parsed::Name(name, span) => Ok(Term::new(TermKind::Name(name), span)),
+            Parsed::Name(name, span) => Ok(Box::new(Term::new(TermKind::Name(name), span))),
             Parsed::Formula(node) => Err(StlError::new(
                 what,
                 node.span.0.clone(),
@@ -169,50 +174,51 @@ impl<'a> Parser<'a> {
         infix: Infix,
         operator: Spanned<'a>,
     ) -> Result<Parsed, StlError> {
-        let word = describe(&operator.token);
-        let needs = |side: &str, sort: &str| format!("{word} needs a {sort} on its {side}");
+        match infix {
+            Infix::Compare(op) => self.comparison(left, op, operator),
+            Infix::In => self.membership(left, operator),
+            Infix::Arithmetic(op) => self.arithmetic(left, op, operator),
+            Infix::Logic(logic) => self.logic(left, logic, operator),
+        }
+    }
+
+    fn arithmetic(
+        &mut self,
+        left: Parsed,
+        op: Arithmetic,
+        operator: Spanned<'a>,
+    ) -> Result<Parsed, StlError> {
+        let what = format!("{} needs numbers", describe(&operator.token));
+        let tighter = Infix::Arithmetic(op).strength() + 1;
+        let left = left.into_term(&what)?;
+        let right = self.expression(tighter)?.into_term(&what)?;
+        let span = left.span.0.start..right.span.0.end;
+        Parsed::term(TermKind::Calculated(op, Box::new((*left, *right))), span)
+    }
+
+    fn logic(
+        &mut self,
+        left: Parsed,
+        logic: Logic,
+        operator: Spanned<'a>,
+    ) -> Result<Parsed, StlError> {
+        let what = format!("{} needs formulas", describe(&operator.token));
         let hint = |error: StlError| match operator.token {
             Token::Symbol("=>") => error.with_help("`=>` is implication; \"at least\" is `>=`"),
             _ => error,
         };
-        if let Infix::Compare(op) = infix {
-            return self.comparison(left, op, operator);
-        }
-        if infix == Infix::In {
-            return self.membership(left, operator);
-        }
-        if let Infix::Arithmetic(op) = infix {
-            let left = left.into_term(&needs("left", "number"))?;
-            let right = self
-                .expression(infix.strength() + 1)?
-                .into_term(&needs("right", "number"))?;
-            let span = left.span.0.start..right.span.0.end;
-            let kind = TermKind::Calculated(op, Box::new((left, right)));
-            return checked_term(Term::new(kind, span)).map(Parsed::Term);
-        }
-        let left = left.into_formula(&needs("left", "formula")).map_err(hint)?;
-        let bounds = match infix {
-            Infix::Temporal(_) => self.bounds()?,
+        let left = left.into_formula(&what).map_err(hint)?;
+        let bounds = match logic {
+            Logic::Temporal(_) => self.bounds()?,
             _ => None,
         };
         // Implication groups to the right, everything else to the left.
-        let tighter = infix.strength() + u8::from(infix != Infix::Implies);
+        let tighter = Infix::Logic(logic).strength() + u8::from(logic != Logic::Implies);
         let right = self
             .expression(tighter)?
-            .into_formula(&needs("right", "formula"))
+            .into_formula(&what)
             .map_err(hint)?;
-        let span = left.span.0.start..right.span.0.end;
-        let kind = match infix {
-            Infix::And => return checked(flat(left, right, span, Kind::And)).map(Parsed::Formula),
-            Infix::Or => return checked(flat(left, right, span, Kind::Or)).map(Parsed::Formula),
-            Infix::Implies => Kind::Implies(left.into(), right.into()),
-            Infix::Iff => Kind::Iff(left.into(), right.into()),
-            Infix::Temporal(op) => Kind::Binary(op, bounds, left.into(), right.into()),
-            Infix::Xor | Infix::Compare(_) | Infix::In | Infix::Arithmetic(_) => {
-                Kind::Xor(left.into(), right.into())
-            }
-        };
-        checked(Node::new(kind, span)).map(Parsed::Formula)
+        join(logic, bounds, *left, *right)
     }
 
     /// `first op second op third …`: every neighbouring pair is compared.
@@ -236,7 +242,7 @@ impl<'a> Parser<'a> {
                 .expression(strength::COMPARE + 1)?
                 .into_term(&what)
                 .map_err(hint)?;
-            rest.push((comparison, right));
+            rest.push((comparison, *right));
             op = match infix_of(&self.peek(0).token) {
                 Some(Infix::Compare(next)) => {
                     self.advance();
@@ -249,7 +255,7 @@ impl<'a> Parser<'a> {
             .last()
             .map_or(first.span.0.end, |(_, term)| term.span.0.end);
         let span = first.span.0.start..end;
-        checked(Node::new(Kind::Compare(first, rest), span)).map(Parsed::Formula)
+        Parsed::formula(Kind::Compare(*first, rest), span)
     }
 
     /// `x in [low, high]`
@@ -267,7 +273,7 @@ impl<'a> Parser<'a> {
         let high = self.expression(strength::COMPARE + 1)?.into_term(&what)?;
         let end = self.close("]", open)?;
         let span = x.span.0.start..end;
-        checked(Node::new(Kind::In(x, Box::new((low, high))), span)).map(Parsed::Formula)
+        Parsed::formula(Kind::In(*x, Box::new((*low, *high))), span)
     }
 
     fn operand(&mut self) -> Result<Parsed, StlError> {
@@ -282,22 +288,17 @@ impl<'a> Parser<'a> {
                 let value = value.ok_or_else(|| {
                     StlError::new("this number is too large", span.clone(), "not finite")
                 })?;
-                Ok(Parsed::Term(Term::new(TermKind::Number(value), span)))
+                Parsed::term(TermKind::Number(value), span)
             }
             Token::Quoted(name) => {
                 self.advance();
                 Ok(Parsed::Name(name.into(), span))
             }
-            Token::Symbol("(") => {
-                self.advance();
-                let inner = self.expression(strength::LOOSEST)?;
-                let end = self.close(")", span.clone())?;
-                Ok(inner.with_span(span.start..end))
-            }
+            Token::Symbol("(") => self.parenthesised(),
             Token::Word("true" | "TRUE" | "false" | "FALSE") => {
                 self.advance();
                 let value = matches!(token, Token::Word("true" | "TRUE"));
-                Ok(Parsed::Formula(Node::new(Kind::Constant(value), span)))
+                Parsed::formula(Kind::Constant(value), span)
             }
             Token::Word(word) if is_word_operator(word) => {
                 Err(self.unexpected("a formula or a number"))
@@ -310,6 +311,13 @@ impl<'a> Parser<'a> {
             }
             _ => Err(self.unexpected("a formula or a number")),
         }
+    }
+
+    fn parenthesised(&mut self) -> Result<Parsed, StlError> {
+        let open = self.advance().span;
+        let inner = self.expression(strength::LOOSEST)?;
+        let end = self.close(")", open.clone())?;
+        Ok(inner.with_span(open.start..end))
     }
 
     /// Breach writes a signal `x[t]`.
@@ -361,9 +369,9 @@ impl<'a> Parser<'a> {
             let span = start..term.span.0.end;
             let kind = match term.kind {
                 TermKind::Number(value) => TermKind::Number(-value),
-                _ => TermKind::Negative(Box::new(term)),
+                _ => TermKind::Negative(term),
             };
-            return checked_term(Term::new(kind, span)).map(Parsed::Term);
+            return Parsed::term(kind, span);
         }
         let bounds = match prefix {
             Prefix::Temporal(op) if op.takes_bounds() => self.bounds()?,
@@ -385,10 +393,10 @@ impl<'a> Parser<'a> {
             .into_formula(&format!("{word} needs a formula"))?;
         let span = start..inner.span.0.end;
         let kind = match prefix {
-            Prefix::Temporal(op) => Kind::Unary(op, bounds, inner.into()),
-            Prefix::Not | Prefix::Negate => Kind::Not(inner.into()),
+            Prefix::Temporal(op) => Kind::Unary(op, bounds, Arc::from(inner)),
+            Prefix::Not | Prefix::Negate => Kind::Not(Arc::from(inner)),
         };
-        checked(Node::new(kind, span)).map(Parsed::Formula)
+        Parsed::formula(kind, span)
     }
 
     /// `name(argument, …)`
@@ -408,7 +416,7 @@ impl<'a> Parser<'a> {
         if !self.at_symbol(")") {
             loop {
                 let argument = self.expression(strength::LOOSEST)?;
-                arguments.push(argument.into_term(&format!("`{word}` takes numbers"))?);
+                arguments.push(*argument.into_term(&format!("`{word}` takes numbers"))?);
                 if !self.take_symbol(",") {
                     break;
                 }
@@ -428,11 +436,7 @@ impl<'a> Parser<'a> {
                 "wrong number of arguments",
             ));
         }
-        checked_term(Term::new(
-            TermKind::Call(function, arguments),
-            name.start..end,
-        ))
-        .map(Parsed::Term)
+        Parsed::term(TermKind::Call(function, arguments), name.start..end)
     }
 
     fn close(&mut self, symbol: &str, open: Range<usize>) -> Result<usize, StlError> {
@@ -458,6 +462,25 @@ impl<'a> Parser<'a> {
             _ => Err(self.unexpected("an operator or the end")),
         }
     }
+}
+
+fn join(logic: Logic, bounds: Option<Bounds>, left: Node, right: Node) -> Result<Parsed, StlError> {
+    let span = left.span.0.start..right.span.0.end;
+    let node = match logic {
+        Logic::And => flat(left, right, span, Kind::And),
+        Logic::Or => flat(left, right, span, Kind::Or),
+        _ => {
+            let (left, right) = (Arc::new(left), Arc::new(right));
+            let kind = match logic {
+                Logic::Implies => Kind::Implies(left, right),
+                Logic::Iff => Kind::Iff(left, right),
+                Logic::Temporal(op) => Kind::Binary(op, bounds, left, right),
+                Logic::Xor | Logic::And | Logic::Or => Kind::Xor(left, right),
+            };
+            Node::new(kind, span)
+        }
+    };
+    checked(node).map(|node| Parsed::Formula(Box::new(node)))
 }
 
 /// Conjunctions and disjunctions are kept flat, whatever their parentheses.

@@ -150,23 +150,23 @@ fn limits() {
     );
     assert_eq!(
         parse(&"(".repeat(10_000)),
-        "this is nested deeper than 64 levels"
+        "this is nested deeper than 100 levels"
     );
     assert_eq!(
         parse(&"not ".repeat(10_000)),
-        "this is nested deeper than 64 levels"
+        "this is nested deeper than 100 levels"
     );
     assert_eq!(
         parse(&format!("{} > 1", vec!["x"; 1000].join("+"))),
-        "this is nested deeper than 64 levels"
+        "this is nested deeper than 100 levels"
     );
     assert_eq!(
         parse(&format!("{}x > 1", "-".repeat(10_000))),
-        "this is nested deeper than 64 levels"
+        "this is nested deeper than 100 levels"
     );
     assert_eq!(
         parse(&format!("G[0,{}1] x", "(".repeat(10_000))),
-        "this is nested deeper than 64 levels"
+        "this is nested deeper than 100 levels"
     );
     assert_eq!(
         parse(&format!("G[0,{}] x", ["1"; 100].join("+"))),
@@ -199,16 +199,16 @@ fn as_deep_as_allowed() {
         }
         text
     };
-    let deep = text(43);
+    let deep = text(79);
     let formula: Formula = deep.parse().unwrap();
-    assert!(text(44).parse::<Formula>().is_err());
+    assert!(text(80).parse::<Formula>().is_err());
     assert_eq!(formula.to_string().parse::<Formula>().unwrap(), formula);
 
-    let inner = text(40);
-    let outer = (0..40).fold("inner".to_owned(), |text, _| {
+    let inner = text(70);
+    let outer = (0..60).fold("inner".to_owned(), |text, _| {
         format!("always[0, 1] ({text})")
     });
-    let outest = (0..40).fold("outer".to_owned(), |text, _| format!("rise ({text})"));
+    let outest = (0..60).fold("outer".to_owned(), |text, _| format!("rise ({text})"));
     let names = Names {
         formulas: [("inner", inner), ("outer", outer), ("outest", outest)]
             .map(|(name, text)| (name.to_owned(), text.parse().unwrap()))
@@ -220,13 +220,13 @@ fn as_deep_as_allowed() {
         formula.bind_with(&schema(), &names, &Settings::default())
     };
     assert_eq!(
-        bind("always always always always always outest")
+        bind("always always always always always always always outest")
             .map(|_| ())
             .unwrap_err()
             .to_string(),
-        "the formula is nested deeper than 128 levels"
+        "the formula is nested deeper than 200 levels"
     );
-    let monitor = bind("always always always always outest").unwrap();
+    let monitor = bind("always always always always always always outest").unwrap();
     let mut trace = brakecheck::trace::Trace::new(schema().into());
     let mut online = monitor.online();
     for _ in 0..30 {

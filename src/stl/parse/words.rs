@@ -13,28 +13,33 @@ pub(super) enum Prefix {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Infix {
+    Logic(Logic),
+    Compare(Comparison),
+    In,
+    Arithmetic(Arithmetic),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Logic {
     Xor,
     Iff,
     Implies,
     Or,
     And,
     Temporal(Binary),
-    Compare(Comparison),
-    In,
-    Arithmetic(Arithmetic),
 }
 
 impl Infix {
     pub(super) fn strength(self) -> u8 {
         match self {
-            Infix::Xor => strength::XOR,
-            Infix::Iff => strength::IFF,
-            Infix::Implies => strength::IMPLIES,
-            Infix::Or => strength::OR,
-            Infix::And => strength::AND,
-            Infix::Temporal(Binary::Until | Binary::Release) => strength::UNTIL,
-            Infix::Temporal(Binary::Unless) => strength::UNLESS,
-            Infix::Temporal(Binary::Since) => strength::SINCE,
+            Infix::Logic(Logic::Xor) => strength::XOR,
+            Infix::Logic(Logic::Iff) => strength::IFF,
+            Infix::Logic(Logic::Implies) => strength::IMPLIES,
+            Infix::Logic(Logic::Or) => strength::OR,
+            Infix::Logic(Logic::And) => strength::AND,
+            Infix::Logic(Logic::Temporal(Binary::Until | Binary::Release)) => strength::UNTIL,
+            Infix::Logic(Logic::Temporal(Binary::Unless)) => strength::UNLESS,
+            Infix::Logic(Logic::Temporal(Binary::Since)) => strength::SINCE,
             Infix::Compare(_) | Infix::In => strength::COMPARE,
             Infix::Arithmetic(Arithmetic::Add | Arithmetic::Subtract) => strength::ADD,
             Infix::Arithmetic(Arithmetic::Multiply | Arithmetic::Divide) => strength::MULTIPLY,
@@ -76,15 +81,15 @@ pub(super) fn infix_of(token: &Token<'_>) -> Option<Infix> {
         _ => return None,
     };
     Some(match word {
-        "until" | "until_" | "U" => Infix::Temporal(Binary::Until),
-        "release" | "R" => Infix::Temporal(Binary::Release),
-        "unless" | "W" => Infix::Temporal(Binary::Unless),
-        "since" | "S" => Infix::Temporal(Binary::Since),
-        "and" | "&" | "&&" | "/\\" | "∧" => Infix::And,
-        "or" | "|" | "||" | "\\/" | "∨" => Infix::Or,
-        "implies" | "->" | "=>" | "→" => Infix::Implies,
-        "iff" | "<->" | "<=>" | "↔" => Infix::Iff,
-        "xor" => Infix::Xor,
+        "until" | "until_" | "U" => Infix::Logic(Logic::Temporal(Binary::Until)),
+        "release" | "R" => Infix::Logic(Logic::Temporal(Binary::Release)),
+        "unless" | "W" => Infix::Logic(Logic::Temporal(Binary::Unless)),
+        "since" | "S" => Infix::Logic(Logic::Temporal(Binary::Since)),
+        "and" | "&" | "&&" | "/\\" | "∧" => Infix::Logic(Logic::And),
+        "or" | "|" | "||" | "\\/" | "∨" => Infix::Logic(Logic::Or),
+        "implies" | "->" | "=>" | "→" => Infix::Logic(Logic::Implies),
+        "iff" | "<->" | "<=>" | "↔" => Infix::Logic(Logic::Iff),
+        "xor" => Infix::Logic(Logic::Xor),
         "in" => Infix::In,
         "<" => Infix::Compare(Comparison::Less),
         "<=" | "≤" => Infix::Compare(Comparison::LessEqual),
@@ -152,8 +157,8 @@ pub(super) fn closest_operator(word: &str) -> Option<String> {
         "next",
         "prev",
     ];
-    let close = WORDS
-        .into_iter()
-        .find(|known| *known != word && 0.8 <= strsim::jaro_winkler(word, known))?;
+    let close = WORDS.into_iter().find(|known| {
+        *known != word && 4 <= word.len() && 0.9 <= strsim::jaro_winkler(word, known)
+    })?;
     Some(format!("did you mean `{close}`?"))
 }
