@@ -67,7 +67,8 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
     let recorded = &kept.counterexample;
     let start = recorded.start(&scenario, &kept.path)?;
     let mut bench = scenario.bench();
-    let mut actor = Replay::new(&recorded.actions);
+    // Against a changed ego the episode may outlast the recording: coast then.
+    let mut actor = Replay::then(&recorded.actions, bench.spaces().neutral);
     let episode = play(
         &mut bench,
         &start,

@@ -207,7 +207,7 @@ impl<'a> Searcher<'a> {
         let bench = &mut self.bench;
         let mut confirmed = Found::default();
         let mut accept = |actions: &[usize]| {
-            let mut replay = Replay::new(actions);
+            let mut replay = Replay::holding(actions);
             let episode = play(bench, start, noise, &mut replay, Aftermath::Play);
             if confirms {
                 confirmed.simulations += 1;

@@ -24,7 +24,7 @@ use crate::sim::PlantKind;
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
-#[command(name = "brakecheck", version, about, max_term_width = 100)]
+#[command(name = "brakecheck", version, max_term_width = 100)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,

@@ -95,16 +95,30 @@ impl Actor for Random {
     }
 }
 
-/// A recorded action sequence; its last action holds when it runs out.
+/// A recorded action sequence.
 pub struct Replay<'a> {
     actions: &'a [usize],
+    after: Option<usize>,
     next: usize,
 }
 
 impl<'a> Replay<'a> {
-    /// Plays `actions` in order; an empty list plays action 0.
-    pub fn new(actions: &'a [usize]) -> Replay<'a> {
-        Replay { actions, next: 0 }
+    /// Plays `actions` in order and holds the last one when they run out.
+    pub fn holding(actions: &'a [usize]) -> Replay<'a> {
+        Replay {
+            actions,
+            after: None,
+            next: 0,
+        }
+    }
+
+    /// Plays `actions` in order, and `after` when they run out.
+    pub fn then(actions: &'a [usize], after: usize) -> Replay<'a> {
+        Replay {
+            actions,
+            after: Some(after),
+            next: 0,
+        }
     }
 }
 
@@ -114,9 +128,9 @@ impl Actor for Replay<'_> {
     }
 
     fn act(&mut self, _obs: &[f32]) -> usize {
-        let last = self.actions.len().saturating_sub(1);
-        let action = self.actions.get(self.next.min(last)).copied().unwrap_or(0);
+        let action = self.actions.get(self.next).copied();
         self.next += 1;
-        action
+        let last = self.after.or(self.actions.last().copied());
+        action.or(last).unwrap_or(0)
     }
 }

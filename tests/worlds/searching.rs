@@ -39,7 +39,7 @@ fn search_solves_what_a_replay_of_its_actions_solves_on_the_plant_asked_for() {
         let Some(actions) = found.as_ref().and_then(|found| found.actions.as_ref()) else {
             continue;
         };
-        let mut replay = Replay::new(actions);
+        let mut replay = Replay::holding(actions);
         let episode = play(&mut bench, start, *noise, &mut replay, Aftermath::Skip);
         assert!(episode.verdict.is_success());
         let switches = actions.windows(2).filter(|pair| pair[0] != pair[1]).count();
@@ -66,7 +66,7 @@ fn more_switches_solve_no_less_and_prefix_sharing_finds_what_brute_force_finds()
                 let actions: Vec<usize> = (0..decisions)
                     .map(|i| if i < switch { a } else { b })
                     .collect();
-                let mut replay = Replay::new(&actions);
+                let mut replay = Replay::holding(&actions);
                 solvable |= play(&mut bench, start, *noise, &mut replay, Aftermath::Skip)
                     .verdict
                     .is_success();
