@@ -238,6 +238,22 @@ mod online {
         );
     }
 
+    #[divan::bench(args = [10, 100, 1000, 10_000])]
+    fn once(bencher: Bencher, width: usize) {
+        push_all(
+            bencher,
+            &format!("always once[0, {}] (x >= 0.5)", width as f64 / 10.0),
+        );
+    }
+
+    #[divan::bench(args = [10, 100, 1000])]
+    fn nested(bencher: Bencher, width: usize) {
+        push_all(
+            bencher,
+            &format!("always eventually[0, {}] (x >= 0.5)", width as f64 / 10.0),
+        );
+    }
+
     #[divan::bench]
     fn unless(bencher: Bencher) {
         push_all(bencher, "(x > -1) unless (y > 1)");

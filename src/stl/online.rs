@@ -10,8 +10,10 @@
 //! down keep the stretch that has not settled yet and redo it at each sample,
 //! with the kernels of the offline monitor: O(their horizon) per sample.
 
+use std::collections::VecDeque;
+
 use super::apply::{Bound, Operand, Reading, Work, apply};
-use super::kernel::{Extremum, Max, Min, Tail, View, fold};
+use super::kernel::{Extremum, Max, Min, Tail, View};
 use super::leaf::Question;
 use super::monitor::{Interval, Monitor};
 use super::offline::Scratch;
@@ -64,6 +66,8 @@ struct Track {
     now: f64,
     /// What such an operator carries from sample to sample.
     carried: Option<f64>,
+    /// Of historically and once: the samples that can still be its extremum.
+    queue: VecDeque<(usize, f64)>,
 }
 
 impl Track {
@@ -86,7 +90,35 @@ impl Track {
     fn clear(&mut self) {
         self.lower.clear();
         self.upper.clear();
+        self.queue.clear();
         (self.first, self.now, self.carried) = (0, 0.0, None);
+    }
+
+    /// The extremum from sample `first` (`None`: of all) to the new value.
+    ///
+    /// What a newer value beats never matters again, so that each sample enters
+    /// and leaves the queue once; without an end only the best one stays.
+    fn slide<E: Extremum>(&mut self, first: Option<usize>, new: Option<(usize, f64)>) -> f64 {
+        if let Some((sample, value)) = new {
+            while self
+                .queue
+                .back()
+                .is_some_and(|old| E::pick(old.1, value) == value)
+            {
+                self.queue.pop_back();
+            }
+            if first.is_some() || self.queue.is_empty() {
+                self.queue.push_back((sample, value));
+            }
+        }
+        while self
+            .queue
+            .front()
+            .is_some_and(|old| first.is_some_and(|first| old.0 < first))
+        {
+            self.queue.pop_front();
+        }
+        self.queue.front().map_or(E::NEUTRAL, |extremum| extremum.1)
     }
 
     /// Keeps the last `keep` samples, in amortised constant time.
@@ -329,38 +361,13 @@ fn present(
             let (a, b) = (tracks[a].now, tracks[b].now);
             gate.at(a, a, b, b)
         }
-        Op::Behind(side, window, a) if window.to.is_none() => {
-            let new = now
-                .checked_sub(window.from)
-                .and_then(|t| tracks[a].operand().lower.at(t));
-            let value = match (side, new) {
-                (Side::Min, new) => Min::pick(
-                    track.carried.unwrap_or(Min::NEUTRAL),
-                    new.unwrap_or(Min::NEUTRAL),
-                ),
-                (Side::Max, new) => Max::pick(
-                    track.carried.unwrap_or(Max::NEUTRAL),
-                    new.unwrap_or(Max::NEUTRAL),
-                ),
-            };
-            track.carried = Some(value);
-            value
-        }
         Op::Behind(side, window, a) => {
-            let child = tracks[a].operand().lower;
-            let Some(last) = now.checked_sub(window.from) else {
-                return if side == Side::Min {
-                    Min::NEUTRAL
-                } else {
-                    Max::NEUTRAL
-                };
-            };
-            let first = window.to.map_or(0, |to| now.saturating_sub(to));
-            let values = &child.from(first)[..last - first + 1];
-            if side == Side::Min {
-                fold::<Min>(values)
-            } else {
-                fold::<Max>(values)
+            let sample = now.checked_sub(window.from);
+            let new = sample.and_then(|t| Some((t, tracks[a].operand().lower.at(t)?)));
+            let first = window.to.map(|to| now.saturating_sub(to));
+            match side {
+                Side::Min => track.slide::<Min>(first, new),
+                Side::Max => track.slide::<Max>(first, new),
             }
         }
         Op::Since(window, a, b) if window.to.is_none() && window.from == 0 => {

@@ -113,7 +113,7 @@ fn pass_on(program: &Program, id: Id, need: Need, needs: &mut [Option<Need>]) {
         Op::Constant(_) | Op::Leaf(_) => return,
         Op::Not(_) | Op::Gate(..) | Op::Edge(..) if instant => (redone, false),
         Op::Not(_) | Op::Gate(..) | Op::Ahead(..) | Op::Until(..) => (redone, true),
-        Op::Behind(_, window, _) if instant && window.to.is_none() => (Some(window.from), true),
+        Op::Behind(_, window, _) if instant => (Some(window.from), true),
         Op::Since(window, ..) if instant && window.to.is_none() && window.from == 0 => {
             (redone, false)
         }
