@@ -5,9 +5,13 @@
 //! plant steps (wheel rays against the ground only, no chassis colliders);
 //! `bare_usual` is rapier as one would set it up first, colliders included.
 
+use brakecheck::rl::{Control, Env};
+use brakecheck::scenario::Scenario;
+use brakecheck::seed::Purpose;
 use brakecheck::sim::{
     Body, BodyId, Command, GRAVITY_MPS2, Ground, Kinematic, Plant, PlantKind, Pose, Rigid, plant,
 };
+use brakecheck::testbench::Gym;
 use divan::{Bencher, black_box};
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d::query::DefaultQueryDispatcher;
@@ -250,4 +254,43 @@ fn fork_two(bencher: Bencher, kind: PlantKind) {
     populate(plant.as_mut(), 2);
     plant.advance(0.05, 4);
     bencher.bench_local(|| plant.fork());
+}
+
+fn acc(kind: PlantKind) -> Scenario {
+    let text = include_str!("../worlds/acc.ron");
+    Scenario::parse("acc.ron", text).expect("a world").on(kind)
+}
+
+/// The environment of a learner: plant, ego, signals, monitors, judge and reward.
+///
+/// Counted in physics steps: compare with `bare_lean` and `bare_usual`.
+#[divan::bench(args = [PlantKind::Rigid, PlantKind::Kinematic])]
+fn environment(bencher: Bencher, kind: PlantKind) {
+    let bench = acc(kind).bench();
+    let neutral = bench.spaces().neutral;
+    let steps = bench.clock().samples_per_decision() as u32 * bench.clock().substeps;
+    let mut obs = vec![0.0; bench.spaces().observation];
+    let mut gym = Gym::new(bench, Purpose::Train, 0);
+    let mut episode = 0;
+    gym.reset(episode, &mut obs);
+    bencher.counter(steps).bench_local(|| {
+        // Coasting runs nearly always to the horizon: full decisions.
+        if gym.step(neutral, &mut obs).end.is_some() {
+            episode += 1;
+            gym.reset(episode, &mut obs);
+        }
+    });
+}
+
+/// Training with recipe R, learning included; counted in decisions.
+#[divan::bench(args = [PlantKind::Kinematic, PlantKind::Rigid], sample_count = 3, sample_size = 1)]
+fn training(bencher: Bencher, kind: PlantKind) {
+    const DECISIONS: u64 = 40_000;
+    let world = acc(kind);
+    bencher.counter(DECISIONS).bench_local(|| {
+        let config = world.learner.clone().with_decisions(DECISIONS);
+        let mut gym = Gym::new(world.bench(), Purpose::Train, 0);
+        let mut learner = config.build(gym.spaces(), 0);
+        learner.train(&mut gym, &mut |_| Control::Continue);
+    });
 }
