@@ -60,7 +60,7 @@ fn at_start(bencher: Bencher, text: &str) {
 fn by_hand(
     input: &[f64],
     width: usize,
-    pick: fn(f64, f64) -> f64,
+    pick: impl Fn(f64, f64) -> f64,
     out: &mut Vec<f64>,
     work: &mut [Vec<f64>; 2],
 ) {

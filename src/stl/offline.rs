@@ -12,7 +12,7 @@ use super::program::{Id, Op, Program, Side};
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     free: Vec<Vec<f64>>,
-    work: Work,
+    pub(crate) work: Work,
 }
 
 impl Scratch {

@@ -52,7 +52,7 @@ pub struct OnlineMonitor {
     interval: Interval,
     /// The samples so far, where the end of the trace needs them.
     held: Option<Vec<Vec<f64>>>,
-    work: Work,
+    scratch: Scratch,
 }
 
 /// The bounds of an operator at the samples `first ..` known so far.
@@ -150,7 +150,7 @@ impl OnlineMonitor {
             point,
             interval: Interval::ANY.map(|value| monitor.clamp(value)),
             held,
-            work: Work::default(),
+            scratch: Scratch::new(),
         }
     }
 
@@ -228,10 +228,9 @@ impl OnlineMonitor {
         } else if !self.interval.is_final() {
             let value = match self.held.take() {
                 Some(held) => {
-                    let mut scratch = Scratch::new();
                     let value =
                         self.monitor
-                            .value(&held, self.known, Question::Margin, &mut scratch);
+                            .value(&held, self.known, Question::Margin, &mut self.scratch);
                     self.held = Some(held);
                     value
                 }
@@ -305,7 +304,7 @@ impl OnlineMonitor {
                         &self.tracks,
                         reading,
                         row,
-                        &mut self.work,
+                        &mut self.scratch.work,
                     );
                     if need.stored {
                         if track.lower.is_empty() {
@@ -321,7 +320,7 @@ impl OnlineMonitor {
                     &mut track,
                     &self.tracks,
                     reading,
-                    &mut self.work,
+                    &mut self.scratch.work,
                 ),
             }
             if let Some(keep) = need.keep {
