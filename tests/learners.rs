@@ -125,7 +125,7 @@ impl Env for OneStep {
 }
 
 const LEARNERS: [&str; 3] = [
-    "Dqn(decisions: 6_000, learning_starts: 100)",
+    "Dqn(decisions: 6_000)",
     "QTable(decisions: 20_000)",
     "Ppo(decisions: 30_000, horizon: 256, entropy: 0.001)",
 ];
@@ -194,20 +194,22 @@ fn an_aborted_episode_is_dropped_whole_and_counted() {
 fn equal_seeds_give_equal_bytes_and_others_do_not() {
     for ron in LEARNERS {
         let bytes = |seed| {
-            let mut learner = config(ron).build(Corridor::new().spaces(), seed);
+            let config = config(ron).with_decisions(3000);
+            let mut learner = config.build(Corridor::new().spaces(), seed);
             go_on(&mut *learner, &mut Corridor::new());
             let policy = learner.policy_bundle().to_bytes().unwrap();
             (policy, learner.checkpoint().to_bytes().unwrap())
         };
-        assert_eq!(bytes(1), bytes(1), "{ron}");
-        assert_ne!(bytes(1), bytes(2), "{ron}");
+        let first = bytes(1);
+        assert_eq!(first, bytes(1), "{ron}");
+        assert_ne!(first, bytes(2), "{ron}");
     }
 }
 
 #[test]
 fn training_in_pieces_equals_training_in_one_go_byte_for_byte() {
     for ron in LEARNERS {
-        let config = config(ron);
+        let config = config(ron).with_decisions(6000);
         let mut whole = config.build(Corridor::new().spaces(), 3);
         go_on(&mut *whole, &mut Corridor::new());
 
@@ -257,7 +259,7 @@ fn stop_ends_training_after_the_episode() {
 #[test]
 fn a_kept_policy_acts_like_the_learner_and_can_be_trained_on() {
     for ron in LEARNERS {
-        let config = config(ron);
+        let config = config(ron).with_decisions(1500);
         let mut learner = config.build(Corridor::new().spaces(), 1);
         go_on(&mut *learner, &mut Corridor::new());
         let bytes = learner.policy_bundle().to_bytes().unwrap();
@@ -287,7 +289,8 @@ fn a_checkpoint_of_another_learner_or_shape_is_refused() {
         neutral: 1,
     };
     for ron in LEARNERS {
-        let mut learner = config(ron).build(Corridor::new().spaces(), 1);
+        let short = config(ron).with_decisions(1500);
+        let mut learner = short.build(Corridor::new().spaces(), 1);
         go_on(&mut *learner, &mut Corridor::new());
         let (policy, checkpoint) = (learner.policy_bundle(), learner.checkpoint());
         for other in LEARNERS {

@@ -38,7 +38,7 @@ pub struct DqnConfig {
     pub batch: usize,
     /// Decisions between updates (2): the cheapest that reaches the optimum.
     pub update_every: u64,
-    /// Transitions in the replay before the first update (1000): some variety.
+    /// Transitions in the replay before the first update (1000): 64 was worse in the end.
     pub learning_starts: usize,
     /// Adam's step at the start (1e-3): fast early learning.
     pub learning_rate: f64,

@@ -45,7 +45,7 @@ pub struct PpoConfig {
     pub trace: f64,
     /// The ratio of probabilities counts up to 1 ± this (0.2).
     pub clip: f64,
-    /// Weight of the entropy (0.01): keeps the actor exploring.
+    /// Weight of the entropy (0.003): 0.01 leaves more fouls behind.
     pub entropy: f64,
     /// Gradients longer than this are shortened to it (0.5), net by net.
     pub max_gradient: f64,
@@ -64,7 +64,7 @@ impl Default for PpoConfig {
             discount: 1.0,
             trace: 0.95,
             clip: 0.2,
-            entropy: 0.01,
+            entropy: 0.003,
             max_gradient: 0.5,
         }
     }

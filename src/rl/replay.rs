@@ -258,7 +258,9 @@ impl Replay {
         for action in kept {
             check("action in the replay", *action as usize, actions)?;
         }
-        if let Some(leaf) = leaves.iter().find(|leaf| **leaf <= 0.0) {
+        let largest = bundle.one::<f64>("replay/largest")?;
+        let mut priorities = leaves.iter().chain([&largest]);
+        if let Some(leaf) = priorities.find(|leaf| **leaf <= 0.0) {
             return Err(BundleError::Mismatch {
                 what: "priority in the replay",
                 expected: "positive".into(),
@@ -271,7 +273,7 @@ impl Replay {
         self.actions = kept.to_vec();
         self.priorities = SumTree::new(leaves);
         self.oldest = oldest;
-        self.largest = bundle.one("replay/largest")?;
+        self.largest = largest;
         Ok(())
     }
 }
