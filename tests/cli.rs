@@ -1,5 +1,8 @@
 //! The program as a user runs it: exit codes, rows, files, and what it says.
 
+#[path = "cli/stl.rs"]
+mod stl;
+
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
@@ -423,7 +426,7 @@ fn ctrl_c_saves_and_resuming_ends_in_the_same_bytes() {
 #[test]
 fn help_is_what_it_was() {
     let mut text = String::new();
-    for verb in ["", "check", "train", "eval", "search", "replay"] {
+    for verb in ["", "check", "train", "eval", "search", "replay", "stl"] {
         let args: Vec<&str> = [verb, "--help"]
             .into_iter()
             .filter(|a| !a.is_empty())

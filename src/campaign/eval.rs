@@ -13,6 +13,7 @@ use crate::run::{ClosingSpeed, Counterexample, KeptError, Row, RunError, wilson}
 use crate::scenario::{Change, Scenario};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
+use crate::stl::Explanation;
 use crate::testbench::{
     Actor, Aftermath, Constant, Episode, Held, PolicyActor, Random, Testbench, play,
 };
@@ -290,6 +291,21 @@ pub fn best_constant(
     }
     best.row.method = format!("{}, the best of {actions}", best.row.method);
     best
+}
+
+/// Why the ego fails in the first counterexample of an evaluation.
+///
+/// Gives the position of its start and the explanation of ρ(ψ_ego) on the
+/// judged samples; `None` when nothing was solved.
+pub fn explain_first(
+    request: &EvalRequest<'_>,
+    evaluated: &Evaluated,
+) -> Option<(usize, Explanation)> {
+    let index = evaluated.row.solved.bytes().position(|mark| mark == b'1')?;
+    let episode = request.play(&mut request.scenario.bench(), index);
+    let mut judged = episode.trace;
+    judged.truncate(episode.judged);
+    Some((index, request.scenario.rulebook().spec.explain(&judged)))
 }
 
 /// Writes the first `most` counterexamples of an evaluation into a directory.

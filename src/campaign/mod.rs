@@ -9,7 +9,8 @@ mod search;
 mod train;
 
 pub use eval::{
-    Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, keep, trivial_starts,
+    Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
+    trivial_starts,
 };
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use search::{Found, Method, SearchRequest, Searched, search};

@@ -100,11 +100,11 @@ fn first_difference(kept: &Kept, episode: &Episode) -> Option<Difference> {
     let pairs = now.as_bytes().chunks(8).zip(recorded.as_bytes().chunks(8));
     let same = pairs.take_while(|(a, b)| a == b).count();
     let csv = std::fs::read_to_string(kept.path.with_extension("csv")).ok();
-    let stored = csv.and_then(|text| trace_of_csv(&text, episode.trace.schema()));
+    let stored = csv.and_then(|text| trace_of_csv(&text, None).ok());
     let signal = stored.and_then(|stored| {
         let signals = episode.trace.schema().signals().iter().enumerate();
         signals.into_iter().find_map(|(i, signal)| {
-            let was = *stored.column(i).get(same)?;
+            let was = *stored.signal(&signal.name)?.get(same)?;
             let is = *episode.trace.column(i).get(same)?;
             (was.to_bits() != is.to_bits()).then(|| (signal.name.clone(), was, is))
         })

@@ -8,10 +8,11 @@ use serde_json::json;
 use super::{Common, Exit, Failure, NamedEgo, PlantArg, egos, on_plant, print_json, table, talk};
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, SearchRequest, TestStarts, Watch, best_constant, eval,
-    keep, search, trivial_starts,
+    explain_first, keep, search, trivial_starts,
 };
 use crate::rl::Policy;
 use crate::run::{Row, RunDir};
+use crate::stl::Explanation;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
@@ -84,27 +85,45 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         watch: &watch,
     };
     let mut rows = Vec::new();
-    let mut failed = false;
+    let mut reasons = Vec::new();
     for ego in &egos {
         bar.set_message(format!("evaluating: {}", ego.name));
-        failed |= job.one_ego(ego, &mut rows)?;
+        reasons.extend(job.one_ego(ego, &mut rows)?);
         if talk::stopped() {
             break;
         }
     }
     bar.finish_and_clear();
-    match args.common.json {
-        true => print_json(&json!({ "rows": rows })),
-        false => talk::data(&table::rows(&rows)),
+    if args.common.json {
+        let explain = reasons.iter();
+        let explain: Vec<_> = explain
+            .map(|why| json!({ "ego": why.ego, "start": why.start, "explain": why.explanation }))
+            .collect();
+        print_json(&json!({ "rows": rows, "explain": explain }));
+    } else {
+        talk::data(&table::rows(&rows));
+        for why in &reasons {
+            talk::data(&format!(
+                "\nwhy `{}` fails from start {}, the first of them: {}",
+                why.ego, why.start, why.explanation
+            ));
+        }
     }
     if talk::stopped() {
         talk::say("interrupted: the rows cover the starts that were finished");
         return Ok(Exit::Interrupted);
     }
-    Ok(match failed && args.fail_on_counterexample {
+    Ok(match !reasons.is_empty() && args.fail_on_counterexample {
         true => Exit::Counterexample,
         false => Exit::Done,
     })
+}
+
+/// Why the first counterexample of an ego is one.
+struct Reason {
+    ego: String,
+    start: usize,
+    explanation: Explanation,
 }
 
 struct Job<'a> {
@@ -116,14 +135,20 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Adds the rows of one ego; says whether the trained ado made it fail.
-    fn one_ego(&self, ego: &NamedEgo, rows: &mut Vec<Row>) -> Result<bool, Failure> {
+    /// Adds the rows of one ego; says why the trained ado made it fail.
+    fn one_ego(&self, ego: &NamedEgo, rows: &mut Vec<Row>) -> Result<Option<Reason>, Failure> {
         let first = rows.len();
-        let mut failed = false;
+        let mut reason = None;
         for ado in self.ados() {
             let evaluated = self.one_ado(ego, ado);
             if ado == AdoArg::Trained {
-                failed = 0 < evaluated.row.successes;
+                let request = self.request(ego, Ado::Trained(self.policy, self.train_seed));
+                let explained = explain_first(&request, &evaluated);
+                reason = explained.map(|(start, explanation)| Reason {
+                    ego: ego.name.clone(),
+                    start,
+                    explanation,
+                });
                 self.keep(ego, &evaluated)?;
             }
             rows.push(evaluated.row);
@@ -142,7 +167,7 @@ impl Job<'_> {
             }
             rows.push(searched.row);
         }
-        Ok(failed)
+        Ok(reason)
     }
 
     fn ados(&self) -> Vec<AdoArg> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, failure, print_json, table_of, talk};
+use super::{Common, Exit, Failure, failure, finite_or_word, print_json, table_of, talk};
 use crate::campaign::{Regressions, Replayed};
 use crate::scenario::Scenario;
 
@@ -118,14 +118,6 @@ fn row(replayed: &Replayed) -> serde_json::Value {
         "identical": replayed.identical,
         "first_difference": difference.map(ToString::to_string),
     })
-}
-
-/// JSON has no infinities: they are the words "inf" and "-inf".
-fn finite_or_word(value: f64) -> serde_json::Value {
-    match value.is_finite() {
-        true => json!(value),
-        false => json!(if 0.0 < value { "inf" } else { "-inf" }),
-    }
 }
 
 fn table(replayed: &[Replayed]) -> String {

@@ -7,6 +7,7 @@ mod eval;
 mod failure;
 mod kept;
 mod search;
+mod stl;
 mod table;
 mod talk;
 mod train;
@@ -56,6 +57,8 @@ enum Verb {
     Search(search::SearchArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     Replay(kept::ReplayArgs),
+    /// Measure a formula of Signal Temporal Logic on a trace in CSV.
+    Stl(stl::StlArgs),
     /// Write an episode as a recording for the rerun viewer.
     #[cfg(any())]
     View(kept::ViewArgs),
@@ -100,6 +103,7 @@ pub fn main() -> ExitCode {
         Verb::Eval(args) => with_jobs(&args.common.clone(), move || eval::run(&args)),
         Verb::Search(args) => with_jobs(&args.common.clone(), move || search::run(&args)),
         Verb::Replay(args) => kept::replay(&args),
+        Verb::Stl(args) => stl::run(&args),
         #[cfg(any())]
         Verb::View(args) => kept::view(&args),
     };
@@ -189,6 +193,14 @@ fn table_of<const N: usize>(
         table.add_row(line);
     }
     table.to_string()
+}
+
+/// JSON has no infinities: they are the words "inf" and "-inf".
+fn finite_or_word(value: f64) -> serde_json::Value {
+    match value.is_finite() {
+        true => value.into(),
+        false => if 0.0 < value { "inf" } else { "-inf" }.into(),
+    }
 }
 
 /// Prints one JSON object on stdout.

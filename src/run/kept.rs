@@ -5,7 +5,6 @@
 //! differs can name the first signal that does.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -15,7 +14,7 @@ use crate::rulebook::Verdict;
 use crate::scenario::{Change, ChangeError, Scenario, ScenarioError};
 use crate::scene::{Dynamics, Start, Touch};
 use crate::testbench::Episode;
-use crate::trace::{Schema, Trace};
+use crate::trace::Trace;
 
 /// Version of the file; another one is refused.
 const FORMAT: u32 = 1;
@@ -244,21 +243,4 @@ pub fn csv_of(trace: &Trace) -> String {
         text.push('\n');
     }
     text
-}
-
-/// Reads samples written by [`csv_of`]; `None` if they do not fit the schema.
-pub fn trace_of_csv(text: &str, schema: &Arc<Schema>) -> Option<Trace> {
-    let mut lines = text.lines();
-    let names = lines.next()?.split(',').skip(1);
-    let declared = schema.signals().iter().map(|signal| signal.name.as_str());
-    if !names.eq(declared) {
-        return None;
-    }
-    let mut trace = Trace::new(Arc::clone(schema));
-    for line in lines {
-        let values = line.split(',').skip(1).map(str::parse);
-        let row: Vec<f64> = values.collect::<Result<_, _>>().ok()?;
-        trace.push(&row).ok()?;
-    }
-    Some(trace)
 }

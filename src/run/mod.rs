@@ -15,6 +15,7 @@
 
 mod kept;
 mod row;
+mod samples;
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -23,8 +24,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-pub use kept::{Counterexample, KeptError, csv_of, digests_of, trace_of_csv};
+pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use row::{ClosingSpeed, Row, wilson};
+pub use samples::{SamplesError, trace_of_csv};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy};
 use crate::scenario::{LoadError, Scenario, ScenarioError};

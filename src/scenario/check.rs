@@ -56,6 +56,11 @@ impl<'a> Problems<'a> {
 
     /// Notes a mistake inside the STL string under `path`.
     pub(super) fn stl(&mut self, path: &Path, error: &StlError) {
+        // The mistake may lie in a named formula that this one uses.
+        let named = error
+            .formula()
+            .map(|name| Path::top().to("formulas").to(name));
+        let path = named.as_ref().unwrap_or(path);
         let value = path.find(self.text);
         let quoted = &self.text[value.clone()];
         let inner = error.span();

@@ -1,0 +1,186 @@
+//! `brakecheck stl`: a formula, a trace in CSV, and its robustness.
+
+use std::io::Read;
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::{Common, Exit, Failure, finite_or_word, print_json, talk};
+use crate::run::trace_of_csv;
+use crate::scenario::{Problem, ScenarioError};
+use crate::stl::{Constants, Formula, Names, Scratch, Settings, StlError, TraceEnd, Until};
+use crate::trace::Trace;
+
+#[derive(Args, Debug)]
+pub(super) struct StlArgs {
+    /// The formula, such as "always[0, 10] (headway >= d_safe)".
+    #[arg(allow_hyphen_values = true)]
+    formula: String,
+    /// The trace: a header of signal names, one line per sample; - is stdin.
+    #[arg(long, value_name = "FILE.csv")]
+    trace: String,
+    /// Sampling period in seconds [default: from the time column, else 1].
+    #[arg(long, value_name = "S")]
+    dt: Option<f64>,
+    /// Whether `until` asks for its left side where its right side holds.
+    #[arg(long, value_enum, default_value = "half-open")]
+    until: UntilArg,
+    /// What lies behind the end of the trace.
+    #[arg(long, value_enum, default_value = "truncate")]
+    end: EndArg,
+    /// A named constant; repeat for several.
+    #[arg(long = "const", value_name = "NAME=VALUE")]
+    constants: Vec<String>,
+    /// The robustness at every sample, not only at the first.
+    #[arg(long)]
+    all: bool,
+    /// Which leaf, at which time, with which value decides.
+    #[arg(long)]
+    explain: bool,
+    /// Exit with 1 if the trace violates the formula.
+    #[arg(long)]
+    fail_on_counterexample: bool,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum UntilArg {
+    /// The left side on [t, t').
+    HalfOpen,
+    /// The left side on [t, t'].
+    Closed,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum EndArg {
+    /// Nothing: windows end with the trace.
+    Truncate,
+    /// The last sample, for ever.
+    Hold,
+    /// The worst that could still come.
+    Strict,
+}
+
+pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
+    let trace = read(args)?;
+    let in_formula = |error: StlError| placed(&args.formula, &error);
+    let formula: Formula = args.formula.parse().map_err(in_formula)?;
+    let names = Names {
+        constants: constants(&args.constants)?,
+        ..Names::default()
+    };
+    let settings = Settings {
+        until: match args.until {
+            UntilArg::HalfOpen => Until::HalfOpen,
+            UntilArg::Closed => Until::Closed,
+        },
+        end: match args.end {
+            EndArg::Truncate => TraceEnd::Truncate,
+            EndArg::Hold => TraceEnd::Hold,
+            EndArg::Strict => TraceEnd::Strict,
+        },
+        ..Settings::default()
+    };
+    let monitor = formula.bind_with(trace.schema(), &names, &settings);
+    let monitor = monitor.map_err(in_formula)?;
+    let mut scratch = Scratch::default();
+    let robustness = monitor.robustness(&trace, &mut scratch);
+    // "Satisfied" is ρ ≥ 0; a rule is "kept" only when ρ > 0.
+    let satisfied = 0.0 <= robustness;
+    let all = args.all.then(|| monitor.robustness_all(&trace));
+    let explanation = args.explain.then(|| monitor.explain(&trace));
+    if args.common.json {
+        let mut object = json!({
+            "robustness": finite_or_word(robustness),
+            "satisfied": satisfied,
+        });
+        if let Some(all) = &all {
+            object["robustness_all"] = all.iter().map(|&value| finite_or_word(value)).collect();
+        }
+        if let Some(explanation) = &explanation {
+            object["explain"] = json!(explanation);
+        }
+        print_json(&object);
+    } else {
+        match &all {
+            None => talk::data(&format!("{robustness}")),
+            Some(all) => talk::data(&lines(all, trace.dt_s())),
+        }
+        let word = if satisfied { "satisfied" } else { "violated" };
+        talk::say(&format!("{word}, ρ = {robustness}"));
+        if let Some(explanation) = &explanation {
+            talk::data(&explanation.to_string());
+        }
+    }
+    Ok(match args.fail_on_counterexample && !satisfied {
+        true => Exit::Counterexample,
+        false => Exit::Done,
+    })
+}
+
+fn lines(all: &[f64], dt_s: f64) -> String {
+    let lines = all.iter().enumerate().map(|(i, value)| {
+        let time_s = (i as f64 * dt_s * 1e9).round() / 1e9;
+        format!("{time_s},{value}")
+    });
+    std::iter::once("time,robustness".to_owned())
+        .chain(lines)
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+fn read(args: &StlArgs) -> Result<Trace, Failure> {
+    let failed = |error: std::io::Error| {
+        Failure::input(
+            format!("cannot read `{}`: {error}", args.trace),
+            "name a CSV file, or - for standard input",
+        )
+    };
+    let mut text = String::new();
+    if args.trace == "-" {
+        std::io::stdin().read_to_string(&mut text).map_err(failed)?;
+    } else {
+        text = std::fs::read_to_string(&args.trace).map_err(failed)?;
+    }
+    if args.dt.is_some_and(|dt_s| !dt_s.is_finite() || dt_s <= 0.0) {
+        return Err(Failure::input(
+            "the sampling period must be positive and finite",
+            "give seconds, such as `--dt 0.05`",
+        ));
+    }
+    trace_of_csv(&text, args.dt)
+        .map_err(|error| Failure::input(format!("`{}`: {error}", args.trace), error.help()))
+}
+
+fn constants(given: &[String]) -> Result<Constants, Failure> {
+    let mut constants = Constants::new();
+    for text in given {
+        let pair = text.split_once('=');
+        let pair = pair.and_then(|(name, value)| {
+            let value: f64 = value.trim().parse().ok()?;
+            value.is_finite().then(|| (name.trim().to_owned(), value))
+        });
+        let Some((name, value)) = pair else {
+            return Err(Failure::input(
+                format!("`{text}` is no named constant"),
+                "write NAME=NUMBER, such as `--const d_safe=4.7`",
+            ));
+        };
+        constants.insert(name, value);
+    }
+    Ok(constants)
+}
+
+fn placed(formula: &str, error: &StlError) -> Failure {
+    Failure::from(ScenarioError {
+        file: "formula".to_owned(),
+        text: formula.to_owned(),
+        problems: vec![Problem {
+            what: error.to_string(),
+            span: error.span(),
+            label: error.label().to_owned(),
+            help: error.help().map(str::to_owned),
+        }],
+    })
+}

@@ -1,0 +1,263 @@
+//! Traces from CSV: a header of signal names, one line per sample.
+//!
+//! A first column named `time` or `t` is the time in seconds: it must be even,
+//! and it gives the sampling period. Columns of `true` and `false` are Boolean
+//! signals. Everything else is a finite number, or an error with its line.
+
+use std::sync::Arc;
+
+use crate::trace::{Schema, SchemaError, Signal, Trace};
+
+/// Largest deviation from even sampling, as a share of the period.
+const UNEVEN: f64 = 1e-3;
+
+/// A CSV text that is no trace.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SamplesError {
+    /// There is no line at all.
+    #[error("the file is empty: the first line must name the signals")]
+    Empty,
+    /// There is a header and nothing else.
+    #[error("there is no sample below the header")]
+    NoSample,
+    /// A name is missing in the header.
+    #[error("line 1: column {column} has no name")]
+    NoName {
+        /// Counted from 1.
+        column: usize,
+    },
+    /// The header cannot be a schema.
+    #[error("line 1: {0}")]
+    Header(#[from] SchemaError),
+    /// A line has more or fewer values than the header.
+    #[error("line {line}: {got} values for {want} columns")]
+    Ragged {
+        /// Counted from 1.
+        line: usize,
+        /// Values in it.
+        got: usize,
+        /// Columns in the header.
+        want: usize,
+    },
+    /// A value is no finite number.
+    #[error("line {line}, column `{column}`: `{value}` is no finite number")]
+    NotANumber {
+        /// Counted from 1.
+        line: usize,
+        /// Name of the column.
+        column: String,
+        /// What stands there.
+        value: String,
+    },
+    /// The time does not advance evenly.
+    #[error("line {line}: time {found} s where {expected} s was expected: sampling is uneven")]
+    Uneven {
+        /// Counted from 1.
+        line: usize,
+        /// The time in that line.
+        found: f64,
+        /// What even sampling would give.
+        expected: f64,
+    },
+    /// `--dt` contradicts the time column.
+    #[error("the time column advances by {column_s} s, not by the given {given_s} s")]
+    Period {
+        /// What was given.
+        given_s: f64,
+        /// What the column says.
+        column_s: f64,
+    },
+    /// The text is no CSV.
+    #[error("{0}")]
+    Csv(String),
+}
+
+impl SamplesError {
+    /// The cure, where one is known.
+    pub fn help(&self) -> &'static str {
+        match self {
+            SamplesError::Uneven { .. } => "resample the trace at a fixed period",
+            SamplesError::Period { .. } => "leave out `--dt`, or the time column",
+            SamplesError::Ragged { .. } => "give every line as many values as the header has names",
+            SamplesError::NotANumber { .. } => "write a number such as 1.5, or true / false",
+            _ => "a trace looks like `time,headway` and then `0.0,12.5`, one line per sample",
+        }
+    }
+}
+
+/// Reads a trace from CSV text.
+///
+/// The sampling period is `dt_s` if given, else that of the time column, else
+/// 1 s. Lines count from 1, the header included.
+///
+/// # Errors
+/// What is wrong, in which line.
+pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let mut reader = csv::ReaderBuilder::new()
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(text.as_bytes());
+    let csv_error = |error: csv::Error| SamplesError::Csv(error.to_string());
+    let names: Vec<String> = reader
+        .headers()
+        .map_err(csv_error)?
+        .iter()
+        .map(str::to_owned)
+        .collect();
+    if names.is_empty() || names.iter().all(String::is_empty) {
+        return Err(SamplesError::Empty);
+    }
+    if let Some(column) = names.iter().position(String::is_empty) {
+        return Err(SamplesError::NoName { column: column + 1 });
+    }
+    let mut table = Table::new(names);
+    for record in reader.records() {
+        table.push(&record.map_err(csv_error)?)?;
+    }
+    table.trace(dt_s)
+}
+
+/// The numbers read so far, with the line of each sample.
+struct Table {
+    names: Vec<String>,
+    boolean: Vec<bool>,
+    rows: Vec<Vec<f64>>,
+    lines: Vec<usize>,
+}
+
+impl Table {
+    fn new(names: Vec<String>) -> Table {
+        Table {
+            boolean: vec![true; names.len()],
+            names,
+            rows: Vec::new(),
+            lines: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, record: &csv::StringRecord) -> Result<(), SamplesError> {
+        let line = record
+            .position()
+            .map_or(0, |position| position.line() as usize);
+        if record.len() != self.names.len() {
+            return Err(SamplesError::Ragged {
+                line,
+                got: record.len(),
+                want: self.names.len(),
+            });
+        }
+        let mut row = Vec::with_capacity(record.len());
+        for (column, value) in record.iter().enumerate() {
+            let word = match value.to_ascii_lowercase().as_str() {
+                "true" => Some(1.0),
+                "false" => Some(0.0),
+                _ => None,
+            };
+            self.boolean[column] &= word.is_some();
+            let number = word.or_else(|| value.parse().ok().filter(|n: &f64| n.is_finite()));
+            row.push(number.ok_or_else(|| SamplesError::NotANumber {
+                line,
+                column: self.names[column].clone(),
+                value: value.to_owned(),
+            })?);
+        }
+        self.rows.push(row);
+        self.lines.push(line);
+        Ok(())
+    }
+
+    fn trace(self, dt_s: Option<f64>) -> Result<Trace, SamplesError> {
+        if self.rows.is_empty() {
+            return Err(SamplesError::NoSample);
+        }
+        let first = self.names[0].to_ascii_lowercase();
+        let timed = first == "time" || first == "t";
+        let column_s = match timed && 1 < self.rows.len() {
+            true => Some(self.period()?),
+            false => None,
+        };
+        if let (Some(given_s), Some(column_s)) = (dt_s, column_s)
+            && UNEVEN * column_s < (given_s - column_s).abs()
+        {
+            return Err(SamplesError::Period { given_s, column_s });
+        }
+        let signals = self.names.iter().zip(&self.boolean).enumerate();
+        let signals = signals.map(|(i, (name, boolean))| match (boolean, timed && i == 0) {
+            (true, _) => Signal::boolean(name, "read from CSV"),
+            (_, true) => Signal::real(name, "s", "time"),
+            _ => Signal::real(name, "", "read from CSV"),
+        });
+        let schema = Schema::new(dt_s.or(column_s).unwrap_or(1.0), signals)?;
+        let mut trace = Trace::new(Arc::new(schema));
+        for row in &self.rows {
+            // Invariant: every value was checked when it was read.
+            trace
+                .push(row)
+                .map_err(|error| SamplesError::Csv(error.to_string()))?;
+        }
+        Ok(trace)
+    }
+
+    /// The period of the time column, which must be even.
+    fn period(&self) -> Result<f64, SamplesError> {
+        let (start, last) = (self.rows[0][0], self.rows[self.rows.len() - 1][0]);
+        let mean_s = (last - start) / (self.rows.len() - 1) as f64;
+        // Decimal fractions of the file, not the dust of their differences.
+        let period_s = (mean_s * 1e9).round() / 1e9;
+        for (i, row) in self.rows.iter().enumerate() {
+            let expected = start + i as f64 * mean_s;
+            let uneven = UNEVEN * mean_s.abs() < (row[0] - expected).abs();
+            if uneven || period_s <= 0.0 {
+                return Err(SamplesError::Uneven {
+                    line: self.lines[i],
+                    found: row[0],
+                    expected,
+                });
+            }
+        }
+        Ok(period_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn good_files_are_read() {
+        let trace = trace_of_csv("time,x,on\n0,1,true\n0.1,2,false\n0.2,3,true\n", None);
+        let trace = trace.expect("a trace");
+        assert_eq!(trace.dt_s(), 0.1);
+        assert_eq!(trace.signal("x"), Some([1.0, 2.0, 3.0].as_slice()));
+        assert_eq!(trace.signal("on"), Some([1.0, 0.0, 1.0].as_slice()));
+        let trace = trace_of_csv("x, y\n1, 2\n", Some(0.5)).expect("a trace");
+        assert_eq!((trace.len(), trace.dt_s()), (1, 0.5));
+    }
+
+    #[test]
+    fn bad_files_name_the_line() {
+        let cases = [
+            ("", "empty"),
+            ("x,y\n", "no sample"),
+            ("x,,z\n1,2,3\n", "column 2"),
+            ("x,x\n1,2\n", "declared twice"),
+            ("x,y\n1,2\n3\n", "line 3: 1 values for 2 columns"),
+            ("x\n1\nNaN\n", "line 3, column `x`: `NaN`"),
+            ("x\n1\ninf\n", "`inf` is no finite number"),
+            ("x\n1\nabc\n", "`abc`"),
+            ("t,x\n0,1\n1,1\n3,1\n", "uneven"),
+            ("t,x\n0,1\n0,1\n", "uneven"),
+        ];
+        for (text, says) in cases {
+            let error = trace_of_csv(text, None).expect_err(text).to_string();
+            assert!(error.contains(says), "{text:?}: {error}");
+        }
+        let error = trace_of_csv("t,x\n0,1\n1,1\n", Some(0.5)).expect_err("contradiction");
+        assert!(
+            error.to_string().contains("not by the given 0.5 s"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,126 @@
+//! `brakecheck stl` on the shared vectors, and on what users get wrong.
+
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::Value;
+
+use super::{code, json, stderr};
+
+fn stl(args: &[&str], csv: &str) -> Output {
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin("brakecheck"))
+        .arg("stl")
+        .args(args)
+        .args(["--trace", "-"])
+        .env("NO_COLOR", "1")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    let mut input = child.stdin.take().expect("piped");
+    // A program that refuses its arguments may not read its input.
+    let _ = input.write_all(csv.as_bytes());
+    drop(input);
+    child.wait_with_output().expect("it ends")
+}
+
+fn number(value: &Value) -> f64 {
+    match value.as_str() {
+        Some(word) => word.parse().expect("inf or -inf"),
+        None => value.as_f64().expect("a number"),
+    }
+}
+
+fn vectors(text: &str, rho: &str, more: &[&str]) {
+    for line in text.lines() {
+        let case: Value = serde_json::from_str(line).expect("a vector");
+        let trace = case["trace"].as_object().expect("signals");
+        let names: Vec<&str> = trace.keys().map(String::as_str).collect();
+        let mut csv = names.join(",");
+        for i in 0..case["n"].as_u64().expect("n") as usize {
+            let row = names.iter().map(|name| trace[*name][i].to_string());
+            csv.push_str(&format!("\n{}", row.collect::<Vec<_>>().join(",")));
+        }
+        let formula = case["formula"].as_str().expect("a formula");
+        let dt = case["dt"].to_string();
+        let mut args = vec![formula, "--dt", &dt, "--json", "--all"];
+        args.extend(more);
+        let output = stl(&args, &csv);
+        assert_eq!(code(&output), 0, "{formula}: {}", stderr(&output));
+        let got = json(&output);
+        let got = got["robustness_all"].as_array().expect("all of them");
+        let expect = case[rho].as_array().expect("all of them");
+        assert_eq!(got.len(), expect.len(), "{formula}");
+        for (got, expect) in got.iter().zip(expect) {
+            let (got, expect) = (number(got), number(expect));
+            let near = (got - expect).abs() <= 1e-9 * expect.abs().max(1.0);
+            assert!(got == expect || near, "{formula}: {got} for {expect}");
+        }
+    }
+}
+
+#[test]
+fn the_agreed_vectors_pass_through_the_program() {
+    vectors(include_str!("../stl/agreed.jsonl"), "rho", &[]);
+}
+
+#[test]
+fn both_readings_of_until_pass_through_the_program() {
+    let text = include_str!("../stl/until_halfopen.jsonl");
+    vectors(text, "rho", &[]);
+    vectors(text, "rho_closed", &["--until", "closed"]);
+}
+
+#[test]
+fn a_trace_is_measured_and_explained() {
+    let csv = "time,headway\n0,9\n0.5,4.2\n1,5\n";
+    let args = [
+        "always[0, T] (headway >= d_safe)",
+        "--const",
+        "d_safe=4.7",
+        "--const",
+        "T=1",
+    ];
+    let output = stl(&[&args[..], &["--json", "--explain"]].concat(), csv);
+    let got = json(&output);
+    assert_eq!(got["robustness"], -0.5);
+    assert_eq!(got["satisfied"], false);
+    assert_eq!(got["explain"]["path"][1]["sample"], 1);
+    let output = stl(&[&args[..], &["--fail-on-counterexample"]].concat(), csv);
+    assert_eq!(code(&output), 1);
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "-0.5\n");
+    // Infinite robustness is a word in JSON.
+    let output = stl(&["eventually[5, 6] (headway > 0)", "--json"], csv);
+    assert_eq!(json(&output)["robustness"], "-inf");
+    // ρ = 0 is satisfied.
+    let output = stl(&["headway >= 9", "--json"], csv);
+    assert_eq!(json(&output)["satisfied"], true);
+}
+
+#[test]
+fn what_users_get_wrong_exits_with_2_and_is_named() {
+    let good = "x,y\n1,2\n3,4\n";
+    let cases: [(&[&str], &str, &str); 10] = [
+        (&["always (z > 0)"], good, "z"),
+        (&["always (x > "], good, "formula:1:"),
+        (&["always[0, 0.5] (x > 0)"], good, "neighbours"),
+        (&["x > 0"], "x\n1\nNaN\n", "line 3, column `x`"),
+        (&["x > 0"], "x,y\n1\n", "1 values for 2 columns"),
+        (&["x > 0"], "t,x\n0,1\n1,2\n5,3\n", "uneven"),
+        (&["x > 0"], "", "empty"),
+        (&["x > 0", "--dt", "0"], good, "sampling period"),
+        (&["x > c", "--const", "c"], good, "NAME=NUMBER"),
+        (&["x > c", "--const", "c=nan"], good, "named constant"),
+    ];
+    for (args, csv, says) in cases {
+        let output = stl(args, csv);
+        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
+        assert!(
+            stderr(&output).contains(says),
+            "{args:?}: {}",
+            stderr(&output)
+        );
+        assert!(!stderr(&output).contains("panicked"));
+    }
+}
