@@ -53,7 +53,26 @@ pub struct Offer {
 /// Time to collision is capped here, so that it is finite when not closing.
 pub const TTC_CAP_S: f64 = 100.0;
 
-const FIELDS: [(Field, &str, &str, &str, (f64, f64), bool); 10] = [
+/// Source, name, unit, meaning, usual range, and whether every trace holds it.
+type FieldOffer = (
+    Field,
+    &'static str,
+    &'static str,
+    &'static str,
+    (f64, f64),
+    bool,
+);
+
+/// The same of a pair; `{a}` and `{b}` stand for the two names.
+type PairOffer = (
+    Between,
+    &'static str,
+    &'static str,
+    &'static str,
+    (f64, f64),
+);
+
+const FIELDS: [FieldOffer; 10] = [
     (
         Field::X,
         "x",
@@ -136,7 +155,7 @@ const FIELDS: [(Field, &str, &str, &str, (f64, f64), bool); 10] = [
     ),
 ];
 
-const BETWEENS: [(Between, &str, &str, &str, (f64, f64)); 5] = [
+const BETWEENS: [PairOffer; 5] = [
     (
         Between::Headway,
         "headway",
