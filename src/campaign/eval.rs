@@ -34,18 +34,31 @@ pub struct TestStarts {
 
 /// Draws `count` test starts and plays each with coasting ados.
 ///
+/// A finite world of no more than `count` starts gives each of them once.
+///
 /// `scenario` must be the nominal one: what is trivial is fixed once and
 /// carried to all egos.
 pub fn trivial_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
     let bench = scenario.bench();
-    let keys = (0..count as u64).map(|index| StartKey {
+    let key = |index: usize| StartKey {
         purpose: Purpose::Test,
         seed,
-        index,
-    });
-    let starts: Vec<(Start, u64)> = keys
-        .map(|key| (bench.draw(key), bench.noise_of(key)))
-        .collect();
+        index: index as u64,
+    };
+    let listed = scenario.starts().filter(|all| all.len() <= count);
+    let starts: Vec<(Start, u64)> = match listed {
+        Some(all) => {
+            let starts = all.into_iter().enumerate();
+            starts
+                .map(|(i, start)| (start, bench.noise_of(key(i))))
+                .collect()
+        }
+        None => {
+            let keys = (0..count).map(key);
+            keys.map(|key| (bench.draw(key), bench.noise_of(key)))
+                .collect()
+        }
+    };
     let neutral = bench.spaces().neutral;
     let trivial = starts
         .par_iter()

@@ -5,6 +5,7 @@ use super::file::Change;
 use super::locate::Path;
 use super::{ChangeError, Scenario};
 use crate::ego::ControllerSpec;
+use crate::rl::LearnerConfig;
 use crate::rulebook::{Judge, Reward, Verdict};
 use crate::scene::drive::{Actions, Agent, Drive, DriveSpec, EgoDrive, Place, Range, Road};
 use crate::scene::{Clock, Start};
@@ -185,6 +186,13 @@ pub(super) fn reward(problems: &mut Problems, path: &Path, reward: &Reward) {
     }
 }
 
+pub(super) fn learner(problems: &mut Problems, path: &Path, learner: &LearnerConfig) {
+    if let Err(error) = learner.validate() {
+        let place = path.to(error.field);
+        problems.add(&place, error.to_string(), "here", Some(error.help));
+    }
+}
+
 pub(super) fn range(problems: &mut Problems, path: &Path, range: Range) {
     if range.hi < range.lo {
         let what = format!("the range ({}, {}) is reversed", range.lo, range.hi);
@@ -338,6 +346,11 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         help,
         place: place.iter().map(|name| (*name).to_owned()).collect(),
     };
+    if change.grid.is_some() {
+        let what = "a driving world has no map of cells".to_owned();
+        let help = "a change of it has: ego, controller, ego_body, friction, plant".to_owned();
+        return Err(fail(what, Some(help), &["grid"]));
+    }
     if let Some(friction) = change.friction {
         if !(0.01..=2.0).contains(&friction) {
             let what = format!("friction {friction} is outside of 0.01 ..= 2");
@@ -398,9 +411,13 @@ pub(super) fn reuse(problems: &mut Problems, path: &Path, scenario: &Scenario) {
     }
 }
 
-/// Starts to try a world on: corners of X_init, then draws.
+/// Starts to try a world on: those it lists, or corners of X_init and draws.
 fn tried_starts(scenario: &Scenario) -> Vec<Start> {
     let bench = scenario.bench();
+    if let Some(starts) = scenario.starts() {
+        let every = starts.len().div_ceil(MAX_CORNERS as usize).max(1);
+        return starts.into_iter().step_by(every).collect();
+    }
     let axes = bench.axes();
     let corners = 1u32 << axes.len().min(MAX_CORNERS.ilog2() as usize);
     let corner = |bits: u32| {
@@ -417,7 +434,11 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
             index,
         })
     });
-    (0..corners).map(corner).chain(drawn).collect()
+    match scenario.drive() {
+        Some(_) => (0..corners).map(corner).chain(drawn).collect(),
+        // On a grid two corners may be one cell: only draws are starts.
+        None => drawn.collect(),
+    }
 }
 
 /// At t = 0 no rule may be broken already, nor ψ_ego be lost.
@@ -502,7 +523,8 @@ pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
                 ),
                 rule_place(scenario, &rule.name),
             ),
-            None if episode.robustness == 0.0 => (
+            // On a grid whole numbers meet: next to the ego is ρ = 0, a capture 1.
+            None if episode.robustness == 0.0 && scenario.drive().is_some() => (
                 "a coasting run satisfies the ego's specification with ρ = 0 exactly".to_owned(),
                 top.to("ego_spec"),
             ),

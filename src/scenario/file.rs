@@ -12,6 +12,7 @@ use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, Range, Road, Script};
+use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};
 
 #[derive(Deserialize)]
@@ -41,6 +42,8 @@ pub(super) struct ScenarioFile {
     pub(super) reward: Reward,
     #[serde(default)]
     pub(super) learner: LearnerConfig,
+    #[serde(default)]
+    pub(super) learners: Ordered<LearnerConfig>,
     #[serde(default)]
     pub(super) reuse: Ordered<Change>,
 }
@@ -120,6 +123,27 @@ pub struct Change {
     pub friction: Option<f64>,
     /// The other plant.
     pub plant: Option<PlantKind>,
+    /// Another map: worlds that are grids take nothing else.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grid: Option<GridChange>,
+}
+
+/// A change of a grid world: its `reuse` holds these.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Change", deny_unknown_fields, default)]
+pub struct GridChange {
+    /// n: cells along each side.
+    pub size: Option<u32>,
+    /// ε: fine cells along each cell.
+    pub refine: Option<u32>,
+    /// k: fine cells per step of the ego.
+    pub ego_step: Option<u32>,
+    /// What the ego does at a wall.
+    pub at_wall: Option<AtWall>,
+    /// K.
+    pub horizon: Option<Horizon>,
+    /// X_init.
+    pub starts: Option<Starts>,
 }
 
 /// `5.0` or `(5.0, 25.0)`.

@@ -93,6 +93,20 @@ pub fn first_non_finite(text: &str) -> Option<Range<usize>> {
     }
 }
 
+/// The name before the first bracket of a RON text, if it is a plain name.
+pub fn first_word(text: &str) -> Option<Range<usize>> {
+    let mut cursor = Cursor { text, at: 0 };
+    cursor.blank();
+    let start = cursor.at;
+    if !cursor.peek()?.is_alphabetic() {
+        return None;
+    }
+    cursor.word();
+    let end = cursor.at;
+    cursor.blank();
+    (cursor.peek() == Some('(')).then_some(start..end)
+}
+
 fn is_word(c: char) -> bool {
     c.is_alphanumeric() || matches!(c, '_' | '.' | '-' | '+')
 }

@@ -16,6 +16,8 @@ mod build;
 mod check;
 mod error;
 mod file;
+mod grid;
+mod language;
 mod locate;
 mod read;
 
@@ -25,14 +27,15 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 
 pub use error::{Problem, ScenarioError};
-pub use file::{Change, Patch};
+pub use file::{Change, GridChange, Patch};
 pub use locate::Path;
 
 use crate::ego::ControllerSpec;
 use crate::rl::LearnerConfig;
 use crate::rulebook::{Rule, Rulebook};
 use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive};
-use crate::scene::{Axis, Dynamics, Held, World};
+use crate::scene::grid::GridWorld;
+use crate::scene::{Axis, Dynamics, Held, Start, World};
 use crate::sim::PlantKind;
 use crate::stl::{Formula, Names};
 use crate::testbench::Testbench;
@@ -57,6 +60,8 @@ pub struct Scenario {
     pub names: Names,
     /// How to learn.
     pub learner: LearnerConfig,
+    /// Other ways to learn, by name.
+    pub learners: IndexMap<String, LearnerConfig>,
     /// What the same trained ado is reused on.
     pub reuse: IndexMap<String, Change>,
     /// What looked odd but is allowed.
@@ -124,14 +129,32 @@ impl Scenario {
             text: text.to_owned(),
             problems,
         };
-        let parsed = read::parse(text).map_err(|problem| fail(vec![problem]))?;
-        build::build(text, parsed).map_err(fail)
+        let one = |problem| fail(vec![problem]);
+        match read::kind(text).map_err(one)? {
+            read::Kind::Scenario => {
+                let parsed = read::parse(text).map_err(one)?;
+                build::build(text, parsed).map_err(fail)
+            }
+            read::Kind::Grid => {
+                let parsed = read::parse(text).map_err(one)?;
+                grid::build(text, parsed).map_err(fail)
+            }
+        }
     }
 
     /// What the scene of a driving world is made of.
     pub fn drive(&self) -> Option<&DriveSpec> {
         match &self.world {
             World::Drive(world) => Some(world.spec()),
+            World::Grid(_) => None,
+        }
+    }
+
+    /// The world, if it is a grid.
+    pub fn grid(&self) -> Option<&GridWorld> {
+        match &self.world {
+            World::Drive(_) => None,
+            World::Grid(world) => Some(world),
         }
     }
 
@@ -143,6 +166,11 @@ impl Scenario {
     /// X_init.
     pub fn axes(&self) -> Vec<Axis> {
         self.world.axes()
+    }
+
+    /// All starts of a finite world, each once.
+    pub fn starts(&self) -> Option<Vec<Start>> {
+        self.world.starts()
     }
 
     /// A joint action in words.
@@ -176,6 +204,7 @@ impl Scenario {
                 check::apply(&mut spec, change)?;
                 Ok(self.remade(spec))
             }
+            World::Grid(world) => self.with_grid(world, change),
         }
     }
 
@@ -187,6 +216,7 @@ impl Scenario {
                 spec.plant = plant;
                 self.remade(spec)
             }
+            World::Grid(_) => self.clone(),
         }
     }
 
@@ -195,7 +225,9 @@ impl Scenario {
     /// `name` is what rows and files call it. A world that is not driven stays
     /// as it is.
     pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
-        let World::Drive(world) = &self.world;
+        let World::Drive(world) = &self.world else {
+            return self.clone();
+        };
         let mut spec = world.spec().clone();
         for agent in &mut spec.agents {
             if let Drive::Ego(drive) = &mut agent.drive {
@@ -230,7 +262,10 @@ impl Scenario {
                 problems: vec![problem],
             }))
         };
-        let change: Change = read::parse(&text).map_err(fail)?;
+        let change = match &self.world {
+            World::Drive(_) => read::parse(&text).map_err(fail)?,
+            World::Grid(_) => read::parse::<GridChange>(&text).map_err(fail)?.into(),
+        };
         match self.with(&change) {
             Ok(scenario) => Ok((change, scenario)),
             Err(error) => {

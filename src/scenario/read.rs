@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::LoadError;
 use super::error::{Problem, ScenarioError, did_you_mean, known_names};
-use super::locate::first_non_finite;
+use super::locate::{first_non_finite, first_word};
 
 /// World files larger than this are refused.
 const MAX_BYTES: u64 = 4 << 20;
@@ -40,6 +40,41 @@ pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
             text,
         }))
     })
+}
+
+/// What a world file describes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// `Scenario(…)`: driving.
+    Scenario,
+    /// `Grid(…)`.
+    Grid,
+}
+
+/// The kind of world that the first word of a file names.
+///
+/// Whatever else is wrong is left to [`parse`].
+pub(super) fn kind(text: &str) -> Result<Kind, Problem> {
+    let Some(span) = first_word(text) else {
+        return Ok(Kind::Scenario);
+    };
+    let known = ["Scenario", "Grid"];
+    match &text[span.clone()] {
+        "Scenario" => Ok(Kind::Scenario),
+        "Grid" => Ok(Kind::Grid),
+        other => {
+            let list = known_names("one of", known);
+            Err(Problem {
+                what: format!("`{other}` is no kind of world"),
+                span,
+                label: "not known".to_owned(),
+                help: Some(match did_you_mean(other, known) {
+                    Some(guess) => format!("{guess} — {list}"),
+                    None => list,
+                }),
+            })
+        }
+    }
 }
 
 /// Reads a value from RON, finite numbers only.

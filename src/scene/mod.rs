@@ -7,6 +7,7 @@
 //! Architecture Invariant: a scene computes no reward and no verdict.
 
 pub mod drive;
+pub mod grid;
 mod world;
 
 use std::sync::Arc;

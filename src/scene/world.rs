@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::drive::{DriveSpec, DriveWorld};
-use super::{Axis, Clock, Scene};
+use super::drive::DriveWorld;
+use super::grid::GridWorld;
+use super::{Axis, Clock, Scene, Start};
 use crate::rl::Spaces;
 use crate::sim::PlantKind;
 use crate::trace::{Schema, Signal};
@@ -15,6 +16,8 @@ use crate::trace::{Schema, Signal};
 pub enum World {
     /// Cars on a road.
     Drive(DriveWorld),
+    /// Cells on a map.
+    Grid(GridWorld),
 }
 
 /// What moves a world, as rows and files name it.
@@ -24,6 +27,8 @@ pub enum Dynamics {
     Rigid,
     /// 2D, closed form.
     Kinematic,
+    /// Cells: one whole move per step.
+    Cells,
 }
 
 impl From<PlantKind> for Dynamics {
@@ -41,6 +46,7 @@ impl Dynamics {
         match self {
             Dynamics::Rigid => Some(PlantKind::Rigid),
             Dynamics::Kinematic => Some(PlantKind::Kinematic),
+            Dynamics::Cells => None,
         }
     }
 }
@@ -92,6 +98,7 @@ impl World {
     pub fn clock(&self) -> &Clock {
         match self {
             World::Drive(world) => &world.spec().clock,
+            World::Grid(world) => world.clock(),
         }
     }
 
@@ -99,6 +106,7 @@ impl World {
     pub fn schema(&self) -> &Arc<Schema> {
         match self {
             World::Drive(world) => world.schema(),
+            World::Grid(world) => world.schema(),
         }
     }
 
@@ -106,6 +114,7 @@ impl World {
     pub fn spaces(&self) -> &Spaces {
         match self {
             World::Drive(world) => world.spaces(),
+            World::Grid(world) => world.spaces(),
         }
     }
 
@@ -113,6 +122,7 @@ impl World {
     pub fn scene(&self) -> Box<dyn Scene> {
         match self {
             World::Drive(world) => Box::new(world.scene()),
+            World::Grid(world) => Box::new(world.scene()),
         }
     }
 
@@ -120,6 +130,7 @@ impl World {
     pub fn axes(&self) -> Vec<Axis> {
         match self {
             World::Drive(world) => world.spec().axes(),
+            World::Grid(world) => world.spec().axes(),
         }
     }
 
@@ -127,6 +138,7 @@ impl World {
     pub fn dynamics(&self) -> Dynamics {
         match self {
             World::Drive(world) => world.spec().plant.into(),
+            World::Grid(_) => Dynamics::Cells,
         }
     }
 
@@ -134,13 +146,25 @@ impl World {
     pub fn action_label(&self, action: usize) -> String {
         match self {
             World::Drive(world) => world.spec().action_label(action),
+            World::Grid(world) => world.spec().action_label(action),
         }
     }
 
     /// Every signal that formulas may use, derived ones included.
     pub fn signals(&self) -> Vec<(Signal, Held)> {
         match self {
-            World::Drive(world) => driving_signals(world.spec()),
+            World::Drive(world) => {
+                let spec = world.spec();
+                let offers = spec.catalogue().into_iter();
+                let offers = offers.map(|offer| (offer.signal, offer.always));
+                listed(offers, &spec.extra, &spec.derived)
+            }
+            World::Grid(world) => {
+                let spec = world.spec();
+                let offers = spec.catalogue().into_iter();
+                let offers = offers.map(|offer| (offer.signal, offer.always));
+                listed(offers, &spec.extra, &spec.derived)
+            }
         }
     }
 
@@ -148,19 +172,32 @@ impl World {
     pub fn observed(&self) -> &[Observed] {
         match self {
             World::Drive(world) => &world.spec().observe,
+            World::Grid(world) => &world.spec().observe,
+        }
+    }
+
+    /// All starts of a finite world, each once.
+    pub fn starts(&self) -> Option<Vec<Start>> {
+        match self {
+            World::Drive(_) => None,
+            World::Grid(world) => world.spec().all_starts(),
         }
     }
 }
 
-fn driving_signals(spec: &DriveSpec) -> Vec<(Signal, Held)> {
-    let published = spec.catalogue().into_iter().map(|offer| {
-        let held = match offer.always || spec.extra.contains(&offer.signal.name) {
+fn listed(
+    offers: impl Iterator<Item = (Signal, bool)>,
+    extra: &[String],
+    derived: &[Derived],
+) -> Vec<(Signal, Held)> {
+    let published = offers.map(|(signal, always)| {
+        let held = match always || extra.contains(&signal.name) {
             true => Held::Recorded,
             false => Held::OnDemand,
         };
-        (offer.signal, held)
+        (signal, held)
     });
-    let derived = spec.derived.iter();
+    let derived = derived.iter();
     let derived = derived.map(|derived| (derived.signal.clone(), Held::Derived));
     published.chain(derived).collect()
 }

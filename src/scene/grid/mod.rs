@@ -1,0 +1,315 @@
+//! The grid world of the paper's Sections I and V-A, assembled from data.
+//!
+//! An ego flees over an n×n map, an ado hunts it; both move at once. What the
+//! text leaves open is a field of the world file: readings A and B of
+//! docs/grid.md differ in what the ego does at a wall ([`AtWall`]).
+//!
+//! The map is small enough to be solved: [`exact`] knows the best ado.
+
+mod arena;
+pub mod exact;
+mod signals;
+mod spec;
+
+use std::sync::Arc;
+
+use rand::RngExt;
+
+pub use arena::{Arena, AtWall, Cell, Position};
+pub use signals::Offer;
+pub use spec::{GridSpec, Horizon, Starts, position, position_of, start_of};
+
+use super::drive::SceneError;
+use super::{Axis, Cast, Clock, Flow, Frame, Role, Scene, Stage, Start, Touch};
+use crate::rl::Spaces;
+use crate::seed::StartKey;
+use crate::sim::Placement;
+use crate::stl::BoundExpr;
+use crate::trace::{Schema, SchemaError};
+use signals::{Moment, Source};
+
+/// An assembled grid world: makes scenes that share everything fixed.
+#[derive(Clone)]
+pub struct GridWorld(Arc<Layout>);
+
+struct Layout {
+    spec: GridSpec,
+    clock: Clock,
+    schema: Arc<Schema>,
+    sources: Vec<Source>,
+    derived: Vec<BoundExpr>,
+    observed: Vec<(usize, f64, f64)>,
+    axes: Vec<Axis>,
+    spaces: Spaces,
+}
+
+/// A grid scene in motion.
+#[derive(Clone)]
+pub struct GridScene {
+    layout: Arc<Layout>,
+    moment: Moment,
+    action: usize,
+}
+
+/// The schema of a spec's traces: published signals, then derived ones.
+///
+/// # Errors
+/// Two signals of one name.
+pub fn schema_of(spec: &GridSpec) -> Result<Schema, SchemaError> {
+    let published = spec.published().into_iter().map(|offer| offer.signal);
+    let derived = spec.derived.iter().map(|derived| derived.signal.clone());
+    Schema::new(spec.clock().sample_s, published.chain(derived))
+}
+
+impl GridWorld {
+    /// Assembles a world.
+    ///
+    /// # Errors
+    /// Signals that clash or do not bind.
+    pub fn new(spec: GridSpec) -> Result<GridWorld, SceneError> {
+        let schema = schema_of(&spec)?;
+        let bind = |derived: &super::Derived| {
+            let bound = derived.expr.bind(&schema, &spec.constants);
+            bound.map_err(|source| SceneError::Derived {
+                name: derived.signal.name.clone(),
+                source: Box::new(source),
+            })
+        };
+        let derived = spec.derived.iter().map(bind).collect::<Result<_, _>>()?;
+        let find = |observed: &super::Observed| match schema.position(&observed.name) {
+            Some(position) => Ok((position, observed.mid, 1.0 / observed.half)),
+            None => Err(SceneError::Observed {
+                name: observed.name.clone(),
+            }),
+        };
+        let observed: Vec<_> = spec.observe.iter().map(find).collect::<Result<_, _>>()?;
+        Ok(GridWorld(Arc::new(Layout {
+            clock: spec.clock(),
+            schema: Arc::new(schema),
+            sources: spec.published().iter().map(|offer| offer.source).collect(),
+            derived,
+            axes: spec.axes(),
+            spaces: Spaces {
+                observation: observed.len(),
+                actions: spec.moves.len(),
+                neutral: spec.neutral,
+            },
+            observed,
+            spec,
+        })))
+    }
+
+    /// What it was assembled from.
+    pub fn spec(&self) -> &GridSpec {
+        &self.0.spec
+    }
+
+    /// The clocks.
+    pub fn clock(&self) -> &Clock {
+        &self.0.clock
+    }
+
+    /// The published signals.
+    pub fn schema(&self) -> &Arc<Schema> {
+        &self.0.schema
+    }
+
+    /// Shapes of the ado's observation and action.
+    pub fn spaces(&self) -> &Spaces {
+        &self.0.spaces
+    }
+
+    /// A scene at rest, to be `reset`.
+    pub fn scene(&self) -> GridScene {
+        let corner = Cell { x: 0, y: 0 };
+        let both = Position {
+            ego: corner,
+            ado: corner,
+        };
+        GridScene {
+            layout: Arc::clone(&self.0),
+            moment: Moment {
+                now: both,
+                before: both,
+                step: 0,
+                steps: self.spec().steps(),
+            },
+            action: self.spec().neutral,
+        }
+    }
+
+    /// Which observed numbers follow from where both stand.
+    ///
+    /// Times and speeds do not; derived signals do if all they mention does.
+    fn positional(&self) -> Vec<bool> {
+        let spec = self.spec();
+        let offers = spec.catalogue();
+        let plain = |name: &str| {
+            let mut found = offers.iter().filter(|offer| offer.signal.name == name);
+            found
+                .next()
+                .is_some_and(|offer| offer.source.is_positional())
+        };
+        let mut known: Vec<(&str, bool)> = Vec::new();
+        for derived in &spec.derived {
+            let of = |name: &str| {
+                let earlier = known.iter().find(|(other, _)| *other == name);
+                earlier.map_or_else(|| plain(name), |(_, positional)| *positional)
+            };
+            let positional = derived.expr.signals().into_iter().all(of);
+            known.push((&derived.signal.name, positional));
+        }
+        let observed = spec.observe.iter().map(|observed| {
+            let derived = known.iter().find(|(name, _)| *name == observed.name);
+            derived.map_or_else(|| plain(&observed.name), |(_, positional)| *positional)
+        });
+        observed.collect()
+    }
+}
+
+impl GridScene {
+    /// Where both stand.
+    pub fn position(&self) -> Position {
+        self.moment.now
+    }
+
+    /// Puts both somewhere at t = 0.
+    fn place(&mut self, both: Position) {
+        self.moment.now = both;
+        self.moment.before = both;
+        self.moment.step = 0;
+    }
+
+    fn touch(&self) -> Touch {
+        let arena = &self.layout.spec.arena;
+        let Position { ego, ado } = self.moment.now;
+        let apart = |both: Position| f64::from(both.ego.manhattan(both.ado));
+        let closed = apart(self.moment.before) - apart(self.moment.now);
+        let middle = |a: i32, b: i32| (f64::from(a + b) / 2.0 + 0.5) / f64::from(arena.refine);
+        Touch {
+            between: ("ego".to_owned(), "ado".to_owned()),
+            time_s: f64::from(self.moment.step),
+            closing_speed_mps: closed / f64::from(arena.refine),
+            point_m: [middle(ego.x, ado.x), middle(ego.y, ado.y), 0.0],
+        }
+    }
+}
+
+impl Scene for GridScene {
+    fn schema(&self) -> &Arc<Schema> {
+        &self.layout.schema
+    }
+
+    fn spaces(&self) -> &Spaces {
+        &self.layout.spaces
+    }
+
+    fn clock(&self) -> &Clock {
+        &self.layout.clock
+    }
+
+    fn axes(&self) -> &[Axis] {
+        &self.layout.axes
+    }
+
+    fn draw(&self, key: StartKey) -> Start {
+        let spec = &self.layout.spec;
+        let mut rng = key.generator(&spec.world, "start");
+        if let Starts::Pairs(pairs) = &spec.starts
+            && !pairs.is_empty()
+        {
+            return start_of(position(pairs[rng.random_range(0..pairs.len())]));
+        }
+        let mut cell = || spec.arena.cell(rng.random_range(0..spec.arena.cells()));
+        loop {
+            let both = Position {
+                ego: cell(),
+                ado: cell(),
+            };
+            // Invariant: a map has at least two cells a side, so this ends.
+            if !spec.arena.touching(both) {
+                return start_of(both);
+            }
+        }
+    }
+
+    fn reset(&mut self, start: &Start, _noise: u64) {
+        let both = position_of(start, &self.layout.spec.arena);
+        self.place(both);
+        self.action = self.layout.spec.neutral;
+    }
+
+    fn decide(&mut self, action: usize) {
+        self.action = action;
+    }
+
+    fn advance(&mut self) -> Flow {
+        let spec = &self.layout.spec;
+        let next = spec.arena.next(self.moment.now, spec.moves[self.action]);
+        self.moment.before = self.moment.now;
+        self.moment.now = next;
+        self.moment.step += 1;
+        match spec.arena.touching(next) {
+            true => Flow::Contact(self.touch()),
+            false => Flow::Going,
+        }
+    }
+
+    fn publish(&self, row: &mut [f64]) {
+        let layout = &self.layout;
+        for (value, source) in row.iter_mut().zip(&layout.sources) {
+            *value = self.moment.value(&layout.spec.arena, *source);
+        }
+        let published = layout.sources.len();
+        for (i, expr) in layout.derived.iter().enumerate() {
+            row[published + i] = expr.eval(row);
+        }
+    }
+
+    fn observe(&self, row: &[f64], obs: &mut [f32]) {
+        for (value, &(position, mid, per_half)) in obs.iter_mut().zip(&self.layout.observed) {
+            // The one cast from signals to observations.
+            *value = ((row[position] - mid) * per_half) as f32;
+        }
+    }
+
+    fn stage(&self) -> Stage {
+        let arena = &self.layout.spec.arena;
+        let side = 1.0 / f64::from(arena.refine);
+        let cast = |name: &str, role| Cast {
+            name: name.to_owned(),
+            role,
+            size_m: [side; 3],
+        };
+        let size = f64::from(arena.size);
+        let lines = (0..=arena.size).map(f64::from).flat_map(|at| {
+            let across = vec![[0.0, at, 0.0], [size, at, 0.0]];
+            let along = vec![[at, 0.0, 0.0], [at, size, 0.0]];
+            [across, along]
+        });
+        Stage {
+            cast: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
+            lane_borders_m: lines.collect(),
+        }
+    }
+
+    fn frame(&self) -> Frame {
+        let side = 1.0 / f64::from(self.layout.spec.arena.refine);
+        let placement = |cell: Cell| Placement {
+            centre_m: [
+                (f64::from(cell.x) + 0.5) * side,
+                (f64::from(cell.y) + 0.5) * side,
+                side / 2.0,
+            ],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+        };
+        let Position { ego, ado } = self.moment.now;
+        Frame {
+            placements: vec![placement(ego), placement(ado)],
+        }
+    }
+
+    fn fork(&self) -> Option<Box<dyn Scene>> {
+        Some(Box::new(self.clone()))
+    }
+}

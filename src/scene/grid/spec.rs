@@ -1,0 +1,159 @@
+//! What a grid scene is made of: checked data, no spans.
+
+use serde::{Deserialize, Serialize};
+
+use super::arena::{Arena, AtWall, Cell, Position};
+use crate::scene::{Axis, Clock, Derived, Observed, Start};
+use crate::stl::Constants;
+
+/// K: how many steps an episode has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Horizon {
+    /// So many.
+    Steps(u32),
+    /// So many per cell along a side: `PerSize(2)` is K = 2n.
+    PerSize(u32),
+}
+
+impl Horizon {
+    /// K on a map of `size` cells a side.
+    pub fn steps(self, size: u32) -> u32 {
+        match self {
+            Horizon::Steps(steps) => steps,
+            Horizon::PerSize(per_cell) => per_cell.saturating_mul(size),
+        }
+    }
+}
+
+/// X_init.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Starts {
+    /// Every ordered pair of cells at least one cell apart, each once.
+    #[default]
+    AllPairs,
+    /// The same pairs, drawn at random and never listed.
+    Uniform,
+    /// These: `[((ego_x, ego_y), (ado_x, ado_y)), …]` in fine cells.
+    Pairs(Vec<((i32, i32), (i32, i32))>),
+}
+
+/// A grid world, assembled from data.
+#[derive(Clone, Debug)]
+pub struct GridSpec {
+    /// Name of the world; part of every start's key.
+    pub world: String,
+    /// The map and the ego.
+    pub arena: Arena,
+    /// K.
+    pub horizon: Horizon,
+    /// The ado's actions: cells to the right and up.
+    pub moves: Vec<(i32, i32)>,
+    /// The action that stays.
+    pub neutral: usize,
+    /// X_init.
+    pub starts: Starts,
+    /// Signals published besides the basic ones, by name.
+    pub extra: Vec<String>,
+    /// Signals derived from the others, in order.
+    pub derived: Vec<Derived>,
+    /// Constants that derived signals may use.
+    pub constants: Constants,
+    /// The ado's observation.
+    pub observe: Vec<Observed>,
+}
+
+impl GridSpec {
+    /// A step is one sample, one decision and one second.
+    pub fn clock(&self) -> Clock {
+        Clock {
+            horizon_s: f64::from(self.steps()),
+            decision_s: 1.0,
+            sample_s: 1.0,
+            substeps: 1,
+        }
+    }
+
+    /// K.
+    pub fn steps(&self) -> u32 {
+        self.horizon.steps(self.arena.size)
+    }
+
+    /// An action in words.
+    pub fn action_label(&self, action: usize) -> String {
+        match self.moves[action] {
+            (0, 0) => "stay".to_owned(),
+            (0, 1) => "up".to_owned(),
+            (0, -1) => "down".to_owned(),
+            (-1, 0) => "left".to_owned(),
+            (1, 0) => "right".to_owned(),
+            (right, up) => format!("({right:+}, {up:+})"),
+        }
+    }
+
+    /// X_init: the two cells, in fine cells.
+    pub fn axes(&self) -> Vec<Axis> {
+        let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
+        names.map(|name| self.axis(name)).into()
+    }
+
+    fn axis(&self, name: &str) -> Axis {
+        Axis {
+            name: name.to_owned(),
+            unit: "fine cell",
+            lo: 0.0,
+            hi: f64::from(self.arena.side() - 1),
+        }
+    }
+
+    /// All starts, where they can be listed.
+    pub fn all_starts(&self) -> Option<Vec<Start>> {
+        match &self.starts {
+            Starts::AllPairs => Some(self.arena.starts().map(start_of).collect()),
+            Starts::Uniform => None,
+            Starts::Pairs(pairs) => {
+                Some(pairs.iter().map(|pair| start_of(position(*pair))).collect())
+            }
+        }
+    }
+}
+
+/// A pair as a world file writes it.
+pub fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
+    let cell = |(x, y)| Cell { x, y };
+    Position {
+        ego: cell(ego),
+        ado: cell(ado),
+    }
+}
+
+/// A position as a start.
+pub fn start_of(both: Position) -> Start {
+    let Position { ego, ado } = both;
+    Start([ego.x, ego.y, ado.x, ado.y].map(f64::from).into())
+}
+
+/// A start as a position, rounded to cells of the map.
+///
+/// Missing values are 0, and values outside fall on the border.
+pub fn position_of(start: &Start, arena: &Arena) -> Position {
+    let highest = f64::from(arena.side() - 1);
+    let at = |i: usize| {
+        let value = start.0.get(i).copied().unwrap_or(0.0);
+        value.round().clamp(0.0, highest) as i32
+    };
+    Position {
+        ego: Cell { x: at(0), y: at(1) },
+        ado: Cell { x: at(2), y: at(3) },
+    }
+}
+
+/// The wall rule of a reading, as the paper's two sentences have it.
+impl AtWall {
+    /// The letter in docs/grid.md.
+    pub fn reading(self) -> char {
+        match self {
+            AtWall::Stays => 'A',
+            AtWall::FirstInMap => 'B',
+        }
+    }
+}
