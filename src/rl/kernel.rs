@@ -6,11 +6,13 @@
 //! on the width of the registers: acting and training agree to the last bit,
 //! on every CPU.
 
+use pulp::{Arch, Simd, WithSimd};
+
 /// Columns are stored in multiples of this; the padding holds zeros.
 pub const LANES: usize = 8;
 
 /// Rows of a result that are worked on together.
-const ROWS: usize = 2;
+const ROWS: usize = 4;
 
 /// Rounds a number of columns up to a multiple of [`LANES`].
 pub const fn padded(columns: usize) -> usize {
@@ -38,8 +40,18 @@ pub struct Product<'a> {
 
 impl Product<'_> {
     /// Fills `out`, `[rows, width]`, dense.
-    #[inline(always)]
+    ///
+    /// Compiled for several instruction sets, chosen at run time; the bits of
+    /// the result are the same for all of them.
     pub fn write(&self, out: &mut [f32]) {
+        Arch::new().dispatch(Write {
+            product: *self,
+            out,
+        });
+    }
+
+    #[inline(always)]
+    fn strips(&self, out: &mut [f32]) {
         let width = self.start.len();
         // Invariant: columns are padded, so that no tile hangs over the edge.
         assert!(width.is_multiple_of(LANES) && out.len().is_multiple_of(width));
@@ -107,5 +119,20 @@ impl Product<'_> {
             }
         }
         sums
+    }
+}
+
+/// The work to be done, for [`Arch::dispatch`].
+struct Write<'a> {
+    product: Product<'a>,
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Write<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.product.strips(self.out);
     }
 }

@@ -28,7 +28,7 @@ pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use row::{ClosingSpeed, Row, wilson};
 pub use samples::{SamplesError, trace_of_csv};
 
-use crate::rl::{Bundle, BundleError, Policy, load_policy};
+use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
 use crate::scenario::{LoadError, Scenario, ScenarioError};
 use crate::scene::Dynamics;
 
@@ -254,7 +254,9 @@ impl RunDir {
     /// There is none yet, or its file is damaged.
     pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
         let bundle = self.policy_bundle()?;
-        load_policy(&bundle).map_err(self.damaged("policy.safetensors"))
+        let scenario = self.scenario()?;
+        load_policy_for(scenario.world().spaces(), &bundle)
+            .map_err(self.damaged("policy.safetensors"))
     }
 
     /// The trained ado as stored.
