@@ -3,11 +3,13 @@
 //! Everything here runs in parallel per episode and gives the same rows for any
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
+mod case_studies;
 mod eval;
 mod replay;
 mod search;
 mod train;
 
+pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study};
 pub use eval::{
     Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
     trivial_starts,

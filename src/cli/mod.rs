@@ -6,6 +6,7 @@ mod check;
 mod eval;
 mod failure;
 mod kept;
+mod reproduce;
 mod search;
 mod stl;
 mod table;
@@ -59,6 +60,8 @@ enum Verb {
     Replay(kept::ReplayArgs),
     /// Measure a formula of Signal Temporal Logic on a trace in CSV.
     Stl(stl::StlArgs),
+    /// Make the tables of the README again, from nothing.
+    Reproduce(reproduce::ReproduceArgs),
     /// Write an episode as a recording for the rerun viewer.
     #[cfg(any())]
     View(kept::ViewArgs),
@@ -104,6 +107,7 @@ pub fn main() -> ExitCode {
         Verb::Search(args) => with_jobs(&args.common.clone(), move || search::run(&args)),
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
+        Verb::Reproduce(args) => with_jobs(&args.common.clone(), move || reproduce::run(&args)),
         #[cfg(any())]
         Verb::View(args) => kept::view(&args),
     };

@@ -13,6 +13,7 @@
 //! Files are written beside their place and renamed, so a full disk or a
 //! killed process never leaves a half-written one behind.
 
+mod interval;
 mod kept;
 mod row;
 mod samples;
@@ -24,8 +25,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+pub use interval::{paired_difference, two_level_bootstrap, wilson};
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
-pub use row::{ClosingSpeed, Row, wilson};
+pub use row::{ClosingSpeed, Row};
 pub use samples::{SamplesError, trace_of_csv};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};

@@ -103,30 +103,3 @@ impl Row {
         self.beyond_search = Some(beyond);
     }
 }
-
-/// Wilson's 95 % score interval of `successes` out of `n`; [0, 1] for n = 0.
-pub fn wilson(successes: usize, n: usize) -> [f64; 2] {
-    if n == 0 {
-        return [0.0, 1.0];
-    }
-    const Z: f64 = 1.959_963_984_540_054;
-    let (n, p) = (n as f64, successes as f64 / n as f64);
-    let z2 = Z * Z;
-    let centre = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
-    let half = Z / (1.0 + z2 / n) * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
-    [(centre - half).max(0.0), (centre + half).min(1.0)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn wilson_agrees_with_published_values() {
-        // Newcombe 1998, Table I: 81 of 263, and 0 of 20.
-        let [lo, hi] = wilson(81, 263);
-        assert!((lo - 0.2553).abs() < 1e-4 && (hi - 0.3662).abs() < 1e-4);
-        let [lo, hi] = wilson(0, 20);
-        assert!(lo == 0.0 && (hi - 0.1611).abs() < 1e-4);
-    }
-}

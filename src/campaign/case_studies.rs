@@ -1,0 +1,196 @@
+//! The driving case studies: every world, several training seeds, one table.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::eval::{Ado, EvalRequest, best_constant, eval, trivial_starts};
+use super::search::{Method, SearchRequest, search};
+use super::train::{TrainError, TrainRequest, train};
+use super::{TestStarts, Watch};
+use crate::run::{Row, RunDir, paired_difference, two_level_bootstrap};
+use crate::scenario::Scenario;
+
+/// Switches of the search that defines the reachable share.
+const SWITCHES: usize = 2;
+
+/// What to reproduce.
+pub struct CaseStudies<'a> {
+    /// Training seeds 1 ..= `seeds`.
+    pub seeds: u64,
+    /// Test starts to draw, of stream seed 0.
+    pub starts: usize,
+    /// Where the run directories go.
+    pub runs: &'a Path,
+}
+
+/// One world's results.
+#[derive(Clone, Debug, Serialize)]
+pub struct CaseStudy {
+    /// Name of the world.
+    pub world: String,
+    /// Starts evaluated.
+    pub starts: usize,
+    /// Starts left out because the ego fails without an adversary.
+    pub trivial: usize,
+    /// Training seeds.
+    pub seeds: usize,
+    /// Mean success rate of the trained ados.
+    pub success_rate: f64,
+    /// Two-level bootstrap (seeds, starts) of it.
+    pub ci95: [f64; 2],
+    /// Median over seeds of the share of search-solved starts solved too.
+    pub recall_median: Option<f64>,
+    /// The worst seed's.
+    pub recall_min: Option<f64>,
+    /// Mean share of starts on which a rule was broken.
+    pub foul_rate: f64,
+    /// Trained minus held-random, paired on starts, with its interval.
+    pub over_held: (f64, [f64; 2]),
+    /// Trained minus the best constant ado, paired on starts, with its interval.
+    pub over_constant: (f64, [f64; 2]),
+    /// Mean processor time of a training.
+    pub train_cpu_s: f64,
+    /// The rows behind it: trained ados by seed, then baselines and search.
+    pub rows: Vec<Row>,
+}
+
+/// Trains and evaluates one world; runs that exist already are used as they are.
+///
+/// # Errors
+/// Training fails or the disk refuses. `None`: stopped from outside; finished
+/// trainings are kept.
+pub fn case_study(
+    scenario: &Scenario,
+    request: &CaseStudies<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<CaseStudy>, TrainError> {
+    let seeds: Vec<u64> = (1..=request.seeds).collect();
+    let runs: Vec<(PathBuf, f64)> = seeds
+        .par_iter()
+        .map(|&seed| trained_run(scenario, seed, request.runs, watch))
+        .collect::<Result<_, _>>()?;
+    if watch.stopped() {
+        return Ok(None);
+    }
+    let starts = trivial_starts(scenario, 0, request.starts);
+    let mut trained = Vec::new();
+    for (path, _) in &runs {
+        let run = RunDir::open(path)?;
+        let policy = run.policy()?;
+        let ado = Ado::Trained(&*policy, run.manifest().seed);
+        trained.push(one(scenario, ado, &starts, watch));
+    }
+    let held = one(scenario, Ado::Held, &starts, watch);
+    let random = one(scenario, Ado::Random, &starts, watch);
+    let constant = best_constant(scenario, "nominal", &starts, watch).row;
+    let searched = search(
+        &SearchRequest {
+            scenario,
+            ego: "nominal",
+            method: Method::Switches(SWITCHES),
+            budget: 0,
+            starts: &starts,
+        },
+        watch,
+    )
+    .row;
+    if watch.stopped() {
+        return Ok(None);
+    }
+    for row in &mut trained {
+        row.compare_with_search(&searched.solved);
+    }
+    let solved: Vec<&str> = trained.iter().map(|row| row.solved.as_str()).collect();
+    let mean = |of: fn(&Row) -> f64| trained.iter().map(of).sum::<f64>() / trained.len() as f64;
+    let mut recalls: Vec<f64> = trained.iter().filter_map(|row| row.recall).collect();
+    recalls.sort_by(f64::total_cmp);
+    let study = CaseStudy {
+        world: scenario.name.clone(),
+        starts: held.starts,
+        trivial: held.trivial,
+        seeds: trained.len(),
+        success_rate: mean(|row| row.success_rate),
+        ci95: two_level_bootstrap(&solved),
+        recall_median: recalls.get(recalls.len() / 2).copied(),
+        recall_min: recalls.first().copied(),
+        foul_rate: mean(|row| row.foul_rate),
+        over_held: paired_difference(&solved, &[&held.solved]),
+        over_constant: paired_difference(&solved, &[&constant.solved]),
+        train_cpu_s: runs.iter().map(|(_, cpu_s)| cpu_s).sum::<f64>() / runs.len() as f64,
+        rows: Vec::new(),
+    };
+    let mut rows = trained;
+    rows.extend([held, random, constant, searched]);
+    Ok(Some(CaseStudy { rows, ..study }))
+}
+
+fn one(scenario: &Scenario, ado: Ado<'_>, starts: &TestStarts, watch: &Watch<'_>) -> Row {
+    let request = EvalRequest {
+        scenario,
+        ego: "nominal",
+        ado,
+        starts,
+    };
+    eval(&request, watch).row
+}
+
+/// The run of a seed, trained now if it is not there yet.
+fn trained_run(
+    scenario: &Scenario,
+    seed: u64,
+    runs: &Path,
+    watch: &Watch<'_>,
+) -> Result<(PathBuf, f64), TrainError> {
+    let path = runs.join(format!("{}-{seed}", scenario.name));
+    let mut run = match RunDir::open(&path) {
+        Ok(run) if run.manifest().policy_sha256.is_some() => {
+            return Ok((path, run.manifest().cpu_s));
+        }
+        Ok(_) => RunDir::resume(&path)?,
+        Err(_) => RunDir::create(&path, scenario, seed)?,
+    };
+    let request = TrainRequest {
+        scenario,
+        from: None,
+    };
+    let trained = train(&request, &mut run, watch)?;
+    Ok((path, trained.done.cpu_s))
+}
+
+/// The studies as a Markdown table.
+pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
+    let mut text = String::from(
+        "| world | starts (trivial) | trained: success [95 %] | recall, median (min) | fouls | \
+         search ≤ 2 switches | random, held | random | best constant | training CPU s |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    let percent = |rate: f64| format!("{:.1} %", 100.0 * rate);
+    for study in studies {
+        let baseline = |ado: &str| {
+            let row = study.rows.iter().find(|row| row.ado == ado);
+            row.map_or("–".to_owned(), |row| percent(row.success_rate))
+        };
+        let recall = match (study.recall_median, study.recall_min) {
+            (Some(median), Some(min)) => format!("{median:.3} ({min:.3})"),
+            _ => "–".to_owned(),
+        };
+        text.push_str(&format!(
+            "| {} | {} ({}) | {} [{:.1}, {:.1}] | {recall} | {} | {} | {} | {} | {} | {:.0} |\n",
+            study.world,
+            study.starts,
+            study.trivial,
+            percent(study.success_rate),
+            100.0 * study.ci95[0],
+            100.0 * study.ci95[1],
+            percent(study.foul_rate),
+            baseline("search"),
+            baseline("hold"),
+            baseline("random"),
+            baseline("constant"),
+            study.train_cpu_s,
+        ));
+    }
+    text
+}
