@@ -33,6 +33,9 @@ pub(super) enum Source {
     AwayY,
     Manhattan,
     Captured,
+    BehindX,
+    BehindY,
+    EgoStep,
     Size,
 }
 
@@ -165,6 +168,30 @@ impl GridSpec {
             Source::AwayY,
         );
         offer(
+            "behind.x",
+            "cell",
+            "free cells behind the ego as the ado sees it, along x; to the right if level",
+            length,
+            false,
+            Source::BehindX,
+        );
+        offer(
+            "behind.y",
+            "cell",
+            "free cells behind the ego as the ado sees it, along y; above it if level",
+            length,
+            false,
+            Source::BehindY,
+        );
+        offer(
+            "ego.step",
+            "cell",
+            "k: cells the ego moves per step",
+            length,
+            false,
+            Source::EgoStep,
+        );
+        offer(
             "d_man",
             "cell",
             "Manhattan distance of the two",
@@ -232,6 +259,15 @@ impl Moment {
             }
             Source::AwayX => cells(self.now.ego.x - self.now.ado.x),
             Source::AwayY => cells(self.now.ego.y - self.now.ado.y),
+            Source::BehindX => match 0.0 <= self.value(arena, Source::AwayX) {
+                true => self.value(arena, Source::Right(Who::Ego)),
+                false => self.value(arena, Source::Left(Who::Ego)),
+            },
+            Source::BehindY => match 0.0 <= self.value(arena, Source::AwayY) {
+                true => self.value(arena, Source::Up(Who::Ego)),
+                false => self.value(arena, Source::Down(Who::Ego)),
+            },
+            Source::EgoStep => cells(arena.ego_step as i32),
             Source::Manhattan => cells(self.now.ego.manhattan(self.now.ado)),
             Source::Captured => f64::from(u8::from(arena.touching(self.now))),
             Source::Size => f64::from(arena.size),
