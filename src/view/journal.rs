@@ -1,0 +1,136 @@
+//! Messages for the viewer, assembled in this thread.
+//!
+//! The library's own recording stream batches rows on a thread of its own,
+//! which pays for programs that log while they run. Here everything is known
+//! beforehand, in columns, and starting and joining that thread would cost
+//! more than the recording itself.
+
+use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
+use rerun::log::{Chunk, ChunkId, LogMsg, RowId};
+use rerun::time::{TimePoint, Timeline};
+use rerun::{
+    AsComponents, EntityPath, RecordingStreamError, SerializationError, SerializedComponentColumn,
+    StoreId, StoreKind, TimeColumn,
+};
+
+use super::ViewError;
+
+/// Names the application under which the viewer keeps the user's layout.
+const APPLICATION: &str = "brakecheck";
+
+/// The messages of one store: a recording, or a blueprint.
+pub(super) struct Journal {
+    store: StoreId,
+    messages: Vec<LogMsg>,
+}
+
+impl Journal {
+    /// A journal that opens a new store.
+    pub fn new(kind: StoreKind) -> Journal {
+        let store = StoreId::random(kind, APPLICATION);
+        let source = StoreSource::Other(concat!("brakecheck ", env!("CARGO_PKG_VERSION")).into());
+        let opening = LogMsg::SetStoreInfo(SetStoreInfo {
+            row_id: *RowId::new(),
+            info: StoreInfo::new(store.clone(), source),
+        });
+        Journal {
+            store,
+            messages: vec![opening],
+        }
+    }
+
+    /// The store it writes.
+    pub fn store(&self) -> &StoreId {
+        &self.store
+    }
+
+    /// Everything so far.
+    pub fn into_messages(self) -> Vec<LogMsg> {
+        self.messages
+    }
+
+    /// What holds at all times.
+    pub fn always(
+        &mut self,
+        entity: impl Into<EntityPath>,
+        parts: &[&dyn AsComponents],
+    ) -> Result<(), ViewError> {
+        self.row(entity.into(), TimePoint::default(), parts)
+    }
+
+    /// What holds from an instant (a sample and its time) on.
+    pub fn from(
+        &mut self,
+        (sample, time_s): (usize, f64),
+        entity: impl Into<EntityPath>,
+        parts: &[&dyn AsComponents],
+    ) -> Result<(), ViewError> {
+        let instant = TimePoint::default()
+            .with(Timeline::new_sequence("step"), sample as i64)
+            .with(Timeline::new_duration("sim_time"), nanos(time_s));
+        self.row(entity.into(), instant, parts)
+    }
+
+    /// A part of a blueprint.
+    pub fn layout(&mut self, node: String, part: &dyn AsComponents) -> Result<(), ViewError> {
+        let once = TimePoint::default().with(Timeline::new_sequence("blueprint"), 0);
+        self.row(node.into(), once, &[part])
+    }
+
+    /// One row per instant.
+    pub fn columns(
+        &mut self,
+        entity: impl Into<EntityPath>,
+        clock: [TimeColumn; 2],
+        columns: Result<impl Iterator<Item = SerializedComponentColumn>, SerializationError>,
+    ) -> Result<(), ViewError> {
+        let clock = clock.map(|times| (*times.timeline().name(), times));
+        let columns = columns.map_err(RecordingStreamError::from)?;
+        let chunk = Chunk::from_auto_row_ids(
+            ChunkId::new(),
+            entity.into(),
+            clock.into_iter().collect(),
+            columns
+                .map(|column| (column.descriptor, column.list_array))
+                .collect(),
+        );
+        self.push(chunk.map_err(RecordingStreamError::from)?)
+    }
+
+    fn row(
+        &mut self,
+        entity: EntityPath,
+        at: TimePoint,
+        parts: &[&dyn AsComponents],
+    ) -> Result<(), ViewError> {
+        let batches = parts.iter().flat_map(|part| part.as_serialized_batches());
+        let chunk = Chunk::builder(entity)
+            .with_serialized_batches(RowId::new(), at, batches)
+            .build();
+        self.push(chunk.map_err(RecordingStreamError::from)?)
+    }
+
+    fn push(&mut self, chunk: Chunk) -> Result<(), ViewError> {
+        let message = chunk.to_arrow_msg().map_err(RecordingStreamError::from)?;
+        self.messages
+            .push(LogMsg::ArrowMsg(self.store.clone(), message));
+        Ok(())
+    }
+}
+
+/// Both timelines at some instants, each a sample and its time.
+pub(super) fn clock(instants: impl IntoIterator<Item = (usize, f64)>) -> [TimeColumn; 2] {
+    let (steps, times_s): (Vec<i64>, Vec<f64>) = instants
+        .into_iter()
+        .map(|(sample, time_s)| (sample as i64, time_s))
+        .unzip();
+    [
+        TimeColumn::new_duration_secs("sim_time", times_s),
+        TimeColumn::new_sequence("step", steps),
+    ]
+}
+
+/// Seconds as the viewer counts them.
+pub(super) fn nanos(time_s: f64) -> i64 {
+    (1e9 * time_s).round() as i64
+}

@@ -1,0 +1,278 @@
+//! Watching an episode: a recording for the [rerun] viewer, layout included.
+//!
+//! A recording holds the cars in 3D, every signal, the running robustness of
+//! the ego's specification and of every rule, the contact, and the verdict in
+//! words, on the timelines `sim_time` and `step`:
+//!
+//! | entity | what it is |
+//! | --- | --- |
+//! | `/world/road` | surface, lane markings, a post every 10 m |
+//! | `/world/<agent>` | body, moved by its transform |
+//! | `/trails` | everybody's path on the ground |
+//! | `/contact` | where and how fast two agents met, from that instant on |
+//! | `/signals/<group>` | curves, grouped by unit, e.g. `/signals/speed` |
+//! | `/robustness/ego_spec` | running robustness of ψ_ego |
+//! | `/robustness/rule/<name>` | and of each rule |
+//! | `/marks/verdict`, `/marks/contact` | their instants, as upright lines in all plots |
+//! | `/actions/<ado>` | what the ado chose, decision by decision |
+//! | `/verdict` | the verdict in words; `/verdict/events` is the log |
+//!
+//! It opens at its last sample, where most episodes have their crash; playing
+//! from there starts over.
+//!
+//! Running robustness is the end of the interval of values still possible that
+//! says something: for `always` the running minimum. It crosses zero at the
+//! sample from which the formula is lost.
+//!
+//! Architecture Invariant: viewing never changes a result. An episode is
+//! borrowed, played again on a bench of its own, and written down.
+//!
+//! ```no_run
+//! use brakecheck::scenario::Scenario;
+//! use brakecheck::seed::{Purpose, StartKey};
+//! use brakecheck::testbench::{Aftermath, Constant, play};
+//!
+//! let world = Scenario::load("worlds/acc.ron".as_ref())?;
+//! let mut bench = world.bench();
+//! let start = bench.draw(StartKey { purpose: Purpose::Test, seed: 0, index: 0 });
+//! let episode = play(&mut bench, &start, 0, &mut Constant(0), Aftermath::Play);
+//! let recorded = brakecheck::view::record(&world, &episode, "braking all the way", "a.rrd".as_ref())?;
+//! println!("{} samples, {} bytes", recorded.samples, recorded.bytes);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! [rerun]: https://rerun.io
+
+mod curves;
+mod journal;
+mod layout;
+mod palette;
+mod space;
+mod story;
+mod words;
+
+use std::path::{Path, PathBuf};
+
+use rerun::external::re_log_encoding::{EncodeError, Encoder};
+use rerun::external::re_log_types::BlueprintActivationCommand;
+use rerun::log::LogMsg;
+use rerun::{
+    EntityPath, RecordingInfo, RecordingStreamError, StoreKind, TextDocument, TextLog, TextLogLevel,
+};
+
+use crate::scenario::Scenario;
+use crate::testbench::Episode;
+use journal::{Journal, clock};
+use story::Story;
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// Where.
+    pub path: PathBuf,
+    /// Size of the file.
+    pub bytes: u64,
+    /// Samples in it.
+    pub samples: usize,
+}
+
+/// A recording could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// The output could not be written.
+    #[error("cannot write `{}`: {source}", path.display())]
+    Write {
+        /// The refused path.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The viewer's library refused the data.
+    #[error("the recording could not be assembled: {0}")]
+    Sdk(#[from] RecordingStreamError),
+    /// The viewer's library could not encode the data.
+    #[error("the recording could not be encoded: {what}")]
+    Encode {
+        /// What it said.
+        what: String,
+    },
+}
+
+impl ViewError {
+    /// What to do about it.
+    pub fn help(&self) -> &'static str {
+        match self {
+            ViewError::Write { .. } => {
+                "name a file in a directory that exists and can be written, e.g. `-o crash.rrd`"
+            }
+            ViewError::Sdk(_) | ViewError::Encode { .. } => {
+                "this is a fault of the program; the episode itself is fine"
+            }
+        }
+    }
+}
+
+/// Writes `episode` as a recording to `out`, replacing what is there.
+///
+/// `caption` is a sentence shown under the verdict: who played, and why this
+/// episode was kept. The file appears whole or not at all.
+///
+/// # Errors
+/// The output cannot be written.
+pub fn record(
+    scenario: &Scenario,
+    episode: &Episode,
+    caption: &str,
+    out: &Path,
+) -> Result<Recorded, ViewError> {
+    let refused = |source| ViewError::Write {
+        path: out.into(),
+        source,
+    };
+    let bytes = Recording::new(scenario, episode, caption).encode()?;
+    write_whole(out, &bytes).map_err(refused)?;
+    Ok(Recorded {
+        path: out.into(),
+        bytes: bytes.len() as u64,
+        samples: episode.trace.len(),
+    })
+}
+
+fn write_whole(out: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let directory = match out.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    if out.is_dir() {
+        return Err(std::io::ErrorKind::IsADirectory.into());
+    }
+    let mut file = tempfile::Builder::new().tempfile_in(directory)?;
+    std::io::Write::write_all(&mut file, bytes)?;
+    readable(file.as_file())?;
+    file.persist(out).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Temporary files are private to their owner; recordings are ordinary files.
+#[cfg(unix)]
+fn readable(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt as _;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable(_file: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}
+
+/// An episode made ready for viewing: played again, its formulas followed.
+pub struct Recording<'a>(Story<'a>);
+
+impl<'a> Recording<'a> {
+    /// Plays `episode` again to learn where everybody was.
+    pub fn new(scenario: &'a Scenario, episode: &'a Episode, caption: &'a str) -> Recording<'a> {
+        Recording(Story::new(scenario, episode, caption))
+    }
+
+    /// Everything, column by column, as messages for the viewer.
+    ///
+    /// # Errors
+    /// The viewer's library refuses the data.
+    pub fn messages(&self) -> Result<Messages, ViewError> {
+        let story = &self.0;
+        let mut journal = Journal::new(StoreKind::Recording);
+        let about = RecordingInfo::update_fields().with_name(story.scenario.name.as_str());
+        journal.always(EntityPath::properties(), &[&about])?;
+        space::log(story, &mut journal)?;
+        curves::log(story, &mut journal)?;
+        log_words(story, &mut journal)?;
+        let mut blueprint = Journal::new(StoreKind::Blueprint);
+        layout::log(story, &mut blueprint)?;
+        let activate = BlueprintActivationCommand::make_active(blueprint.store().clone());
+        let mut layout = blueprint.into_messages();
+        layout.push(LogMsg::BlueprintActivationCommand(activate));
+        Ok(Messages {
+            recording: journal.into_messages(),
+            layout,
+        })
+    }
+
+    /// The bytes of a recording file.
+    ///
+    /// Ids in it are random: two files of one episode differ in bytes, not in
+    /// content.
+    ///
+    /// # Errors
+    /// The viewer's library refuses the data.
+    pub fn encode(&self) -> Result<Vec<u8>, ViewError> {
+        let Messages { recording, layout } = self.messages()?;
+        let encoded = || -> Result<Vec<u8>, EncodeError> {
+            // A file is a sequence of streams. That of the layout goes without
+            // the index of its chunks, which would be larger than itself.
+            let mut bytes = encoded(&recording, Index::Write)?;
+            bytes.extend(encoded(&layout, Index::Omit)?);
+            Ok(bytes)
+        };
+        encoded().map_err(|error| ViewError::Encode {
+            what: error.to_string(),
+        })
+    }
+}
+
+/// What a recording consists of, as messages for the viewer.
+pub struct Messages {
+    /// The episode.
+    pub recording: Vec<LogMsg>,
+    /// Which views there are, and where.
+    pub layout: Vec<LogMsg>,
+}
+
+/// Whether a stream ends with an index of its chunks.
+#[derive(PartialEq, Eq)]
+enum Index {
+    Write,
+    Omit,
+}
+
+fn encoded(messages: &[LogMsg], index: Index) -> Result<Vec<u8>, EncodeError> {
+    let mut encoder = Encoder::local()?;
+    if index == Index::Omit {
+        encoder.do_not_emit_footer();
+    }
+    encoder.extend(messages.iter().map(Ok))?;
+    encoder.finish()?;
+    encoder.into_inner()
+}
+
+fn log_words(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let document = TextDocument::from_markdown(words::document(story));
+    journal.always("verdict", &[&document])?;
+    let events = words::events(story);
+    let log = TextLog::update_fields()
+        .with_many_text(events.iter().map(|event| event.text.as_str()))
+        .with_many_level(events.iter().map(|event| match event.grave {
+            true => TextLogLevel::WARN,
+            false => TextLogLevel::INFO,
+        }));
+    let clock = clock(events.iter().map(|event| (event.sample, event.time_s)));
+    journal.columns("verdict/events", clock, log.columns_of_unit_batches())
+}
+
+/// An entity path from parts that may hold any character.
+fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
+    EntityPath::from(
+        parts
+            .into_iter()
+            .map(rerun::EntityPathPart::new)
+            .collect::<Vec<_>>(),
+    )
+}
+
+/// The entity of an agent's body.
+fn agent_path(name: &str) -> EntityPath {
+    // `/world/road` is taken, and an agent may be called that.
+    match name {
+        "road" => path(["world", "road (agent)"]),
+        name => path(["world", name]),
+    }
+}

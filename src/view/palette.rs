@@ -1,0 +1,65 @@
+//! The colours: one family per role, so that a glance tells who is who.
+
+use crate::scene::Role;
+
+/// Red, green, blue.
+pub(super) type Rgb = [u8; 3];
+
+/// Asphalt.
+pub(super) const ROAD: Rgb = [58, 62, 70];
+/// The ground beside the road.
+pub(super) const GROUND: Rgb = [26, 30, 34];
+/// Lane markings.
+pub(super) const MARKING: Rgb = [225, 225, 220];
+/// Marks along the road's edge.
+pub(super) const POST: Rgb = [120, 128, 138];
+/// Glass.
+pub(super) const GLASS: Rgb = [24, 30, 40];
+/// Tyres.
+pub(super) const TYRE: Rgb = [14, 14, 16];
+/// Headlights.
+pub(super) const HEADLIGHT: Rgb = [255, 244, 200];
+/// Tail lights.
+pub(super) const TAIL_LIGHT: Rgb = [200, 24, 24];
+/// The zero line of a robustness plot.
+pub(super) const ZERO: Rgb = [235, 235, 235];
+/// The instant the verdict became certain.
+pub(super) const DECIDED: Rgb = [255, 210, 60];
+/// Contact.
+pub(super) const CONTACT: Rgb = [255, 64, 92];
+
+const EGO: [Rgb; 1] = [[74, 158, 255]];
+const ADO: [Rgb; 4] = [
+    [255, 112, 67],
+    [255, 170, 60],
+    [240, 98, 146],
+    [205, 120, 70],
+];
+const SCRIPTED: [Rgb; 3] = [[170, 178, 190], [140, 150, 165], [196, 202, 210]];
+const NEUTRAL: [Rgb; 6] = [
+    [126, 211, 133],
+    [190, 147, 255],
+    [240, 220, 120],
+    [96, 214, 214],
+    [230, 150, 200],
+    [180, 190, 110],
+];
+
+/// The colour of the `nth` agent in a role.
+pub(super) fn of_role(role: Role, nth: usize) -> Rgb {
+    match role {
+        Role::Ego => EGO[nth % EGO.len()],
+        Role::Ado => ADO[nth % ADO.len()],
+        Role::Scripted => SCRIPTED[nth % SCRIPTED.len()],
+    }
+}
+
+/// The colour of the `nth` curve that belongs to nobody in particular.
+pub(super) fn neutral(nth: usize) -> Rgb {
+    NEUTRAL[nth % NEUTRAL.len()]
+}
+
+/// Between a colour and black.
+pub(super) fn dimmed(colour: Rgb, keep: f32) -> Rgb {
+    colour.map(|channel| (f32::from(channel) * keep) as u8)
+}

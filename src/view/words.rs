@@ -1,0 +1,230 @@
+//! The verdict in words: what a stranger reads beside the moving picture.
+
+use std::fmt::Write as _;
+
+use super::story::Story;
+use crate::rulebook::Verdict;
+use crate::scene::Role;
+use crate::stl::Explanation;
+
+/// Something that happened at one instant.
+pub(super) struct Event {
+    pub sample: usize,
+    pub time_s: f64,
+    pub text: String,
+    /// Whether it is bad news.
+    pub grave: bool,
+}
+
+/// The verdict document, as markdown.
+pub(super) fn document(story: &Story<'_>) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_document(story, &mut text);
+    text
+}
+
+fn write_document(story: &Story<'_>, text: &mut String) -> std::fmt::Result {
+    let episode = story.episode;
+    writeln!(text, "# {}\n", headline(story))?;
+    writeln!(text, "*{}*\n", story.scenario.question)?;
+    writeln!(text, "{}\n", sentence(story))?;
+    if !story.caption.is_empty() {
+        writeln!(text, "{}\n", story.caption)?;
+    }
+    if let Some(sample) = story.departs {
+        let time_s = story.time_s(sample);
+        writeln!(
+            text,
+            "**Beware:** from {time_s:.2} s on this build's re-simulation departs from the \
+             recorded run; the cars show the former, the curves the latter.\n"
+        )?;
+    }
+    writeln!(
+        text,
+        "| robustness ρ | {} |\n|---|---|",
+        signed(episode.robustness)
+    )?;
+    if let Some(sample) = story.decided {
+        writeln!(text, "| decided at | {:.2} s |", story.time_s(sample))?;
+    }
+    match &episode.contact {
+        Some(touch) => {
+            let (a, b) = &touch.between;
+            writeln!(text, "| contact | {:.3} s, {a} and {b} |", touch.time_s)?;
+            writeln!(text, "| closing at | {:.2} m/s |", touch.closing_speed_mps)?;
+        }
+        None => writeln!(text, "| contact | none |")?,
+    }
+    let plant = format!("{:?}", story.scenario.plant()).to_lowercase();
+    writeln!(text, "| plant | {plant} |")?;
+    writeln!(text, "\n| start | |\n|---|---|")?;
+    let axes = story.scenario.spec().axes();
+    for (axis, value) in axes.iter().zip(&episode.start.0) {
+        writeln!(text, "| {} | {value:.2} {} |", axis.name, axis.unit)?;
+    }
+    writeln!(text, "\n**Actions**\n")?;
+    for run in runs(story) {
+        writeln!(text, "- {run}")?;
+    }
+    writeln!(text, "\n**Why**\n\n```text\n{}\n```", why(story))?;
+    writeln!(text, "\n**Rules**\n")?;
+    for (running, rule) in story.rules.iter().zip(&story.scenario.rulebook().rules) {
+        let kept = match running.lost {
+            Some(sample) if sample < episode.judged => {
+                format!("**broken** at {:.2} s", story.time_s(sample))
+            }
+            _ => "kept".to_owned(),
+        };
+        writeln!(text, "- {}: {} — {kept}", rule.ado, rule.name)?;
+    }
+    Ok(())
+}
+
+fn headline(story: &Story<'_>) -> String {
+    match story.episode.verdict {
+        Verdict::Counterexample { .. } => "Counterexample".to_owned(),
+        Verdict::Held { .. } => "Held".to_owned(),
+        Verdict::Foul { .. } => "Foul".to_owned(),
+        Verdict::Invalid => "Invalid".to_owned(),
+    }
+}
+
+/// The verdict in one sentence.
+fn sentence(story: &Story<'_>) -> String {
+    let names = |role: Role| {
+        let cast = story.stage.cast.iter().filter(|who| who.role == role);
+        let names: Vec<&str> = cast.map(|who| who.name.as_str()).collect();
+        names.join(" and ")
+    };
+    let (ego, ados) = (names(Role::Ego), names(Role::Ado));
+    let at = story.decided.map_or(String::new(), |sample| {
+        format!(" at {:.2} s", story.time_s(sample))
+    });
+    match story.episode.verdict {
+        Verdict::Counterexample { by } => format!(
+            "**Yes, from this start:** {ado} kept every rule, and {ego} violated its \
+             specification{at}, in the end by {by:.3}.",
+            ado = if ados.is_empty() { "traffic" } else { &ados },
+        ),
+        Verdict::Held { margin } => {
+            format!("**Not this time:** {ego} kept its specification, with {margin:.3} to spare.")
+        }
+        Verdict::Foul { rule, .. } => {
+            let rule = &story.scenario.rulebook().rules[rule];
+            format!(
+                "**This does not count:** {} broke its rule \"{}\"{at}.",
+                rule.ado, rule.name
+            )
+        }
+        Verdict::Invalid => match &story.episode.fault {
+            Some(fault) => format!("**Nobody's success:** {fault}."),
+            None => "**Nobody's success:** the run could not be judged.".to_owned(),
+        },
+    }
+}
+
+/// The deciding value: of the broken rule, or else of the specification.
+fn why(story: &Story<'_>) -> Explanation {
+    let rulebook = story.scenario.rulebook();
+    let monitor = match story.episode.verdict {
+        Verdict::Foul { rule, .. } => &rulebook.rules[rule].monitor,
+        _ => &rulebook.spec,
+    };
+    monitor.explain(&story.judged())
+}
+
+/// The joint actions as runs such as `0.0-4.5 s: +3 m/s²`.
+fn runs(story: &Story<'_>) -> Vec<String> {
+    let mut runs = Vec::new();
+    for (from, to, action) in action_runs(&story.episode.actions) {
+        let from_s = story.time_s(story.decision_sample(from));
+        let to_s = story.time_s(story.decision_sample(to)).min(story.end_s());
+        let label = story.scenario.spec().action_label(action);
+        runs.push(format!("{from_s:.1}–{to_s:.1} s: {label}"));
+    }
+    runs
+}
+
+/// Equal neighbours as (first, one past the last, value).
+pub(super) fn action_runs(actions: &[usize]) -> Vec<(usize, usize, usize)> {
+    let mut runs: Vec<(usize, usize, usize)> = Vec::new();
+    for (i, &action) in actions.iter().enumerate() {
+        match runs.last_mut() {
+            Some((_, to, last)) if *last == action => *to = i + 1,
+            _ => runs.push((i, i + 1, action)),
+        }
+    }
+    runs
+}
+
+/// Everything worth a line in the log, in order of time.
+pub(super) fn events(story: &Story<'_>) -> Vec<Event> {
+    let mut events = Vec::new();
+    let mut push = |sample: usize, time_s: f64, text: String, grave: bool| {
+        events.push(Event {
+            sample,
+            time_s,
+            text,
+            grave,
+        });
+    };
+    for (from, _, action) in action_runs(&story.episode.actions) {
+        let sample = story.decision_sample(from);
+        let label = story.scenario.spec().action_label(action);
+        push(
+            sample,
+            story.time_s(sample),
+            format!("action {label}"),
+            false,
+        );
+    }
+    if let Some(sample) = story.spec.lost {
+        let text = "the ego's specification is violated".to_owned();
+        push(sample, story.time_s(sample), text, true);
+    }
+    for rule in &story.rules {
+        if let Some(sample) = rule.lost {
+            let text = format!("rule broken: {}", rule.name);
+            push(sample, story.time_s(sample), text, true);
+        }
+    }
+    if story.decided.is_some() && story.episode.judged < story.samples() {
+        let sample = story.episode.judged - 1;
+        let word = story.episode.verdict.word();
+        let text = format!("verdict: {word}; what follows is aftermath");
+        push(sample, story.time_s(sample), text, true);
+    }
+    let last = story.samples().saturating_sub(1);
+    if let Some(fault) = &story.episode.fault {
+        push(last, story.end_s(), fault.to_string(), true);
+    }
+    if let Some(touch) = &story.episode.contact {
+        let (a, b) = &touch.between;
+        let closing = touch.closing_speed_mps;
+        let text = format!("contact of {a} and {b}, closing at {closing:.2} m/s");
+        let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
+        push(sample.min(last), touch.time_s, text, true);
+    }
+    events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    events
+}
+
+/// A robustness with its sign.
+pub(super) fn signed(value: f64) -> String {
+    format!("{value:+.3}").replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::action_runs;
+
+    #[test]
+    fn equal_actions_are_one_run() {
+        assert_eq!(action_runs(&[]), []);
+        assert_eq!(
+            action_runs(&[2, 2, 0, 2]),
+            [(0, 2, 2), (2, 3, 0), (3, 4, 2)]
+        );
+    }
+}
