@@ -1,0 +1,174 @@
+//! Recordings: whole, small, complete, and without effect on what they show.
+
+#![cfg(feature = "rerun")]
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use brakecheck::scenario::Scenario;
+use brakecheck::scene::Start;
+use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
+use brakecheck::view::{Recording, ViewError, record};
+use rerun::external::re_log_encoding::DecoderApp;
+use rerun::log::{Chunk, LogMsg};
+
+fn world() -> Scenario {
+    Scenario::parse("acc.ron", include_str!("../worlds/acc.ron")).unwrap()
+}
+
+/// The lead car brakes, recovers, and brakes again.
+fn crash(world: &Scenario) -> Episode {
+    let actions: Vec<usize> = [vec![0; 8], vec![2; 3], vec![0; 10]].concat();
+    let start = Start(vec![12.21, 9.57, 17.9]);
+    let mut actor = Replay::new(&actions);
+    play(&mut world.bench(), &start, 0, &mut actor, Aftermath::Play)
+}
+
+/// Nothing happens until the horizon: as long as an episode can be.
+fn uneventful(world: &Scenario) -> Episode {
+    let start = Start(vec![20.0, 40.0, 20.0]);
+    play(
+        &mut world.bench(),
+        &start,
+        0,
+        &mut Constant(1),
+        Aftermath::Play,
+    )
+}
+
+/// Entity → (rows, timelines, components) of everything but the blueprint.
+type Content = BTreeMap<String, (usize, Vec<String>, Vec<String>)>;
+
+fn read_back(bytes: &[u8]) -> Content {
+    let mut content = Content::new();
+    for message in DecoderApp::decode_lazy(Cursor::new(bytes)) {
+        let LogMsg::ArrowMsg(store, arrow) = message.unwrap() else {
+            continue;
+        };
+        if store.is_blueprint() {
+            continue;
+        }
+        let chunk = Chunk::from_arrow_msg(&arrow).unwrap();
+        let (rows, timelines, components) =
+            content.entry(chunk.entity_path().to_string()).or_default();
+        *rows = chunk.num_rows().max(*rows);
+        timelines.extend(chunk.timelines().keys().map(ToString::to_string));
+        components.extend(chunk.components_identifiers().map(|id| id.to_string()));
+        timelines.sort();
+        timelines.dedup();
+        components.sort();
+    }
+    content
+}
+
+#[test]
+fn full_episodes_are_small() {
+    let world = world();
+    // Judged to the horizon, a crash has as many samples as anything.
+    let text = include_str!("../worlds/acc.ron").replace("UntilViolation", "WholeRun");
+    let whole = Scenario::parse("whole.ron", &text).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("full.rrd");
+    for (world, episode) in [(&world, uneventful(&world)), (&whole, crash(&whole))] {
+        let recorded = record(world, &episode, "", &out).unwrap();
+        assert_eq!(recorded.samples, 301);
+        assert_eq!(recorded.bytes, std::fs::metadata(&out).unwrap().len());
+        assert!(recorded.bytes <= 300_000, "{} bytes", recorded.bytes);
+    }
+}
+
+#[test]
+fn a_crash_is_recorded_with_everything_about_it() {
+    let world = world();
+    let episode = crash(&world);
+    assert!(episode.verdict.is_success() && episode.contact.is_some());
+    let bytes = Recording::new(&world, &episode, "a caption")
+        .encode()
+        .unwrap();
+    let content = read_back(&bytes);
+    let samples = episode.trace.len();
+    let expected = [
+        ("/world/ego", samples, "Transform3D:translation"),
+        ("/world/ado", samples, "Boxes3D:half_sizes"),
+        ("/world/road", 1, "LineStrips3D:strips"),
+        ("/trails", 1, "LineStrips3D:strips"),
+        ("/contact", 1, "Arrows3D:vectors"),
+        ("/signals/speed", samples, "Scalars:scalars"),
+        ("/signals/distance", samples, "Scalars:scalars"),
+        ("/signals/acceleration", samples, "Scalars:scalars"),
+        ("/robustness/ego_spec", samples, "Scalars:scalars"),
+        ("/robustness/zero", 2, "Scalars:scalars"),
+        ("/marks/verdict", 2, "Scalars:scalars"),
+        ("/marks/contact", 2, "Scalars:scalars"),
+        ("/actions/ado", 3, "StateChange:state"),
+        ("/verdict", 1, "TextDocument:text"),
+        ("/verdict/events", 6, "TextLog:text"),
+    ];
+    for (entity, rows, component) in expected {
+        let (found, timelines, components) = content
+            .get(entity)
+            .unwrap_or_else(|| panic!("no {entity} in {:?}", content.keys()));
+        assert_eq!(*found, rows, "rows of {entity}");
+        assert!(
+            components.iter().any(|name| name == component),
+            "{entity} has {components:?}"
+        );
+        if 1 < rows {
+            assert_eq!(timelines, &["sim_time", "step"], "{entity}");
+        }
+    }
+    for rule in &world.rulebook().rules {
+        let entity = format!("/robustness/rule/{}", rule.name.replace(' ', "\\ "));
+        assert_eq!(content[&entity].0, samples, "{entity}");
+    }
+}
+
+#[test]
+fn recording_twice_gives_equal_content_and_leaves_the_episode_alone() {
+    let world = world();
+    let episode = crash(&world);
+    let before = episode.clone();
+    let encode = || Recording::new(&world, &episode, "").encode().unwrap();
+    let (first, second) = (encode(), encode());
+    assert_eq!(read_back(&first), read_back(&second));
+    assert!(first.len().abs_diff(second.len()) < 2_000);
+    assert_eq!(episode, before);
+    assert_eq!(crash(&world), before);
+}
+
+#[test]
+fn fouls_prefixes_and_single_samples_are_recorded_too() {
+    let world = world();
+    let start = Start(vec![10.0, 60.0, 6.0]);
+    let foul = |aftermath| play(&mut world.bench(), &start, 0, &mut Constant(0), aftermath);
+    assert_eq!(foul(Aftermath::Skip).verdict.word(), "foul");
+    let mut single = uneventful(&world);
+    single.trace.truncate(1);
+    single.judged = 1;
+    single.actions.clear();
+    for episode in [foul(Aftermath::Skip), foul(Aftermath::Play), single] {
+        let bytes = Recording::new(&world, &episode, "").encode().unwrap();
+        let content = read_back(&bytes);
+        assert_eq!(content["/world/ego"].0, episode.trace.len());
+        assert!(!content.contains_key("/contact"));
+    }
+}
+
+#[test]
+fn an_unwritable_output_is_an_error_that_names_it() {
+    let world = world();
+    let episode = crash(&world);
+    let directory = tempfile::tempdir().unwrap();
+    let outs = [
+        directory.path().join("no such directory/a.rrd"),
+        directory.path().to_owned(),
+    ];
+    for out in outs {
+        let error = record(&world, &episode, "", &out).unwrap_err();
+        assert!(matches!(error, ViewError::Write { .. }), "{error:?}");
+        let name = out.display().to_string();
+        assert!(error.to_string().contains(&name), "{error}");
+        assert!(!error.help().is_empty());
+    }
+    assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+}
