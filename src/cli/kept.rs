@@ -142,7 +142,7 @@ fn table(replayed: &[Replayed]) -> String {
     table_of(["file", "verdict", "ρ(ψ)", "contact", "bits"], lines)
 }
 
-#[cfg(any())]
+#[cfg(feature = "rerun")]
 #[derive(Args, Debug)]
 pub(super) struct ViewArgs {
     /// A kept counterexample, a directory of them, or a run directory.
@@ -161,7 +161,7 @@ pub(super) struct ViewArgs {
     pub(super) common: Common,
 }
 
-#[cfg(any())]
+#[cfg(feature = "rerun")]
 pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
     let single = args.what.is_file();
     let episode = (!single).then_some(args.episode.as_str());
@@ -178,7 +178,7 @@ pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
     let output = args.output.clone().unwrap_or(name);
     let caption = replayed.path.display().to_string();
     let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, &output)
-        .map_err(|error| Failure::fault(error.to_string(), error.help()))?;
+        .map_err(|error| Failure::fault(error.to_string(), Some(error.help().to_owned())))?;
     match args.common.json {
         true => print_json(&json!({
             "file": recorded.path.display().to_string(),

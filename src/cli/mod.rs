@@ -63,7 +63,7 @@ enum Verb {
     /// Make the tables of the README again, from nothing.
     Reproduce(reproduce::ReproduceArgs),
     /// Write an episode as a recording for the rerun viewer.
-    #[cfg(any())]
+    #[cfg(feature = "rerun")]
     View(kept::ViewArgs),
 }
 
@@ -108,7 +108,7 @@ pub fn main() -> ExitCode {
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
         Verb::Reproduce(args) => with_jobs(&args.common.clone(), move || reproduce::run(&args)),
-        #[cfg(any())]
+        #[cfg(feature = "rerun")]
         Verb::View(args) => kept::view(&args),
     };
     let exit = result.unwrap_or_else(|failure| {

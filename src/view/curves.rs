@@ -265,7 +265,9 @@ fn log_lines(
 
 /// What each ado chose, as coloured lanes.
 fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
-    let spec = story.scenario.spec();
+    let Some(spec) = story.scenario.drive() else {
+        return Ok(());
+    };
     let mut stride = 1;
     for (agent, set, neutral) in spec.action_sets() {
         let own: Vec<usize> = story

@@ -23,6 +23,8 @@ pub(super) struct Story<'a> {
     pub decided: Option<usize>,
     /// The first sample at which the re-simulation departs from the record.
     pub departs: Option<usize>,
+    /// Samples between two decisions.
+    pub samples_per_decision: usize,
 }
 
 /// The robustness of one formula as it develops.
@@ -73,6 +75,7 @@ impl<'a> Story<'a> {
             rules,
             decided: decided.filter(|&sample| sample < episode.trace.len()),
             departs,
+            samples_per_decision: bench.clock().samples_per_decision(),
         }
     }
 
@@ -114,7 +117,7 @@ impl<'a> Story<'a> {
 
     /// The first instant of decision `decision`, as a sample.
     pub fn decision_sample(&self, decision: usize) -> usize {
-        decision * self.scenario.spec().clock.samples_per_decision()
+        decision * self.samples_per_decision
     }
 }
 

@@ -59,7 +59,7 @@ fn write_document(story: &Story<'_>, text: &mut String) -> std::fmt::Result {
     let plant = format!("{:?}", story.scenario.plant()).to_lowercase();
     writeln!(text, "| plant | {plant} |")?;
     writeln!(text, "\n| start | |\n|---|---|")?;
-    let axes = story.scenario.spec().axes();
+    let axes = story.scenario.axes();
     for (axis, value) in axes.iter().zip(&episode.start.0) {
         writeln!(text, "| {} | {value:.2} {} |", axis.name, axis.unit)?;
     }
@@ -140,7 +140,7 @@ fn runs(story: &Story<'_>) -> Vec<String> {
     for (from, to, action) in action_runs(&story.episode.actions) {
         let from_s = story.time_s(story.decision_sample(from));
         let to_s = story.time_s(story.decision_sample(to)).min(story.end_s());
-        let label = story.scenario.spec().action_label(action);
+        let label = story.scenario.action_label(action);
         runs.push(format!("{from_s:.1}–{to_s:.1} s: {label}"));
     }
     runs
@@ -171,7 +171,7 @@ pub(super) fn events(story: &Story<'_>) -> Vec<Event> {
     };
     for (from, _, action) in action_runs(&story.episode.actions) {
         let sample = story.decision_sample(from);
-        let label = story.scenario.spec().action_label(action);
+        let label = story.scenario.action_label(action);
         push(
             sample,
             story.time_s(sample),
