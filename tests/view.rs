@@ -20,7 +20,7 @@ fn world() -> Scenario {
 fn crash(world: &Scenario) -> Episode {
     let actions: Vec<usize> = [vec![0; 8], vec![2; 3], vec![0; 10]].concat();
     let start = Start(vec![12.21, 9.57, 17.9]);
-    let mut actor = Replay::new(&actions);
+    let mut actor = Replay::holding(&actions);
     play(&mut world.bench(), &start, 0, &mut actor, Aftermath::Play)
 }
 
