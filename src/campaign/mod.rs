@@ -7,6 +7,7 @@ mod case_studies;
 mod eval;
 mod replay;
 mod search;
+mod table1;
 mod train;
 
 pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study};
@@ -16,6 +17,10 @@ pub use eval::{
 };
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use search::{Found, Method, SearchRequest, Searched, search};
+pub use table1::{
+    DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,
+    Trained as TrainedShare, table1, table1_markdown,
+};
 pub use train::{TrainError, TrainRequest, Trained, train};
 
 use std::sync::atomic::{AtomicBool, Ordering};

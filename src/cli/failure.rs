@@ -5,7 +5,7 @@ use std::path::Path;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
-use crate::campaign::{RegressionError, TrainError};
+use crate::campaign::{RegressionError, Table1Error, TrainError};
 use crate::run::{KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError};
 
@@ -189,6 +189,18 @@ impl From<RegressionError> for Failure {
                 Failure::plain(Exit::Input, change.to_string(), change.help.clone())
             }
             other => Failure::fault(other.to_string(), None),
+        }
+    }
+}
+
+impl From<Table1Error> for Failure {
+    fn from(error: Table1Error) -> Failure {
+        match error {
+            Table1Error::Train(error) => Failure::from(error),
+            Table1Error::NotAGrid { .. } | Table1Error::Change(_) => Failure::input(
+                error.to_string(),
+                "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
+            ),
         }
     }
 }

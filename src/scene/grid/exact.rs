@@ -60,7 +60,8 @@ impl Game {
         }
     }
 
-    fn pairs(&self) -> usize {
+    /// Ordered pairs of cells, the same cell twice included.
+    pub fn pairs(&self) -> usize {
         self.arena.cells() * self.arena.cells()
     }
 
@@ -72,7 +73,8 @@ impl Game {
         }
     }
 
-    fn pair(&self, both: Position) -> usize {
+    /// The number of a pair, below [`Game::pairs`].
+    pub fn pair(&self, both: Position) -> usize {
         self.arena.index(both.ego) * self.arena.cells() + self.arena.index(both.ado)
     }
 
@@ -133,8 +135,15 @@ impl Game {
 
     /// Probability that uniformly random actions capture, for every start.
     ///
-    /// Exact, by backward induction; the sum over starts is the expected count.
+    /// The sum is the expected count.
     pub fn random_captures(&self) -> Vec<f64> {
+        let chance = self.random_chances();
+        let starts = self.arena.starts();
+        starts.map(|both| chance[self.pair(both)]).collect()
+    }
+
+    /// The same for every pair of cells: exact, by backward induction.
+    pub fn random_chances(&self) -> Vec<f64> {
         let successors = self.successors();
         let actions = self.moves.len();
         let caught: Vec<bool> = (0..self.pairs())
@@ -149,10 +158,7 @@ impl Game {
                 chance[pair] = sum / actions as f64;
             }
         }
-        self.arena
-            .starts()
-            .map(|both| chance[self.pair(both)])
-            .collect()
+        chance
     }
 
     /// Whether a fixed rule captures from a start within K steps.
