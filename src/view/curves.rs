@@ -46,7 +46,8 @@ impl Plot {
 }
 
 /// The groups of signals, in the order in which they are shown.
-const GROUPS: [(&str, &str); 6] = [
+const GROUPS: [(&str, &str); 7] = [
+    ("chase", "Manhattan distance [cell]"),
     ("distance", "distance [m]"),
     ("lateral", "lateral [m]"),
     ("speed", "speed [m/s]"),
@@ -62,6 +63,7 @@ fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'sta
         ("m", "y" | "lateral") if lanes == Lanes::Left => "lateral",
         ("m", "x" | "s" | "y" | "lateral") if owner.is_some() => "position",
         ("m", _) => "distance",
+        ("cell", "d_man") => "chase",
         ("m/s", _) => "speed",
         ("m/s²", _) => "acceleration",
         _ => "other",
@@ -265,41 +267,63 @@ fn log_lines(
 
 /// What each ado chose, as coloured lanes.
 fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let joint = &story.episode.actions;
+    if story.scenario.grid().is_some() {
+        let spaces = story.scenario.world().spaces();
+        let labels = 0..spaces.actions;
+        let labels = labels.map(|action| story.scenario.action_label(action));
+        return log_choice(
+            story,
+            "ado",
+            joint,
+            &labels.collect::<Vec<_>>(),
+            spaces.neutral,
+            journal,
+        );
+    }
     let Some(spec) = story.scenario.drive() else {
         return Ok(());
     };
     let mut stride = 1;
     for (agent, set, neutral) in spec.action_sets() {
-        let own: Vec<usize> = story
-            .episode
-            .actions
-            .iter()
-            .map(|joint| joint / stride % set.len())
-            .collect();
+        let own = joint.iter().map(|joint| joint / stride % set.len());
+        let own: Vec<usize> = own.collect();
         stride *= set.len();
-        let entity = path(["actions", &agent.name]);
         let labels: Vec<String> = (0..set.len()).map(|action| set.label(action)).collect();
-        let colours = (0..set.len()).map(|action| match action.cmp(&neutral) {
-            std::cmp::Ordering::Less => colour([192, 72, 60]),
-            std::cmp::Ordering::Equal => colour([96, 104, 116]),
-            std::cmp::Ordering::Greater => colour([66, 148, 92]),
-        });
-        let lanes = StateConfiguration::new()
-            .with_values(labels.iter().map(String::as_str))
-            .with_labels(labels.iter().map(String::as_str))
-            .with_colors(colours);
-        journal.always(entity.clone(), &[&lanes])?;
-        let runs = action_runs(&own);
-        let states = StateChange::update_fields()
-            .with_state(runs.iter().map(|(_, _, action)| labels[*action].as_str()))
-            .columns_of_unit_batches();
-        let instants = runs.iter().map(|(from, _, _)| {
-            let sample = story.decision_sample(*from);
-            (sample, story.time_s(sample))
-        });
-        journal.columns(entity, clock(instants), states)?;
+        log_choice(story, &agent.name, &own, &labels, neutral, journal)?;
     }
     Ok(())
+}
+
+/// What one ado chose, decision by decision.
+fn log_choice(
+    story: &Story<'_>,
+    name: &str,
+    own: &[usize],
+    labels: &[String],
+    neutral: usize,
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let entity = path(["actions", name]);
+    let colours = (0..labels.len()).map(|action| match action.cmp(&neutral) {
+        std::cmp::Ordering::Less => colour([192, 72, 60]),
+        std::cmp::Ordering::Equal => colour([96, 104, 116]),
+        std::cmp::Ordering::Greater => colour([66, 148, 92]),
+    });
+    let lanes = StateConfiguration::new()
+        .with_values(labels.iter().map(String::as_str))
+        .with_labels(labels.iter().map(String::as_str))
+        .with_colors(colours);
+    journal.always(entity.clone(), &[&lanes])?;
+    let runs = action_runs(own);
+    let states = StateChange::update_fields()
+        .with_state(runs.iter().map(|(_, _, action)| labels[*action].as_str()))
+        .columns_of_unit_batches();
+    let instants = runs.iter().map(|(from, _, _)| {
+        let sample = story.decision_sample(*from);
+        (sample, story.time_s(sample))
+    });
+    journal.columns(entity, clock(instants), states)
 }
 
 fn colour([r, g, b]: Rgb) -> Color {

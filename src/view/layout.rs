@@ -11,20 +11,25 @@ use rerun::blueprint::datatypes as datatypes_blueprint;
 use rerun::external::re_sdk_types::blueprint::archetypes::{
     Background, ContainerBlueprint, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
     ScalarAxis, TextLogColumns, TimeAxis, TimePanelBlueprint, ViewBlueprint, ViewContents,
-    ViewportBlueprint,
+    ViewportBlueprint, VisualBounds2D,
 };
 use rerun::external::re_sdk_types::datatypes::{self, Range1D};
 
 use super::journal::{Journal, nanos};
 use super::space::FOLLOW;
 use super::story::Story;
-use super::{ViewError, curves};
+use super::{ViewError, curves, grid};
 
 /// Writes the blueprint of `story` to a blueprint's journal.
 pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let mut layout = Layout { journal, next: 0 };
-    let scene = layout.scene()?;
-    let top = layout.top_view()?;
+    let (mut views, mut shares) = match story.scenario.grid() {
+        Some(world) => (
+            vec![layout.map(f64::from(world.spec().arena.size))?],
+            vec![7.0],
+        ),
+        None => (vec![layout.scene()?, layout.top_view()?], vec![5.0, 2.0]),
+    };
     let actions = layout.view(
         "StateTimeline",
         "actions of the ado",
@@ -33,12 +38,9 @@ pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewEr
     )?;
     let events = layout.view("TextLog", "events", "/verdict/events", &["$origin"])?;
     layout.property(&events, "TextLogColumns", &bodies_only())?;
-    let space = layout.container(
-        ContainerKind::Vertical,
-        "space",
-        &[scene, top, actions, events],
-        &[5.0, 2.0, 1.0, 1.6],
-    )?;
+    views.extend([actions, events]);
+    shares.extend([1.0, 1.6]);
+    let space = layout.container(ContainerKind::Vertical, "space", &views, &shares)?;
     let plots = layout.plots(story)?;
     let verdict = layout.view("TextDocument", "verdict", "/verdict", &["$origin"])?;
     let root = layout.container(
@@ -70,6 +72,21 @@ impl Layout<'_> {
     fn top_view(&mut self) -> Result<Node, ViewError> {
         let view = self.view("3D", "from above", FOLLOW, &SPACE[..3])?;
         self.look(&view, [3.0, -0.01, 9.0], [3.0, 0.0, 0.0], [0.0, 1.0, 0.0])?;
+        Ok(view)
+    }
+
+    /// A grid's map of `size` cells a side, whole.
+    fn map(&mut self, size: f64) -> Result<Node, ViewError> {
+        let view = self.view("2D", "map", grid::MAP, &["$origin/**"])?;
+        let dark = Background::new(BackgroundKind::SolidColor)
+            .with_color(rerun::Color::from_rgb(17, 20, 26));
+        self.property(&view, "Background", &dark)?;
+        let range = Range1D([-grid::MARGIN_CELLS, size + grid::MARGIN_CELLS]);
+        let bounds = VisualBounds2D::new(datatypes::Range2D {
+            x_range: range,
+            y_range: range,
+        });
+        self.property(&view, "VisualBounds2D", &bounds)?;
         Ok(view)
     }
 

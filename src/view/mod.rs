@@ -17,6 +17,9 @@
 //! | `/actions/<ado>` | what the ado chose, decision by decision |
 //! | `/verdict` | the verdict in words; `/verdict/events` is the log |
 //!
+//! A grid world is a map in the plane instead: `/map/{cells,walls}`,
+//! `/map/<player>`, `/map/trail/<player>` and `/map/outcome`.
+//!
 //! It opens at its last sample, where most episodes have their crash; playing
 //! from there starts over.
 //!
@@ -44,6 +47,7 @@
 //! [rerun]: https://rerun.io
 
 mod curves;
+mod grid;
 mod journal;
 mod layout;
 mod palette;
@@ -183,7 +187,10 @@ impl<'a> Recording<'a> {
         let mut journal = Journal::new(StoreKind::Recording);
         let about = RecordingInfo::update_fields().with_name(story.scenario.name.as_str());
         journal.always(EntityPath::properties(), &[&about])?;
-        space::log(story, &mut journal)?;
+        match story.scenario.grid() {
+            Some(world) => grid::log(story, &world.spec().arena, &mut journal)?,
+            None => space::log(story, &mut journal)?,
+        }
         curves::log(story, &mut journal)?;
         log_words(story, &mut journal)?;
         let mut blueprint = Journal::new(StoreKind::Blueprint);

@@ -1,0 +1,166 @@
+//! A grid world in the plane: cells, both players, their trails, the capture.
+//!
+//! Pictures have y downwards, maps have it upwards: rows are turned here.
+
+use rerun::{Arrows2D, AsComponents, Boxes2D, LineStrips2D, Points2D};
+
+use super::ViewError;
+use super::journal::Journal;
+use super::palette::{self, Rgb};
+use super::story::Story;
+use crate::rulebook::Verdict;
+use crate::scene::grid::Arena;
+
+/// The entity under which everything with a place on the map stands.
+pub(super) const MAP: &str = "/map";
+/// Room around the map, in cells.
+pub(super) const MARGIN_CELLS: f64 = 0.6;
+
+const CELL: Rgb = [84, 92, 104];
+const FINE_LINE: Rgb = [50, 55, 63];
+const WALL: Rgb = [225, 225, 220];
+
+/// Logs everything with a place on the map.
+pub(super) fn log(
+    story: &Story<'_>,
+    arena: &Arena,
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    log_map(arena, journal)?;
+    for who in 0..story.stage.cast.len() {
+        log_player(story, arena, who, journal)?;
+    }
+    log_outcome(story, arena, journal)
+}
+
+/// A place on the map as a place in the picture.
+fn shown(arena: &Arena, [x, y, _]: [f64; 3]) -> [f32; 2] {
+    // The one cast from the map to the picture.
+    [x as f32, (f64::from(arena.size) - y) as f32]
+}
+
+fn log_map(arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
+    let size = arena.size;
+    let side = f64::from(size);
+    let fine = size * arena.refine;
+    let (mut strips, mut colours) = (Vec::new(), Vec::new());
+    for line in 0..=fine {
+        let at = f64::from(line) / f64::from(arena.refine);
+        let across = [[0.0, at, 0.0], [side, at, 0.0]];
+        let along = [[at, 0.0, 0.0], [at, side, 0.0]];
+        strips.extend([across, along].map(|ends| ends.map(|end| shown(arena, end))));
+        let colour = match line % arena.refine {
+            0 => CELL,
+            _ => FINE_LINE,
+        };
+        colours.extend([colour; 2]);
+    }
+    let lines = LineStrips2D::new(strips)
+        .with_colors(colours)
+        .with_radii([0.008])
+        .with_draw_order(1.0);
+    journal.always("map/cells", &[&lines])?;
+    let corners = [
+        [0.0, 0.0],
+        [side, 0.0],
+        [side, side],
+        [0.0, side],
+        [0.0, 0.0],
+    ];
+    let wall = corners.map(|[x, y]| shown(arena, [x, y, 0.0]));
+    let walls = LineStrips2D::new([wall])
+        .with_colors([WALL])
+        .with_radii([0.04])
+        .with_draw_order(2.0);
+    journal.always("map/walls", &[&walls])
+}
+
+/// A player, its trail so far and its last move, step by step.
+///
+/// Trail and move are one entity, and so are body and name: fewer, smaller chunks.
+fn log_player(
+    story: &Story<'_>,
+    arena: &Arena,
+    who: usize,
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let name = &story.stage.cast[who].name;
+    let is_ego = who == story.ego();
+    let colour = story.colour(who);
+    // Trails that share a way lie side by side.
+    let aside = if is_ego { 0.07 } else { -0.07 };
+    let centres = story
+        .frames
+        .iter()
+        .map(|frame| frame.placements[who].centre_m);
+    let centres: Vec<[f32; 2]> = centres.map(|centre| shown(arena, centre)).collect();
+    let beside = |[x, y]: [f32; 2]| [x + aside, y + aside];
+    for (sample, centre) in centres.iter().enumerate() {
+        let at = (sample, story.time_s(sample));
+        let trail: Vec<[f32; 2]> = centres[..=sample].iter().copied().map(beside).collect();
+        let trail = LineStrips2D::new([trail])
+            .with_radii([0.03])
+            .with_colors([palette::dimmed(colour, 0.8)])
+            .with_draw_order(10.0);
+        let from = centres[sample.saturating_sub(1)];
+        let step = [centre[0] - from[0], centre[1] - from[1]];
+        let arrow = Arrows2D::from_vectors([step])
+            .with_origins([from])
+            .with_radii([0.045])
+            .with_colors([colour])
+            .with_draw_order(20.0);
+        let way: [&dyn AsComponents; 2] = [&trail, &arrow];
+        journal.from(at, format!("map/trail/{name}").as_str(), &way)?;
+        log_body(name, is_ego, *centre, colour, at, journal)?;
+    }
+    Ok(())
+}
+
+/// The ego is a square, the ado a disc.
+fn log_body(
+    name: &str,
+    is_ego: bool,
+    centre: [f32; 2],
+    colour: Rgb,
+    at: (usize, f64),
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let entity = format!("map/{name}");
+    let label = Points2D::new([centre])
+        .with_labels([name])
+        .with_colors([colour])
+        .with_show_labels(true);
+    if !is_ego {
+        let disc = label.with_radii([0.2]).with_draw_order(31.0);
+        return journal.from(at, entity.as_str(), &[&disc]);
+    }
+    let square = Boxes2D::from_centers_and_half_sizes([centre], [[0.3, 0.3]])
+        .with_colors([colour])
+        .with_radii([0.06])
+        .with_draw_order(30.0);
+    let dot = label.with_radii([0.1]).with_draw_order(30.0);
+    let body: [&dyn AsComponents; 2] = [&square, &dot];
+    journal.from(at, entity.as_str(), &body)
+}
+
+/// A frame around the cell where it was decided, from then on.
+fn log_outcome(story: &Story<'_>, arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
+    let Some(sample) = story.decided else {
+        return Ok(());
+    };
+    let what = match story.episode.verdict {
+        Verdict::Counterexample { .. } => "captured",
+        Verdict::Foul { .. } => "rule broken",
+        Verdict::Held { .. } => "held",
+        Verdict::Invalid => "fault",
+    };
+    let at = (sample, story.time_s(sample));
+    let centre = story.frames[sample].placements[story.ego()].centre_m;
+    let frame = Boxes2D::from_centers_and_half_sizes([shown(arena, centre)], [[0.48, 0.48]])
+        .with_colors([palette::CONTACT])
+        .with_radii([0.05])
+        .with_labels([format!("{what} at step {sample}")])
+        .with_show_labels(true)
+        .with_draw_order(40.0);
+    journal.from(at, "map/outcome", &[&frame])
+}
