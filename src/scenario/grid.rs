@@ -13,8 +13,8 @@ use super::locate::Path;
 use super::{Change, ChangeError, RuleSpec, Scenario};
 use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
-use crate::scene::World;
 use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
+use crate::scene::{Observed, World};
 
 /// Largest map, in fine cells a side.
 const MAX_SIDE: u32 = 200;
@@ -414,6 +414,31 @@ impl Scenario {
             rulebook: Arc::new(rulebook.map_err(|error| misfit(error.to_string()))?),
             world: World::Grid(world),
             names,
+            ..self.clone()
+        })
+    }
+}
+
+impl Scenario {
+    /// The same grid world with an ado that observes both positions.
+    ///
+    /// What the shipped ados see is a window; [the best ado][best] of a larger
+    /// map needs to see all of it. `None`: not a grid world.
+    ///
+    /// [best]: crate::scene::grid::exact::PositionPolicy::optimal
+    pub fn fully_observed(&self) -> Option<Scenario> {
+        let mut spec = self.grid()?.spec().clone();
+        let half = f64::from(spec.arena.size) / 2.0;
+        let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
+        let observe = names.map(|name| Observed {
+            name: name.to_owned(),
+            mid: half,
+            half,
+        });
+        spec.observe = observe.into();
+        let world = GridWorld::new(spec).ok()?;
+        Some(Scenario {
+            world: World::Grid(world),
             ..self.clone()
         })
     }

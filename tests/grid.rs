@@ -1,0 +1,61 @@
+//! The grid world: exact numbers, theorems, learners, and errors in its files.
+
+#[path = "grid/errors.rs"]
+mod errors;
+#[path = "grid/exact.rs"]
+mod exact;
+#[path = "grid/learning.rs"]
+mod learning;
+#[path = "grid/theorems.rs"]
+mod theorems;
+
+use brakecheck::rl::Policy;
+use brakecheck::scenario::{GridChange, Scenario};
+use brakecheck::scene::Start;
+use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
+use brakecheck::scene::grid::{Arena, AtWall};
+use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
+
+const A: AtWall = AtWall::Stays;
+const B: AtWall = AtWall::FirstInMap;
+
+fn world(wall: AtWall) -> Scenario {
+    let (file, text) = match wall {
+        AtWall::Stays => ("grid.ron", include_str!("../worlds/grid.ron")),
+        AtWall::FirstInMap => ("grid_hard.ron", include_str!("../worlds/grid_hard.ron")),
+    };
+    Scenario::parse(file, text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn changed(scenario: &Scenario, change: GridChange) -> Scenario {
+    scenario
+        .with(&change.into())
+        .unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// n cells a side, an ego of k cells per step, K steps.
+fn game(at_wall: AtWall, size: u32, ego_step: u32, steps: u32) -> Game {
+    Game {
+        arena: Arena {
+            size,
+            refine: 1,
+            ego_step,
+            at_wall,
+        },
+        steps,
+        moves: UNIT_MOVES.to_vec(),
+    }
+}
+
+fn episode(scenario: &Scenario, start: &Start, policy: &dyn Policy) -> Episode {
+    let mut ado = PolicyActor(policy);
+    play(&mut scenario.bench(), start, 0, &mut ado, Aftermath::Skip)
+}
+
+fn captures(scenario: &Scenario, policy: &dyn Policy) -> usize {
+    let starts = scenario.starts().expect("a finite world");
+    let captured = starts
+        .iter()
+        .filter(|start| episode(scenario, start, policy).verdict.is_success());
+    captured.count()
+}
