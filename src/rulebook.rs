@@ -69,8 +69,9 @@ impl Default for Reward {
     }
 }
 
-/// Lawful values stay this much inside the clamp, so a foul is never a tie.
-const OPEN: f64 = 1.0 - 1e-9;
+/// Lawful values stay this much inside the clamp, so a foul is never a tie;
+/// learners see rewards in f32, hence no less.
+const OPEN: f64 = 1.0 - 1e-6;
 
 impl Reward {
     /// The clamp ρ_max of the robustness.

@@ -107,9 +107,6 @@ mod tests {
     #[test]
     fn a_key_gives_the_same_numbers_on_every_machine() {
         let mut rng = generator("acc/start", &[3, 0, 7]);
-        assert_eq!(
-            rng.next_u64(),
-            generator("acc/start", &[3, 0, 7]).next_u64()
-        );
+        assert_eq!(rng.next_u64(), 15_680_933_773_575_291_895);
     }
 }

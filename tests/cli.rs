@@ -368,9 +368,26 @@ fn a_used_run_directory_is_not_overwritten() {
     assert_eq!(code(&again), 2);
     assert!(stderr(&again).contains("--resume"), "{}", stderr(&again));
     // Resuming a finished run trains nothing and evaluates again.
+    let read = |name: &str| std::fs::read(Path::new(&run).join(name)).expect("a file");
+    let before = ["manifest.json", "policy.safetensors", "progress.jsonl"].map(read);
+    std::fs::remove_file(Path::new(&run).join("report.json")).expect("removed");
     let (_, resumed) = small_run(&dir, "run", &["--resume"]);
     assert_eq!(code(&resumed), 0, "{}", stderr(&resumed));
+    let after = ["manifest.json", "policy.safetensors", "progress.jsonl"].map(read);
+    assert_eq!(before, after);
     assert!(Path::new(&run).join("report.json").is_file());
+    // Another length is another training.
+    let longer = brakecheck(&[
+        "train",
+        "worlds/acc.ron",
+        "-o",
+        &run,
+        "--resume",
+        "--decisions",
+        "13000",
+    ]);
+    assert_eq!(code(&longer), 2, "{}", stderr(&longer));
+    assert!(stderr(&longer).contains("--from"));
 }
 
 #[cfg(unix)]
@@ -379,27 +396,36 @@ fn ctrl_c_saves_and_resuming_ends_in_the_same_bytes() {
     use std::io::Read;
     use std::process::{Command as Process, Stdio};
     let dir = scratch();
-    let (whole, _) = small_run(&dir, "whole", &[]);
-    let cut = path(&dir, "cut");
+    // Long enough to be interrupted behind the first checkpoint.
+    let long = [
+        "--decisions",
+        "60000",
+        "--starts",
+        "5",
+        "--plant",
+        "kinematic",
+    ];
+    let train = |run: &str, more: &[&str]| {
+        let head = ["train", "worlds/acc.ron", "-o", run];
+        brakecheck(&[&head[..], &long, more].concat())
+    };
+    let (whole, cut) = (path(&dir, "whole"), path(&dir, "cut"));
+    assert_eq!(code(&train(&whole, &[])), 0);
     let program = assert_cmd::cargo::cargo_bin("brakecheck");
     let mut child = Process::new(program)
         .current_dir(root())
-        .args([
-            "train",
-            "worlds/acc.ron",
-            "-o",
-            &cut,
-            "--plant",
-            "kinematic",
-        ])
-        .args(["--decisions", "12000", "--starts", "60"])
+        .args(["train", "worlds/acc.ron", "-o", &cut])
+        .args(long)
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .expect("it starts");
-    // Wait for the run directory, then interrupt; whenever that hits, the
-    // policy in the end must be the same.
-    while !Path::new(&cut).join("manifest.json").is_file() {
+    // Wait for the first checkpoint, then interrupt.
+    let checkpointed = || {
+        let manifest = std::fs::read_to_string(Path::new(&cut).join("manifest.json"));
+        manifest.is_ok_and(|text| text.contains("checkpoint-"))
+    };
+    while !checkpointed() {
         std::thread::yield_now();
     }
     let pid = child.id().to_string();
@@ -417,7 +443,26 @@ fn ctrl_c_saves_and_resuming_ends_in_the_same_bytes() {
         .read_to_string(&mut said)
         .expect("text");
     assert_eq!(status.code(), Some(130), "{said}");
-    let (_, resumed) = small_run(&dir, "cut", &["--resume"]);
+    // A damaged checkpoint is refused, not trained on.
+    let checkpoint = std::fs::read_dir(&cut)
+        .expect("a run")
+        .map(|e| e.expect("an entry").path());
+    let checkpoint = checkpoint
+        .into_iter()
+        .find(|p| {
+            p.file_name()
+                .is_some_and(|n| n.to_string_lossy().starts_with("checkpoint-"))
+        })
+        .expect("a checkpoint");
+    let good = std::fs::read(&checkpoint).expect("read");
+    let mut bad = good.clone();
+    bad[good.len() / 2] ^= 1;
+    write(&checkpoint, &bad);
+    let refused = train(&cut, &["--resume"]);
+    assert_eq!(code(&refused), 3, "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("checkpoint-"));
+    write(&checkpoint, &good);
+    let resumed = train(&cut, &["--resume"]);
     assert_eq!(code(&resumed), 0, "{}", stderr(&resumed));
     let policy = |run: &str| std::fs::read(Path::new(run).join("policy.safetensors")).expect("p");
     assert_eq!(policy(&whole), policy(&cut));

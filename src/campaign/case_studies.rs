@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::eval::{Ado, EvalRequest, best_constant, eval, trivial_starts};
+use super::eval::{Ado, EvalRequest, best_constant, eval, test_starts};
 use super::search::{Method, SearchRequest, search};
-use super::train::{TrainError, TrainRequest, train};
+use super::train::{TrainError, train};
 use super::{TestStarts, Watch};
-use crate::run::{Row, RunDir, paired_difference, two_level_bootstrap};
+use crate::run::{Row, RunDir, RunError, paired_difference, two_level_bootstrap};
 use crate::scenario::Scenario;
 
 /// Switches of the search that defines the reachable share.
@@ -74,7 +74,9 @@ pub fn case_study(
     if watch.stopped() {
         return Ok(None);
     }
-    let starts = trivial_starts(scenario, 0, request.starts);
+    let Some(starts) = test_starts(scenario, 0, request.starts, watch) else {
+        return Ok(None);
+    };
     let mut trained = Vec::new();
     for (path, _) in &runs {
         let run = RunDir::open(path)?;
@@ -136,7 +138,9 @@ fn one(scenario: &Scenario, ado: Ado<'_>, starts: &TestStarts, watch: &Watch<'_>
     eval(&request, watch).row
 }
 
-/// The run of a seed, trained now if it is not there yet.
+/// The run of a seed, trained now as far as it is not there yet.
+///
+/// A run of another world, plant or length under that name is an error.
 fn trained_run(
     scenario: &Scenario,
     seed: u64,
@@ -144,18 +148,13 @@ fn trained_run(
     watch: &Watch<'_>,
 ) -> Result<(PathBuf, f64), TrainError> {
     let path = runs.join(format!("{}-{seed}", scenario.name));
-    let mut run = match RunDir::open(&path) {
-        Ok(run) if run.manifest().policy_sha256.is_some() => {
-            return Ok((path, run.manifest().cpu_s));
-        }
-        Ok(_) => RunDir::resume(&path)?,
-        Err(_) => RunDir::create(&path, scenario, seed)?,
+    let mut run = match RunDir::resume(&path) {
+        Ok(run) if run.is_of(scenario) => run,
+        Ok(_) => return Err(RunError::Exists { path }.into()),
+        Err(RunError::NotARun { .. }) => RunDir::create(&path, scenario, seed)?,
+        Err(error) => return Err(error.into()),
     };
-    let request = TrainRequest {
-        scenario,
-        from: None,
-    };
-    let trained = train(&request, &mut run, watch)?;
+    let trained = train(scenario, &mut run, watch)?;
     Ok((path, trained.done.cpu_s))
 }
 

@@ -36,9 +36,14 @@ pub struct TestStarts {
 ///
 /// A finite world of no more than `count` starts gives each of them once.
 ///
-/// `scenario` must be the nominal one: what is trivial is fixed once and
-/// carried to all egos.
-pub fn trivial_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
+/// `scenario` must be the nominal one on the plant its file names: what is
+/// trivial is fixed once and carried to all egos and plants. `None`: stopped.
+pub fn test_starts(
+    scenario: &Scenario,
+    seed: u64,
+    count: usize,
+    watch: &Watch<'_>,
+) -> Option<TestStarts> {
     let bench = scenario.bench();
     let key = |index: usize| StartKey {
         purpose: Purpose::Test,
@@ -65,6 +70,9 @@ pub fn trivial_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStart
         .map_init(
             || scenario.bench(),
             |bench, (start, noise)| {
+                if watch.stopped() {
+                    return false;
+                }
                 let mut coasting = Constant(neutral);
                 play(bench, start, *noise, &mut coasting, Aftermath::Skip)
                     .verdict
@@ -72,11 +80,11 @@ pub fn trivial_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStart
             },
         )
         .collect();
-    TestStarts {
+    (!watch.stopped()).then_some(TestStarts {
         seed,
         starts,
         trivial,
-    }
+    })
 }
 
 /// Who plays the ado.
@@ -350,14 +358,23 @@ pub fn keep(
         let episode = request.play(&mut bench, index);
         let ado = request.ado.word();
         let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
-        let ego: String = request
-            .ego
-            .chars()
-            .map(|c| if c.is_ascii_alphanumeric() { c } else { '-' })
-            .collect();
-        let file = dir.join(format!("{}-{ego}-{index:04}.ron", request.scenario.name));
-        kept.save(&file, &episode.trace)?;
-        files.push(file);
+        let stem = file_stem(request, index);
+        files.push(kept.save_as(dir, &stem, &episode.trace)?);
     }
     Ok(files)
+}
+
+/// `WORLD-EGO-PLANT-SEED-INDEX`, with whatever could disturb a path replaced.
+fn file_stem(request: &EvalRequest<'_>, index: usize) -> String {
+    let plain = |text: &str| -> String {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        text.chars().map(plain).collect()
+    };
+    let plant = format!("{:?}", request.scenario.plant()).to_lowercase();
+    format!(
+        "{}-{}-{plant}-{}-{index:04}",
+        plain(&request.scenario.name),
+        plain(request.ego),
+        request.starts.seed
+    )
 }

@@ -13,7 +13,7 @@ mod train;
 pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study};
 pub use eval::{
     Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
-    trivial_starts,
+    test_starts,
 };
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use search::{Found, Method, SearchRequest, Searched, search};
@@ -21,7 +21,7 @@ pub use table1::{
     DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,
     Trained as TrainedShare, table1, table1_markdown,
 };
-pub use train::{TrainError, TrainRequest, Trained, train};
+pub use train::{TrainError, Trained, train};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -131,7 +131,7 @@ pub struct Regressions {
 #[derive(Clone)]
 enum EgoUnderTest {
     Recorded,
-    Change(Change),
+    Change(Box<Change>),
     Named(String),
     Own(String, ControllerFactory),
 }
@@ -222,7 +222,7 @@ impl Regressions {
     #[must_use]
     pub fn with_change(self, change: Change) -> Regressions {
         Regressions {
-            ego: EgoUnderTest::Change(change),
+            ego: EgoUnderTest::Change(Box::new(change)),
             ..self
         }
     }
@@ -304,21 +304,28 @@ impl Regressions {
     }
 
     fn scenario(&self, kept: &Kept) -> Result<Scenario, RegressionError> {
-        let recorded = kept.counterexample.scenario(&kept.path)?;
+        let recorded = &kept.counterexample;
+        let nominal = || recorded.nominal(&kept.path);
         Ok(match &self.ego {
-            EgoUnderTest::Recorded => recorded,
-            EgoUnderTest::Change(change) => recorded.with(change)?,
-            EgoUnderTest::Own(name, factory) => recorded.with_ego(name, factory.clone()),
-            EgoUnderTest::Named(name) => match recorded.reuse.get(name) {
-                Some(change) => recorded.with(change)?,
-                None => {
+            EgoUnderTest::Recorded => recorded.scenario(&kept.path)?,
+            EgoUnderTest::Own(name, factory) => {
+                let world = recorded.scenario(&kept.path)?;
+                world.with_ego(name, factory.clone())
+            }
+            // A named or given ego replaces the recorded change, it is not added.
+            EgoUnderTest::Change(change) => nominal()?.with(change)?,
+            EgoUnderTest::Named(name) if name == "nominal" => nominal()?,
+            EgoUnderTest::Named(name) => {
+                let world = nominal()?;
+                let Some(change) = world.reuse.get(name) else {
                     return Err(RegressionError::NoSuchEgo {
                         path: kept.path.clone(),
                         name: name.clone(),
-                        known: recorded.reuse.keys().cloned().collect(),
+                        known: world.reuse.keys().cloned().collect(),
                     });
-                }
-            },
+                };
+                world.with(change)?
+            }
         })
     }
 }

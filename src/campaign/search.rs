@@ -209,10 +209,8 @@ impl<'a> Searcher<'a> {
         let mut accept = |actions: &[usize]| {
             let mut replay = Replay::holding(actions);
             let episode = play(bench, start, noise, &mut replay, Aftermath::Play);
-            if confirms {
-                confirmed.simulations += 1;
-                confirmed.physics_steps += episode.physics_steps;
-            }
+            confirmed.physics_steps += episode.physics_steps;
+            confirmed.simulations += u64::from(confirms);
             let success = episode.verdict.is_success();
             if success {
                 confirmed.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
@@ -232,7 +230,7 @@ impl<'a> Searcher<'a> {
             accept: &mut accept,
             watch,
             simulations: 0,
-            samples: 0,
+            physics_steps: 0,
         };
         let mut root = scenario.bench();
         let mut next = Next::Continue;
@@ -244,13 +242,12 @@ impl<'a> Searcher<'a> {
                 }
             }
         }
-        let substeps = u64::from(root.clock().substeps);
-        let (simulations, samples) = (tree.simulations, tree.samples);
+        let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
         if confirmed.actions.is_none() && watch.stopped() {
             return None;
         }
         confirmed.simulations += simulations;
-        confirmed.physics_steps += samples * substeps;
+        confirmed.physics_steps += physics_steps;
         Some(confirmed)
     }
 }
@@ -271,7 +268,7 @@ struct Tree<'a> {
     accept: &'a mut dyn FnMut(&[usize]) -> Next,
     watch: &'a Watch<'a>,
     simulations: u64,
-    samples: u64,
+    physics_steps: u64,
 }
 
 impl Tree<'_> {
@@ -291,9 +288,9 @@ impl Tree<'_> {
             if self.watch.stopped() {
                 return Next::Stop;
             }
-            let before = bench.trace().len();
+            let before = bench.physics_steps();
             bench.decide(action);
-            self.samples += (bench.trace().len() - before) as u64;
+            self.physics_steps += bench.physics_steps() - before;
             self.prefix.push(action);
             if switches == 0 || bench.is_done() {
                 continue;
@@ -322,7 +319,7 @@ impl Tree<'_> {
         for &action in &self.prefix {
             again.decide(action);
         }
-        self.samples += again.trace().len() as u64;
+        self.physics_steps += again.physics_steps();
         again
     }
 }

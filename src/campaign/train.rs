@@ -4,7 +4,7 @@ use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use super::Watch;
-use crate::rl::{Bundle, BundleError, Control, Learner, Progress};
+use crate::rl::{BundleError, Control, Learner, Progress};
 use crate::run::{Done, RunDir, RunError};
 use crate::scenario::Scenario;
 use crate::seed::Purpose;
@@ -14,16 +14,8 @@ use crate::testbench::Gym;
 const CHECKPOINT_DECISIONS: u64 = 50_000;
 /// Episodes per line of `progress.jsonl`.
 const REPORT_EPISODES: u64 = 250;
-/// Faults in a row with no single good episode after which training gives up.
+/// Training gives up after so many faults, if they outnumber good episodes tenfold.
 const MAX_FAULTS: u64 = 50;
-
-/// What to train.
-pub struct TrainRequest<'a> {
-    /// The world, as it is to be trained in.
-    pub scenario: &'a Scenario,
-    /// A policy to begin with, for fine-tuning.
-    pub from: Option<&'a Bundle>,
-}
 
 /// What training came to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +52,7 @@ pub enum TrainError {
 struct Line {
     decisions: u64,
     episodes: u64,
+    window: u64,
     aborted: u64,
     solved_share: f64,
     mean_return: f64,
@@ -69,23 +62,26 @@ struct Line {
 /// Trains in `run` until the configured decisions are taken or `watch` stops it.
 ///
 /// Goes on from the run's checkpoint if there is one: the result is the same,
-/// byte for byte, as without the interruption.
+/// byte for byte, as without the interruption. A finished run is left alone.
 ///
 /// # Errors
 /// The disk refuses; the checkpoint does not fit; the ego keeps failing.
 pub fn train(
-    request: &TrainRequest<'_>,
+    scenario: &Scenario,
     run: &mut RunDir,
     watch: &Watch<'_>,
 ) -> Result<Trained, TrainError> {
-    let scenario = request.scenario;
+    if run.manifest().is_finished() {
+        return Ok(finished(run));
+    }
+    run.trim_progress()?;
     let seed = run.manifest().seed;
     let asked = scenario.learner.decisions();
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
     let spaces = scenario.world().spaces();
-    let mut learner = match (run.checkpoint()?, request.from) {
+    let mut learner = match (run.checkpoint()?, run.from()?) {
         (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
-        (None, Some(policy)) => scenario.learner.build_from(spaces, seed, policy)?,
+        (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
         (None, None) => scenario.learner.build(spaces, seed),
     };
     let spent_s = run.manifest().cpu_s;
@@ -128,6 +124,21 @@ pub fn train(
     })
 }
 
+/// What a finished run came to.
+fn finished(run: &RunDir) -> Trained {
+    let manifest = run.manifest();
+    Trained {
+        done: Done {
+            decisions_asked: manifest.decisions,
+            decisions: manifest.decisions_done,
+            episodes: manifest.episodes,
+            cpu_s: manifest.cpu_s,
+        },
+        interrupted: false,
+        aborted: 0,
+    }
+}
+
 /// Counts episodes and writes progress lines.
 #[derive(Default)]
 struct Ledger {
@@ -152,6 +163,7 @@ impl Ledger {
         let line = Line {
             decisions: progress.decisions,
             episodes: progress.episodes,
+            window: self.in_line,
             aborted: progress.aborted,
             solved_share: self.solved as f64 / self.in_line as f64,
             mean_return: self.returns / self.in_line as f64,

@@ -21,15 +21,15 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
         Ok(scenario) => scenario,
         Err(error) => {
             if args.common.json {
-                print_json(&problems(&error));
+                print_json(&problems(&error))?;
             }
             return Err(error.into());
         }
     };
     if args.common.json {
-        print_json(&listing(&scenario));
+        print_json(&listing(&scenario))?;
     } else {
-        talk::data(&text(&scenario));
+        talk::data(&text(&scenario))?;
     }
     let file = args.world.display().to_string();
     let warnings = scenario.warnings.iter();

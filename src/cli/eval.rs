@@ -5,10 +5,13 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, NamedEgo, PlantArg, egos, on_plant, print_json, table, talk};
+use super::{
+    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
+    start_count, table, talk,
+};
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, SearchRequest, TestStarts, Watch, best_constant, eval,
-    explain_first, keep, search, trivial_starts,
+    explain_first, keep, search, test_starts,
 };
 use crate::rl::Policy;
 use crate::run::{Row, RunDir};
@@ -19,7 +22,7 @@ pub(super) struct EvalArgs {
     /// The run directory that `train` made.
     run: PathBuf,
     /// Test starts to draw.
-    #[arg(long, value_name = "N", default_value_t = 500)]
+    #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
     starts: usize,
     /// Who plays the ado; repeat for several.
     #[arg(long, value_enum, default_value = "trained", value_name = "ADO")]
@@ -39,7 +42,7 @@ pub(super) struct EvalArgs {
     /// Counterexamples to write per ego.
     #[arg(long, value_name = "N", default_value_t = 10, requires = "keep")]
     keep_most: usize,
-    /// Exit with 1 if the trained ado makes an ego fail.
+    /// Exit with 1 if any ado makes an ego fail.
     #[arg(long)]
     fail_on_counterexample: bool,
     #[command(flatten)]
@@ -68,7 +71,15 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         nominal = on_plant(&nominal, plant)?;
     }
     let egos = egos(&nominal, &args.ego)?;
-    let starts = trivial_starts(&nominal, args.common.seed, args.starts);
+    let plays_trained = [AdoArg::Trained, AdoArg::All]
+        .iter()
+        .any(|ado| args.ado.contains(ado));
+    if args.keep.is_some() && !plays_trained {
+        return Err(Failure::input(
+            "`--keep` writes counterexamples of the trained ado, which is not asked for",
+            "add `--ado trained`",
+        ));
+    }
     let bar = talk::bar("evaluating", 0);
     let watch = Watch {
         progress: &|done, total| {
@@ -76,6 +87,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             bar.set_position(done);
         },
         stop: talk::stop(),
+    };
+    let Some(starts) = test_starts(&run.world()?, args.common.seed, args.starts, &watch) else {
+        return Ok(interrupted_early());
     };
     let job = Job {
         args,
@@ -99,21 +113,22 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         let explain: Vec<_> = explain
             .map(|why| json!({ "ego": why.ego, "start": why.start, "explain": why.explanation }))
             .collect();
-        print_json(&json!({ "rows": rows, "explain": explain }));
+        print_json(&json!({ "rows": rows, "explain": explain }))?;
     } else {
-        talk::data(&table::rows(&rows));
+        talk::data(&table::rows(&rows))?;
         for why in &reasons {
             talk::data(&format!(
                 "\nwhy `{}` fails from start {}, the first of them: {}",
                 why.ego, why.start, why.explanation
-            ));
+            ))?;
         }
     }
     if talk::stopped() {
         talk::say("interrupted: the rows cover the starts that were finished");
         return Ok(Exit::Interrupted);
     }
-    Ok(match !reasons.is_empty() && args.fail_on_counterexample {
+    let found = rows.iter().any(|row| 0 < row.successes);
+    Ok(match found && args.fail_on_counterexample {
         true => Exit::Counterexample,
         false => Exit::Done,
     })

@@ -44,7 +44,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     match args.common.json {
         true => print_json(&json!({ "rows": replayed.iter().map(row).collect::<Vec<_>>() })),
         false => talk::data(&table(&replayed)),
-    }
+    }?;
     let differs = replayed.iter().any(|replayed| !replayed.identical);
     if regressions.is_recorded_ego() && differs {
         return Ok(Exit::NotIdentical);
@@ -103,7 +103,7 @@ fn against(regressions: Regressions, ego: &str) -> Result<Regressions, Failure> 
     let Some(first) = regressions.kept().first() else {
         return Ok(regressions);
     };
-    let world: Scenario = first.counterexample.scenario(&first.path)?;
+    let world: Scenario = first.counterexample.nominal(&first.path)?;
     let (change, _) = world.changed_by(path)?;
     Ok(regressions.with_change(change))
 }
@@ -192,6 +192,6 @@ pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
             recorded.bytes.div_ceil(1000),
             recorded.path.display()
         )),
-    }
+    }?;
     Ok(Exit::Done)
 }

@@ -67,6 +67,16 @@ enum Verb {
     View(kept::ViewArgs),
 }
 
+impl Verb {
+    /// Whether Ctrl-C asks it to stop and keep what it has; others just end.
+    fn saves_when_interrupted(&self) -> bool {
+        matches!(
+            self,
+            Verb::Train(_) | Verb::Eval(_) | Verb::Search(_) | Verb::Reproduce(_)
+        )
+    }
+}
+
 /// A plant, as named on the command line.
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum PlantArg {
@@ -99,7 +109,9 @@ fn on_plant(scenario: &Scenario, plant: PlantArg) -> Result<Scenario, Failure> {
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    talk::listen_for_interrupts();
+    if cli.verb.saves_when_interrupted() {
+        talk::listen_for_interrupts();
+    }
     let result = match cli.verb {
         Verb::Check(args) => check::run(&args),
         Verb::Train(args) => with_jobs(&args.common.clone(), move || train::run(&args)),
@@ -207,9 +219,20 @@ fn finite_or_word(value: f64) -> serde_json::Value {
     }
 }
 
+/// How many starts a verb may draw.
+fn start_count() -> clap::builder::RangedU64ValueParser<usize> {
+    clap::builder::RangedU64ValueParser::new().range(1..=10_000_000)
+}
+
+/// Says that nothing was computed before the interruption.
+fn interrupted_early() -> Exit {
+    talk::say("interrupted before anything was evaluated");
+    Exit::Interrupted
+}
+
 /// Prints one JSON object on stdout.
-fn print_json(value: &serde_json::Value) {
-    talk::data(&value.to_string());
+fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
+    talk::data(&value.to_string())
 }
 
 /// Renders failures without colour, for tests and logs.

@@ -88,7 +88,7 @@ fn grids(args: &ReproduceArgs) -> Result<Exit, Failure> {
     match args.common.json {
         true => print_json(&object),
         false => talk::data(markdown.trim_end()),
-    }
+    }?;
     Ok(Exit::Done)
 }
 
@@ -128,7 +128,7 @@ fn case_studies(args: &ReproduceArgs) -> Result<Exit, Failure> {
     match args.common.json {
         true => print_json(&object),
         false => talk::data(markdown.trim_end()),
-    }
+    }?;
     Ok(Exit::Done)
 }
 

@@ -5,8 +5,11 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, PlantArg, egos, on_plant, print_json, table, talk};
-use crate::campaign::{Method, SearchRequest, Watch, search, trivial_starts};
+use super::{
+    Common, Exit, Failure, PlantArg, egos, interrupted_early, on_plant, print_json, start_count,
+    table, talk,
+};
+use crate::campaign::{Method, SearchRequest, Watch, search, test_starts};
 use crate::run::RunDir;
 use crate::scenario::Scenario;
 
@@ -22,10 +25,10 @@ pub(super) struct SearchArgs {
     #[arg(long, value_name = "M", default_value_t = 2)]
     switches: usize,
     /// Simulations per start (uniform, hold).
-    #[arg(long, value_name = "SIMS", default_value_t = 100)]
+    #[arg(long, value_name = "SIMS", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
     budget: u64,
     /// Test starts to draw.
-    #[arg(long, value_name = "N", default_value_t = 300)]
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = start_count())]
     starts: usize,
     /// Which ego is tested: nominal, a name under `reuse`, a RON file, or all.
     #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
@@ -51,19 +54,27 @@ enum MethodArg {
 }
 
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
-    let mut nominal = match args.world.is_dir() {
-        true => RunDir::open(&args.world)?.scenario()?,
-        false => Scenario::load(&args.world)?,
+    let (world, mut nominal) = match args.world.is_dir() {
+        true => {
+            let run = RunDir::open(&args.world)?;
+            (run.world()?, run.scenario()?)
+        }
+        false => {
+            let world = Scenario::load(&args.world)?;
+            (world.clone(), world)
+        }
     };
     if let Some(plant) = args.plant {
         nominal = on_plant(&nominal, plant)?;
     }
     let egos = egos(&nominal, &args.ego)?;
-    let starts = trivial_starts(&nominal, args.common.seed, args.starts);
     let bar = talk::bar("searching", args.starts as u64);
     let watch = Watch {
         progress: &|done, _| bar.set_position(done),
         stop: talk::stop(),
+    };
+    let Some(starts) = test_starts(&world, args.common.seed, args.starts, &watch) else {
+        return Ok(interrupted_early());
     };
     let mut rows = Vec::new();
     for ego in &egos {
@@ -85,7 +96,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     match args.common.json {
         true => print_json(&json!({ "rows": rows })),
         false => talk::data(&table::rows(&rows)),
-    }
+    }?;
     if talk::stopped() {
         talk::say("interrupted: the rows cover the starts that were finished");
         return Ok(Exit::Interrupted);

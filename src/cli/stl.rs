@@ -101,16 +101,16 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         if let Some(explanation) = &explanation {
             object["explain"] = json!(explanation);
         }
-        print_json(&object);
+        print_json(&object)?;
     } else {
         match &all {
-            None => talk::data(&format!("{robustness}")),
-            Some(all) => talk::data(&lines(all, trace.dt_s())),
+            None => talk::data(&format!("{robustness}"))?,
+            Some(all) => talk::data(&lines(all, trace.dt_s()))?,
         }
         let word = if satisfied { "satisfied" } else { "violated" };
         talk::say(&format!("{word}, ρ = {robustness}"));
         if let Some(explanation) = &explanation {
-            talk::data(&explanation.to_string());
+            talk::data(&explanation.to_string())?;
         }
     }
     Ok(match args.fail_on_counterexample && !satisfied {

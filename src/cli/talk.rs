@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::GraphicalTheme;
 
+use super::Failure;
+
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Set once Ctrl-C was pressed.
@@ -34,9 +36,16 @@ pub(super) fn say(line: &str) {
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// Data on stdout; a closed pipe is no error of ours.
-pub(super) fn data(text: &str) {
-    let _ = writeln!(io::stdout(), "{text}");
+/// Data on stdout; a closed pipe is the reader's choice, not an error.
+pub(super) fn data(text: &str) -> Result<(), Failure> {
+    let mut stdout = io::stdout().lock();
+    match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::fault(
+            format!("writing to standard output failed: {error}"),
+            Some("check where it is redirected, and the free space there".to_owned()),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// A progress bar that shows on terminals only.

@@ -5,11 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, PlantArg, on_plant, print_json, table, talk};
-use crate::campaign::{
-    Ado, EvalRequest, TrainRequest, Watch, best_constant, eval, keep, train, trivial_starts,
+use super::{
+    Common, Exit, Failure, PlantArg, interrupted_early, on_plant, print_json, start_count, table,
+    talk,
 };
-use crate::run::RunDir;
+use crate::campaign::{
+    Ado, EvalRequest, TrainError, Watch, best_constant, eval, keep, test_starts, train,
+};
+use crate::run::{Row, RunDir};
 use crate::scenario::{Change, Scenario};
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
@@ -35,7 +38,7 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     from: Option<PathBuf>,
     /// Test starts of the closing evaluation.
-    #[arg(long, value_name = "N", default_value_t = 300)]
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = start_count())]
     starts: usize,
     #[command(flatten)]
     pub(super) common: Common,
@@ -54,22 +57,14 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let path = args.output.clone().unwrap_or_else(default);
     let mut run = match args.resume {
         true => resume(args, &path, &mut scenario)?,
-        false => RunDir::create(&path, &scenario, seed)?,
-    };
-    let from = match &args.from {
-        Some(from) => Some(RunDir::open(from)?.policy_bundle()?),
-        None => None,
+        false => begin(args, &path, &scenario)?,
     };
     let bar = talk::bar("training (decisions)", scenario.learner.decisions());
     let watch = Watch {
         progress: &|done, _| bar.set_position(done),
         stop: talk::stop(),
     };
-    let request = TrainRequest {
-        scenario: &scenario,
-        from: from.as_ref(),
-    };
-    let trained = train(&request, &mut run, &watch)?;
+    let trained = train(&scenario, &mut run, &watch)?;
     bar.finish_and_clear();
     if trained.interrupted {
         talk::say(&format!(
@@ -86,7 +81,15 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         "trained for {} decisions in {} episodes: {:.1} s of processor time, {rate:.0} decisions/s",
         trained.done.decisions, trained.done.episodes, trained.done.cpu_s
     ));
-    let rows = closing_evaluation(args, &scenario, &run)?;
+    if 0 < trained.aborted {
+        talk::say(&format!(
+            "{} episodes were dropped for faults of the ego or the physics",
+            trained.aborted
+        ));
+    }
+    let Some(rows) = closing_evaluation(args, &scenario, &run)? else {
+        return Ok(interrupted_early());
+    };
     run.save_report(&rows)?;
     if args.common.json {
         print_json(&json!({
@@ -99,9 +102,9 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
             "cpu_s": trained.done.cpu_s,
             "decisions_per_cpu_s": rate,
             "rows": rows,
-        }));
+        }))?;
     } else {
-        talk::data(&table::rows(&rows));
+        talk::data(&table::rows(&rows))?;
         talk::say(&format!("kept in {}", path.display()));
     }
     Ok(match talk::stopped() {
@@ -110,7 +113,22 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     })
 }
 
-/// Opens a run to go on with; it must be of the same world.
+/// Makes a run; a policy to begin with is checked first and kept in it.
+fn begin(args: &TrainArgs, path: &std::path::Path, scenario: &Scenario) -> Result<RunDir, Failure> {
+    let Some(from) = &args.from else {
+        return Ok(RunDir::create(path, scenario, args.common.seed)?);
+    };
+    let bundle = RunDir::open(from)?.policy_bundle()?;
+    let fits = scenario
+        .learner
+        .build_from(scenario.world().spaces(), args.common.seed, &bundle);
+    fits.map_err(TrainError::from)?;
+    let mut run = RunDir::create(path, scenario, args.common.seed)?;
+    run.save_from(&bundle)?;
+    Ok(run)
+}
+
+/// Opens a run to go on with; it must be of the same world and length.
 fn resume(
     args: &TrainArgs,
     path: &std::path::Path,
@@ -138,10 +156,21 @@ fn resume(
             "leave out `--plant`",
         ));
     }
-    if args.decisions.is_none() {
-        let decisions = run.manifest().decisions;
-        scenario.learner = scenario.learner.clone().with_decisions(decisions);
+    let begun = run.manifest().decisions;
+    if args.decisions.is_some_and(|decisions| decisions != begun) {
+        return Err(Failure::input(
+            format!("this run was begun for {begun} decisions"),
+            "schedules depend on that number: leave out `--decisions`, or fine-tune the \
+             finished policy in a new run with `--from`",
+        ));
     }
+    if args.common.seed != 0 && args.common.seed != run.manifest().seed {
+        return Err(Failure::input(
+            format!("this run was begun with seed {}", run.manifest().seed),
+            "leave out `--seed`",
+        ));
+    }
+    scenario.learner = scenario.learner.clone().with_decisions(begun);
     Ok(run)
 }
 
@@ -150,9 +179,8 @@ fn closing_evaluation(
     args: &TrainArgs,
     scenario: &Scenario,
     run: &RunDir,
-) -> Result<Vec<crate::run::Row>, Failure> {
+) -> Result<Option<Vec<Row>>, Failure> {
     let policy = run.policy()?;
-    let starts = trivial_starts(scenario, 0, args.starts);
     let bar = talk::bar("evaluating", 0);
     let watch = Watch {
         progress: &|done, total| {
@@ -160,6 +188,9 @@ fn closing_evaluation(
             bar.set_position(done);
         },
         stop: talk::stop(),
+    };
+    let Some(starts) = test_starts(&run.world()?, 0, args.starts, &watch) else {
+        return Ok(None);
     };
     let request = |ado| EvalRequest {
         scenario,
@@ -184,5 +215,5 @@ fn closing_evaluation(
         best_constant(scenario, "nominal", &starts, &watch).row,
     ];
     bar.finish_and_clear();
-    Ok(rows)
+    Ok(Some(rows))
 }

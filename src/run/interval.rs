@@ -17,7 +17,18 @@ pub fn wilson(successes: usize, n: usize) -> [f64; 2] {
     let z2 = Z * Z;
     let centre = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
     let half = Z / (1.0 + z2 / n) * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
-    [(centre - half).max(0.0), (centre + half).min(1.0)]
+    // Exact at the edges, where rounding would leave dust.
+    let lo = if successes == 0 {
+        0.0
+    } else {
+        (centre - half).max(0.0)
+    };
+    let hi = if p == 1.0 {
+        1.0
+    } else {
+        (centre + half).min(1.0)
+    };
+    [lo, hi]
 }
 
 /// 95 % interval of the mean success rate of several training seeds.
@@ -103,6 +114,9 @@ mod tests {
         assert!((lo - 0.2553).abs() < 1e-4 && (hi - 0.3662).abs() < 1e-4);
         let [lo, hi] = wilson(0, 20);
         assert!(lo == 0.0 && (hi - 0.1611).abs() < 1e-4);
+        for n in 1..200 {
+            assert_eq!((wilson(0, n)[0], wilson(n, n)[1]), (0.0, 1.0));
+        }
     }
 
     #[test]

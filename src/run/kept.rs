@@ -139,11 +139,32 @@ impl Counterexample {
         if kept.format != FORMAT {
             return Err(format(format!("format {} is not {FORMAT}", kept.format)));
         }
-        let finite = kept.start.values().all(|value| value.is_finite());
-        if !finite {
-            return Err(format("a start value is not finite".to_owned()));
+        let changed = kept.change.ego.0.values();
+        if kept
+            .start
+            .values()
+            .chain(changed)
+            .any(|value| !value.is_finite())
+        {
+            return Err(format("a value in it is not finite".to_owned()));
         }
         Ok(kept)
+    }
+
+    /// Writes `STEM.ron` into a directory, or `STEM-2.ron` and so on where
+    /// another counterexample has that name already; returns the file.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save_as(&self, dir: &Path, stem: &str, trace: &Trace) -> Result<PathBuf, KeptError> {
+        let mut file = dir.join(format!("{stem}.ron"));
+        let mut number = 1;
+        while file.exists() && Counterexample::load(&file).ok().as_ref() != Some(self) {
+            number += 1;
+            file = dir.join(format!("{stem}-{number}.ron"));
+        }
+        self.save(&file, trace)?;
+        Ok(file)
     }
 
     /// Writes `path` and, beside it, the samples as CSV.
@@ -168,28 +189,36 @@ impl Counterexample {
     /// # Errors
     /// The world or the change in it is not usable by this version.
     pub fn scenario(&self, path: &Path) -> Result<Scenario, KeptError> {
+        let world = self.nominal(path)?;
+        world
+            .with(&self.change)
+            .map_err(|source| KeptError::Change {
+                path: path.into(),
+                source,
+            })
+    }
+
+    /// The same world on the same plant, with the ego its file names.
+    ///
+    /// # Errors
+    /// The world in it is not usable by this version.
+    pub fn nominal(&self, path: &Path) -> Result<Scenario, KeptError> {
         let name = format!("{} (in {})", self.world, path.display());
         let world =
             Scenario::parse(&name, &self.world_file).map_err(|source| KeptError::World {
                 path: path.into(),
                 source: Box::new(source),
             })?;
-        let changed = world
-            .with(&self.change)
-            .map_err(|source| KeptError::Change {
-                path: path.into(),
-                source,
-            })?;
         Ok(match self.plant.plant() {
-            Some(plant) => changed.on(plant),
-            None => changed,
+            Some(plant) => world.on(plant),
+            None => world,
         })
     }
 
     /// The start in the order of the world's axes.
     ///
     /// # Errors
-    /// An axis has no value.
+    /// An axis has no value, or one outside of its range; an action is none.
     pub fn start(&self, scenario: &Scenario, path: &Path) -> Result<Start, KeptError> {
         let axes = scenario.axes();
         let value = |name: &str| {
@@ -201,8 +230,31 @@ impl Counterexample {
                     why: format!("the start lacks `{name}`"),
                 })
         };
-        let values = axes.iter().map(|axis| value(&axis.name));
-        Ok(Start(values.collect::<Result<_, _>>()?))
+        let format = |why: String| KeptError::Format {
+            path: path.into(),
+            why,
+        };
+        let mut start = Vec::with_capacity(axes.len());
+        for axis in &axes {
+            let value = value(&axis.name)?;
+            if !(axis.lo..=axis.hi).contains(&value) {
+                let (name, lo, hi) = (&axis.name, axis.lo, axis.hi);
+                return Err(format(format!(
+                    "`{name}` = {value} is outside of {lo} ..= {hi}"
+                )));
+            }
+            start.push(value);
+        }
+        if start.len() != self.start.len() {
+            return Err(format(
+                "the start names an axis that the world has not".to_owned(),
+            ));
+        }
+        let actions = scenario.world().spaces().actions;
+        if let Some(action) = self.actions.iter().find(|action| actions <= **action) {
+            return Err(format(format!("action {action} of {actions} actions")));
+        }
+        Ok(Start(start))
     }
 }
 

@@ -4,9 +4,11 @@
 //! RUN/world.ron                the world file, verbatim
 //! RUN/manifest.json            version, seed, target, hashes
 //! RUN/policy.safetensors       the trained ado
+//! RUN/from.safetensors         the ado it was fine-tuned from, if any
 //! RUN/progress.jsonl           one line per report of the learner
-//! RUN/checkpoint.safetensors   while training: all that resuming needs
+//! RUN/checkpoint-N.safetensors while training: all that resuming after N decisions needs
 //! RUN/report.json              the rows of the closing evaluation
+//! RUN/episodes/                some counterexamples of the closing evaluation
 //! RUN/lock                     held while training
 //! ```
 //!
@@ -62,8 +64,21 @@ pub struct Manifest {
     pub episodes: u64,
     /// Processor time spent in training.
     pub cpu_s: f64,
+    /// SHA-256 of `from.safetensors`, when fine-tuning.
+    #[serde(default)]
+    pub from_sha256: Option<String>,
+    /// The checkpoint's file and its SHA-256, while training.
+    #[serde(default)]
+    pub checkpoint: Option<(String, String)>,
     /// SHA-256 of `policy.safetensors`, once there is one.
     pub policy_sha256: Option<String>,
+}
+
+impl Manifest {
+    /// Whether training has finished.
+    pub fn is_finished(&self) -> bool {
+        self.policy_sha256.is_some()
+    }
 }
 
 /// A run directory could not be used.
@@ -86,6 +101,16 @@ pub enum RunError {
         path: PathBuf,
         /// What is missing or wrong.
         why: String,
+    },
+    /// Training there was interrupted.
+    #[error("the training in `{path}` has not finished ({done} of {asked} decisions)")]
+    Unfinished {
+        /// The directory.
+        path: PathBuf,
+        /// Decisions taken.
+        done: u64,
+        /// Decisions asked for.
+        asked: u64,
     },
     /// The directory is taken.
     #[error("`{path}` exists already")]
@@ -122,6 +147,9 @@ impl RunError {
             RunError::NotARun { .. } => {
                 Some("make one with `brakecheck train WORLD -o RUN`".to_owned())
             }
+            RunError::Unfinished { .. } => {
+                Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
+            }
             RunError::Exists { .. } => {
                 Some("go on with `--resume`, or name another directory with `-o`".to_owned())
             }
@@ -148,8 +176,7 @@ impl RunDir {
     /// # Errors
     /// It exists and holds something, or cannot be written.
     pub fn create(path: &Path, scenario: &Scenario, seed: u64) -> Result<RunDir, RunError> {
-        let taken = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
-        if taken {
+        if is_taken(path) {
             return Err(RunError::Exists { path: path.into() });
         }
         fs::create_dir_all(path).map_err(io_error("creating", path))?;
@@ -168,6 +195,8 @@ impl RunDir {
                 decisions_done: 0,
                 episodes: 0,
                 cpu_s: 0.0,
+                from_sha256: None,
+                checkpoint: None,
                 policy_sha256: None,
             },
             _lock: Some(lock),
@@ -229,6 +258,13 @@ impl RunDir {
         &self.path
     }
 
+    /// Whether it is of this very world, on its plant, with its decisions.
+    pub fn is_of(&self, scenario: &Scenario) -> bool {
+        self.manifest.world_sha256 == sha256(scenario.text.as_bytes())
+            && self.manifest.plant == scenario.plant()
+            && self.manifest.decisions == scenario.learner.decisions()
+    }
+
     /// What it was.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
@@ -239,12 +275,21 @@ impl RunDir {
     /// # Errors
     /// The kept world file is not usable by this version.
     pub fn scenario(&self) -> Result<Scenario, RunError> {
+        let world = self.world()?;
+        Ok(match self.manifest.plant.plant() {
+            Some(plant) => world.on(plant),
+            None => world,
+        })
+    }
+
+    /// The world as its file says: on the plant named there.
+    ///
+    /// # Errors
+    /// The kept world file is not usable by this version.
+    pub fn world(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
-            Ok(scenario) => Ok(match self.manifest.plant.plant() {
-                Some(plant) => scenario.on(plant),
-                None => scenario,
-            }),
+            Ok(scenario) => Ok(scenario),
             Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
             Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
         }
@@ -267,9 +312,10 @@ impl RunDir {
     /// There is none yet, or its file is damaged.
     pub fn policy_bundle(&self) -> Result<Bundle, RunError> {
         let Some(expected) = &self.manifest.policy_sha256 else {
-            return Err(RunError::NotARun {
+            return Err(RunError::Unfinished {
                 path: self.path.clone(),
-                why: "its training has not finished: go on with `train … --resume`".to_owned(),
+                done: self.manifest.decisions_done,
+                asked: self.manifest.decisions,
             });
         };
         let bytes = self.read_verified("policy.safetensors", Some(expected))?;
@@ -279,47 +325,102 @@ impl RunDir {
     /// The checkpoint to go on from, if training was interrupted.
     ///
     /// # Errors
-    /// Its file is damaged.
+    /// Its file is missing or damaged.
     pub fn checkpoint(&self) -> Result<Option<Bundle>, RunError> {
-        if !self.path.join("checkpoint.safetensors").is_file() {
+        let Some((name, expected)) = &self.manifest.checkpoint else {
             return Ok(None);
-        }
-        let bytes = self.read_verified("checkpoint.safetensors", None)?;
+        };
+        let bytes = self.read_verified(name, Some(expected))?;
         Bundle::from_bytes(&bytes)
             .map(Some)
-            .map_err(self.damaged("checkpoint.safetensors"))
+            .map_err(self.damaged(name))
+    }
+
+    /// The policy that a fine-tuning begins with.
+    ///
+    /// # Errors
+    /// Its file is missing or damaged.
+    pub fn from(&self) -> Result<Option<Bundle>, RunError> {
+        let Some(expected) = &self.manifest.from_sha256 else {
+            return Ok(None);
+        };
+        let bytes = self.read_verified("from.safetensors", Some(expected))?;
+        Bundle::from_bytes(&bytes)
+            .map(Some)
+            .map_err(self.damaged("from.safetensors"))
+    }
+
+    /// Keeps the policy that a fine-tuning begins with.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save_from(&mut self, bundle: &Bundle) -> Result<(), RunError> {
+        let bytes = bundle
+            .to_bytes()
+            .map_err(self.damaged("from.safetensors"))?;
+        self.write("from.safetensors", &bytes)?;
+        self.manifest.from_sha256 = Some(sha256(&bytes));
+        self.write_manifest()
     }
 
     /// Stores a checkpoint and how far training has come.
     ///
     /// # Errors
-    /// The disk refuses; the previous checkpoint is then still there.
+    /// The disk refuses; the previous checkpoint is then still in force.
     pub fn save_checkpoint(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
-        let bytes = bundle
-            .to_bytes()
-            .map_err(self.damaged("checkpoint.safetensors"))?;
-        self.write("checkpoint.safetensors", &bytes)?;
+        let name = format!("checkpoint-{}.safetensors", done.decisions);
+        let bytes = bundle.to_bytes().map_err(self.damaged(&name))?;
+        self.write(&name, &bytes)?;
+        let before = self.manifest.checkpoint.replace((name, sha256(&bytes)));
         self.note(done);
-        self.write_manifest()
+        self.write_manifest()?;
+        self.forget(before)
     }
 
     /// Stores the trained ado; the checkpoint is no longer needed.
     ///
     /// # Errors
-    /// The disk refuses; the last checkpoint is then still there.
+    /// The disk refuses; the last checkpoint is then still in force.
     pub fn save_policy(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
         let bytes = bundle
             .to_bytes()
             .map_err(self.damaged("policy.safetensors"))?;
         self.write("policy.safetensors", &bytes)?;
+        let before = self.manifest.checkpoint.take();
         self.manifest.policy_sha256 = Some(sha256(&bytes));
         self.note(done);
         self.write_manifest()?;
-        let checkpoint = self.path.join("checkpoint.safetensors");
-        if checkpoint.is_file() {
-            fs::remove_file(&checkpoint).map_err(io_error("removing", &checkpoint))?;
+        self.forget(before)
+    }
+
+    /// Removes a checkpoint that the manifest no longer names.
+    fn forget(&self, checkpoint: Option<(String, String)>) -> Result<(), RunError> {
+        let now = self.manifest.checkpoint.as_ref();
+        match checkpoint {
+            Some((name, _)) if now.is_none_or(|(current, _)| *current != name) => {
+                let path = self.path.join(name);
+                fs::remove_file(&path).map_err(io_error("removing", &path))
+            }
+            _ => Ok(()),
         }
-        Ok(())
+    }
+
+    /// Cuts `progress.jsonl` back to what the checkpoint knows.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn trim_progress(&self) -> Result<(), RunError> {
+        let path = self.path.join("progress.jsonl");
+        let Ok(text) = fs::read_to_string(&path) else {
+            return Ok(());
+        };
+        let known = |line: &&str| {
+            let line: Result<serde_json::Value, _> = serde_json::from_str(line);
+            let decisions = line.ok().and_then(|line| line["decisions"].as_u64());
+            decisions.is_some_and(|decisions| decisions <= self.manifest.decisions_done)
+        };
+        let lines = text.lines().filter(known).map(|line| format!("{line}\n"));
+        write_file(&path, lines.collect::<String>().as_bytes())
     }
 
     /// Appends lines to `progress.jsonl`.
@@ -440,6 +541,17 @@ fn readable(file: &File) -> io::Result<()> {
 #[cfg(not(unix))]
 fn readable(_file: &File) -> io::Result<()> {
     Ok(())
+}
+
+/// Whether a directory holds anything but the beginnings of a run.
+fn is_taken(path: &Path) -> bool {
+    let Ok(entries) = fs::read_dir(path) else {
+        return false;
+    };
+    let begun =
+        |name: &str| ["lock", "world.ron"].contains(&name) || name.starts_with(".brakecheck-");
+    let mut names = entries.flatten().map(|entry| entry.file_name());
+    names.any(|name| !begun(&name.to_string_lossy()))
 }
 
 fn lock(path: &Path) -> Result<File, RunError> {

@@ -11,11 +11,15 @@ use crate::scene::drive::{Actions, Agent, Drive, DriveSpec, EgoDrive, Place, Ran
 use crate::scene::{Clock, Start};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::{Body, PlantKind};
-use crate::stl::StlError;
+use crate::stl::{Expr, StlError};
 use crate::testbench::{Aftermath, Constant, play};
 
 /// Longest episode, in samples.
-const MAX_SAMPLES: f64 = 1e6;
+const MAX_SAMPLES: f64 = 1e5;
+/// Most lanes of a road.
+const MAX_LANES: usize = 100;
+/// Samples spent at most on trying coasting runs at load.
+const TRIED_SAMPLES: usize = 200_000;
 /// Highest speed anybody may start with.
 const MAX_SPEED_MPS: f64 = 100.0;
 /// Farthest anybody may start from the origin.
@@ -86,6 +90,11 @@ impl<'a> Problems<'a> {
             true => Ok(()),
             false => Err(std::mem::take(&mut self.list)),
         }
+    }
+
+    /// Whether nothing was found so far.
+    pub(super) fn is_empty(&self) -> bool {
+        self.list.is_empty()
     }
 
     pub(super) fn into_list(self) -> Vec<Problem> {
@@ -160,10 +169,10 @@ fn tidy(value: f64) -> f64 {
 }
 
 pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
-    if road.lanes() == 0 {
+    if !(1..=MAX_LANES).contains(&road.lanes()) {
         problems.add(
             &path.to("lanes"),
-            "a road has at least one lane",
+            format!("a road has 1 to {MAX_LANES} lanes, not {}", road.lanes()),
             "here",
             None,
         );
@@ -220,6 +229,28 @@ pub(super) fn signal_name(problems: &mut Problems, path: &Path, name: &str, take
     }
 }
 
+/// A constant's or formula's name: an identifier that means nothing else.
+pub(super) fn free_name(problems: &mut Problems, path: &Path, name: &str, taken: bool) {
+    if taken {
+        let what = format!("`{name}` is the name of something else already");
+        problems.add(path, what, "choose another name", None);
+    } else if !is_identifier(name) || name.parse::<Expr>().is_err() {
+        let what = format!("`{name}` cannot be a name in formulas");
+        let help = "letters, digits and _, and no word of the language".to_owned();
+        problems.add(path, what, "here", Some(help));
+    }
+}
+
+/// The world's own name, which files are named after.
+pub(super) fn world_name(problems: &mut Problems, path: &Path, name: &str) {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() || 64 < name.len() || !name.chars().all(plain) {
+        let what = format!("`{name}` cannot name a world");
+        let help = "at most 64 letters, digits, _ and -: files are named after it".to_owned();
+        problems.add(path, what, "here", Some(help));
+    }
+}
+
 fn is_identifier(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_alphabetic())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
@@ -227,7 +258,7 @@ fn is_identifier(name: &str) -> bool {
 
 pub(super) fn controller(problems: &mut Problems, path: &Path, controller: &ControllerSpec) {
     for parameter in controller.parameters() {
-        if parameter.value < parameter.at_least {
+        if !(parameter.at_least..).contains(&parameter.value) {
             let what = format!(
                 "`{}` is {}, below {}",
                 parameter.name, parameter.value, parameter.at_least
@@ -392,7 +423,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         if let Some(low) = controller
             .parameters()
             .iter()
-            .find(|p| p.value < p.at_least)
+            .find(|p| !(p.at_least..).contains(&p.value))
         {
             let what = format!("`{}` is {}, below {}", low.name, low.value, low.at_least);
             return Err(fail(what, None, &["ego", low.name]));
@@ -403,7 +434,14 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
 
 /// Every change under `reuse` must fit.
 pub(super) fn reuse(problems: &mut Problems, path: &Path, scenario: &Scenario) {
+    world_name(problems, &Path::top().to("name"), &scenario.name);
     for (name, change) in &scenario.reuse {
+        if name.is_empty() || ["nominal", "all"].contains(&name.as_str()) || name.ends_with(".ron")
+        {
+            let what = format!("`{name}` cannot name a changed ego");
+            let help = "`nominal`, `all` and files mean something else to `--ego`".to_owned();
+            problems.add(&path.to(name), what, "choose another name", Some(help));
+        }
         if let Err(error) = scenario.with(change) {
             let place = error.path(&path.to(name));
             problems.add(&place, error.what, "here", error.help);
@@ -505,7 +543,10 @@ pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
     let mut bench = tried.bench();
     let neutral = bench.spaces().neutral;
     let mut scratch = crate::stl::Scratch::default();
-    for start in tried_starts(&tried) {
+    let affordable = TRIED_SAMPLES / bench.clock().samples();
+    // A program as the ego is not run for a warning's sake.
+    let affordable = bench.fork().map_or(0, |_| affordable.max(1));
+    for start in tried_starts(&tried).into_iter().take(affordable) {
         let mut actor = Constant(neutral);
         let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Skip);
         let rules = &tried.rulebook().rules;

@@ -119,16 +119,32 @@ impl Language {
         path: &Path,
         file: &Ordered<String>,
     ) -> Names {
+        let top = Path::top();
+        for name in self.constants.keys() {
+            let taken = self.ranges.contains_key(name);
+            check::free_name(problems, &top.to("constants").to(name), name, taken);
+        }
         let mut formulas = IndexMap::new();
         for (name, text) in &file.0 {
+            let taken = self.ranges.contains_key(name) || self.constants.contains_key(name);
+            check::free_name(problems, &path.to(name), name, taken);
             if let Some(formula) = formula(problems, &path.to(name), text) {
                 formulas.insert(name.clone(), formula);
             }
         }
-        Names {
+        let names = Names {
             formulas,
             constants: self.constants.clone(),
+        };
+        // Also those that nothing uses must make sense.
+        if let (Some(schema), true) = (self.schema(), problems.is_empty()) {
+            for (name, formula) in &names.formulas {
+                if let Err(error) = formula.bind_with(&schema, &names, &Settings::default()) {
+                    problems.stl(&path.to(name), &error);
+                }
+            }
         }
+        names
     }
 
     /// Binds a formula to all signals there are, and notes which it uses.
@@ -158,6 +174,16 @@ impl Language {
         problems: &mut Problems,
         names: &[(String, Path)],
     ) -> Vec<Observed> {
+        if names.is_empty() {
+            let what = "an ado that observes nothing cannot learn";
+            let help = "give `observe` at least one signal, such as \"time_left\"".to_owned();
+            problems.add(
+                &Path::top().to("agents"),
+                what,
+                "nothing is observed",
+                Some(help),
+            );
+        }
         let mut observe: Vec<Observed> = Vec::new();
         for (name, path) in names {
             let Some(&(lo, hi)) = self.ranges.get(name) else {
@@ -218,7 +244,10 @@ pub(super) fn constants(
     for (name, value) in &file.0 {
         if RESERVED.contains(&name.as_str()) {
             let what = format!("`{name}` is reserved");
-            let help = format!("`T` is the horizon in seconds, given by `{given_by}`");
+            let help = match name.as_str() {
+                "T" => format!("`T` is the horizon, given by `{given_by}`"),
+                _ => "formulas read it as the end of the run".to_owned(),
+            };
             problems.add(&path.to(name), what, "here", Some(help));
         }
         constants.insert(name.clone(), *value);

@@ -284,6 +284,7 @@ impl Scenario {
         // Invariant: signals and observations do not depend on what a change
         // can change, so a world that was assembled once assembles again.
         let world = DriveWorld::new(spec).map(World::Drive);
+        assert!(world.is_ok(), "a changed world assembles like the original");
         Scenario {
             world: world.unwrap_or_else(|_| self.world.clone()),
             ..self.clone()

@@ -1,5 +1,6 @@
 //! Reading RON with errors that name the place and the cure.
 
+use std::io::Read;
 use std::path::Path as FilePath;
 
 use ron::error::{Error, Position, SpannedError};
@@ -19,12 +20,14 @@ pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
         file: file.to_owned(),
         source,
     };
-    let length = std::fs::metadata(path).map_err(io)?.len();
-    if MAX_BYTES < length {
-        let what = format!("{length} bytes, more than the {MAX_BYTES} a world file may have");
+    let mut bytes = Vec::new();
+    let opened = std::fs::File::open(path).map_err(io)?;
+    let mut limited = opened.take(MAX_BYTES + 1);
+    limited.read_to_end(&mut bytes).map_err(io)?;
+    if MAX_BYTES < bytes.len() as u64 {
+        let what = format!("it is larger than the {MAX_BYTES} bytes a world file may have");
         return Err(io(std::io::Error::other(what)));
     }
-    let bytes = std::fs::read(path).map_err(io)?;
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
         let bytes = error.into_bytes();

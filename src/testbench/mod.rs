@@ -65,6 +65,7 @@ pub struct Testbench {
     contact: Option<Touch>,
     fault: Option<Fault>,
     decisions: usize,
+    advances: u64,
     aftermath: Aftermath,
 }
 
@@ -81,6 +82,7 @@ impl Testbench {
             contact: None,
             fault: None,
             decisions: 0,
+            advances: 0,
             aftermath: Aftermath::Skip,
             scene,
             rulebook,
@@ -143,6 +145,7 @@ impl Testbench {
         self.contact = None;
         self.fault = None;
         self.decisions = 0;
+        self.advances = 0;
         self.record(None);
     }
 
@@ -197,7 +200,7 @@ impl Testbench {
 
     /// Physics steps spent in this episode.
     pub fn physics_steps(&self) -> u64 {
-        (self.trace.len() as u64).saturating_sub(1) * u64::from(self.clock().substeps)
+        self.advances * u64::from(self.clock().substeps)
     }
 
     /// Writes the ados' joint observation.
@@ -218,6 +221,7 @@ impl Testbench {
             contact: self.contact.clone(),
             fault: self.fault.clone(),
             decisions: self.decisions,
+            advances: self.advances,
             aftermath: self.aftermath,
         })
     }
@@ -227,6 +231,7 @@ impl Testbench {
     }
 
     fn sample(&mut self) {
+        self.advances += 1;
         let stop = match self.scene.advance() {
             Flow::Going if self.samples_left() == 1 => Some(Stop::Horizon),
             Flow::Going => None,

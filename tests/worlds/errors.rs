@@ -111,6 +111,44 @@ fn mistakes() -> Vec<(&'static str, String)> {
             "a learner out of range",
             with("decisions: 300_000", "decisions: 0"),
         ),
+        (
+            "a name that would leave the directory",
+            with("name: \"acc\"", "name: \"../acc\""),
+        ),
+        (
+            "nothing observed",
+            with(
+                "observe: [\"headway\", \"ego.speed\", \"ado.speed\", \"ego.accel\", \"time_left\"]",
+                "observe: []",
+            ),
+        ),
+        (
+            "a constant named like a signal",
+            with("\"v_min\": 0.1", "\"headway\": 3.0, \"v_min\": 0.1"),
+        ),
+        (
+            "a constant named like an operator",
+            with("\"v_min\": 0.1", "\"always\": 3.0, \"v_min\": 0.1"),
+        ),
+        (
+            "an unused formula that makes no sense",
+            with(
+                "ego_spec:",
+                "formulas: { \"near\": \"headwy < 9\" },\n    ego_spec:",
+            ),
+        ),
+        (
+            "formulas that use each other",
+            with(
+                "ego_spec:",
+                "formulas: { \"a\": \"not b\", \"b\": \"not a\" },\n    ego_spec:",
+            ),
+        ),
+        (
+            "a changed ego called nominal",
+            with("\"wet road\":", "\"nominal\":"),
+        ),
+        ("too many lanes", with("lanes: 1,", "lanes: 1000000000,")),
         ("a byte order mark", format!("\u{feff}{ACC}")),
         ("half of the file", ACC[..ACC.len() / 2].to_owned()),
         ("nothing", String::new()),

@@ -151,6 +151,18 @@ fn a_violation_waits_until_every_rule_is_satisfied_on_the_prefix() {
 }
 
 #[test]
+fn rules_of_equal_priority_are_forfeited_together() {
+    let mut book = rulebook(JudgeKind::UntilViolation, &[SLOW, STEADY, GOAL]);
+    for (rule, priority) in book.rules.iter_mut().zip([0, 1, 1]) {
+        rule.priority = priority;
+    }
+    assert_eq!(
+        (0..3).map(|rule| book.forfeited(rule)).collect::<Vec<_>>(),
+        [3, 2, 2]
+    );
+}
+
+#[test]
 fn the_whole_run_counts_under_the_papers_judge() {
     let book = rulebook(JudgeKind::WholeRun, &[SLOW]);
     // The rule is broken after the violation: to the letter that is a foul.

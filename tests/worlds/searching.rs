@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::campaign::{
-    Ado, EvalRequest, Method, SearchRequest, TestStarts, Watch, eval, search, trivial_starts,
+    Ado, EvalRequest, Method, SearchRequest, TestStarts, Watch, eval, search, test_starts,
 };
 use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
@@ -31,7 +31,7 @@ fn request<'a>(world: &'a Scenario, method: Method, starts: &'a TestStarts) -> S
 #[test]
 fn search_solves_what_a_replay_of_its_actions_solves_on_the_plant_asked_for() {
     let world = super::acc();
-    let starts = trivial_starts(&world, 3, 24);
+    let starts = test_starts(&world, 3, 24, &quiet()).expect("not stopped");
     let searched = search(&request(&world, Method::Switches(1), &starts), &quiet());
     assert!(12 <= searched.row.successes, "{:?}", searched.row);
     let mut bench = world.bench();
@@ -50,7 +50,7 @@ fn search_solves_what_a_replay_of_its_actions_solves_on_the_plant_asked_for() {
 #[test]
 fn more_switches_solve_no_less_and_prefix_sharing_finds_what_brute_force_finds() {
     let world = super::acc().on(PlantKind::Kinematic);
-    let starts = trivial_starts(&world, 5, 12);
+    let starts = test_starts(&world, 5, 12, &quiet()).expect("not stopped");
     let none = search(&request(&world, Method::Switches(0), &starts), &quiet());
     let one = search(&request(&world, Method::Switches(1), &starts), &quiet());
     assert!(none.row.successes <= one.row.successes);
@@ -86,7 +86,7 @@ fn rows_do_not_depend_on_the_number_of_threads() {
             .build()
             .expect("a pool");
         pool.install(|| {
-            let starts = trivial_starts(&world, 1, 40);
+            let starts = test_starts(&world, 1, 40, &quiet()).expect("not stopped");
             let hold = EvalRequest {
                 scenario: &world,
                 ego: "nominal",
@@ -108,7 +108,7 @@ fn rows_do_not_depend_on_the_number_of_threads() {
 #[test]
 fn trivial_starts_are_fixed_on_the_nominal_ego() {
     let world = super::acc();
-    let starts = trivial_starts(&world, 0, 200);
+    let starts = test_starts(&world, 0, 200, &quiet()).expect("not stopped");
     let trivial = starts.trivial.iter().filter(|t| **t).count();
     // PAPER's point mass has 3 to 7 %.
     assert!((2..=20).contains(&trivial), "{trivial}");
@@ -130,7 +130,7 @@ fn trivial_starts_are_fixed_on_the_nominal_ego() {
 #[test]
 fn a_stopped_evaluation_says_which_starts_it_did_not_reach() {
     let world = super::acc();
-    let starts = trivial_starts(&world, 0, 10);
+    let starts = test_starts(&world, 0, 10, &quiet()).expect("not stopped");
     let stop = AtomicBool::new(true);
     let watch = Watch {
         progress: &|_, _| {},
