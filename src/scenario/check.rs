@@ -327,6 +327,20 @@ pub(super) fn starts(problems: &mut Problems, path: &Path, spec: &DriveSpec) {
     }
 }
 
+/// After a change, nobody may start inside anybody else either.
+pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
+    let mut problems = Problems::new("");
+    starts(&mut problems, &Path::top(), spec);
+    match problems.into_list().into_iter().next() {
+        Some(problem) => Err(ChangeError {
+            what: problem.what,
+            help: problem.help,
+            place: vec!["ego_body".to_owned()],
+        }),
+        None => Ok(()),
+    }
+}
+
 /// The agents an agent's position hangs on, itself first.
 fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
     let mut chain = vec![agent];

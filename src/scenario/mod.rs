@@ -202,6 +202,7 @@ impl Scenario {
             World::Drive(world) => {
                 let mut spec = world.spec().clone();
                 check::apply(&mut spec, change)?;
+                check::still_apart(&spec)?;
                 Ok(self.remade(spec))
             }
             World::Grid(world) => self.with_grid(world, change),

@@ -148,6 +148,15 @@ fn mistakes() -> Vec<(&'static str, String)> {
             "a changed ego called nominal",
             with("\"wet road\":", "\"nominal\":"),
         ),
+        (
+            "a body that reaches into another",
+            with(
+                "\"wet road\":      Change(friction: 0.4),",
+                "\"truck\": Change(ego_body: \"truck\"),",
+            )
+            .replace("At(x_m: 0.0", "At(x_m: 5.0")
+            .replace("(8.0, 60.0)", "(-12.0, -8.0)"),
+        ),
         ("too many lanes", with("lanes: 1,", "lanes: 1000000000,")),
         ("a byte order mark", format!("\u{feff}{ACC}")),
         ("half of the file", ACC[..ACC.len() / 2].to_owned()),
