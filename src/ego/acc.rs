@@ -31,13 +31,13 @@ impl Controller for Acc {
     fn reset(&mut self, _seed: u64) {}
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let Some(lead) = percept.leader() else {
-            return Ok(Command::accelerate(0.0));
+        let follow = Follow {
+            kp_per_s2: self.kp_per_s2,
+            kd_per_s: self.kd_per_s,
+            standstill_headway_m: self.standstill_headway_m,
+            time_gap_s: self.time_gap_s,
         };
-        let speed_mps = percept.own.speed_mps;
-        let reference_m = self.standstill_headway_m + self.time_gap_s * speed_mps;
-        let wish_mps2 = self.kp_per_s2 * (lead.headway_m - reference_m)
-            + self.kd_per_s * (lead.speed_mps - speed_mps);
+        let wish_mps2 = follow.wish_mps2(percept);
         Ok(Command::accelerate(
             wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2),
         ))
@@ -45,5 +45,27 @@ impl Controller for Acc {
 
     fn fork(&self) -> Option<Box<dyn Controller>> {
         Some(Box::new(self.clone()))
+    }
+}
+
+/// The law of Eq. (12), shared by all followers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Follow {
+    pub kp_per_s2: f64,
+    pub kd_per_s: f64,
+    pub standstill_headway_m: f64,
+    pub time_gap_s: f64,
+}
+
+impl Follow {
+    /// What it wants before saturation; 0 with nobody ahead.
+    pub fn wish_mps2(&self, percept: &Percept) -> f64 {
+        let Some(lead) = percept.leader() else {
+            return 0.0;
+        };
+        let speed_mps = percept.own.speed_mps;
+        let reference_m = self.standstill_headway_m + self.time_gap_s * speed_mps;
+        self.kp_per_s2 * (lead.headway_m - reference_m)
+            + self.kd_per_s * (lead.speed_mps - speed_mps)
     }
 }

@@ -26,16 +26,41 @@
 //! ```
 //!
 //! New ego: one file here, and its variant in [`ControllerSpec`].
+//!
+//! | stock ego | file | what it does |
+//! | --- | --- | --- |
+//! | [`Acc`] | `acc` | follows the car ahead, Sec. V-B |
+//! | [`FilteredAcc`] | `filtered` | the same under a braking safety filter |
+//! | [`PoliteAcc`] | `polite` | the same, but brakes softly when tailgated |
+//! | [`Idm`] | `idm` | the intelligent driver model |
+//! | [`Aeb`] | `aeb` | cruises, and brakes for whoever crosses its path |
+//! | [`Merge`] | `merge` | the switching merge controller, Sec. V-C |
+//! | [`YellowLight`] | `yellow` | follows, and stops for lights by the paper's d(t) |
+//! | [`YellowLightFixed`] | `yellow` | the same with the stopping distance |
 
 mod acc;
 mod actuator;
+mod aeb;
+mod filtered;
+mod idm;
+mod merge;
 mod parameters;
+mod polite;
+mod stock;
+mod yellow;
 
 use serde::{Deserialize, Serialize};
 
 pub use acc::Acc;
 pub use actuator::Actuator;
+pub use aeb::Aeb;
+pub use filtered::FilteredAcc;
+pub use idm::Idm;
+pub use merge::Merge;
 pub use parameters::{Parameter, UnknownParameter};
+pub use polite::PoliteAcc;
+pub use stock::ControllerSpec;
+pub use yellow::{YellowLight, YellowLightFixed};
 
 /// The ego's own state, as it knows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -77,6 +102,43 @@ pub struct Seen {
     pub width_m: f64,
 }
 
+/// What a traffic light shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Phase {
+    /// Go.
+    #[default]
+    Green,
+    /// Stop if you can.
+    Yellow,
+    /// Stop.
+    Red,
+}
+
+impl Phase {
+    /// The phase that follows.
+    pub fn next(self) -> Phase {
+        match self {
+            Phase::Green => Phase::Yellow,
+            Phase::Yellow => Phase::Red,
+            Phase::Red => Phase::Green,
+        }
+    }
+}
+
+/// A traffic light, as the ego sees it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SeenLight {
+    /// Name in the world file.
+    pub name: String,
+    /// Distance along the road from the front bumper to its stop line;
+    /// positive before it.
+    pub line_m: f64,
+    /// What it shows.
+    pub phase: Phase,
+    /// For how long it has shown it.
+    pub phase_s: f64,
+}
+
 /// What the ego perceives at one sample.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Percept {
@@ -88,6 +150,9 @@ pub struct Percept {
     pub own: Own,
     /// Everybody else, in the order of the world file.
     pub others: Vec<Seen>,
+    /// All traffic lights, in the order of the world file.
+    #[serde(default)]
+    pub lights: Vec<SeenLight>,
 }
 
 impl Percept {
@@ -98,6 +163,23 @@ impl Percept {
             .filter(|seen| 0.0 < seen.headway_m)
             .filter(|seen| seen.lateral_m.abs() < (seen.width_m + self.own.width_m) / 2.0)
             .min_by(|a, b| a.headway_m.total_cmp(&b.headway_m))
+    }
+
+    /// The nearest road user behind whose body overlaps the ego's path laterally.
+    pub fn follower(&self) -> Option<&Seen> {
+        self.others
+            .iter()
+            .filter(|seen| seen.headway_m <= 0.0)
+            .filter(|seen| seen.lateral_m.abs() < (seen.width_m + self.own.width_m) / 2.0)
+            .max_by(|a, b| a.headway_m.total_cmp(&b.headway_m))
+    }
+
+    /// The nearest light whose stop line is less than `past_m` behind.
+    pub fn light(&self, past_m: f64) -> Option<&SeenLight> {
+        self.lights
+            .iter()
+            .filter(|light| -past_m <= light.line_m)
+            .min_by(|a, b| a.line_m.total_cmp(&b.line_m))
     }
 }
 
@@ -162,51 +244,4 @@ pub trait Controller: Send {
     ///
     /// `None` (an external process) makes searches re-run from the start.
     fn fork(&self) -> Option<Box<dyn Controller>>;
-}
-
-/// A controller as named in a world file, with its parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum ControllerSpec {
-    /// Adaptive cruise control, Sec. V-B.
-    Acc(Acc),
-}
-
-impl ControllerSpec {
-    /// The controller itself, ready for `reset`.
-    pub fn build(&self) -> Box<dyn Controller> {
-        match self {
-            ControllerSpec::Acc(acc) => Box::new(acc.clone()),
-        }
-    }
-
-    /// Name of the kind, as written in the world file.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            ControllerSpec::Acc(_) => "Acc",
-        }
-    }
-
-    /// Its numeric parameters: name, unit, meaning and value.
-    pub fn parameters(&self) -> Vec<Parameter> {
-        match self {
-            ControllerSpec::Acc(acc) => acc.parameters(),
-        }
-    }
-
-    /// Sets one parameter by name.
-    ///
-    /// # Errors
-    /// The name is none of this controller's parameters.
-    pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
-        match self {
-            ControllerSpec::Acc(acc) => acc.set(name, value),
-        }
-    }
-
-    /// Time constant of the first-order lag behind the command; 0 is none.
-    pub fn lag_s(&self) -> f64 {
-        match self {
-            ControllerSpec::Acc(acc) => acc.lag_s,
-        }
-    }
 }

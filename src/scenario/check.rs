@@ -1,33 +1,21 @@
 //! Semantic checks of a world: what the types cannot say.
 
 use super::error::{Problem, did_you_mean, known_names};
-use super::file::Change;
+use super::file::{AdoFile, Change};
 use super::locate::Path;
 use super::{ChangeError, Scenario};
-use crate::ego::ControllerSpec;
+use crate::ego::{ControllerSpec, Parameter};
 use crate::rl::LearnerConfig;
-use crate::rulebook::{Judge, Reward, Verdict};
-use crate::scene::drive::{Actions, Agent, Drive, DriveSpec, EgoDrive, Place, Range, Road};
-use crate::scene::{Clock, Start};
-use crate::seed::{Purpose, StartKey};
-use crate::sim::{Body, PlantKind};
+use crate::rulebook::Reward;
+use crate::scene::Clock;
+use crate::scene::drive::{Actions, Drive, DriveSpec, EgoDrive, Range, Road, Script, Sensors};
+use crate::sim::Body;
 use crate::stl::{Expr, StlError};
-use crate::testbench::{Aftermath, Constant, play};
 
 /// Longest episode, in samples.
 const MAX_SAMPLES: f64 = 1e5;
 /// Most lanes of a road.
 const MAX_LANES: usize = 100;
-/// Samples spent at most on trying coasting runs at load.
-const TRIED_SAMPLES: usize = 200_000;
-/// Highest speed anybody may start with.
-const MAX_SPEED_MPS: f64 = 100.0;
-/// Farthest anybody may start from the origin.
-const MAX_DISTANCE_M: f64 = 5_000.0;
-/// Starts on which a world is tried at load, besides the corners of X_init.
-const TRIED_STARTS: u64 = 32;
-/// Corners of X_init that are tried at most.
-const MAX_CORNERS: u32 = 256;
 
 /// The mistakes found so far, with the text they are in.
 pub(super) struct Problems<'a> {
@@ -84,17 +72,17 @@ impl<'a> Problems<'a> {
         });
     }
 
+    /// Whether nothing was found so far.
+    pub(super) fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
     /// Stops here if anything was found.
     pub(super) fn done(&mut self) -> Result<(), Vec<Problem>> {
         match self.list.is_empty() {
             true => Ok(()),
             false => Err(std::mem::take(&mut self.list)),
         }
-    }
-
-    /// Whether nothing was found so far.
-    pub(super) fn is_empty(&self) -> bool {
-        self.list.is_empty()
     }
 
     pub(super) fn into_list(self) -> Vec<Problem> {
@@ -185,6 +173,14 @@ pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
         20.0,
     );
     within(problems, &path.to("friction"), road.friction(), 0.01, 2.0);
+    if let Err(error) = road.course() {
+        let list = match road {
+            Road::Polyline { .. } => path.to("points_m"),
+            _ => path.to("pieces"),
+        };
+        let place = error.index.map_or(list.clone(), |index| list.at(index));
+        problems.add(&place, error.what, "here", Some(error.help));
+    }
 }
 
 pub(super) fn reward(problems: &mut Problems, path: &Path, reward: &Reward) {
@@ -257,7 +253,11 @@ fn is_identifier(name: &str) -> bool {
 }
 
 pub(super) fn controller(problems: &mut Problems, path: &Path, controller: &ControllerSpec) {
-    for parameter in controller.parameters() {
+    parameters(problems, path, &controller.parameters());
+}
+
+fn parameters(problems: &mut Problems, path: &Path, parameters: &[Parameter]) {
+    for parameter in parameters {
         if !(parameter.at_least..).contains(&parameter.value) {
             let what = format!(
                 "`{}` is {}, below {}",
@@ -268,61 +268,96 @@ pub(super) fn controller(problems: &mut Problems, path: &Path, controller: &Cont
     }
 }
 
-pub(super) fn actions(problems: &mut Problems, path: &Path, actions: &Actions, neutral: usize) {
-    let Actions::Accelerations(list) = actions;
-    if list.is_empty() {
+/// What an ado may do: in range, and fit for its body.
+pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body: ActsAs) {
+    let list = path.to("actions");
+    let numbers: Vec<(Path, f64)> = match &ado.actions {
+        Actions::Accelerations(accelerations) => {
+            let numbered = accelerations.iter().enumerate();
+            numbered.map(|(i, a)| (list.at(0).at(i), *a)).collect()
+        }
+        Actions::Grid(grid) => {
+            if grid.lateral_mps <= 0.0 || 5.0 < grid.lateral_mps {
+                let what = format!("a lateral speed of {} m/s", grid.lateral_mps);
+                let help = Some("above 0 and at most 5; `Left` and `Right` say where".to_owned());
+                problems.add(&list.to("lateral_mps"), what, "out of range", help);
+            }
+            within(
+                problems,
+                &list.to("lateral_lag_s"),
+                grid.lateral_lag_s,
+                0.0,
+                5.0,
+            );
+            let numbered = grid.accelerations.iter().enumerate();
+            let place = list.to("accelerations");
+            numbered.map(|(i, a)| (place.at(i), *a)).collect()
+        }
+        Actions::Walks(walks) => {
+            let numbered = walks.iter().enumerate();
+            numbered
+                .flat_map(|(i, &(along, left))| {
+                    let place = list.at(0).at(i);
+                    [(place.at(0), along), (place.at(1), left)]
+                })
+                .collect()
+        }
+        Actions::Phases(_) => Vec::new(),
+    };
+    for (place, value) in numbers {
+        within(problems, &place, value, -30.0, 30.0);
+    }
+    if ado.actions.is_empty() {
         let what = "an ado without actions";
-        problems.add(&path.to("actions"), what, "give at least one", None);
+        problems.add(&list, what, "give at least one", None);
     }
-    for (i, accel_mps2) in list.iter().enumerate() {
-        within(
-            problems,
-            &path.to("actions").at(0).at(i),
-            *accel_mps2,
-            -30.0,
-            30.0,
+    let fits = match ado.actions {
+        Actions::Accelerations(_) | Actions::Grid(_) => body == ActsAs::Vehicle,
+        Actions::Walks(_) => body == ActsAs::Walker,
+        Actions::Phases(_) => body == ActsAs::Light,
+    };
+    if !fits {
+        let what = format!("{} cannot do this", body.words());
+        problems.add(&list, what, "not its actions", Some(body.help().to_owned()));
+    }
+    if ado.actions.len() <= ado.neutral {
+        let what = format!(
+            "neutral action {} of {} actions",
+            ado.neutral,
+            ado.actions.len()
         );
-    }
-    if list.len() <= neutral {
-        let what = format!("neutral action {neutral} of {} actions", list.len());
         let help = Some("actions count from 0".to_owned());
         problems.add(&path.to("neutral"), what, "no such action", help);
     }
+    within(problems, &path.to("lag_s"), ado.lag_s, 0.0, 10.0);
 }
 
-/// Starts that are too fast, too far, or inside each other.
-pub(super) fn starts(problems: &mut Problems, path: &Path, spec: &DriveSpec) {
-    for (i, agent) in spec.agents.iter().enumerate() {
-        let start = path.at(i).to("start");
-        let speed = agent.place.speed_mps();
-        if speed.lo < 0.0 || MAX_SPEED_MPS < speed.hi {
-            let what = format!("start speeds are 0 to {MAX_SPEED_MPS} m/s");
-            problems.add(&start.to("speed_mps"), what, "out of range", None);
+/// Who an ado is, as far as its actions go.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum ActsAs {
+    Vehicle,
+    Walker,
+    Light,
+}
+
+impl ActsAs {
+    fn words(self) -> &'static str {
+        match self {
+            ActsAs::Vehicle => "a vehicle",
+            ActsAs::Walker => "somebody on foot",
+            ActsAs::Light => "a traffic light",
         }
-        let along = front(spec, i);
-        if along.lo < -MAX_DISTANCE_M || MAX_DISTANCE_M < along.hi {
-            let what = format!("starts lie within {MAX_DISTANCE_M} m of the origin");
-            problems.add(&start, what, "too far", None);
-        }
-        for j in 0..i {
-            let other = &spec.agents[j];
-            let apart_m =
-                (spec.road.lane_middle_m(agent.lane) - spec.road.lane_middle_m(other.lane)).abs();
-            if (agent.body.width_m + other.body.width_m) / 2.0 <= apart_m {
-                continue;
+    }
+
+    fn help(self) -> &'static str {
+        match self {
+            ActsAs::Vehicle => {
+                "write `Accelerations([-3.0, 0.0, 3.0])` or `Grid(accelerations: […], lateral: […])`"
             }
-            let ahead = headway(spec, j, i);
-            if ahead.lo <= agent.body.length_m && -other.body.length_m <= ahead.hi {
-                let what = format!(
-                    "`{}` and `{}` may start inside each other",
-                    other.name, agent.name
-                );
-                let help = Some(format!(
-                    "the headway ranges over {} to {} m; ahead it must exceed {} m, the length of `{}`",
-                    ahead.lo, ahead.hi, agent.body.length_m, agent.name
-                ));
-                problems.add(&start, what, "overlapping starts", help);
+            ActsAs::Walker => {
+                "write `Walks([(0.0, 0.0), (0.0, 1.4)])`: along the road, to the left"
             }
+            ActsAs::Light => "write `Phases([Hold, Advance])`",
         }
     }
 }
@@ -330,7 +365,8 @@ pub(super) fn starts(problems: &mut Problems, path: &Path, spec: &DriveSpec) {
 /// After a change, nobody may start inside anybody else either.
 pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
     let mut problems = Problems::new("");
-    starts(&mut problems, &Path::top(), spec);
+    let entries: Vec<usize> = (0..spec.agents.len()).collect();
+    super::starts::check(&mut problems, &Path::top(), spec, &entries);
     match problems.into_list().into_iter().next() {
         Some(problem) => Err(ChangeError {
             what: problem.what,
@@ -341,47 +377,63 @@ pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
     }
 }
 
-/// The agents an agent's position hangs on, itself first.
-fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
-    let mut chain = vec![agent];
-    let mut at = agent;
-    while let Place::Ahead { of, .. } = spec.agents[at].place {
-        chain.push(of);
-        at = of;
-    }
-    chain
-}
-
-fn own_offset(agent: &Agent) -> Range {
-    match agent.place {
-        Place::At { x_m, .. } => x_m,
-        Place::Ahead { headway_m, .. } => headway_m,
-    }
-}
-
-/// Where an agent's front bumper may start.
-fn front(spec: &DriveSpec, agent: usize) -> Range {
-    sum(spec, chain(spec, agent).into_iter())
-}
-
-/// By how much `b` may start ahead of `a`; what they share cancels.
-fn headway(spec: &DriveSpec, a: usize, b: usize) -> Range {
-    let (of_a, of_b) = (chain(spec, a), chain(spec, b));
-    let plus = sum(spec, of_b.iter().copied().filter(|i| !of_a.contains(i)));
-    let minus = sum(spec, of_a.iter().copied().filter(|i| !of_b.contains(i)));
-    Range {
-        lo: plus.lo - minus.hi,
-        hi: plus.hi - minus.lo,
+/// A script: times that rise from 0 on, and sound parameters.
+pub(super) fn script(problems: &mut Problems, path: &Path, script: &Script) {
+    let times: Vec<f64> = match script {
+        Script::ConstantSpeed => Vec::new(),
+        Script::Profile(points) => points.iter().map(|point| point.0).collect(),
+        Script::Walk(points) => points.iter().map(|point| point.0).collect(),
+        Script::Idm(idm) => {
+            parameters(problems, &path.at(0), &idm.parameters());
+            Vec::new()
+        }
+    };
+    if !times.is_sorted_by(|a, b| a < b) || times.iter().any(|at_s| *at_s < 0.0) {
+        let what = "the times of a script rise from 0 on".to_owned();
+        problems.add(path, what, "out of order", None);
     }
 }
 
-fn sum(spec: &DriveSpec, agents: impl Iterator<Item = usize>) -> Range {
-    agents
-        .map(|i| own_offset(&spec.agents[i]))
-        .fold(Range { lo: 0.0, hi: 0.0 }, |sum, range| Range {
-            lo: sum.lo + range.lo,
-            hi: sum.hi + range.hi,
-        })
+/// The ego's sensors: in range, and a delay of whole samples.
+pub(super) fn sensors(problems: &mut Problems, path: &Path, sensors: &Sensors, clock: &Clock) {
+    if let Some((field, what, help)) = sensor_flaw(sensors, clock) {
+        problems.add(&path.to(field), what, "here", Some(help));
+    }
+}
+
+/// What is wrong with sensors: the field, what, and the cure.
+fn sensor_flaw(sensors: &Sensors, clock: &Clock) -> Option<(&'static str, String, String)> {
+    let Sensors {
+        delay_s,
+        position_sd_m,
+        speed_sd_mps,
+    } = *sensors;
+    let fields = [
+        ("delay_s", delay_s, 5.0),
+        ("position_sd_m", position_sd_m, 10.0),
+        ("speed_sd_mps", speed_sd_mps, 10.0),
+    ];
+    for (field, value, most) in fields {
+        if !(0.0..=most).contains(&value) {
+            let what = format!("{value} is outside of 0 ..= {most}");
+            return Some((field, what, "0 is a perfect sensor".to_owned()));
+        }
+    }
+    let samples = delay_s / clock.sample_s;
+    if 1e-6 < (samples - samples.round()).abs() {
+        let what = format!(
+            "`delay_s` = {delay_s} s is no multiple of `sample_s` = {} s",
+            clock.sample_s
+        );
+        let (below, above) = (samples.floor(), samples.ceil());
+        let help = format!(
+            "the neighbours are {} and {}",
+            tidy(below * clock.sample_s),
+            tidy(above * clock.sample_s)
+        );
+        return Some(("delay_s", what, help));
+    }
+    None
 }
 
 /// Applies a change to a spec.
@@ -393,7 +445,8 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
     };
     if change.grid.is_some() {
         let what = "a driving world has no map of cells".to_owned();
-        let help = "a change of it has: ego, controller, ego_body, friction, plant".to_owned();
+        let help =
+            "a change of it has: ego, controller, ego_body, friction, plant, sensors".to_owned();
         return Err(fail(what, Some(help), &["grid"]));
     }
     if let Some(friction) = change.friction {
@@ -405,6 +458,12 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
     }
     if let Some(plant) = change.plant {
         spec.plant = plant;
+    }
+    if let Some(sensors) = change.sensors {
+        if let Some((field, what, help)) = sensor_flaw(&sensors, &spec.clock) {
+            return Err(fail(what, Some(help), &["sensors", field]));
+        }
+        spec.sensors = sensors;
     }
     for agent in &mut spec.agents {
         let Drive::Ego(drive) = &mut agent.drive else {
@@ -461,139 +520,4 @@ pub(super) fn reuse(problems: &mut Problems, path: &Path, scenario: &Scenario) {
             problems.add(&place, error.what, "here", error.help);
         }
     }
-}
-
-/// Starts to try a world on: those it lists, or corners of X_init and draws.
-fn tried_starts(scenario: &Scenario) -> Vec<Start> {
-    let bench = scenario.bench();
-    if let Some(starts) = scenario.starts() {
-        let every = starts.len().div_ceil(MAX_CORNERS as usize).max(1);
-        return starts.into_iter().step_by(every).collect();
-    }
-    let axes = bench.axes();
-    let corners = 1u32 << axes.len().min(MAX_CORNERS.ilog2() as usize);
-    let corner = |bits: u32| {
-        let pick = |(i, axis): (usize, &crate::scene::Axis)| match bits >> i & 1 {
-            0 => axis.lo,
-            _ => axis.hi,
-        };
-        Start(axes.iter().enumerate().map(pick).collect())
-    };
-    let drawn = (0..TRIED_STARTS).map(|index| {
-        bench.draw(StartKey {
-            purpose: Purpose::Calibration,
-            seed: 0,
-            index,
-        })
-    });
-    match scenario.drive() {
-        Some(_) => (0..corners).map(corner).chain(drawn).collect(),
-        // On a grid two corners may be one cell: only draws are starts.
-        None => drawn.collect(),
-    }
-}
-
-/// At t = 0 no rule may be broken already, nor ψ_ego be lost.
-pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scenario) {
-    let tried = scenario.on(PlantKind::Kinematic);
-    let mut bench = tried.bench();
-    let rulebook = tried.rulebook();
-    let mut row = vec![0.0; bench.schema().len()];
-    for start in tried_starts(&tried) {
-        bench.begin(&start, 0, Aftermath::Skip);
-        if bench.trace().is_empty() {
-            let what = "a signal is not finite at the start".to_owned();
-            problems.add(
-                &path.to("signals"),
-                what,
-                "here",
-                Some(in_words(&tried, &start)),
-            );
-            return;
-        }
-        bench.trace().read_row(0, &mut row);
-        let mut judge = Judge::new(rulebook, bench.clock().samples());
-        match judge.push(rulebook, bench.trace(), &row, None) {
-            Some(Verdict::Foul { rule, .. }) => {
-                let rule = &rulebook.rules[rule];
-                let what = format!("the rule `{}` is broken already at the start", rule.name);
-                let help = format!("{}; rules need ρ > 0", in_words(&tried, &start));
-                let place = rule_place(scenario, &rule.name);
-                problems.add(&place, what, "ρ ≤ 0 at t = 0", Some(help));
-                return;
-            }
-            Some(Verdict::Counterexample { .. }) => {
-                let what = "the ego's specification is violated already at the start";
-                let help = Some(in_words(&tried, &start));
-                problems.add(&path.to("ego_spec"), what, "ρ < 0 at t = 0", help);
-                return;
-            }
-            _ => {}
-        }
-    }
-}
-
-fn in_words(scenario: &Scenario, start: &Start) -> String {
-    let axes = scenario.axes();
-    let values = axes.iter().zip(&start.0);
-    let list: Vec<String> = values
-        .map(|(axis, value)| format!("{} = {value:.3} {}", axis.name, axis.unit))
-        .collect();
-    match list.is_empty() {
-        true => "for the only start there is".to_owned(),
-        false => format!("for example at {}", list.join(", ")),
-    }
-}
-
-fn rule_place(scenario: &Scenario, rule: &str) -> Path {
-    let mut rules = scenario.rules.iter();
-    let found = rules.find(|spec| spec.name == rule);
-    found.map_or_else(Path::top, |spec| spec.place.clone())
-}
-
-/// What is allowed but odd: coasting runs that sit at ρ = 0 exactly.
-pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
-    let tried = scenario.on(PlantKind::Kinematic);
-    let mut bench = tried.bench();
-    let neutral = bench.spaces().neutral;
-    let mut scratch = crate::stl::Scratch::default();
-    let affordable = TRIED_SAMPLES / bench.clock().samples();
-    // A program as the ego is not run for a warning's sake.
-    let affordable = bench.fork().map_or(0, |_| affordable.max(1));
-    for start in tried_starts(&tried).into_iter().take(affordable) {
-        let mut actor = Constant(neutral);
-        let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Skip);
-        let rules = &tried.rulebook().rules;
-        let mut judged = episode.trace.clone();
-        judged.truncate(episode.judged);
-        let tie = rules
-            .iter()
-            .find(|rule| rule.monitor.robustness(&judged, &mut scratch) == 0.0);
-        let top = Path::top();
-        let (what, place) = match tie {
-            Some(rule) => (
-                format!(
-                    "a coasting run keeps the rule `{}` with ρ = 0 exactly",
-                    rule.name
-                ),
-                rule_place(scenario, &rule.name),
-            ),
-            // On a grid whole numbers meet: next to the ego is ρ = 0, a capture 1.
-            None if episode.robustness == 0.0 && scenario.drive().is_some() => (
-                "a coasting run satisfies the ego's specification with ρ = 0 exactly".to_owned(),
-                top.to("ego_spec"),
-            ),
-            None => continue,
-        };
-        return vec![Problem {
-            what,
-            span: place.find(text),
-            label: "neither kept nor broken".to_owned(),
-            help: Some(format!(
-                "{}; write it with slack, such as `>= -0.1`",
-                in_words(&tried, &start)
-            )),
-        }];
-    }
-    Vec::new()
 }

@@ -7,11 +7,11 @@ use indexmap::IndexMap;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
-use crate::ego::ControllerSpec;
+use crate::ego::{ControllerSpec, Phase};
 use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scene::Clock;
-use crate::scene::drive::{Actions, Range, Road, Script};
+use crate::scene::drive::{Actions, Range, Road, Schedule, Script, Sensors};
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};
 
@@ -31,6 +31,8 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) bodies: Ordered<Body>,
     pub(super) agents: Vec<AgentFile>,
+    #[serde(default)]
+    pub(super) sensors: Sensors,
     #[serde(default)]
     pub(super) signals: Ordered<SignalFile>,
     #[serde(default)]
@@ -63,14 +65,52 @@ pub(super) enum AgentFile {
         start: StartFile,
         drive: DriveFile,
     },
+    Pedestrian {
+        name: String,
+        #[serde(default = "pedestrian")]
+        body: String,
+        /// To the left of lane 0's middle.
+        lateral_m: NumberOrRange,
+        #[serde(default)]
+        facing: Facing,
+        start: StartFile,
+        drive: DriveFile,
+    },
+    Light {
+        name: String,
+        line_m: f64,
+        #[serde(default)]
+        phase: Phase,
+        drive: LightFile,
+    },
+}
+
+fn pedestrian() -> String {
+    "pedestrian".to_owned()
 }
 
 impl AgentFile {
     pub(super) fn name(&self) -> &str {
         match self {
-            AgentFile::Vehicle { name, .. } => name,
+            AgentFile::Vehicle { name, .. }
+            | AgentFile::Pedestrian { name, .. }
+            | AgentFile::Light { name, .. } => name,
         }
     }
+}
+
+/// Where somebody on foot looks.
+#[derive(Clone, Copy, Default, Deserialize)]
+pub(super) enum Facing {
+    /// Across the road, to the left.
+    #[default]
+    Left,
+    /// Across the road, to the right.
+    Right,
+    /// Along the road.
+    Ahead,
+    /// Against the traffic.
+    Back,
 }
 
 #[derive(Deserialize)]
@@ -91,13 +131,27 @@ pub(super) enum StartFile {
 #[serde(deny_unknown_fields)]
 pub(super) enum DriveFile {
     Ego(ControllerSpec),
-    Ado {
-        actions: Actions,
-        neutral: usize,
-        observe: Vec<String>,
-        rulebook: Vec<RuleFile>,
-    },
+    Ado(AdoFile),
     Scripted(Script),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) enum LightFile {
+    Schedule(Schedule),
+    Ado(AdoFile),
+}
+
+#[derive(Deserialize)]
+#[serde(rename = "Ado", deny_unknown_fields)]
+pub(super) struct AdoFile {
+    pub(super) actions: Actions,
+    pub(super) neutral: usize,
+    pub(super) observe: Vec<String>,
+    pub(super) rulebook: Vec<RuleFile>,
+    /// Time constant with which a vehicle's acceleration follows.
+    #[serde(default)]
+    pub(super) lag_s: f64,
 }
 
 #[derive(Deserialize)]
@@ -123,6 +177,9 @@ pub struct Change {
     pub friction: Option<f64>,
     /// The other plant.
     pub plant: Option<PlantKind>,
+    /// Other sensors of the ego.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sensors: Option<Sensors>,
     /// Another map: worlds that are grids take nothing else.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid: Option<GridChange>,

@@ -10,6 +10,7 @@ use super::error::Problem;
 use super::file::{GridChange, Ordered, RuleFile, SignalFile};
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
+use super::trial;
 use super::{Change, ChangeError, RuleSpec, Scenario};
 use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
@@ -182,9 +183,9 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         rulebook,
     };
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
-    check::begins_well(&mut problems, &top, &scenario);
+    trial::begins_well(&mut problems, &top, &scenario);
     problems.done()?;
-    scenario.warnings = check::warnings(text, &scenario);
+    scenario.warnings = trial::warnings(text, &scenario);
     Ok(scenario)
 }
 

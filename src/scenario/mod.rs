@@ -13,6 +13,7 @@
 //! ```
 
 mod build;
+mod cast;
 mod check;
 mod error;
 mod file;
@@ -20,6 +21,8 @@ mod grid;
 mod language;
 mod locate;
 mod read;
+mod starts;
+mod trial;
 
 use std::path::Path as FilePath;
 use std::sync::Arc;

@@ -16,7 +16,7 @@ pub use world::{Derived, Dynamics, Held, Observed, World};
 
 use serde::{Deserialize, Serialize};
 
-use crate::ego::Fault;
+use crate::ego::{Fault, Phase};
 use crate::rl::Spaces;
 use crate::seed::StartKey;
 use crate::sim::Placement;
@@ -114,6 +114,17 @@ pub struct Cast {
     pub role: Role,
     /// Length, width and height of its body.
     pub size_m: [f64; 3],
+    /// Whether it walks.
+    pub on_foot: bool,
+}
+
+/// A traffic light, for viewers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightPost {
+    /// Name in the world file.
+    pub name: String,
+    /// Right and left end of its stop line, on the ground.
+    pub stop_line_m: [[f64; 3]; 2],
 }
 
 /// What does not change during an episode, for viewers.
@@ -123,6 +134,8 @@ pub struct Stage {
     pub cast: Vec<Cast>,
     /// Lane borders as polylines on the ground.
     pub lane_borders_m: Vec<Vec<[f64; 3]>>,
+    /// The traffic lights, in file order.
+    pub lights: Vec<LightPost>,
 }
 
 /// Where everybody is at one sample, for viewers.
@@ -130,6 +143,8 @@ pub struct Stage {
 pub struct Frame {
     /// One placement per member of the cast.
     pub placements: Vec<Placement>,
+    /// One phase per traffic light.
+    pub phases: Vec<Phase>,
 }
 
 /// A world in motion.

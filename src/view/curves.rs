@@ -290,7 +290,7 @@ fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
         let own: Vec<usize> = own.collect();
         stride *= set.len();
         let labels: Vec<String> = (0..set.len()).map(|action| set.label(action)).collect();
-        log_choice(story, &agent.name, &own, &labels, neutral, journal)?;
+        log_choice(story, agent, &own, &labels, neutral, journal)?;
     }
     Ok(())
 }

@@ -23,9 +23,20 @@ pub(super) enum Field {
 pub(super) enum Between {
     Headway,
     Lateral,
+    Distance,
     Gap,
     Ttc,
     Contact,
+}
+
+/// A quantity of one traffic light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lamp {
+    Green,
+    Yellow,
+    Red,
+    Phase,
+    PhaseTime,
 }
 
 /// Where a published value comes from.
@@ -36,6 +47,9 @@ pub(super) enum Source {
     Contact,
     Agent(usize, Field),
     Pair(usize, usize, Between),
+    Light(usize, Lamp),
+    /// From an agent to the stop line of a light.
+    Line(usize, usize),
 }
 
 /// A signal that can be published, with the range by which it is observed.
@@ -54,8 +68,8 @@ pub struct Offer {
 pub const TTC_CAP_S: f64 = 100.0;
 
 /// Source, name, unit, meaning, usual range, and whether every trace holds it.
-type FieldOffer = (
-    Field,
+type FieldOffer<F> = (
+    F,
     &'static str,
     &'static str,
     &'static str,
@@ -72,7 +86,7 @@ type PairOffer = (
     (f64, f64),
 );
 
-const FIELDS: [FieldOffer; 10] = [
+const FIELDS: [FieldOffer<Field>; 10] = [
     (
         Field::X,
         "x",
@@ -155,7 +169,7 @@ const FIELDS: [FieldOffer; 10] = [
     ),
 ];
 
-const BETWEENS: [PairOffer; 5] = [
+const BETWEENS: [PairOffer; 6] = [
     (
         Between::Headway,
         "headway",
@@ -169,6 +183,13 @@ const BETWEENS: [PairOffer; 5] = [
         "m",
         "lateral offset of {b} from {a}, to the left",
         (-10.0, 10.0),
+    ),
+    (
+        Between::Distance,
+        "distance",
+        "m",
+        "distance between {a} and {b}, front to front as the crow flies",
+        (0.0, 100.0),
     ),
     (
         Between::Gap,
@@ -190,6 +211,49 @@ const BETWEENS: [PairOffer; 5] = [
         "",
         "whether {a} and {b} touched",
         (0.0, 1.0),
+    ),
+];
+
+const LAMPS: [FieldOffer<Lamp>; 5] = [
+    (
+        Lamp::Green,
+        "green",
+        "",
+        "whether {a} is green",
+        (0.0, 1.0),
+        false,
+    ),
+    (
+        Lamp::Yellow,
+        "yellow",
+        "",
+        "whether {a} is yellow",
+        (0.0, 1.0),
+        false,
+    ),
+    (
+        Lamp::Red,
+        "red",
+        "",
+        "whether {a} is red",
+        (0.0, 1.0),
+        false,
+    ),
+    (
+        Lamp::Phase,
+        "phase",
+        "",
+        "0 while {a} is green, 1 yellow, 2 red",
+        (0.0, 2.0),
+        true,
+    ),
+    (
+        Lamp::PhaseTime,
+        "phase_time",
+        "s",
+        "for how long {a} has been in its phase",
+        (0.0, 10.0),
+        false,
     ),
 ];
 
@@ -244,6 +308,33 @@ impl DriveSpec {
                         source: Source::Pair(i, j, between),
                     });
                 }
+            }
+        }
+        for (l, light) in self.lights.iter().enumerate() {
+            for (lamp, name, unit, about, range, always) in LAMPS {
+                let name = format!("{}.{name}", light.name);
+                let about = about.replace("{a}", &light.name);
+                offers.push(Offer {
+                    signal: match lamp {
+                        Lamp::Phase | Lamp::PhaseTime => Signal::real(name, unit, about),
+                        _ => Signal::boolean(name, about),
+                    },
+                    range,
+                    always,
+                    source: Source::Light(l, lamp),
+                });
+            }
+            for (i, agent) in self.agents.iter().enumerate() {
+                let about = format!(
+                    "distance along the road from {} to the stop line of {}, positive before it",
+                    agent.name, light.name
+                );
+                offers.push(Offer {
+                    signal: Signal::real(format!("{}.{}.line", agent.name, light.name), "m", about),
+                    range: (-50.0, 50.0),
+                    always: false,
+                    source: Source::Line(i, l),
+                });
             }
         }
         offers

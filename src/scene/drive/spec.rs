@@ -2,8 +2,11 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
+use super::actions::Actions;
+use super::light::{Light, LightDrive};
+use super::road::Road;
+use super::script::Script;
+use super::sensors::Sensors;
 use crate::ego::{Controller, ControllerSpec};
 use crate::scene::{Axis, Clock, Derived, Observed};
 use crate::sim::{Body, PlantKind};
@@ -19,65 +22,17 @@ pub struct Range {
 }
 
 impl Range {
+    /// A fixed number.
+    pub fn fixed(value: f64) -> Range {
+        Range {
+            lo: value,
+            hi: value,
+        }
+    }
+
     /// Whether there is nothing to draw.
     pub fn is_fixed(&self) -> bool {
         self.lo == self.hi
-    }
-}
-
-/// The road. Lane 0 is the rightmost; its middle is y = 0.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum Road {
-    /// Along world x, without end.
-    Straight {
-        /// Number of lanes.
-        lanes: usize,
-        /// Width of a lane.
-        lane_width_m: f64,
-        /// Coefficient of friction μ of the surface.
-        friction: f64,
-    },
-}
-
-impl Road {
-    /// Number of lanes.
-    pub fn lanes(&self) -> usize {
-        match *self {
-            Road::Straight { lanes, .. } => lanes,
-        }
-    }
-
-    /// Width of a lane.
-    pub fn lane_width_m(&self) -> f64 {
-        match *self {
-            Road::Straight { lane_width_m, .. } => lane_width_m,
-        }
-    }
-
-    /// Coefficient of friction μ.
-    pub fn friction(&self) -> f64 {
-        match *self {
-            Road::Straight { friction, .. } => friction,
-        }
-    }
-
-    /// Lays another surface.
-    pub fn set_friction(&mut self, to: f64) {
-        match self {
-            Road::Straight { friction, .. } => *friction = to,
-        }
-    }
-
-    /// Lateral position of a lane's middle.
-    pub fn lane_middle_m(&self, lane: usize) -> f64 {
-        lane as f64 * self.lane_width_m()
-    }
-
-    /// The lane in which a lateral position lies, clamped to the road.
-    pub fn lane_at(&self, lateral_m: f64) -> usize {
-        let lane = (lateral_m / self.lane_width_m()).round();
-        (lane.max(0.0) as usize).min(self.lanes() - 1)
     }
 }
 
@@ -107,65 +62,6 @@ impl Place {
     pub fn speed_mps(&self) -> Range {
         match *self {
             Place::At { speed_mps, .. } | Place::Ahead { speed_mps, .. } => speed_mps,
-        }
-    }
-}
-
-/// What the ado may choose from at each decision.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Actions {
-    /// Net accelerations along the lane, m/s².
-    Accelerations(Vec<f64>),
-}
-
-impl Actions {
-    /// Number of actions.
-    pub fn len(&self) -> usize {
-        match self {
-            Actions::Accelerations(list) => list.len(),
-        }
-    }
-
-    /// Whether there is nothing to choose.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// An action in words.
-    pub fn label(&self, action: usize) -> String {
-        match self {
-            Actions::Accelerations(list) => format!("{:+} m/s²", list[action]),
-        }
-    }
-
-    /// Net acceleration of an action.
-    pub(super) fn accel_mps2(&self, action: usize) -> f64 {
-        match self {
-            Actions::Accelerations(list) => list[action],
-        }
-    }
-}
-
-/// A background vehicle's plan.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum Script {
-    /// Keeps its initial speed.
-    ConstantSpeed,
-    /// Net accelerations, each from its time on: `[(at_s, accel_mps2), …]`.
-    Profile(Vec<(f64, f64)>),
-}
-
-impl Script {
-    /// Net acceleration at a time.
-    pub(super) fn accel_mps2(&self, time_s: f64) -> f64 {
-        match self {
-            Script::ConstantSpeed => 0.0,
-            Script::Profile(points) => points
-                .iter()
-                .take_while(|(at_s, _)| *at_s <= time_s + 1e-9)
-                .last()
-                .map_or(0.0, |(_, accel_mps2)| *accel_mps2),
         }
     }
 }
@@ -225,6 +121,8 @@ pub enum Drive {
         actions: Actions,
         /// The action that leaves things alone.
         neutral: usize,
+        /// Time constant with which its acceleration follows; 0 is none.
+        lag_s: f64,
     },
     /// Background traffic.
     Scripted(Script),
@@ -237,8 +135,10 @@ pub struct Agent {
     pub name: String,
     /// Its body.
     pub body: Body,
-    /// The lane it starts in and keeps.
-    pub lane: usize,
+    /// Where it starts, to the left of lane 0's middle.
+    pub lateral_m: Range,
+    /// Its heading at the start, counter-clockwise from the road's.
+    pub facing_rad: f64,
     /// Where it starts.
     pub place: Place,
     /// Who drives it.
@@ -258,6 +158,10 @@ pub struct DriveSpec {
     pub road: Road,
     /// The agents, in file order; exactly one is the ego.
     pub agents: Vec<Agent>,
+    /// The traffic lights, in file order.
+    pub lights: Vec<Light>,
+    /// What stands between the world and the ego's percepts.
+    pub sensors: Sensors,
     /// Signals published besides the basic ones, by name.
     pub extra: Vec<String>,
     /// Signals derived from the others, in order.
@@ -278,12 +182,20 @@ impl DriveSpec {
         })
     }
 
-    /// The ados' action sets, in file order.
-    pub fn action_sets(&self) -> impl Iterator<Item = (&Agent, &Actions, usize)> {
-        self.agents.iter().filter_map(|agent| match &agent.drive {
-            Drive::Ado { actions, neutral } => Some((agent, actions, *neutral)),
+    /// The ados' names, action sets and neutral actions: first those of road
+    /// users, then those of lights, in file order.
+    pub fn action_sets(&self) -> impl Iterator<Item = (&str, &Actions, usize)> {
+        let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
+            Drive::Ado {
+                actions, neutral, ..
+            } => Some((agent.name.as_str(), actions, *neutral)),
             _ => None,
-        })
+        });
+        let lights = self.lights.iter().filter_map(|light| match &light.drive {
+            LightDrive::Ado { actions, neutral } => Some((light.name.as_str(), actions, *neutral)),
+            LightDrive::Schedule(_) => None,
+        });
+        agents.chain(lights)
     }
 
     /// A joint action in words: one label per ado.
@@ -306,6 +218,7 @@ impl DriveSpec {
             };
             let ranges = [
                 (what, "m", along),
+                ("lateral", "m", agent.lateral_m),
                 ("speed", "m/s", agent.place.speed_mps()),
             ];
             for (what, unit, range) in ranges {

@@ -1,6 +1,7 @@
 //! Keeping and changing the lateral position: a path curvature from an offset.
 
-use crate::sim::BodyState;
+use super::course::OnRoad;
+use crate::ego::Actuator;
 
 /// Natural frequency of the lateral loop, 1/s.
 const OMEGA_PER_S: f64 = 1.2;
@@ -8,31 +9,54 @@ const OMEGA_PER_S: f64 = 1.2;
 const ZETA: f64 = 1.0;
 /// Curvature is worked out for at least this speed, so that it stays bounded.
 const MIN_SPEED_MPS: f64 = 3.0;
+/// No car moves sideways faster than this share of its speed.
+const MAX_SLIP: f64 = 0.4;
 
 /// Follows a lateral reference that may itself move.
 ///
-/// With offset e and heading ψ relative to the moving reference,
-/// κ = −(ω² e + 2 ζ ω v sin ψ) / v²: a critically damped second-order loop.
+/// The reference's speed w follows the one asked for with a first-order lag.
+/// With offset e and drift ė relative to the reference,
+/// κ = (ẇ − ω² e − 2 ζ ω ė) / v², plus what the road's own curve takes: a
+/// critically damped loop around a reference that is fed forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LaneKeeper {
     reference_m: f64,
+    reference_mps: f64,
+    lag: Actuator,
 }
 
 impl LaneKeeper {
-    /// Keeps `lateral_m`.
-    pub(super) fn new(lateral_m: f64) -> LaneKeeper {
+    /// Keeps `lateral_m`; lateral speeds follow with a lag.
+    pub(super) fn new(lateral_m: f64, lag_s: f64, sample_s: f64) -> LaneKeeper {
         LaneKeeper {
             reference_m: lateral_m,
+            reference_mps: 0.0,
+            lag: Actuator::new(lag_s, sample_s),
         }
     }
 
     /// The curvature for the next sample; `lateral_mps` moves the reference.
-    pub(super) fn curvature(&mut self, state: &BodyState, lateral_mps: f64, sample_s: f64) -> f64 {
-        self.reference_m += lateral_mps * sample_s;
-        let offset_m = state.pose.y_m - self.reference_m;
-        let drift_mps = state.speed_mps * libm::sin(state.pose.heading_rad) - lateral_mps;
-        let speed_mps = state.speed_mps.abs().max(MIN_SPEED_MPS);
-        let wish_mps2 = OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps;
-        -wish_mps2 / (speed_mps * speed_mps)
+    pub(super) fn curvature(
+        &mut self,
+        at: &OnRoad,
+        speed_mps: f64,
+        lateral_mps: f64,
+        sample_s: f64,
+    ) -> f64 {
+        let most_mps = MAX_SLIP * speed_mps.abs();
+        let moving_mps = self.lag.step(lateral_mps).clamp(-most_mps, most_mps);
+        let feed_mps2 = (moving_mps - self.reference_mps) / sample_s;
+        self.reference_mps = moving_mps;
+        self.reference_m += moving_mps * sample_s;
+        let offset_m = at.lateral_m - self.reference_m;
+        let drift_mps = speed_mps * libm::sin(at.heading_rad) - moving_mps;
+        let speed_mps = speed_mps.abs().max(MIN_SPEED_MPS);
+        let wish_mps2 =
+            OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps - feed_mps2;
+        let keeping_per_m = -wish_mps2 / (speed_mps * speed_mps);
+        match at.curvature_per_m == 0.0 {
+            true => keeping_per_m,
+            false => keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m),
+        }
     }
 }

@@ -280,6 +280,7 @@ impl Scene for GridScene {
             name: name.to_owned(),
             role,
             size_m: [side; 3],
+            on_foot: false,
         };
         let size = f64::from(arena.size);
         let lines = (0..=arena.size).map(f64::from).flat_map(|at| {
@@ -290,6 +291,7 @@ impl Scene for GridScene {
         Stage {
             cast: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
             lane_borders_m: lines.collect(),
+            lights: Vec::new(),
         }
     }
 
@@ -306,6 +308,7 @@ impl Scene for GridScene {
         let Position { ego, ado } = self.moment.now;
         Frame {
             placements: vec![placement(ego), placement(ado)],
+            phases: Vec::new(),
         }
     }
 

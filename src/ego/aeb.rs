@@ -1,0 +1,94 @@
+//! Cruise control with automatic emergency braking.
+//!
+//! It cruises at its initial speed and predicts, at constant lateral speed,
+//! where everybody ahead will be when it gets there, but no later than its
+//! look-ahead. Whoever will then be in its corridor must be stopped for: when
+//! that takes more than the trigger's deceleration, it brakes with all it has.
+
+use super::parameters::parameters;
+use super::{Command, Controller, Fault, Own, Percept, Seen};
+
+parameters! {
+    /// Cruises, and brakes hard for whoever crosses its path.
+    pub struct Aeb {
+        /// Gain on the cruising speed's error, 1/s.
+        cruise_gain_per_s, at_least 0.0;
+        /// Hardest acceleration or braking while cruising, m/s².
+        cruise_limit_mps2, at_least 0.0;
+        /// Deceleration needed at or above which it brakes, m/s².
+        trigger_mps2, at_least 0.0;
+        /// Deceleration of the emergency brake, m/s².
+        max_brake_mps2, at_least 0.0;
+        /// Clearance it wants to keep when it has stopped, m.
+        margin_m, at_least 0.0;
+        /// Free width it wants at either side, m.
+        side_m, at_least 0.0;
+        /// How far ahead lateral motion is predicted, s.
+        look_ahead_s, at_least 0.0;
+        /// Time constant of the actuator behind the command, s; 0 is none.
+        lag_s, at_least 0.0;
+    }
+}
+
+impl Aeb {
+    /// Deceleration it takes not to hit somebody; 0 if they will be elsewhere.
+    fn needed_mps2(&self, own: &Own, seen: &Seen) -> f64 {
+        let clearance_m = seen.headway_m - seen.length_m - self.margin_m;
+        let closing_mps = own.speed_mps - seen.speed_mps;
+        if seen.headway_m <= 0.0 || closing_mps <= 0.0 {
+            return 0.0;
+        }
+        let reach_s = (clearance_m.max(0.0) / closing_mps).min(self.look_ahead_s);
+        let half_m = 0.5 * (own.width_m + seen.width_m) + self.side_m;
+        let then_m = seen.lateral_m + seen.lateral_mps * reach_s;
+        let crosses = seen.lateral_m * then_m <= 0.0 && 0.0 < reach_s;
+        if half_m <= seen.lateral_m.abs() && half_m <= then_m.abs() && !crosses {
+            return 0.0;
+        }
+        if clearance_m <= 0.0 {
+            return f64::INFINITY;
+        }
+        closing_mps * closing_mps / (2.0 * clearance_m)
+    }
+}
+
+/// The controller with the speed it cruises at.
+#[derive(Clone, Debug)]
+pub(super) struct Guarding {
+    spec: Aeb,
+    cruise_mps: Option<f64>,
+}
+
+impl Aeb {
+    pub(super) fn build(&self) -> Guarding {
+        Guarding {
+            spec: self.clone(),
+            cruise_mps: None,
+        }
+    }
+}
+
+impl Controller for Guarding {
+    fn reset(&mut self, _seed: u64) {
+        self.cruise_mps = None;
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let speed_mps = percept.own.speed_mps;
+        let cruise_mps = *self.cruise_mps.get_or_insert(speed_mps);
+        let needed = percept.others.iter();
+        let needed = needed.map(|seen| self.spec.needed_mps2(&percept.own, seen));
+        if self.spec.trigger_mps2 <= needed.fold(0.0, f64::max) {
+            return Ok(Command::accelerate(-self.spec.max_brake_mps2));
+        }
+        let limit_mps2 = self.spec.cruise_limit_mps2;
+        let wish_mps2 = self.spec.cruise_gain_per_s * (cruise_mps - speed_mps);
+        Ok(Command::accelerate(
+            wish_mps2.clamp(-limit_mps2, limit_mps2),
+        ))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

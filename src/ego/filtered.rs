@@ -1,0 +1,74 @@
+//! Adaptive cruise control under a safety filter.
+//!
+//! The filter looks at stopping distances: if both braked with the filter's
+//! deceleration a from now on, the ego would stop v²/2a − v_lead²/2a nearer to
+//! the car ahead. When that, the way it covers while its brakes build up, and
+//! the margin do not fit into the clearance, it brakes with a.
+
+use super::acc::Follow;
+use super::parameters::parameters;
+use super::{Command, Controller, Fault, Percept};
+
+parameters! {
+    /// The follower of `Acc` with a braking filter on top.
+    pub struct FilteredAcc {
+        /// Gain on the headway error, 1/s².
+        kp_per_s2, at_least 0.0;
+        /// Gain on the speed difference, 1/s.
+        kd_per_s, at_least 0.0;
+        /// Reference headway at standstill, front to front, m.
+        standstill_headway_m, at_least 0.0;
+        /// Reference headway per speed, s.
+        time_gap_s, at_least 0.0;
+        /// Hardest braking it asks for, m/s².
+        max_brake_mps2, at_least 0.0;
+        /// Hardest acceleration it asks for, m/s².
+        max_accel_mps2, at_least 0.0;
+        /// Deceleration a the filter counts on and asks for, m/s².
+        filter_brake_mps2, at_least 0.1;
+        /// Clearance the filter wants left after stopping, m.
+        filter_margin_m, at_least 0.0;
+        /// Time for which the filter counts the closing speed as lost, s.
+        filter_delay_s, at_least 0.0;
+        /// Time constant of the actuator behind the command, s; 0 is none.
+        lag_s, at_least 0.0;
+    }
+}
+
+impl FilteredAcc {
+    /// Whether braking now is the last chance by v²/2a.
+    fn must_brake(&self, percept: &Percept) -> bool {
+        percept.leader().is_some_and(|lead| {
+            let speed_mps = percept.own.speed_mps;
+            let squares = speed_mps * speed_mps - lead.speed_mps * lead.speed_mps;
+            let stopping_m = squares.max(0.0) / (2.0 * self.filter_brake_mps2);
+            let delay_m = (speed_mps - lead.speed_mps).max(0.0) * self.filter_delay_s;
+            let clearance_m = lead.headway_m - lead.length_m;
+            clearance_m < stopping_m + delay_m + self.filter_margin_m
+        })
+    }
+}
+
+impl Controller for FilteredAcc {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let follow = Follow {
+            kp_per_s2: self.kp_per_s2,
+            kd_per_s: self.kd_per_s,
+            standstill_headway_m: self.standstill_headway_m,
+            time_gap_s: self.time_gap_s,
+        };
+        let follow_mps2 = follow.wish_mps2(percept);
+        let follow_mps2 = follow_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2);
+        let wish_mps2 = match self.must_brake(percept) {
+            true => follow_mps2.min(-self.filter_brake_mps2),
+            false => follow_mps2,
+        };
+        Ok(Command::accelerate(wish_mps2))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

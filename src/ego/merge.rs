@@ -1,0 +1,75 @@
+//! The switching merge controller (Sec. V-C, Eqs. (14) and (15)).
+//!
+//! d_lka = d_lat − v_ado,lat · t_lka says how far beside the ego another road
+//! user will be t_lka from now. While somebody ahead has d_lka at or below the
+//! threshold the ego brakes hard; otherwise it cruises at its initial speed.
+
+use super::parameters::parameters;
+use super::{Command, Controller, Fault, Percept, Seen};
+
+parameters! {
+    /// Cruises, and brakes hard while somebody ahead merges.
+    pub struct Merge {
+        /// Predicted lateral distance at or below which it brakes, m.
+        threshold_m, at_least 0.0;
+        /// How far ahead the lateral distance is predicted, s.
+        t_lka_s, at_least 0.0;
+        /// Gain on the cruising speed's error, 1/s.
+        cruise_gain_per_s, at_least 0.0;
+        /// Hardest acceleration or braking while cruising, m/s².
+        cruise_limit_mps2, at_least 0.0;
+        /// Deceleration of the hard brake, m/s².
+        max_brake_mps2, at_least 0.0;
+        /// Time constant of the actuator behind the command, s; 0 is none.
+        lag_s, at_least 0.0;
+    }
+}
+
+impl Merge {
+    /// d_lka of Eq. (14); negative when the other will have crossed over.
+    fn d_lka_m(&self, seen: &Seen) -> f64 {
+        let towards_mps = -seen.lateral_mps * seen.lateral_m.signum();
+        seen.lateral_m.abs() - towards_mps * self.t_lka_s
+    }
+}
+
+/// The controller with the speed it cruises at.
+#[derive(Clone, Debug)]
+pub(super) struct Merging {
+    spec: Merge,
+    cruise_mps: Option<f64>,
+}
+
+impl Merge {
+    pub(super) fn build(&self) -> Merging {
+        Merging {
+            spec: self.clone(),
+            cruise_mps: None,
+        }
+    }
+}
+
+impl Controller for Merging {
+    fn reset(&mut self, _seed: u64) {
+        self.cruise_mps = None;
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let speed_mps = percept.own.speed_mps;
+        let cruise_mps = *self.cruise_mps.get_or_insert(speed_mps);
+        let merging =
+            |seen: &Seen| 0.0 < seen.headway_m && self.spec.d_lka_m(seen) <= self.spec.threshold_m;
+        if percept.others.iter().any(merging) {
+            return Ok(Command::accelerate(-self.spec.max_brake_mps2));
+        }
+        let limit_mps2 = self.spec.cruise_limit_mps2;
+        let wish_mps2 = self.spec.cruise_gain_per_s * (cruise_mps - speed_mps);
+        Ok(Command::accelerate(
+            wish_mps2.clamp(-limit_mps2, limit_mps2),
+        ))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

@@ -1,0 +1,66 @@
+//! Adaptive cruise control that spares the car behind.
+//!
+//! While somebody follows closer than a time gap it brakes only softly, so as
+//! not to be hit from behind; alone, it brakes with all it has.
+
+use super::acc::Follow;
+use super::parameters::parameters;
+use super::{Command, Controller, Fault, Percept};
+
+parameters! {
+    /// The follower of `Acc`, braking softly when tailgated.
+    pub struct PoliteAcc {
+        /// Gain on the headway error, 1/s².
+        kp_per_s2, at_least 0.0;
+        /// Gain on the speed difference, 1/s.
+        kd_per_s, at_least 0.0;
+        /// Reference headway at standstill, front to front, m.
+        standstill_headway_m, at_least 0.0;
+        /// Reference headway per speed, s.
+        time_gap_s, at_least 0.0;
+        /// Hardest braking it asks for, m/s².
+        max_brake_mps2, at_least 0.0;
+        /// Hardest acceleration it asks for, m/s².
+        max_accel_mps2, at_least 0.0;
+        /// Hardest braking while somebody follows closely, m/s².
+        soft_brake_mps2, at_least 0.0;
+        /// Time gap below which somebody follows closely, s.
+        rear_gap_s, at_least 0.0;
+        /// Time constant of the actuator behind the command, s; 0 is none.
+        lag_s, at_least 0.0;
+    }
+}
+
+impl PoliteAcc {
+    fn is_tailgated(&self, percept: &Percept) -> bool {
+        percept.follower().is_some_and(|behind| {
+            let clearance_m = -behind.headway_m - percept.own.length_m;
+            clearance_m < self.rear_gap_s * behind.speed_mps
+        })
+    }
+}
+
+impl Controller for PoliteAcc {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let follow = Follow {
+            kp_per_s2: self.kp_per_s2,
+            kd_per_s: self.kd_per_s,
+            standstill_headway_m: self.standstill_headway_m,
+            time_gap_s: self.time_gap_s,
+        };
+        let brake_mps2 = match self.is_tailgated(percept) {
+            true => self.soft_brake_mps2.min(self.max_brake_mps2),
+            false => self.max_brake_mps2,
+        };
+        let wish_mps2 = follow.wish_mps2(percept);
+        Ok(Command::accelerate(
+            wish_mps2.clamp(-brake_mps2, self.max_accel_mps2),
+        ))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

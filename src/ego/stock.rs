@@ -1,0 +1,78 @@
+//! The stock controllers by name, as world files give them.
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Acc, Aeb, Controller, FilteredAcc, Idm, Merge, Parameter, PoliteAcc, UnknownParameter,
+    YellowLight, YellowLightFixed,
+};
+
+/// Declares the enum of stock controllers and passes every call on.
+macro_rules! stock {
+    ($( $(#[doc = $about:literal])+ $kind:ident by $make:ident; )*) => {
+        /// A controller as named in a world file, with its parameters.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum ControllerSpec {
+            $( $(#[doc = $about])+ $kind($kind), )*
+        }
+
+        impl ControllerSpec {
+            /// The controller itself, ready for `reset`.
+            pub fn build(&self) -> Box<dyn Controller> {
+                match self {
+                    $( ControllerSpec::$kind(it) => Box::new(it.$make()), )*
+                }
+            }
+
+            /// Name of the kind, as written in the world file.
+            pub fn kind(&self) -> &'static str {
+                match self {
+                    $( ControllerSpec::$kind(_) => stringify!($kind), )*
+                }
+            }
+
+            /// Its numeric parameters: name, unit, meaning and value.
+            pub fn parameters(&self) -> Vec<Parameter> {
+                match self {
+                    $( ControllerSpec::$kind(it) => it.parameters(), )*
+                }
+            }
+
+            /// Sets one parameter by name.
+            ///
+            /// # Errors
+            /// The name is none of this controller's parameters.
+            pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
+                match self {
+                    $( ControllerSpec::$kind(it) => it.set(name, value), )*
+                }
+            }
+
+            /// Time constant of the first-order lag behind the command; 0 is none.
+            pub fn lag_s(&self) -> f64 {
+                match self {
+                    $( ControllerSpec::$kind(it) => it.lag_s, )*
+                }
+            }
+        }
+    };
+}
+
+stock! {
+    /// Adaptive cruise control, Sec. V-B.
+    Acc by clone;
+    /// Adaptive cruise control under a braking safety filter.
+    FilteredAcc by clone;
+    /// Adaptive cruise control that brakes softly when tailgated.
+    PoliteAcc by clone;
+    /// The intelligent driver model.
+    Idm by clone;
+    /// Cruise control with automatic emergency braking.
+    Aeb by build;
+    /// The switching merge controller, Sec. V-C.
+    Merge by build;
+    /// Stops for lights by the paper's d(t), Sec. V-D.
+    YellowLight by clone;
+    /// Stops for lights by the stopping distance.
+    YellowLightFixed by clone;
+}

@@ -1,0 +1,314 @@
+//! The agents of a driving world: names, bodies, places and who drives them.
+
+use core::f64::consts::{FRAC_PI_2, PI};
+
+use super::RuleSpec;
+use super::check::{self, ActsAs, Problems};
+use super::file::{
+    AdoFile, AgentFile, DriveFile, Facing, LightFile, NumberOrRange, ScenarioFile, StartFile,
+};
+use super::language::formula;
+use super::locate::Path;
+use crate::scene::drive::{Agent, Drive, EgoDrive, Light, LightDrive, Place, Range};
+use crate::sim::{Body, BodyKind};
+
+/// Everybody in a world file, with what their ados observe and obey.
+#[derive(Default)]
+pub(super) struct Cast {
+    pub(super) agents: Vec<Agent>,
+    /// Position of each agent in the file's list.
+    pub(super) entries: Vec<usize>,
+    pub(super) lights: Vec<Light>,
+    pub(super) observed: Vec<(String, Path)>,
+    /// Rules in the order of the file; lights and road users alike.
+    pub(super) rules: Vec<RuleSpec>,
+    /// Names of the road users read so far, broken ones included.
+    declared: Vec<String>,
+}
+
+impl Cast {
+    /// Reads all agents and notes what is wrong with them.
+    pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> Cast {
+        let list = Path::top().to("agents");
+        let mut cast = Cast::default();
+        for (i, entry) in file.agents.iter().enumerate() {
+            let path = list.at(i);
+            check::agent_name(problems, &path.to("name"), entry.name());
+            let mut before = file.agents[..i].iter();
+            if before.any(|other| other.name() == entry.name()) {
+                let what = format!("two agents are called `{}`", entry.name());
+                problems.add(&path.to("name"), what, "second one", None);
+            }
+            match entry {
+                AgentFile::Light {
+                    name,
+                    line_m,
+                    phase,
+                    drive,
+                } => {
+                    let drive = cast.light_drive(problems, &path, name, drive);
+                    cast.lights.push(Light {
+                        name: name.clone(),
+                        line_m: *line_m,
+                        phase: *phase,
+                        drive,
+                    });
+                }
+                _ => {
+                    if let Some(agent) = cast.road_user(problems, &path, file, entry) {
+                        cast.agents.push(agent);
+                        cast.entries.push(i);
+                    }
+                    cast.declared.push(entry.name().to_owned());
+                }
+            }
+        }
+        cast.count(problems, &list);
+        cast
+    }
+
+    fn count(&self, problems: &mut Problems, list: &Path) {
+        let drives = self.agents.iter().map(|agent| &agent.drive);
+        let egos = drives.clone().filter(|d| matches!(d, Drive::Ego(_)));
+        let egos = egos.count();
+        // Agents with a broken body or place are missing, and were reported.
+        if egos != 1 && problems.is_empty() {
+            let what = format!("a world has exactly one ego, not {egos}");
+            let help = "one agent has `drive: Ego(…)`".to_owned();
+            problems.add(list, what, "these agents", Some(help));
+        }
+        let mut lights = self.lights.iter();
+        let ados = drives.clone().any(|d| matches!(d, Drive::Ado { .. }))
+            || lights.any(|light| matches!(light.drive, LightDrive::Ado { .. }));
+        if !ados && problems.is_empty() {
+            let what = "there is no ado to train".to_owned();
+            let help = "give one agent `drive: Ado(actions: …, rulebook: […])`".to_owned();
+            problems.add(list, what, "these agents", Some(help));
+        }
+    }
+
+    fn road_user(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        file: &ScenarioFile,
+        entry: &AgentFile,
+    ) -> Option<Agent> {
+        let (name, body, lateral_m, facing_rad, start, drive) = match entry {
+            AgentFile::Vehicle {
+                name,
+                body,
+                lane,
+                start,
+                drive,
+            } => {
+                if file.road.lanes() <= *lane {
+                    let what = format!("lane {lane} on a road of {} lanes", file.road.lanes());
+                    let help = "lanes count from the right, from 0".to_owned();
+                    problems.add(&path.to("lane"), what, "no such lane", Some(help));
+                }
+                let lateral_m = Range::fixed(file.road.lane_middle_m(*lane));
+                (name, body, lateral_m, 0.0, start, drive)
+            }
+            AgentFile::Pedestrian {
+                name,
+                body,
+                lateral_m,
+                facing,
+                start,
+                drive,
+            } => {
+                check::range(problems, &path.to("lateral_m"), lateral_m.0);
+                let facing_rad = match facing {
+                    Facing::Left => FRAC_PI_2,
+                    Facing::Right => -FRAC_PI_2,
+                    Facing::Ahead => 0.0,
+                    Facing::Back => PI,
+                };
+                (name, body, lateral_m.0, facing_rad, start, drive)
+            }
+            AgentFile::Light { .. } => return None,
+        };
+        let place = self.place(problems, &path.to("start"), start);
+        let body = find_body(problems, &path.to("body"), file, body)?;
+        let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
+        let acts_as = match body.kind {
+            BodyKind::Vehicle(_) => ActsAs::Vehicle,
+            BodyKind::Walker(_) => ActsAs::Walker,
+        };
+        if on_foot != (acts_as == ActsAs::Walker) {
+            let what = match on_foot {
+                true => format!("`{}` is no body on foot", body.name),
+                false => format!("`{}` is no vehicle", body.name),
+            };
+            let help = "vehicles are `Vehicle(…)`, those on foot `Pedestrian(…)`".to_owned();
+            problems.add(&path.to("body"), what, "here", Some(help));
+        }
+        let drive = self.drive(problems, &path.to("drive"), name, drive, acts_as);
+        Some(Agent {
+            name: name.clone(),
+            body,
+            lateral_m,
+            facing_rad,
+            place: place?,
+            drive,
+        })
+    }
+
+    fn drive(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        name: &str,
+        drive: &DriveFile,
+        acts_as: ActsAs,
+    ) -> Drive {
+        match drive {
+            DriveFile::Ego(controller) => {
+                check::controller(problems, &path.at(0), controller);
+                if acts_as != ActsAs::Vehicle {
+                    let what = "controllers drive vehicles".to_owned();
+                    let help = "write `Ado(actions: Walks([…]), …)` or `Scripted(Walk([…]))`";
+                    problems.add(path, what, "here", Some(help.to_owned()));
+                }
+                Drive::Ego(EgoDrive::Stock(controller.clone()))
+            }
+            DriveFile::Scripted(script) => {
+                let walks = acts_as == ActsAs::Walker;
+                if script.is_on_foot() != walks {
+                    let help = match walks {
+                        true => {
+                            "write `Scripted(Walk([(0.0, 0.0, 1.4)]))`: from 0 s on, to the left"
+                        }
+                        false => "write `ConstantSpeed`, `Profile([(0.0, -1.0)])` or `Idm(…)`",
+                    };
+                    let what = "this script is for another kind of body".to_owned();
+                    problems.add(&path.at(0), what, "here", Some(help.to_owned()));
+                }
+                check::script(problems, &path.at(0), script);
+                Drive::Scripted(script.clone())
+            }
+            DriveFile::Ado(ado) => {
+                check::actions(problems, path, ado, acts_as);
+                self.rules_of(problems, path, name, ado);
+                Drive::Ado {
+                    actions: ado.actions.clone(),
+                    neutral: ado.neutral,
+                    lag_s: ado.lag_s,
+                }
+            }
+        }
+    }
+
+    fn light_drive(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        name: &str,
+        drive: &LightFile,
+    ) -> LightDrive {
+        let path = path.to("drive");
+        match drive {
+            LightFile::Schedule(schedule) => {
+                let sorted = schedule.0.is_sorted_by(|a, b| a.0 < b.0);
+                if !sorted || schedule.0.iter().any(|(at_s, _)| *at_s < 0.0) {
+                    let what = "the times of a schedule rise from 0 on".to_owned();
+                    let help = "write `Schedule([(0.0, Yellow), (2.0, Red)])`".to_owned();
+                    problems.add(&path, what, "out of order", Some(help));
+                }
+                LightDrive::Schedule(schedule.clone())
+            }
+            LightFile::Ado(ado) => {
+                check::actions(problems, &path, ado, ActsAs::Light);
+                self.rules_of(problems, &path, name, ado);
+                LightDrive::Ado {
+                    actions: ado.actions.clone(),
+                    neutral: ado.neutral,
+                }
+            }
+        }
+    }
+
+    fn rules_of(&mut self, problems: &mut Problems, path: &Path, name: &str, ado: &AdoFile) {
+        for (j, signal) in ado.observe.iter().enumerate() {
+            self.observed
+                .push((signal.clone(), path.to("observe").at(j)));
+        }
+        for (j, rule) in ado.rulebook.iter().enumerate() {
+            let stl = path.to("rulebook").at(j).to("stl");
+            let Some(formula) = formula(problems, &stl, &rule.stl) else {
+                continue;
+            };
+            self.rules.push(RuleSpec {
+                name: rule.name.clone(),
+                ado: name.to_owned(),
+                priority: rule.priority.unwrap_or(self.rules.len()),
+                formula,
+                place: stl,
+            });
+        }
+    }
+
+    fn place(&self, problems: &mut Problems, path: &Path, start: &StartFile) -> Option<Place> {
+        let range = |problems: &mut Problems, field: &str, value: &NumberOrRange| -> Range {
+            check::range(problems, &path.to(field), value.0);
+            value.0
+        };
+        match start {
+            StartFile::At { x_m, speed_mps } => Some(Place::At {
+                x_m: range(problems, "x_m", x_m),
+                speed_mps: range(problems, "speed_mps", speed_mps),
+            }),
+            StartFile::Ahead {
+                of,
+                headway_m,
+                speed_mps,
+            } => {
+                let headway_m = range(problems, "headway_m", headway_m);
+                let speed_mps = range(problems, "speed_mps", speed_mps);
+                let mut agents = self.agents.iter();
+                let Some(position) = agents.position(|agent| agent.name == *of) else {
+                    // One that is itself broken was reported already.
+                    let before: Vec<&str> = self.declared.iter().map(String::as_str).collect();
+                    if !before.contains(&of.as_str()) {
+                        problems.unknown(&path.to("of"), "agent declared before", of, &before);
+                    }
+                    return None;
+                };
+                Some(Place::Ahead {
+                    of: position,
+                    headway_m,
+                    speed_mps,
+                })
+            }
+        }
+    }
+}
+
+fn find_body(
+    problems: &mut Problems,
+    path: &Path,
+    file: &ScenarioFile,
+    name: &str,
+) -> Option<Body> {
+    if let Some(body) = file.bodies.0.get(name) {
+        if let Err(error) = body.validate() {
+            let place = Path::top().to("bodies").to(name).to(error.field);
+            problems.add(&place, error.to_string(), "here", None);
+        }
+        return Some(body.clone());
+    }
+    match Body::shipped(name) {
+        Some(Ok(body)) => Some(body),
+        Some(Err(error)) => {
+            problems.add(path, error.to_string(), "here", None);
+            None
+        }
+        None => {
+            let mut known: Vec<&str> = Body::shipped_names().collect();
+            known.extend(file.bodies.0.keys().map(String::as_str));
+            problems.unknown(path, "body", name, &known);
+            None
+        }
+    }
+}

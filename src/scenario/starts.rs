@@ -1,0 +1,112 @@
+//! Where everybody may start: within bounds, and not inside each other.
+
+use super::check::Problems;
+use super::locate::Path;
+use crate::scene::drive::{Agent, DriveSpec, Place, Range};
+use crate::sim::BodyKind;
+
+/// Highest speed anybody may start with.
+const MAX_SPEED_MPS: f64 = 100.0;
+/// Farthest anybody may start from the origin.
+const MAX_DISTANCE_M: f64 = 5_000.0;
+
+/// Starts that are too fast, too far, or inside each other.
+///
+/// `entries` are the agents' positions in the file's list.
+pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entries: &[usize]) {
+    for (i, agent) in spec.agents.iter().enumerate() {
+        let start = path.at(entries[i]).to("start");
+        let speed = agent.place.speed_mps();
+        if speed.lo < 0.0 || MAX_SPEED_MPS < speed.hi {
+            let what = format!("start speeds are 0 to {MAX_SPEED_MPS} m/s");
+            problems.add(&start.to("speed_mps"), what, "out of range", None);
+        }
+        let along = front(spec, i);
+        if along.lo < -MAX_DISTANCE_M || MAX_DISTANCE_M < along.hi {
+            let what = format!("starts lie within {MAX_DISTANCE_M} m of the origin");
+            problems.add(&start, what, "too far", None);
+        }
+        for j in 0..i {
+            let other = &spec.agents[j];
+            let apart_m = (agent.lateral_m.lo - other.lateral_m.hi)
+                .max(other.lateral_m.lo - agent.lateral_m.hi);
+            if (width_m(agent) + width_m(other)) / 2.0 <= apart_m {
+                continue;
+            }
+            let ahead = headway(spec, j, i);
+            if ahead.lo <= length_m(agent) && -length_m(other) <= ahead.hi {
+                let what = format!(
+                    "`{}` and `{}` may start inside each other",
+                    other.name, agent.name
+                );
+                let help = Some(format!(
+                    "the headway ranges over {} to {} m; ahead it must exceed {} m, the length of `{}`",
+                    ahead.lo,
+                    ahead.hi,
+                    length_m(agent),
+                    agent.name
+                ));
+                problems.add(&start, what, "overlapping starts", help);
+            }
+        }
+    }
+}
+
+/// Extent along the road; somebody on foot may stand across it.
+fn length_m(agent: &Agent) -> f64 {
+    match agent.body.kind {
+        BodyKind::Vehicle(_) => agent.body.length_m,
+        BodyKind::Walker(_) => agent.body.length_m.max(agent.body.width_m),
+    }
+}
+
+/// Extent across the road.
+fn width_m(agent: &Agent) -> f64 {
+    match agent.body.kind {
+        BodyKind::Vehicle(_) => agent.body.width_m,
+        BodyKind::Walker(_) => 2.0 * agent.body.length_m.max(agent.body.width_m),
+    }
+}
+
+/// The agents an agent's position hangs on, itself first.
+fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
+    let mut chain = vec![agent];
+    let mut at = agent;
+    while let Place::Ahead { of, .. } = spec.agents[at].place {
+        chain.push(of);
+        at = of;
+    }
+    chain
+}
+
+fn own_offset(agent: &Agent) -> Range {
+    match agent.place {
+        Place::At { x_m, .. } => x_m,
+        Place::Ahead { headway_m, .. } => headway_m,
+    }
+}
+
+/// Where an agent's front bumper may start.
+fn front(spec: &DriveSpec, agent: usize) -> Range {
+    sum(spec, chain(spec, agent).into_iter())
+}
+
+/// By how much `b` may start ahead of `a`; what they share cancels.
+fn headway(spec: &DriveSpec, a: usize, b: usize) -> Range {
+    let (of_a, of_b) = (chain(spec, a), chain(spec, b));
+    let plus = sum(spec, of_b.iter().copied().filter(|i| !of_a.contains(i)));
+    let minus = sum(spec, of_a.iter().copied().filter(|i| !of_b.contains(i)));
+    Range {
+        lo: plus.lo - minus.hi,
+        hi: plus.hi - minus.lo,
+    }
+}
+
+fn sum(spec: &DriveSpec, agents: impl Iterator<Item = usize>) -> Range {
+    agents
+        .map(|i| own_offset(&spec.agents[i]))
+        .fold(Range { lo: 0.0, hi: 0.0 }, |sum, range| Range {
+            lo: sum.lo + range.lo,
+            hi: sum.hi + range.hi,
+        })
+}

@@ -1,0 +1,166 @@
+//! What ados may choose from at each decision.
+
+use serde::{Deserialize, Serialize};
+
+/// The actions of one ado.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Actions {
+    /// A vehicle that keeps its lane: net accelerations, m/s².
+    Accelerations(Vec<f64>),
+    /// A vehicle that may also move sideways.
+    Grid(Grid),
+    /// Somebody on foot: velocities along the road and to the left, m/s.
+    Walks(Vec<(f64, f64)>),
+    /// A traffic light.
+    Phases(Vec<Turn>),
+}
+
+/// Every acceleration with every lateral move.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Grid {
+    /// Net accelerations, m/s².
+    pub accelerations: Vec<f64>,
+    /// Lateral moves; the acceleration counts faster in an action's number.
+    pub lateral: Vec<Lateral>,
+    /// Speed of a lateral move.
+    #[serde(default = "lateral_speed_mps")]
+    pub lateral_mps: f64,
+    /// Time constant with which the lateral speed follows.
+    #[serde(default = "lateral_lag_s")]
+    pub lateral_lag_s: f64,
+}
+
+fn lateral_speed_mps() -> f64 {
+    1.5
+}
+
+fn lateral_lag_s() -> f64 {
+    0.3
+}
+
+/// A lateral move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Lateral {
+    /// No lateral speed.
+    Hold,
+    /// To the left.
+    Left,
+    /// To the right.
+    Right,
+}
+
+/// What a light may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Turn {
+    /// Keep the phase.
+    Hold,
+    /// On to the next: green, yellow, red, green.
+    Advance,
+}
+
+/// What an ado has chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Choice {
+    Drive { accel_mps2: f64, lateral_mps: f64 },
+    Walk { along_mps: f64, left_mps: f64 },
+    Turn(Turn),
+}
+
+impl Choice {
+    /// Nothing yet.
+    pub const NONE: Choice = Choice::Drive {
+        accel_mps2: 0.0,
+        lateral_mps: 0.0,
+    };
+}
+
+impl Actions {
+    /// Number of actions.
+    pub fn len(&self) -> usize {
+        match self {
+            Actions::Accelerations(list) => list.len(),
+            Actions::Grid(grid) => grid.accelerations.len() * grid.lateral.len(),
+            Actions::Walks(list) => list.len(),
+            Actions::Phases(list) => list.len(),
+        }
+    }
+
+    /// Whether there is nothing to choose.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// An action in words.
+    pub fn label(&self, action: usize) -> String {
+        match self {
+            Actions::Accelerations(list) => format!("{:+} m/s²", list[action]),
+            Actions::Grid(grid) => {
+                let (accel_mps2, lateral) = grid.at(action);
+                let lateral = match lateral {
+                    Lateral::Hold => "hold",
+                    Lateral::Left => "left",
+                    Lateral::Right => "right",
+                };
+                format!("{accel_mps2:+} m/s² {lateral}")
+            }
+            Actions::Walks(list) => {
+                let (along_mps, left_mps) = list[action];
+                match (along_mps == 0.0, left_mps == 0.0) {
+                    (true, true) => "stand".to_owned(),
+                    (true, false) => format!("{left_mps:+} m/s across"),
+                    (false, true) => format!("{along_mps:+} m/s along"),
+                    (false, false) => format!("{along_mps:+} m/s along {left_mps:+} m/s across"),
+                }
+            }
+            Actions::Phases(list) => match list[action] {
+                Turn::Hold => "hold".to_owned(),
+                Turn::Advance => "advance".to_owned(),
+            },
+        }
+    }
+
+    /// What an action asks for.
+    pub(super) fn choice(&self, action: usize) -> Choice {
+        match self {
+            Actions::Accelerations(list) => Choice::Drive {
+                accel_mps2: list[action],
+                lateral_mps: 0.0,
+            },
+            Actions::Grid(grid) => {
+                let (accel_mps2, lateral) = grid.at(action);
+                Choice::Drive {
+                    accel_mps2,
+                    lateral_mps: match lateral {
+                        Lateral::Hold => 0.0,
+                        Lateral::Left => grid.lateral_mps,
+                        Lateral::Right => -grid.lateral_mps,
+                    },
+                }
+            }
+            Actions::Walks(list) => Choice::Walk {
+                along_mps: list[action].0,
+                left_mps: list[action].1,
+            },
+            Actions::Phases(list) => Choice::Turn(list[action]),
+        }
+    }
+
+    /// Time constant with which the lateral speed follows.
+    pub(super) fn lateral_lag_s(&self) -> f64 {
+        match self {
+            Actions::Grid(grid) => grid.lateral_lag_s,
+            _ => lateral_lag_s(),
+        }
+    }
+}
+
+impl Grid {
+    fn at(&self, action: usize) -> (f64, Lateral) {
+        let count = self.accelerations.len();
+        (
+            self.accelerations[action % count],
+            self.lateral[action / count],
+        )
+    }
+}

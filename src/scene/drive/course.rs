@@ -1,0 +1,362 @@
+//! The course of a road: lines and arcs, and Frenet coordinates along them.
+//!
+//! On a straight road s and lateral are x and y themselves, bit for bit.
+
+use core::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use super::road::CourseError;
+use crate::sim::Pose;
+
+/// One piece of a curved road.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Piece {
+    /// Straight on.
+    Line {
+        /// Its length.
+        length_m: f64,
+    },
+    /// Along a circle.
+    Arc {
+        /// Its length.
+        length_m: f64,
+        /// Radius of the circle; positive turns left, negative right.
+        radius_m: f64,
+    },
+}
+
+/// Where somebody is on the road.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OnRoad {
+    /// Along the course.
+    pub s_m: f64,
+    /// To the left of the course.
+    pub lateral_m: f64,
+    /// Heading relative to the course, counter-clockwise.
+    pub heading_rad: f64,
+    /// Curvature of the course there, positive to the left.
+    pub curvature_per_m: f64,
+}
+
+/// A piece with its place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Leg {
+    from_s_m: f64,
+    length_m: f64,
+    x_m: f64,
+    y_m: f64,
+    heading_rad: f64,
+    sin: f64,
+    cos: f64,
+    curvature_per_m: f64,
+}
+
+/// The course of lane 0. Without legs it is world x itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Course {
+    legs: Vec<Leg>,
+}
+
+/// Straight road before the first and behind the last piece.
+const RUN_OUT_M: f64 = 10_000.0;
+/// Distance of the points by which borders are drawn on arcs.
+const DRAWN_M: f64 = 2.0;
+/// How far borders are drawn before and behind the pieces.
+const DRAWN_BEYOND_M: f64 = 100.0;
+
+impl Course {
+    /// World x.
+    pub(super) fn straight() -> Course {
+        Course::default()
+    }
+
+    pub(super) fn of_pieces(pieces: &[Piece], reach_m: f64) -> Result<Course, CourseError> {
+        if pieces.is_empty() {
+            return Err(CourseError {
+                what: "a curved road without pieces".to_owned(),
+                help: "write `Line(length_m: …)` or `Arc(length_m: …, radius_m: …)`".to_owned(),
+                index: None,
+            });
+        }
+        let mut course = Course::begin(0.0, 0.0, 0.0);
+        for (i, piece) in pieces.iter().enumerate() {
+            let (length_m, curvature_per_m) = match *piece {
+                Piece::Line { length_m } => (length_m, 0.0),
+                Piece::Arc { length_m, radius_m } => {
+                    if radius_m.abs() <= reach_m {
+                        return Err(CourseError {
+                            what: format!("a radius of {radius_m} m folds the lanes over"),
+                            help: format!("it must exceed {reach_m} m, the width of the road"),
+                            index: Some(i),
+                        });
+                    }
+                    (length_m, 1.0 / radius_m)
+                }
+            };
+            if length_m <= 0.0 || PI < (length_m * curvature_per_m).abs() {
+                return Err(CourseError {
+                    what: format!("a piece of {length_m} m"),
+                    help: "lengths are above 0, and an arc turns by half a circle at most"
+                        .to_owned(),
+                    index: Some(i),
+                });
+            }
+            course.append(length_m, curvature_per_m);
+        }
+        course.append(RUN_OUT_M, 0.0);
+        Ok(course)
+    }
+
+    pub(super) fn of_points(
+        points_m: &[(f64, f64)],
+        radius_m: f64,
+        reach_m: f64,
+    ) -> Result<Course, CourseError> {
+        let fail = |what: String, help: &str, index| CourseError {
+            what,
+            help: help.to_owned(),
+            index,
+        };
+        if points_m.len() < 2 {
+            let what = format!("a polyline of {} points", points_m.len());
+            return Err(fail(what, "it takes at least two points", None));
+        }
+        if radius_m <= reach_m {
+            let what = format!("corners of {radius_m} m fold the lanes over");
+            let help = format!("the radius must exceed {reach_m} m, the width of the road");
+            return Err(fail(what, &help, None));
+        }
+        let sides: Vec<(f64, f64)> = points_m
+            .windows(2)
+            .map(|pair| {
+                let (dx, dy) = (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
+                ((dx * dx + dy * dy).sqrt(), libm::atan2(dy, dx))
+            })
+            .collect();
+        let mut course = Course::begin(points_m[0].0, points_m[0].1, sides[0].1);
+        let mut cut_m = 0.0;
+        for (i, &(length_m, heading_rad)) in sides.iter().enumerate() {
+            let turn_rad = match sides.get(i + 1) {
+                Some((_, next_rad)) => wrapped(next_rad - heading_rad),
+                None => 0.0,
+            };
+            // A fillet takes r·tan(turn/2) from both of its sides.
+            let next_cut_m = radius_m * libm::tan(0.5 * turn_rad.abs());
+            if 0.9 * PI < turn_rad.abs() || length_m <= cut_m + next_cut_m {
+                let what = format!("the corner after point {i} does not fit");
+                let help = "move the points apart, or make the corners' radius smaller";
+                return Err(fail(what, help, Some(i)));
+            }
+            course.append(length_m - cut_m - next_cut_m, 0.0);
+            if turn_rad != 0.0 {
+                course.append(radius_m * turn_rad.abs(), turn_rad.signum() / radius_m);
+            }
+            cut_m = next_cut_m;
+        }
+        course.append(RUN_OUT_M, 0.0);
+        Ok(course)
+    }
+
+    /// Begins with the straight run-in, so that s = 0 is at (x, y).
+    fn begin(x_m: f64, y_m: f64, heading_rad: f64) -> Course {
+        let (sin, cos) = libm::sincos(heading_rad);
+        Course {
+            legs: vec![Leg {
+                from_s_m: -RUN_OUT_M,
+                length_m: RUN_OUT_M,
+                x_m: x_m - RUN_OUT_M * cos,
+                y_m: y_m - RUN_OUT_M * sin,
+                heading_rad,
+                sin,
+                cos,
+                curvature_per_m: 0.0,
+            }],
+        }
+    }
+
+    fn append(&mut self, length_m: f64, curvature_per_m: f64) {
+        let Some(last) = self.legs.last() else {
+            return;
+        };
+        let end = last.pose(last.length_m, 0.0);
+        let (sin, cos) = libm::sincos(end.heading_rad);
+        self.legs.push(Leg {
+            from_s_m: last.from_s_m + last.length_m,
+            length_m,
+            x_m: end.x_m,
+            y_m: end.y_m,
+            heading_rad: end.heading_rad,
+            sin,
+            cos,
+            curvature_per_m,
+        });
+    }
+
+    /// Where on the road a pose is: beside the nearest point of the course.
+    pub fn locate(&self, pose: &Pose) -> OnRoad {
+        let mut nearest: Option<(f64, OnRoad)> = None;
+        for leg in &self.legs {
+            let (away_m, at) = leg.locate(pose);
+            if nearest.as_ref().is_none_or(|(best_m, _)| away_m < *best_m) {
+                nearest = Some((away_m, at));
+            }
+        }
+        match nearest {
+            Some((_, at)) => at,
+            None => OnRoad {
+                s_m: pose.x_m,
+                lateral_m: pose.y_m,
+                heading_rad: pose.heading_rad,
+                curvature_per_m: 0.0,
+            },
+        }
+    }
+
+    /// The pose of somebody who drives along the course.
+    pub fn pose(&self, s_m: f64, lateral_m: f64) -> Pose {
+        let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
+        match leg.or(self.legs.first()) {
+            Some(leg) => leg.pose(s_m - leg.from_s_m, lateral_m),
+            None => Pose {
+                x_m: s_m,
+                y_m: lateral_m,
+                heading_rad: 0.0,
+            },
+        }
+    }
+
+    /// A line beside the course, as a polyline on the ground.
+    pub fn polyline_m(&self, lateral_m: f64) -> Vec<[f64; 3]> {
+        let point = |s_m: f64| {
+            let pose = self.pose(s_m, lateral_m);
+            [pose.x_m, pose.y_m, 0.0]
+        };
+        let Some(last) = self.legs.last() else {
+            return vec![point(-100.0), point(900.0)];
+        };
+        let mut stations_m = vec![-DRAWN_BEYOND_M];
+        for leg in self.legs.iter().filter(|leg| 0.0 <= leg.from_s_m) {
+            let points = match leg.curvature_per_m == 0.0 {
+                true => 1,
+                false => (leg.length_m / DRAWN_M).ceil() as usize,
+            };
+            let step_m = leg.length_m / points as f64;
+            stations_m.extend((0..points).map(|i| leg.from_s_m + i as f64 * step_m));
+        }
+        stations_m.push(last.from_s_m + DRAWN_BEYOND_M);
+        stations_m.into_iter().map(point).collect()
+    }
+}
+
+impl Leg {
+    fn pose(&self, along_m: f64, lateral_m: f64) -> Pose {
+        let k = self.curvature_per_m;
+        let turn_rad = k * along_m;
+        let (turn_sin, turn_cos) = libm::sincos(turn_rad);
+        let (ahead_m, left_m) = match k == 0.0 {
+            true => (along_m, lateral_m),
+            false => (
+                turn_sin / k - lateral_m * turn_sin,
+                (1.0 - turn_cos) / k + lateral_m * turn_cos,
+            ),
+        };
+        Pose {
+            x_m: self.x_m + ahead_m * self.cos - left_m * self.sin,
+            y_m: self.y_m + ahead_m * self.sin + left_m * self.cos,
+            heading_rad: wrapped(self.heading_rad + turn_rad),
+        }
+    }
+
+    /// Distance from the piece, and the coordinates beside its nearest point.
+    fn locate(&self, pose: &Pose) -> (f64, OnRoad) {
+        let (dx, dy) = (pose.x_m - self.x_m, pose.y_m - self.y_m);
+        let ahead_m = dx * self.cos + dy * self.sin;
+        let left_m = dy * self.cos - dx * self.sin;
+        let k = self.curvature_per_m;
+        let (along_m, lateral_m) = match k == 0.0 {
+            true => (ahead_m, left_m),
+            false => {
+                let (across, towards) = (k * ahead_m, 1.0 - k * left_m);
+                let radii = (across * across + towards * towards).sqrt();
+                (libm::atan2(across, towards) / k, (1.0 - radii) / k)
+            }
+        };
+        let on_m = along_m.clamp(0.0, self.length_m);
+        let end = self.pose(on_m, 0.0);
+        let (off_x, off_y) = (pose.x_m - end.x_m, pose.y_m - end.y_m);
+        let away_m = match on_m == along_m {
+            true => lateral_m.abs(),
+            false => (off_x * off_x + off_y * off_y).sqrt(),
+        };
+        let at = OnRoad {
+            s_m: self.from_s_m + on_m,
+            lateral_m,
+            heading_rad: wrapped(pose.heading_rad - end.heading_rad),
+            curvature_per_m: k,
+        };
+        (away_m, at)
+    }
+}
+
+/// An angle in −π ..= π.
+fn wrapped(angle_rad: f64) -> f64 {
+    angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_there_and_back_agree_on_every_piece() {
+        let pieces = [
+            Piece::Line { length_m: 50.0 },
+            Piece::Arc {
+                length_m: 60.0,
+                radius_m: 40.0,
+            },
+            Piece::Arc {
+                length_m: 80.0,
+                radius_m: -50.0,
+            },
+            Piece::Line { length_m: 30.0 },
+        ];
+        let course = Course::of_pieces(&pieces, 7.0).expect("a course");
+        let corners = [(0.0, 0.0), (80.0, 0.0), (120.0, 60.0), (200.0, 60.0)];
+        let polyline = Course::of_points(&corners, 20.0, 7.0).expect("a course");
+        for course in [course, polyline] {
+            for s_m in (-20..240).map(f64::from) {
+                for lateral_m in [-3.0, 0.0, 5.0] {
+                    let at = course.locate(&course.pose(s_m, lateral_m));
+                    assert!((at.s_m - s_m).abs() < 1e-6, "{s_m} {at:?}");
+                    assert!((at.lateral_m - lateral_m).abs() < 1e-6, "{s_m} {at:?}");
+                    assert!(at.heading_rad.abs() < 1e-9, "{s_m} {at:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_polyline_passes_its_sides() {
+        let points = [(0.0, 0.0), (100.0, 0.0), (100.0, 100.0)];
+        let course = Course::of_points(&points, 20.0, 7.0).expect("a course");
+        let corner_m = 20.0 * core::f64::consts::FRAC_PI_2;
+        let end = course.pose(80.0 + corner_m + 80.0, 0.0);
+        assert!((end.x_m - 100.0).abs() < 1e-9 && (end.y_m - 100.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn courses_that_cannot_be_laid_say_why() {
+        let tight = [Piece::Arc {
+            length_m: 10.0,
+            radius_m: -5.0,
+        }];
+        let error = Course::of_pieces(&tight, 7.0).expect_err("too tight");
+        assert_eq!((error.index, error.what.contains("-5")), (Some(0), true));
+        let near = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)];
+        assert!(Course::of_points(&near, 20.0, 7.0).is_err());
+        assert!(Course::of_points(&near[..1], 20.0, 7.0).is_err());
+    }
+}

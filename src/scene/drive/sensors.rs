@@ -1,0 +1,90 @@
+//! What stands between the world and the ego's percepts: delay and noise.
+
+use std::collections::VecDeque;
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::ego::Percept;
+use crate::seed;
+
+/// Flaws of the ego's sensors; the default has none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sensors {
+    /// How old what it sees of others is; a multiple of the sample.
+    pub delay_s: f64,
+    /// Standard deviation of headways and lateral offsets.
+    pub position_sd_m: f64,
+    /// Standard deviation of others' speeds, along and across the road.
+    pub speed_sd_mps: f64,
+}
+
+impl Sensors {
+    /// Whether equal starts and actions can give different episodes.
+    pub fn is_noisy(&self) -> bool {
+        0.0 < self.position_sd_m || 0.0 < self.speed_sd_mps
+    }
+}
+
+/// The sensors in motion.
+#[derive(Clone, Debug)]
+pub(super) struct Sensing {
+    spec: Sensors,
+    delay: usize,
+    seen: VecDeque<Percept>,
+    dice: ChaCha8Rng,
+}
+
+impl Sensing {
+    pub fn new(spec: Sensors, sample_s: f64) -> Sensing {
+        Sensing {
+            spec,
+            delay: (spec.delay_s / sample_s).round() as usize,
+            seen: VecDeque::new(),
+            dice: seed::generator("sensors", &[]),
+        }
+    }
+
+    /// Begins an episode; `noise` is its seed.
+    pub fn reset(&mut self, noise: u64) {
+        self.seen.clear();
+        self.dice = seed::generator("sensors", &[noise]);
+    }
+
+    /// Makes what is there into what the ego sees; its own state stays true.
+    ///
+    /// Before the delay has passed it sees the first moment.
+    pub fn look(&mut self, percept: &mut Percept) {
+        if 0 < self.delay {
+            self.seen.push_back(percept.clone());
+            let old = match self.delay < self.seen.len() {
+                true => self.seen.pop_front(),
+                false => self.seen.front().cloned(),
+            };
+            if let Some(old) = old {
+                percept.others = old.others;
+                percept.lights = old.lights;
+            }
+        }
+        if !self.spec.is_noisy() {
+            return;
+        }
+        for seen in &mut percept.others {
+            let (along, across) = self.normal_pair();
+            seen.headway_m += self.spec.position_sd_m * along;
+            seen.lateral_m += self.spec.position_sd_m * across;
+            let (along, across) = self.normal_pair();
+            seen.speed_mps += self.spec.speed_sd_mps * along;
+            seen.lateral_mps += self.spec.speed_sd_mps * across;
+        }
+    }
+
+    /// Two standard normal numbers (Box, Muller 1958).
+    fn normal_pair(&mut self) -> (f64, f64) {
+        let radius = (-2.0 * libm::log(1.0 - self.dice.random::<f64>())).sqrt();
+        let (sin, cos) = libm::sincos(core::f64::consts::TAU * self.dice.random::<f64>());
+        (radius * cos, radius * sin)
+    }
+}

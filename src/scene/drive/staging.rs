@@ -1,0 +1,43 @@
+//! What of a driving scene does not move, for viewers.
+
+use super::Layout;
+use super::spec::Drive;
+use crate::scene::{Cast, LightPost, Role, Stage};
+use crate::sim::BodyKind;
+
+/// The cast, the lanes and the lights.
+pub(super) fn stage(layout: &Layout) -> Stage {
+    let spec = &layout.spec;
+    let cast = spec.agents.iter().map(|agent| Cast {
+        name: agent.name.clone(),
+        role: match agent.drive {
+            Drive::Ego(_) => Role::Ego,
+            Drive::Ado { .. } => Role::Ado,
+            Drive::Scripted(_) => Role::Scripted,
+        },
+        size_m: [agent.body.length_m, agent.body.width_m, agent.body.height_m],
+        on_foot: matches!(agent.body.kind, BodyKind::Walker(_)),
+    });
+    let borders = spec.road.borders_m();
+    let lights = spec.lights.iter().map(|light| {
+        let (right_m, left_m) = (
+            -0.5 * spec.road.lane_width_m(),
+            (spec.road.lanes() as f64 - 0.5) * spec.road.lane_width_m(),
+        );
+        let point = |lateral_m: f64| {
+            let pose = layout.course.pose(light.line_m, lateral_m);
+            [pose.x_m, pose.y_m, 0.0]
+        };
+        LightPost {
+            name: light.name.clone(),
+            stop_line_m: [point(right_m), point(left_m)],
+        }
+    });
+    Stage {
+        cast: cast.collect(),
+        lane_borders_m: borders
+            .map(|lateral_m| layout.course.polyline_m(lateral_m))
+            .collect(),
+        lights: lights.collect(),
+    }
+}
