@@ -8,6 +8,8 @@ mod errors;
 mod judging;
 #[path = "worlds/lemmas.rs"]
 mod lemmas;
+#[path = "worlds/process.rs"]
+mod process;
 #[path = "worlds/searching.rs"]
 mod searching;
 

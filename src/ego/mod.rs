@@ -46,6 +46,7 @@ mod idm;
 mod merge;
 mod parameters;
 mod polite;
+mod process;
 mod stock;
 mod yellow;
 
@@ -59,6 +60,7 @@ pub use idm::Idm;
 pub use merge::Merge;
 pub use parameters::{Parameter, UnknownParameter};
 pub use polite::PoliteAcc;
+pub use process::{Process, ProcessController};
 pub use stock::ControllerSpec;
 pub use yellow::{YellowLight, YellowLightFixed};
 

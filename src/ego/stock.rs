@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Acc, Aeb, Controller, FilteredAcc, Idm, Merge, Parameter, PoliteAcc, UnknownParameter,
+    Acc, Aeb, Controller, FilteredAcc, Idm, Merge, Parameter, PoliteAcc, Process, UnknownParameter,
     YellowLight, YellowLightFixed,
 };
 
@@ -75,4 +75,6 @@ stock! {
     YellowLight by clone;
     /// Stops for lights by the stopping distance.
     YellowLightFixed by clone;
+    /// Another program, on its stdin and stdout.
+    Process by controller;
 }
