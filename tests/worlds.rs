@@ -2,6 +2,8 @@
 
 #[path = "worlds/conformance.rs"]
 mod conformance;
+#[path = "worlds/driving.rs"]
+mod driving;
 #[path = "worlds/errors.rs"]
 mod errors;
 #[path = "worlds/judging.rs"]

@@ -92,8 +92,12 @@ impl DriveScene {
         };
         let sample_s = self.layout.spec.clock.sample_s;
         self.actuators.push(Actuator::new(lag_s, sample_s));
-        self.keepers
-            .push(LaneKeeper::new(lateral_m, lateral_lag_s, sample_s));
+        self.keepers.push(LaneKeeper::new(
+            &agent.body,
+            lateral_m,
+            lateral_lag_s,
+            sample_s,
+        ));
     }
 
     fn command_all(&mut self) -> Result<(), Fault> {

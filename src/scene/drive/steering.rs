@@ -2,6 +2,7 @@
 
 use super::course::OnRoad;
 use crate::ego::Actuator;
+use crate::sim::{Body, BodyKind};
 
 /// Natural frequency of the lateral loop, 1/s.
 const OMEGA_PER_S: f64 = 1.2;
@@ -23,15 +24,21 @@ pub(super) struct LaneKeeper {
     reference_m: f64,
     reference_mps: f64,
     lag: Actuator,
+    /// From the rear axle, which follows the path, to the front bumper.
+    lever_m: f64,
 }
 
 impl LaneKeeper {
-    /// Keeps `lateral_m`; lateral speeds follow with a lag.
-    pub(super) fn new(lateral_m: f64, lag_s: f64, sample_s: f64) -> LaneKeeper {
+    /// Keeps `lateral_m` with a body; lateral speeds follow with a lag.
+    pub(super) fn new(body: &Body, lateral_m: f64, lag_s: f64, sample_s: f64) -> LaneKeeper {
         LaneKeeper {
             reference_m: lateral_m,
             reference_mps: 0.0,
             lag: Actuator::new(lag_s, sample_s),
+            lever_m: match &body.kind {
+                BodyKind::Vehicle(vehicle) => vehicle.wheelbase_m + vehicle.front_overhang_m,
+                BodyKind::Walker(_) => 0.0,
+            },
         }
     }
 
@@ -49,7 +56,12 @@ impl LaneKeeper {
         self.reference_mps = moving_mps;
         self.reference_m += moving_mps * sample_s;
         let offset_m = at.lateral_m - self.reference_m;
-        let drift_mps = speed_mps * libm::sin(at.heading_rad) - moving_mps;
+        // In a curve the front bumper points outwards of the path under it.
+        let slip_rad = match at.curvature_per_m == 0.0 {
+            true => at.heading_rad,
+            false => at.heading_rad + self.lever_m * at.curvature_per_m,
+        };
+        let drift_mps = speed_mps * libm::sin(slip_rad) - moving_mps;
         let speed_mps = speed_mps.abs().max(MIN_SPEED_MPS);
         let wish_mps2 =
             OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps - feed_mps2;
