@@ -98,6 +98,8 @@ pub enum Ado<'a> {
     Held,
     /// The same action all the time.
     Constant(usize),
+    /// A rule that nobody trained: its word and its method in rows.
+    Rule(&'a dyn Policy, &'static str, &'static str),
 }
 
 impl Ado<'_> {
@@ -108,6 +110,7 @@ impl Ado<'_> {
             Ado::Random => "random",
             Ado::Held => "hold",
             Ado::Constant(_) => "constant",
+            Ado::Rule(_, word, _) => word,
         }
     }
 
@@ -117,13 +120,14 @@ impl Ado<'_> {
             Ado::Random => "random".to_owned(),
             Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
             Ado::Constant(action) => scenario.action_label(*action),
+            Ado::Rule(_, _, method) => (*method).to_owned(),
         }
     }
 
     /// Somebody who acts so.
     pub fn actor(&self, actions: usize) -> Box<dyn Actor + '_> {
         match *self {
-            Ado::Trained(policy, _) => Box::new(PolicyActor(policy)),
+            Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
             Ado::Random => Box::new(Random::new(actions)),
             Ado::Held => Box::new(Held::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),

@@ -15,6 +15,7 @@ use crate::campaign::{
 };
 use crate::rl::Policy;
 use crate::run::{Row, RunDir};
+use crate::scene::grid::exact::{PositionPolicy, chase};
 use crate::stl::Explanation;
 
 #[derive(Args, Debug)]
@@ -59,6 +60,10 @@ enum AdoArg {
     Hold,
     /// The best of the constant actions.
     Constant,
+    /// The exact solution of a grid world.
+    Optimal,
+    /// A step towards the ego along the larger axis (grid worlds).
+    Chaser,
     /// All of them.
     All,
 }
@@ -71,10 +76,10 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         nominal = on_plant(&nominal, plant)?;
     }
     let egos = egos(&nominal, &args.ego)?;
-    let plays_trained = [AdoArg::Trained, AdoArg::All]
+    let keeps_something = [AdoArg::Trained, AdoArg::All, AdoArg::Optimal]
         .iter()
         .any(|ado| args.ado.contains(ado));
-    if args.keep.is_some() && !plays_trained {
+    if args.keep.is_some() && !keeps_something {
         return Err(Failure::input(
             "`--keep` writes counterexamples of the trained ado, which is not asked for",
             "add `--ado trained`",
@@ -97,11 +102,27 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         train_seed: run.manifest().seed,
         starts: &starts,
         watch: &watch,
+        on_a_grid: nominal.grid().is_some(),
     };
     let mut rows = Vec::new();
     let mut reasons = Vec::new();
     for ego in &egos {
         bar.set_message(format!("evaluating: {}", ego.name));
+        // On a map of another size the starts are others: drawn, or listed, anew.
+        let own = match ego.scenario.axes() == nominal.axes() {
+            true => None,
+            false => {
+                let drawn = test_starts(&ego.scenario, args.common.seed, args.starts, &watch);
+                let Some(own) = drawn else {
+                    return Ok(interrupted_early());
+                };
+                Some(own)
+            }
+        };
+        let job = Job {
+            starts: own.as_ref().unwrap_or(&starts),
+            ..job
+        };
         reasons.extend(job.one_ego(ego, &mut rows)?);
         if talk::stopped() {
             break;
@@ -141,12 +162,14 @@ struct Reason {
     explanation: Explanation,
 }
 
+#[derive(Clone, Copy)]
 struct Job<'a> {
     args: &'a EvalArgs,
     policy: &'a dyn Policy,
     train_seed: u64,
     starts: &'a TestStarts,
     watch: &'a Watch<'a>,
+    on_a_grid: bool,
 }
 
 impl Job<'_> {
@@ -155,7 +178,7 @@ impl Job<'_> {
         let first = rows.len();
         let mut reason = None;
         for ado in self.ados() {
-            let evaluated = self.one_ado(ego, ado);
+            let evaluated = self.one_ado(ego, ado)?;
             if ado == AdoArg::Trained {
                 let request = self.request(ego, Ado::Trained(self.policy, self.train_seed));
                 let explained = explain_first(&request, &evaluated);
@@ -164,7 +187,7 @@ impl Job<'_> {
                     start,
                     explanation,
                 });
-                self.keep(ego, &evaluated)?;
+                self.keep(ego, &request, &evaluated)?;
             }
             rows.push(evaluated.row);
         }
@@ -187,12 +210,18 @@ impl Job<'_> {
 
     fn ados(&self) -> Vec<AdoArg> {
         match self.args.ado.contains(&AdoArg::All) {
-            true => vec![
-                AdoArg::Trained,
-                AdoArg::Hold,
-                AdoArg::Random,
-                AdoArg::Constant,
-            ],
+            true => {
+                let mut all = vec![
+                    AdoArg::Trained,
+                    AdoArg::Hold,
+                    AdoArg::Random,
+                    AdoArg::Constant,
+                ];
+                if self.on_a_grid {
+                    all.extend([AdoArg::Optimal, AdoArg::Chaser]);
+                }
+                all
+            }
             false => self.args.ado.clone(),
         }
     }
@@ -206,24 +235,66 @@ impl Job<'_> {
         }
     }
 
-    fn one_ado(&self, ego: &NamedEgo, ado: AdoArg) -> Evaluated {
+    fn one_ado(&self, ego: &NamedEgo, ado: AdoArg) -> Result<Evaluated, Failure> {
         let ado = match ado {
             AdoArg::Constant => {
-                return best_constant(&ego.scenario, &ego.name, self.starts, self.watch);
+                let (scenario, name) = (&ego.scenario, &ego.name);
+                return Ok(best_constant(scenario, name, self.starts, self.watch));
             }
+            AdoArg::Optimal | AdoArg::Chaser => return self.by_rule(ego, ado),
             AdoArg::Random => Ado::Random,
             AdoArg::Hold => Ado::Held,
             AdoArg::Trained | AdoArg::All => Ado::Trained(self.policy, self.train_seed),
         };
-        eval(&self.request(ego, ado), self.watch)
+        Ok(eval(&self.request(ego, ado), self.watch))
     }
 
-    fn keep(&self, ego: &NamedEgo, evaluated: &Evaluated) -> Result<(), Failure> {
+    /// The best ado of a grid world, or the chaser: they see both positions.
+    fn by_rule(&self, ego: &NamedEgo, ado: AdoArg) -> Result<Evaluated, Failure> {
+        let whole = ego.scenario.fully_observed();
+        let Some((whole, grid)) = whole.as_ref().and_then(|s| Some((s, s.grid()?))) else {
+            return Err(Failure::input(
+                format!("`{}` is no grid world", ego.scenario.name),
+                "only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`",
+            ));
+        };
+        let reward = whole.rulebook().reward;
+        let (policy, word, method) = match ado {
+            AdoArg::Chaser => {
+                let moves = &grid.spec().moves;
+                let policy = PositionPolicy::new(grid, |both| (chase(both, moves), 0.0));
+                (policy, "chaser", "along the larger axis")
+            }
+            _ => {
+                let policy = PositionPolicy::optimal(grid, |rho| reward.lawful(rho));
+                (policy, "optimal", "backward induction")
+            }
+        };
+        let policy = policy.map_err(|error| Failure::fault(error.to_string(), None))?;
+        let request = EvalRequest {
+            scenario: whole,
+            ego: &ego.name,
+            ado: Ado::Rule(&policy, word, method),
+            starts: self.starts,
+        };
+        let evaluated = eval(&request, self.watch);
+        // Files are named after world and ego: the trained ado's go first.
+        if ado == AdoArg::Optimal && !self.ados().contains(&AdoArg::Trained) {
+            self.keep(ego, &request, &evaluated)?;
+        }
+        Ok(evaluated)
+    }
+
+    fn keep(
+        &self,
+        ego: &NamedEgo,
+        request: &EvalRequest<'_>,
+        evaluated: &Evaluated,
+    ) -> Result<(), Failure> {
         let Some(dir) = &self.args.keep else {
             return Ok(());
         };
-        let request = self.request(ego, Ado::Trained(self.policy, self.train_seed));
-        let files = keep(&request, &ego.change, evaluated, dir, self.args.keep_most)?;
+        let files = keep(request, &ego.change, evaluated, dir, self.args.keep_most)?;
         talk::say(&format!(
             "kept {} of {} counterexamples of `{}` in {}",
             files.len(),

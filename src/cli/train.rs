@@ -28,6 +28,9 @@ pub(super) struct TrainArgs {
     /// Decisions to train for, instead of the world's number.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     decisions: Option<u64>,
+    /// Which of the world's `learners` to train with, instead of its `learner`.
+    #[arg(long, value_name = "NAME")]
+    learner: Option<String>,
     /// The physics to train in, instead of the world's.
     #[arg(long)]
     plant: Option<PlantArg>,
@@ -48,6 +51,16 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let mut scenario = Scenario::load(&args.world)?;
     if let Some(plant) = args.plant {
         scenario = on_plant(&scenario, plant)?;
+    }
+    if let Some(name) = &args.learner {
+        let known: Vec<&str> = scenario.learners.keys().map(String::as_str).collect();
+        let none = || {
+            Failure::input(
+                format!("`{}` has no learner `{name}`", scenario.name),
+                format!("known: {}; or leave out `--learner`", known.join(", ")),
+            )
+        };
+        scenario = scenario.learning_by(name).ok_or_else(none)?;
     }
     if let Some(decisions) = args.decisions {
         scenario.learner = scenario.learner.with_decisions(decisions);
@@ -146,10 +159,16 @@ fn resume(
             "resume with the world file in the run directory, or train anew with `-o`",
         ));
     }
+    if args.learner.is_some() && args.learner != run.manifest().learner {
+        return Err(Failure::input(
+            "this run was begun with another learner",
+            "leave out `--learner`",
+        ));
+    }
+    scenario.learner = kept.learner.clone();
+    scenario.learning = kept.learning.clone();
     if args.plant.is_none() {
-        let learner = scenario.learner.clone();
         *scenario = kept;
-        scenario.learner = learner;
     } else if scenario.plant() != run.manifest().plant {
         return Err(Failure::input(
             format!("this run was begun on the {:?} plant", run.manifest().plant),

@@ -64,6 +64,9 @@ pub struct Manifest {
     pub episodes: u64,
     /// Processor time spent in training.
     pub cpu_s: f64,
+    /// Which of the world's `learners` trained; `None`: its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learner: Option<String>,
     /// SHA-256 of `from.safetensors`, when fine-tuning.
     #[serde(default)]
     pub from_sha256: Option<String>,
@@ -195,6 +198,7 @@ impl RunDir {
                 decisions_done: 0,
                 episodes: 0,
                 cpu_s: 0.0,
+                learner: scenario.learning.clone(),
                 from_sha256: None,
                 checkpoint: None,
                 policy_sha256: None,
@@ -289,10 +293,21 @@ impl RunDir {
     pub fn world(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
-            Ok(scenario) => Ok(scenario),
+            Ok(scenario) => self.as_learned(scenario),
             Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
             Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
         }
+    }
+
+    /// The world with the learner that the manifest names.
+    fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
+        let Some(name) = &self.manifest.learner else {
+            return Ok(world);
+        };
+        world.learning_by(name).ok_or_else(|| RunError::Damaged {
+            path: self.path.join("manifest.json"),
+            why: format!("its world has no learner `{name}`"),
+        })
     }
 
     /// The trained ado.

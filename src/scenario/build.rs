@@ -112,6 +112,7 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
         names,
         learner: file.learner,
         learners: file.learners.0,
+        learning: None,
         reuse: file.reuse.0,
         warnings: Vec::new(),
         world,

@@ -177,6 +177,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         names,
         learner: file.learner,
         learners: file.learners.0,
+        learning: None,
         reuse,
         warnings: Vec::new(),
         world,

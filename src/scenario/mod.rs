@@ -65,6 +65,8 @@ pub struct Scenario {
     pub learner: LearnerConfig,
     /// Other ways to learn, by name.
     pub learners: IndexMap<String, LearnerConfig>,
+    /// Which of them is `learner`; `None`: the world's own.
+    pub learning: Option<String>,
     /// What the same trained ado is reused on.
     pub reuse: IndexMap<String, Change>,
     /// What looked odd but is allowed.
@@ -194,6 +196,15 @@ impl Scenario {
     /// What moves the world.
     pub fn plant(&self) -> Dynamics {
         self.world.dynamics()
+    }
+
+    /// The same world with another of its ways to learn; `None`: no such name.
+    pub fn learning_by(&self, name: &str) -> Option<Scenario> {
+        Some(Scenario {
+            learner: self.learners.get(name)?.clone(),
+            learning: Some(name.to_owned()),
+            ..self.clone()
+        })
     }
 
     /// The same world with something changed.
