@@ -19,7 +19,17 @@ const GRID_WORLDS: [&str; 2] = ["grid_hard", "grid"];
 const FIRST_GRID_SEED: u64 = 10;
 
 /// The driving worlds of the table, in its order.
-const DRIVING_WORLDS: [&str; 1] = ["acc"];
+const DRIVING_WORLDS: [&str; 9] = [
+    "acc",
+    "merge_fair",
+    "merge",
+    "yellow_light",
+    "yellow_light_fixed",
+    "pedestrian",
+    "cut_in",
+    "sandwich",
+    "light_ado",
+];
 
 #[derive(Args, Debug)]
 pub(super) struct ReproduceArgs {
