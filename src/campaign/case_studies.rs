@@ -14,6 +14,9 @@ use crate::scenario::Scenario;
 
 /// Switches of the search that defines the reachable share.
 const SWITCHES: usize = 2;
+/// With more joint actions than this, all sequences with two switches are too
+/// many: one switch then, and the row of the search says so.
+const MAX_ACTIONS: usize = 6;
 
 /// What to reproduce.
 pub struct CaseStudies<'a> {
@@ -91,7 +94,10 @@ pub fn case_study(
         &SearchRequest {
             scenario,
             ego: "nominal",
-            method: Method::Switches(SWITCHES),
+            method: Method::Switches(match scenario.world().spaces().actions {
+                ..=MAX_ACTIONS => SWITCHES,
+                _ => 1,
+            }),
             budget: 0,
             starts: &starts,
         },

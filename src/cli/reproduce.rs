@@ -42,6 +42,9 @@ pub(super) struct ReproduceArgs {
     /// Where the shipped worlds are.
     #[arg(long, value_name = "DIR", default_value = "worlds")]
     worlds: PathBuf,
+    /// Only this driving world, by name; repeat for several.
+    #[arg(long, value_name = "NAME")]
+    world: Vec<String>,
     /// Training seeds per world.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
     seeds: u64,
@@ -109,7 +112,12 @@ fn case_studies(args: &ReproduceArgs) -> Result<Exit, Failure> {
         runs: &args.output.join("runs"),
     };
     let mut studies = Vec::new();
-    for name in DRIVING_WORLDS {
+    let all = DRIVING_WORLDS.map(str::to_owned).to_vec();
+    let names = match args.world.is_empty() {
+        true => all,
+        false => args.world.clone(),
+    };
+    for name in &names {
         let scenario = Scenario::load(&args.worlds.join(format!("{name}.ron")))?;
         let bar = talk::bar(name, 0);
         let watch = Watch {
