@@ -1,0 +1,87 @@
+//! What can go wrong with a run directory: the file, the reason, the cure.
+
+use std::io;
+use std::path::PathBuf;
+
+use crate::scenario::ScenarioError;
+
+/// A run directory could not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A file could not be read or written.
+    #[error("{verb} `{path}` failed: {source}")]
+    Io {
+        /// What was tried.
+        verb: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// There is no run.
+    #[error("`{path}` is no run directory: {why}")]
+    NotARun {
+        /// The directory.
+        path: PathBuf,
+        /// What is missing or wrong.
+        why: String,
+    },
+    /// Training there was interrupted.
+    #[error("the training in `{path}` has not finished ({done} of {asked} decisions)")]
+    Unfinished {
+        /// The directory.
+        path: PathBuf,
+        /// Decisions taken.
+        done: u64,
+        /// Decisions asked for.
+        asked: u64,
+    },
+    /// The directory is taken.
+    #[error("`{path}` exists already")]
+    Exists {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// Another process trains there.
+    #[error("`{path}` is in use by another process")]
+    Locked {
+        /// The directory.
+        path: PathBuf,
+    },
+    /// A file is not what the manifest says.
+    #[error("`{path}` is damaged: {why}")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+    /// The world in it is not usable.
+    #[error("the world of this run: {0}")]
+    World(Box<ScenarioError>),
+}
+
+impl RunError {
+    /// The cure, where one is known.
+    pub fn help(&self) -> Option<String> {
+        match self {
+            RunError::Io { .. } => {
+                Some("check the path, the permissions and the free space".into())
+            }
+            RunError::NotARun { .. } => {
+                Some("make one with `brakecheck train WORLD -o RUN`".to_owned())
+            }
+            RunError::Unfinished { .. } => {
+                Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
+            }
+            RunError::Exists { .. } => {
+                Some("go on with `--resume`, or name another directory with `-o`".to_owned())
+            }
+            RunError::Locked { .. } => Some("wait for it, or name another directory".to_owned()),
+            RunError::Damaged { .. } => {
+                Some("restore the file from a backup, or train again".to_owned())
+            }
+            RunError::World(_) => None,
+        }
+    }
+}
