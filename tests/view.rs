@@ -172,3 +172,39 @@ fn an_unwritable_output_is_an_error_that_names_it() {
     }
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
 }
+
+#[test]
+fn every_kept_crash_of_every_world_can_be_watched() {
+    let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions");
+    let kept = brakecheck::campaign::Regressions::load(dir).unwrap();
+    let out = tempfile::tempdir().unwrap();
+    for replayed in kept.replay().unwrap() {
+        let file = out.path().join("crash.rrd");
+        let caption = replayed.path.display().to_string();
+        let recorded = record(&replayed.scenario, &replayed.episode, &caption, &file).unwrap();
+        let content = read_back(&std::fs::read(&file).unwrap());
+        assert_eq!(recorded.samples, replayed.episode.trace.len(), "{caption}");
+        for agent in &replayed.scenario.bench().stage().cast {
+            let body = format!("/world/{}", agent.name);
+            assert!(content.contains_key(&body), "{caption}: {body}");
+        }
+        assert!(content.contains_key("/verdict"), "{caption}");
+    }
+}
+
+#[test]
+fn an_episode_of_a_grid_world_can_be_watched() {
+    let text = include_str!("../worlds/grid_hard.ron");
+    let world = Scenario::parse("grid_hard.ron", text).unwrap();
+    let mut bench = world.bench();
+    let start = world.starts().unwrap()[17].clone();
+    let mut actor = Constant(0);
+    let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Play);
+    let out = tempfile::tempdir().unwrap();
+    let file = out.path().join("grid.rrd");
+    let recorded = record(&world, &episode, "one way only", &file).unwrap();
+    assert_eq!(recorded.samples, episode.trace.len());
+    let content = read_back(&std::fs::read(&file).unwrap());
+    assert!(content.contains_key("/verdict"), "{:?}", content.keys());
+    assert!(content.keys().any(|entity| entity.contains("ego")));
+}
