@@ -185,8 +185,8 @@ fn every_kept_crash_of_every_world_can_be_watched() {
         let content = read_back(&std::fs::read(&file).unwrap());
         assert_eq!(recorded.samples, replayed.episode.trace.len(), "{caption}");
         for agent in &replayed.scenario.bench().stage().cast {
-            let body = format!("/world/{}", agent.name);
-            assert!(content.contains_key(&body), "{caption}: {body}");
+            let shown = content.keys().any(|entity| entity.ends_with(&agent.name));
+            assert!(shown, "{caption}: {}", agent.name);
         }
         assert!(content.contains_key("/verdict"), "{caption}");
     }
