@@ -399,7 +399,7 @@ fn ctrl_c_saves_and_resuming_ends_in_the_same_bytes() {
     // Long enough to be interrupted behind the first checkpoint.
     let long = [
         "--decisions",
-        "60000",
+        "90000",
         "--starts",
         "5",
         "--plant",
