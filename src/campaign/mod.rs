@@ -6,6 +6,7 @@
 mod case_studies;
 mod eval;
 mod replay;
+mod reuse;
 mod search;
 mod table1;
 mod train;
@@ -16,6 +17,7 @@ pub use eval::{
     test_starts,
 };
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
+pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use search::{Found, Method, SearchRequest, Searched, search};
 pub use table1::{
     DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,

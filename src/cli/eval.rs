@@ -10,11 +10,12 @@ use super::{
     start_count, table, talk,
 };
 use crate::campaign::{
-    Ado, EvalRequest, Evaluated, Method, SearchRequest, TestStarts, Watch, best_constant, eval,
-    explain_first, keep, search, test_starts,
+    Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Watch, best_constant,
+    eval, explain_first, keep, reused_on, search, summarise, test_starts,
 };
 use crate::rl::Policy;
 use crate::run::{Row, RunDir};
+use crate::scenario::Change;
 use crate::scene::grid::exact::{PositionPolicy, chase};
 use crate::stl::Explanation;
 
@@ -104,7 +105,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         watch: &watch,
         on_a_grid: nominal.grid().is_some(),
     };
-    let mut rows = Vec::new();
+    let mut reused = Vec::new();
     let mut reasons = Vec::new();
     for ego in &egos {
         bar.set_message(format!("evaluating: {}", ego.name));
@@ -123,20 +124,33 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             starts: own.as_ref().unwrap_or(&starts),
             ..job
         };
-        reasons.extend(job.one_ego(ego, &mut rows)?);
+        let (rows, reason) = job.one_ego(ego)?;
+        reasons.extend(reason);
+        let relation = relation(ego);
+        reused.push(reused_on(
+            &ego.scenario,
+            (&ego.name, relation),
+            job.starts,
+            rows,
+            &watch,
+        ));
         if talk::stopped() {
             break;
         }
     }
     bar.finish_and_clear();
+    let rows: Vec<Row> = reused.iter().flat_map(|ego| ego.rows.clone()).collect();
+    let summary = summarise(&reused);
     if args.common.json {
         let explain = reasons.iter();
         let explain: Vec<_> = explain
             .map(|why| json!({ "ego": why.ego, "start": why.start, "explain": why.explanation }))
             .collect();
-        print_json(&json!({ "rows": rows, "explain": explain }))?;
+        print_json(&json!({
+            "rows": rows, "egos": reused, "summary": summary, "explain": explain,
+        }))?;
     } else {
-        talk::data(&table::rows(&rows))?;
+        talk::data(&table::reuse(&reused, &summary))?;
         for why in &reasons {
             talk::data(&format!(
                 "\nwhy `{}` fails from start {}, the first of them: {}",
@@ -153,6 +167,14 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         true => Exit::Counterexample,
         false => Exit::Done,
     })
+}
+
+/// What an ego was to the ado in training.
+fn relation(ego: &NamedEgo) -> Relation {
+    match ego.change == Change::default() {
+        true => Relation::Trained,
+        false => Relation::ZeroShot,
+    }
 }
 
 /// Why the first counterexample of an ego is one.
@@ -173,9 +195,9 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// Adds the rows of one ego; says why the trained ado made it fail.
-    fn one_ego(&self, ego: &NamedEgo, rows: &mut Vec<Row>) -> Result<Option<Reason>, Failure> {
-        let first = rows.len();
+    /// The rows of one ego, and why the trained ado made it fail.
+    fn one_ego(&self, ego: &NamedEgo) -> Result<(Vec<Row>, Option<Reason>), Failure> {
+        let mut rows = Vec::new();
         let mut reason = None;
         for ado in self.ados() {
             let evaluated = self.one_ado(ego, ado)?;
@@ -200,12 +222,12 @@ impl Job<'_> {
                 starts: self.starts,
             };
             let searched = search(&request, self.watch);
-            for row in &mut rows[first..] {
+            for row in &mut rows {
                 row.compare_with_search(&searched.row.solved);
             }
             rows.push(searched.row);
         }
-        Ok(reason)
+        Ok((rows, reason))
     }
 
     fn ados(&self) -> Vec<AdoArg> {

@@ -1,28 +1,110 @@
-//! Rows as a table for people.
+//! Rows as tables for people.
 
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 
+use crate::campaign::{LEAST_REACHABLE, ReusedOn, Summary};
 use crate::run::Row;
 
 /// All rows as one table, opened by what happens without an adversary.
 pub(super) fn rows(rows: &[Row]) -> String {
-    let mut table = Table::new();
-    table
-        .load_style(presets::UTF8_FULL_CONDENSED)
-        .set_content_arrangement(ContentArrangement::Disabled)
-        .set_header([
-            "ego",
-            "ado",
-            "method",
-            "success",
-            "95 % interval",
-            "recall",
-            "fouls",
-            "contact",
-            "closing m/s",
-            "sims/start",
-            "cpu s",
-        ]);
+    format!("{}\n{}", opening(rows), lines(rows))
+}
+
+/// The rows of several egos in blocks, each summed up; of one ego, its rows.
+pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
+    let all: Vec<Row> = egos.iter().flat_map(|ego| ego.rows.clone()).collect();
+    if egos.len() < 2 {
+        return rows(&all);
+    }
+    let mut text = opening(&all);
+    let mut relations: Vec<_> = egos.iter().map(|ego| ego.relation).collect();
+    relations.sort();
+    relations.dedup();
+    for relation in relations {
+        let block = egos.iter().filter(|ego| ego.relation == relation);
+        let block: Vec<&ReusedOn> = block.collect();
+        let rows: Vec<Row> = block.iter().flat_map(|ego| ego.rows.clone()).collect();
+        let of_block = summaries.iter().filter(|sum| sum.relation == relation);
+        text.push_str(&format!(
+            "\n\n# {}\n{}\n{}\n{}",
+            relation.heading(),
+            lines(&rows),
+            without_adversary(&block),
+            summary(of_block)
+        ));
+    }
+    text
+}
+
+/// How often each ego of a block fails by itself, and how often it can at all.
+fn without_adversary(block: &[&ReusedOn]) -> String {
+    let mut table = table(&["ego", "fails without an adversary", "reachable", "union"]);
+    for ego in block {
+        let mut cells = vec![Cell::new(&ego.ego)];
+        let reachable = ego.reachable.map_or("–".to_owned(), percent);
+        let numbers = [
+            percent(ego.fails_without_adversary),
+            reachable,
+            percent(ego.union),
+        ];
+        cells.extend(numbers.iter().map(right));
+        table.add_row(cells);
+    }
+    table.to_string()
+}
+
+/// One line per ado: its means over the block.
+fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
+    let recall = format!("mean recall, reachable ≥ {:.0} %", 100.0 * LEAST_REACHABLE);
+    let mut table = table(&[
+        "ado",
+        "egos",
+        "mean success",
+        "trained − it [95 %]",
+        &recall,
+        "least recall",
+        "sims/start",
+    ]);
+    for sum in summaries {
+        let mut cells = vec![Cell::new(&sum.ado)];
+        let numbers = [
+            sum.egos.to_string(),
+            percent(sum.success_rate),
+            sum.trained_minus
+                .map_or("–".to_owned(), |(mean, [lo, hi])| {
+                    let [mean, lo, hi] = [mean, lo, hi].map(|share| 100.0 * share);
+                    format!("{mean:+.1} [{lo:+.1}, {hi:+.1}]")
+                }),
+            sum.recall_mean.map_or("–".to_owned(), |recall| {
+                format!("{recall:.3} ({} egos)", sum.egos_with_recall)
+            }),
+            sum.recall_min
+                .as_ref()
+                .map_or("–".to_owned(), |(recall, ego)| {
+                    format!("{recall:.3} ({ego})")
+                }),
+            format!("{:.1}", sum.sims_per_start),
+        ];
+        cells.extend(numbers.iter().map(right));
+        table.add_row(cells);
+    }
+    table.to_string()
+}
+
+fn lines(rows: &[Row]) -> String {
+    let mut table = table(&[
+        "ego",
+        "ado",
+        "method",
+        "success",
+        "95 % interval",
+        "recall",
+        "fouls",
+        "contact",
+        "closing m/s",
+        "sims/start",
+        "cpu s",
+    ]);
     for row in rows {
         let recall = row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"));
         let closing = row.closing_speed_mps.map_or("–".to_owned(), |c| {
@@ -30,15 +112,15 @@ pub(super) fn rows(rows: &[Row]) -> String {
         });
         let numbers = [
             format!(
-                "{:.1} % ({}/{})",
-                100.0 * row.success_rate,
+                "{} ({}/{})",
+                percent(row.success_rate),
                 row.successes,
                 row.starts
             ),
             format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1]),
             recall,
-            format!("{:.1} %", 100.0 * row.foul_rate),
-            format!("{:.1} %", 100.0 * row.contact_rate),
+            percent(row.foul_rate),
+            percent(row.contact_rate),
             closing,
             format!("{:.1}", row.sims_per_start),
             format!("{:.1}", row.cpu_s),
@@ -48,11 +130,10 @@ pub(super) fn rows(rows: &[Row]) -> String {
             Cell::new(&row.ado),
             Cell::new(&row.method),
         ];
-        let right = |text: &String| Cell::new(text).set_alignment(CellAlignment::Right);
         cells.extend(numbers.iter().map(right));
         table.add_row(cells);
     }
-    format!("{}\n{table}", opening(rows))
+    table.to_string()
 }
 
 fn opening(rows: &[Row]) -> String {
@@ -70,4 +151,21 @@ fn opening(rows: &[Row]) -> String {
         text.push_str(&format!("; {invalid} invalid episodes"));
     }
     text
+}
+
+fn table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table
+        .load_style(presets::UTF8_FULL_CONDENSED)
+        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_header(header.iter().copied());
+    table
+}
+
+fn right(text: &String) -> Cell {
+    Cell::new(text).set_alignment(CellAlignment::Right)
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
 }

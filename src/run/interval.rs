@@ -56,6 +56,36 @@ pub fn paired_difference(a: &[&str], b: &[&str]) -> (f64, [f64; 2]) {
     (whole(&a) - whole(&b), interval)
 }
 
+/// Mean over egos of `a − b` in success rate, with its 95 % interval.
+///
+/// One pair per ego, each side with any number of seeds, all over the same
+/// starts. Starts are drawn together for all egos and both sides, so that a
+/// start that is easy everywhere counts once; seeds are drawn per side. Egos
+/// are not drawn: the interval speaks of these egos, not of others.
+pub fn mean_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> (f64, [f64; 2]) {
+    let pairs: Vec<(Marks, Marks)> = pairs
+        .iter()
+        .map(|(a, b)| (Marks::new(a), Marks::new(b)))
+        .collect();
+    let Some((first, _)) = pairs.first() else {
+        return (0.0, [-1.0, 1.0]);
+    };
+    let mean = |starts: &[usize], of: &mut dyn FnMut(&Marks) -> Vec<usize>| {
+        let mut sum = 0.0;
+        for (a, b) in &pairs {
+            sum += a.rate(&of(a), starts) - b.rate(&of(b), starts);
+        }
+        sum / pairs.len() as f64
+    };
+    let every = |marks: &Marks| (0..marks.seeds.len()).collect();
+    let all: Vec<usize> = (0..first.starts).collect();
+    let mut dice = seed::generator("bootstrap/egos", &[]);
+    let interval = percentiles(first, |_, starts| {
+        mean(starts, &mut |marks| draw(marks.seeds.len(), &mut dice))
+    });
+    (mean(&all, &mut { every }), interval)
+}
+
 /// Which starts were solved, per seed.
 struct Marks {
     seeds: Vec<Vec<u8>>,
@@ -137,6 +167,21 @@ mod tests {
         assert!(0.0 < lo && hi < 0.2, "{lo} {hi}");
         let (_, [lo, hi]) = paired_difference(&[&a], &[&a]);
         assert!(lo == 0.0 && hi == 0.0);
+    }
+
+    #[test]
+    fn a_start_that_is_easy_for_every_ego_counts_once() {
+        // Ten egos that fail on the very same starts tell no more than one.
+        let a = format!("{}{}", "1".repeat(60), "0".repeat(40));
+        let b = format!("{}{}", "1".repeat(52), "0".repeat(48));
+        let pair = || (vec![a.as_str()], vec![b.as_str()]);
+        let ten: Vec<_> = (0..10).map(|_| pair()).collect();
+        let (one, [lo, hi]) = mean_difference(&[pair()]);
+        let (mean, [lo10, hi10]) = mean_difference(&ten);
+        assert!((one - 0.08).abs() < 1e-12 && (mean - 0.08).abs() < 1e-12);
+        assert!((lo - lo10).abs() < 1e-12 && (hi - hi10).abs() < 1e-12);
+        let mixed = [pair(), (vec![&*b], vec![&*a])];
+        assert!(mean_difference(&mixed).0.abs() < 1e-12);
     }
 
     #[test]

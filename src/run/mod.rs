@@ -29,7 +29,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 pub use error::RunError;
-pub use interval::{paired_difference, two_level_bootstrap, wilson};
+pub use interval::{mean_difference, paired_difference, two_level_bootstrap, wilson};
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use row::{ClosingSpeed, Row};
 pub use samples::{SamplesError, trace_of_csv};

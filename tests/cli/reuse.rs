@@ -1,0 +1,66 @@
+//! One ado on many egos: blocks, what happens without an adversary, means.
+
+use super::{brakecheck, code, json, scratch, small_run, stderr};
+use serde_json::Value;
+
+#[test]
+fn the_table_of_many_egos_is_summed_up_from_its_rows() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let mut args = vec!["eval", &run, "--starts", "40", "--ego", "all"];
+    args.extend(["--ado", "trained", "--ado", "hold", "--search", "1"]);
+    let text = brakecheck(&args);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    for block in ["# the ego it was trained against", "reused zero-shot"] {
+        assert!(text.contains(block), "{text}");
+    }
+    args.push("--json");
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let all = json(&output);
+    let egos = all["egos"].as_array().expect("egos");
+    assert_eq!(egos[0]["relation"], "trained");
+    assert!(egos[1..].iter().all(|ego| ego["relation"] == "zero_shot"));
+
+    // Every start that an ego fails alone or that anybody solves is counted.
+    let rows: Vec<&Value> = all["rows"].as_array().expect("rows").iter().collect();
+    let of = |ego: &Value, ado: &str| -> Value {
+        let row = rows
+            .iter()
+            .find(|r| r["ego"] == ego["ego"] && r["ado"] == ado);
+        (*row.expect("a row")).clone()
+    };
+    for ego in egos {
+        assert_eq!(ego["reachable"], of(ego, "search")["success_rate"]);
+        let union = ego["union"].as_f64().expect("a share");
+        for ado in ["trained", "hold", "search"] {
+            assert!(of(ego, ado)["success_rate"].as_f64().expect("a rate") <= union);
+        }
+    }
+
+    // The mean recall is over the egos of which a tenth is reachable.
+    let telling: Vec<&Value> = egos[1..]
+        .iter()
+        .filter(|ego| 0.1 <= ego["reachable"].as_f64().expect("a share"))
+        .collect();
+    let recalls: Vec<f64> = telling
+        .iter()
+        .map(|ego| of(ego, "trained")["recall"].as_f64().expect("recall"))
+        .collect();
+    let mean = recalls.iter().sum::<f64>() / recalls.len() as f64;
+    let summary = all["summary"].as_array().expect("summary");
+    let of_block = |ado: &str| {
+        let mut found = summary.iter();
+        found
+            .find(|sum| sum["relation"] == "zero_shot" && sum["ado"] == ado)
+            .expect("a summary")
+    };
+    let trained = of_block("trained");
+    assert_eq!(trained["egos_with_recall"], telling.len());
+    assert!((trained["recall_mean"].as_f64().expect("a mean") - mean).abs() < 1e-12);
+    assert!(trained["trained_minus"].is_null());
+    let [difference, interval] = [0, 1].map(|i| &of_block("hold")["trained_minus"][i]);
+    let difference = difference.as_f64().expect("a difference");
+    assert!(interval[0].as_f64() <= Some(difference) && Some(difference) <= interval[1].as_f64());
+}
