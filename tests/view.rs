@@ -193,6 +193,29 @@ fn every_kept_crash_of_every_world_can_be_watched() {
 }
 
 #[test]
+fn lights_are_shown_as_they_turn() {
+    let text = include_str!("../worlds/yellow_light.ron");
+    let world = Scenario::parse("yellow_light.ron", text).unwrap();
+    let mut bench = world.bench();
+    let middle = bench.axes().iter().map(|axis| 0.5 * (axis.lo + axis.hi));
+    let start = Start(middle.collect());
+    let episode = play(&mut bench, &start, 0, &mut Constant(0), Aftermath::Play);
+    let bytes = Recording::new(&world, &episode, "").encode().unwrap();
+    let content = read_back(&bytes);
+    // It begins yellow and turns red.
+    let (rows, timelines, _) = &content["/lights/light"];
+    assert_eq!((*rows, timelines.len()), (2, 2));
+    let has = |entity: &str, component: &str| {
+        let (_, _, components) = &content[entity];
+        components.iter().any(|name| name == component)
+    };
+    assert!(has("/world/light", "Boxes3D:half_sizes"));
+    assert!(has("/world/light", "Transform3D:translation"));
+    assert!(has("/world/light/lit", "Points3D:labels"));
+    assert!(bytes.len() <= 300_000, "{} bytes", bytes.len());
+}
+
+#[test]
 fn an_episode_of_a_grid_world_can_be_watched() {
     let text = include_str!("../worlds/grid_hard.ron");
     let world = Scenario::parse("grid_hard.ron", text).unwrap();

@@ -112,8 +112,12 @@ pub struct Cast {
     pub name: String,
     /// Who it is.
     pub role: Role,
+    /// Its kind of body.
+    pub body: String,
     /// Length, width and height of its body.
     pub size_m: [f64; 3],
+    /// Colour of its body: red, green, blue.
+    pub colour: [u8; 3],
     /// Whether it walks.
     pub on_foot: bool,
 }

@@ -28,18 +28,25 @@ pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewEr
             vec![layout.map(f64::from(world.spec().arena.size))?],
             vec![7.0],
         ),
-        None => (vec![layout.scene()?, layout.top_view()?], vec![5.0, 2.0]),
+        None => {
+            let around = Around::of(story);
+            let views = vec![layout.scene(&around)?, layout.top_view(&around)?];
+            (views, vec![5.0, 2.0])
+        }
     };
     let actions = layout.view(
         "StateTimeline",
-        "actions of the ado",
+        match story.stage.lights.is_empty() {
+            true => "actions of the ado",
+            false => "actions of the ado, and lights",
+        },
         "/actions",
-        &["$origin/**"],
+        &["$origin/**", "+ /lights/**"],
     )?;
     let events = layout.view("TextLog", "events", "/verdict/events", &["$origin"])?;
     layout.property(&events, "TextLogColumns", &bodies_only())?;
     views.extend([actions, events]);
-    shares.extend([1.0, 1.6]);
+    shares.extend([lanes_share(story), 1.6]);
     let space = layout.container(ContainerKind::Vertical, "space", &views, &shares)?;
     let plots = layout.plots(story)?;
     let verdict = layout.view("TextDocument", "verdict", "/verdict", &["$origin"])?;
@@ -59,19 +66,22 @@ struct Layout<'a> {
 
 impl Layout<'_> {
     /// The scene from behind the ego, with room for whom it follows.
-    fn scene(&mut self) -> Result<Node, ViewError> {
+    fn scene(&mut self, around: &Around) -> Result<Node, ViewError> {
         let view = self.view("3D", "scene", FOLLOW, &SPACE)?;
         let sky = Background::new(BackgroundKind::SolidColor)
             .with_color(rerun::Color::from_rgb(17, 20, 26));
         self.property(&view, "Background", &sky)?;
-        self.look(&view, [-10.0, 3.6, 4.6], [3.0, 0.0, 0.4], [0.0, 0.0, 1.0])?;
+        let back_m = (-around.ahead_m.0).clamp(0.0, 25.0);
+        let eye_m = [-10.0 - back_m, 3.6 + 0.2 * back_m, 4.6 + 0.2 * back_m];
+        self.look(&view, eye_m, [3.0, 0.0, 0.4], [0.0, 0.0, 1.0])?;
         Ok(view)
     }
 
     /// The scene from above, forward to the right.
-    fn top_view(&mut self) -> Result<Node, ViewError> {
+    fn top_view(&mut self, around: &Around) -> Result<Node, ViewError> {
         let view = self.view("3D", "from above", FOLLOW, &SPACE[..3])?;
-        self.look(&view, [3.0, -0.01, 9.0], [3.0, 0.0, 0.0], [0.0, 1.0, 0.0])?;
+        let (eye_m, at_m) = around.seen_from_above();
+        self.look(&view, eye_m, at_m, [0.0, 1.0, 0.0])?;
         Ok(view)
     }
 
@@ -264,6 +274,73 @@ impl Layout<'_> {
             id,
         }
     }
+}
+
+/// Who is near the ego when it matters: least and greatest places, seen from it.
+struct Around {
+    /// Along its heading.
+    ahead_m: (f32, f32),
+    /// To its left.
+    left_m: (f32, f32),
+}
+
+impl Around {
+    /// Beyond this nobody is worth a look from farther away.
+    const FAR_M: f64 = 60.0;
+
+    /// At the sample of the verdict, or at the last one.
+    fn of(story: &Story<'_>) -> Around {
+        let mut around = Around {
+            ahead_m: (0.0, 0.0),
+            left_m: (0.0, 0.0),
+        };
+        let last = story.frames.len().saturating_sub(1);
+        let Some(frame) = story.frames.get(story.decided.unwrap_or(last)) else {
+            return around;
+        };
+        let ego = frame.placements[story.ego()];
+        let [_, _, turn, real] = ego.rotation;
+        let (sin, cos) = (2.0 * turn.atan2(real)).sin_cos();
+        for other in &frame.placements {
+            let [dx, dy] = [0, 1].map(|axis| other.centre_m[axis] - ego.centre_m[axis]);
+            let (ahead_m, left_m) = (dx * cos + dy * sin, dy * cos - dx * sin);
+            if ahead_m.abs() <= Around::FAR_M && left_m.abs() <= Around::FAR_M {
+                around.ahead_m = grown(around.ahead_m, ahead_m);
+                around.left_m = grown(around.left_m, left_m);
+            }
+        }
+        around
+    }
+
+    /// A camera that sees all of them from above, and what it looks at.
+    fn seen_from_above(&self) -> ([f32; 3], [f32; 3]) {
+        let ((rear_m, front_m), (right_m, left_m)) = (self.ahead_m, self.left_m);
+        // The view shows about 4.8 times the camera's height along, once across.
+        let height_m = ((front_m - rear_m + 16.0) / 4.8).max(left_m - right_m + 4.0);
+        let ahead_m = match height_m <= 9.0 {
+            // Most happens ahead.
+            true => 3.0_f32.min(9.0 + rear_m).max(front_m - 12.0),
+            false => 0.5 * (rear_m + front_m),
+        };
+        let aside_m = 0.5 * (right_m + left_m);
+        let eye_m = [ahead_m, aside_m - 0.01, height_m.max(9.0)];
+        (eye_m, [ahead_m, aside_m, 0.0])
+    }
+}
+
+fn grown((least, greatest): (f32, f32), by: f64) -> (f32, f32) {
+    // The one cast from places to cameras.
+    (least.min(by as f32), greatest.max(by as f32))
+}
+
+/// The share of the lanes of actions and lights, which need room for each.
+fn lanes_share(story: &Story<'_>) -> f32 {
+    let ados = match story.scenario.drive() {
+        Some(spec) => spec.action_sets().count(),
+        None => 1,
+    };
+    let lanes = ados + story.stage.lights.len();
+    0.5 + 0.5 * lanes as f32
 }
 
 /// A view or a container in the blueprint.

@@ -8,6 +8,8 @@
 //! | --- | --- |
 //! | `/world/road` | surface, lane markings, a post every 10 m |
 //! | `/world/<agent>` | body, moved by its transform |
+//! | `/world/<light>` | a post; `/lit` is the lamp and the stop line in its colour |
+//! | `/lights/<light>` | the phases of a light, as coloured lanes |
 //! | `/trails` | everybody's path on the ground |
 //! | `/contact` | where and how fast two agents met, from that instant on |
 //! | `/signals/<group>` | curves, grouped by unit, e.g. `/signals/speed` |
@@ -47,10 +49,13 @@
 //! [rerun]: https://rerun.io
 
 mod curves;
+mod figure;
 mod grid;
 mod journal;
 mod layout;
+mod lights;
 mod palette;
+mod road;
 mod space;
 mod story;
 mod words;

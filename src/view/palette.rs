@@ -1,5 +1,6 @@
 //! The colours: one family per role, so that a glance tells who is who.
 
+use crate::ego::Phase;
 use crate::scene::Role;
 
 /// Red, green, blue.
@@ -57,6 +58,15 @@ pub(super) fn of_role(role: Role, nth: usize) -> Rgb {
 /// The colour of the `nth` curve that belongs to nobody in particular.
 pub(super) fn neutral(nth: usize) -> Rgb {
     NEUTRAL[nth % NEUTRAL.len()]
+}
+
+/// The colour of a light.
+pub(super) fn of_phase(phase: Phase) -> Rgb {
+    match phase {
+        Phase::Green => [40, 214, 110],
+        Phase::Yellow => [255, 200, 40],
+        Phase::Red => [255, 52, 52],
+    }
 }
 
 /// Between a colour and black.

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::lights;
 use super::story::Story;
 use crate::rulebook::Verdict;
 use crate::scene::Role;
@@ -178,6 +179,12 @@ pub(super) fn events(story: &Story<'_>) -> Vec<Event> {
             format!("action {label}"),
             false,
         );
+    }
+    for (l, light) in story.stage.lights.iter().enumerate() {
+        for (sample, phase) in lights::turns(story, l) {
+            let text = format!("{} is {}", light.name, lights::word(phase));
+            push(sample, story.time_s(sample), text, false);
+        }
     }
     if let Some(sample) = story.spec.lost {
         let text = "the ego's specification is violated".to_owned();

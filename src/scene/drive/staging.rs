@@ -15,7 +15,9 @@ pub(super) fn stage(layout: &Layout) -> Stage {
             Drive::Ado { .. } => Role::Ado,
             Drive::Scripted(_) => Role::Scripted,
         },
+        body: agent.body.name.clone(),
         size_m: [agent.body.length_m, agent.body.width_m, agent.body.height_m],
+        colour: agent.body.color_rgb,
         on_foot: matches!(agent.body.kind, BodyKind::Walker(_)),
     });
     let borders = spec.road.borders_m();

@@ -279,7 +279,9 @@ impl Scene for GridScene {
         let cast = |name: &str, role| Cast {
             name: name.to_owned(),
             role,
+            body: "cell".to_owned(),
             size_m: [side; 3],
+            colour: [128; 3],
             on_foot: false,
         };
         let size = f64::from(arena.size);

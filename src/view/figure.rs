@@ -1,0 +1,275 @@
+//! What road users look like: as large as their bodies, and told by their kind.
+
+use rerun::{AsComponents, Boxes3D, Capsules3D, Cylinders3D, FillMode, Points3D};
+
+use super::journal::Journal;
+use super::palette::{self, Rgb};
+use super::story::Story;
+use super::{ViewError, agent_path};
+use crate::scene::Cast;
+
+/// What a body is drawn as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Figure {
+    Person,
+    Motorcycle,
+    Car,
+    Van,
+    Truck,
+}
+
+impl Figure {
+    /// Told by its size, so that bodies of one's own are recognised as well.
+    fn of(cast: &Cast) -> Figure {
+        let [length_m, width_m, height_m] = cast.size_m;
+        match cast.on_foot {
+            true => Figure::Person,
+            false if width_m < 1.2 => Figure::Motorcycle,
+            false if height_m < 1.9 => Figure::Car,
+            false if length_m < 7.0 => Figure::Van,
+            false => Figure::Truck,
+        }
+    }
+}
+
+/// Logs a body in the frame of its own centre: x forward, y left, z up.
+pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Result<(), ViewError> {
+    let cast = &story.stage.cast[who];
+    let colour = story.colour(who);
+    let figure = Figure::of(cast);
+    let scale = Scale::of(cast);
+    let (mut centres, mut sizes, mut colours) = (Vec::new(), Vec::new(), Vec::new());
+    for (centre, size, colour) in boxes(figure, &scale, colour, cast.colour) {
+        centres.push(centre);
+        sizes.push(size);
+        colours.push(colour);
+    }
+    let body = Boxes3D::from_centers_and_sizes(centres, sizes)
+        .with_colors(colours)
+        .with_fill_mode(FillMode::Solid)
+        .with_show_labels(false);
+    let label = match figure {
+        Figure::Car => cast.name.clone(),
+        _ => format!("{} ({})", cast.name, cast.body),
+    };
+    let name = Points3D::new([[0.0, 0.0, 0.5 * scale.height_m + 0.7]])
+        .with_radii([0.03])
+        .with_colors([colour])
+        .with_labels([label]);
+    let wheels = wheels(figure, &scale);
+    let limbs = limbs(figure, &scale, colour, cast.colour);
+    let mut parts: Vec<&dyn AsComponents> = vec![&body, &name];
+    parts.extend(wheels.iter().map(|wheels| wheels as &dyn AsComponents));
+    parts.extend(limbs.iter().map(|limbs| limbs as &dyn AsComponents));
+    journal.always(agent_path(&cast.name), &parts)
+}
+
+/// The size of a body, as the viewer takes it.
+struct Scale {
+    length_m: f32,
+    width_m: f32,
+    height_m: f32,
+}
+
+impl Scale {
+    fn of(cast: &Cast) -> Scale {
+        let [length_m, width_m, height_m] = cast.size_m.map(|size_m| size_m as f32);
+        Scale {
+            length_m,
+            width_m,
+            height_m,
+        }
+    }
+
+    /// A place by shares of the body: 0 is its middle, but its foot upwards.
+    fn place(&self, x: f32, y: f32, z: f32) -> [f32; 3] {
+        [
+            x * self.length_m,
+            y * self.width_m,
+            (z - 0.5) * self.height_m,
+        ]
+    }
+
+    fn size(&self, x: f32, y: f32, z: f32) -> [f32; 3] {
+        [x * self.length_m, y * self.width_m, z * self.height_m]
+    }
+}
+
+type Part = ([f32; 3], [f32; 3], Rgb);
+
+/// Boxes (centre, size, colour): `colour` tells who it is, `paint` is its own.
+fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
+    let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> Part {
+        let (place, size) = (
+            body.place(at[0], at[1], at[2]),
+            body.size(size[0], size[1], size[2]),
+        );
+        (place, size, colour)
+    };
+    let mut parts = match figure {
+        // A face, so that one sees where somebody looks.
+        Figure::Person => return vec![part([0.16, 0.0, 0.92], [0.2, 0.16, 0.06], palette::GLASS)],
+        Figure::Motorcycle => {
+            return vec![
+                part([0.0, 0.0, 0.36], [0.5, 0.36, 0.22], colour),
+                part([-0.22, 0.0, 0.5], [0.34, 0.3, 0.06], palette::TYRE),
+                part([0.22, 0.0, 0.64], [0.04, 0.9, 0.03], palette::POST),
+                part([0.34, 0.0, 0.54], [0.03, 0.26, 0.1], palette::HEADLIGHT),
+                part([-0.44, 0.0, 0.48], [0.03, 0.2, 0.05], palette::TAIL_LIGHT),
+            ];
+        }
+        Figure::Car => vec![
+            part([0.0, 0.0, 0.38], [1.0, 1.0, 0.40], colour),
+            part([-0.10, 0.0, 0.74], [0.50, 0.86, 0.36], palette::GLASS),
+            part([-0.10, 0.0, 0.96], [0.45, 0.84, 0.08], colour),
+            // A bright bonnet stripe and lights tell the front from the rear.
+            part([0.325, 0.0, 0.59], [0.31, 0.16, 0.03], palette::MARKING),
+        ],
+        Figure::Van => vec![
+            part([0.0, 0.0, 0.30], [1.0, 1.0, 0.40], colour),
+            part([-0.16, 0.0, 0.74], [0.68, 0.98, 0.48], paint),
+            part([0.27, 0.0, 0.66], [0.22, 0.94, 0.32], palette::GLASS),
+            part([0.24, 0.0, 0.90], [0.20, 0.96, 0.16], colour),
+            part([0.43, 0.0, 0.505], [0.13, 0.16, 0.02], palette::MARKING),
+        ],
+        Figure::Truck => vec![
+            part([-0.02, 0.0, 0.18], [0.94, 0.70, 0.12], palette::TYRE),
+            part([0.39, 0.0, 0.34], [0.22, 1.0, 0.40], colour),
+            part([0.40, 0.0, 0.60], [0.20, 0.96, 0.14], palette::GLASS),
+            part([0.38, 0.0, 0.72], [0.20, 1.0, 0.12], colour),
+            part([-0.12, 0.0, 0.62], [0.75, 1.0, 0.76], paint),
+            // A band in the colour of its role, to be known from behind too.
+            part([-0.12, 0.0, 0.30], [0.756, 1.01, 0.08], colour),
+        ],
+    };
+    if figure == Figure::Car {
+        for x in [0.13, -0.33] {
+            for side in [-0.42, 0.42] {
+                parts.push(part([x, side, 0.74], [0.02, 0.05, 0.40], colour));
+            }
+        }
+    }
+    let low = if figure == Figure::Car { 0.45 } else { 0.24 };
+    for side in [-0.36, 0.36] {
+        parts.push(part(
+            [0.5, side, low],
+            [0.012, 0.2, 0.1],
+            palette::HEADLIGHT,
+        ));
+        parts.push(part(
+            [-0.5, side, low],
+            [0.012, 0.2, 0.1],
+            palette::TAIL_LIGHT,
+        ));
+    }
+    parts
+}
+
+/// Wheels: four, two on a motorcycle, none on foot.
+fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
+    let (axles, sides, radius_m, breadth_m): (_, &[f32], _, _) = match figure {
+        Figure::Person => return None,
+        Figure::Motorcycle => ([-0.34, 0.34], &[0.0], 0.31, 0.14),
+        Figure::Car | Figure::Van => {
+            let radius_m = 0.07 * body.length_m;
+            ([-0.31, 0.31], &[-0.45, 0.45], radius_m, 0.13 * body.width_m)
+        }
+        Figure::Truck => ([-0.28, 0.34], &[-0.44, 0.44], 0.48, 0.3),
+    };
+    let radius_m = f32::min(radius_m, 0.5 * body.height_m);
+    let on_axle = |axle: f32| {
+        let sides = sides.iter();
+        sides.map(move |side| {
+            [
+                axle * body.length_m,
+                side * body.width_m,
+                radius_m - 0.5 * body.height_m,
+            ]
+        })
+    };
+    let centres: Vec<[f32; 3]> = axles.into_iter().flat_map(on_axle).collect();
+    // A cylinder stands along z: turned by a quarter about x it rolls.
+    let quarter = std::f32::consts::FRAC_1_SQRT_2;
+    let rolling = rerun::Quaternion::from_xyzw([quarter, 0.0, 0.0, quarter]);
+    let wheels = Cylinders3D::from_lengths_and_radii(
+        vec![breadth_m; centres.len()],
+        vec![radius_m; centres.len()],
+    )
+    .with_quaternions(vec![rolling; centres.len()])
+    .with_centers(centres)
+    .with_colors([palette::TYRE])
+    .with_fill_mode(FillMode::Solid);
+    Some(wheels)
+}
+
+/// The round parts of people: walking, or riding a motorcycle.
+fn limbs(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Capsules3D> {
+    // Foot of the axis, its length, radius, all by shares of the height.
+    let upright: &[([f32; 3], f32, f32, Rgb)] = match figure {
+        Figure::Person => &[
+            ([0.0, -0.2, 0.06], 0.42, 0.05, palette::dimmed(colour, 0.5)),
+            ([0.0, 0.2, 0.06], 0.42, 0.05, palette::dimmed(colour, 0.5)),
+            ([0.0, 0.0, 0.54], 0.2, 0.12, colour),
+            ([0.0, -0.42, 0.48], 0.3, 0.035, colour),
+            ([0.0, 0.42, 0.48], 0.3, 0.035, colour),
+            ([0.0, 0.0, 0.9], 0.03, 0.068, palette::HEADLIGHT),
+        ],
+        Figure::Motorcycle => &[
+            ([-0.1, 0.0, 0.56], 0.2, 0.12, colour),
+            ([-0.1, -0.3, 0.42], 0.36, 0.05, palette::dimmed(colour, 0.6)),
+            ([-0.1, 0.3, 0.42], 0.36, 0.05, palette::dimmed(colour, 0.6)),
+            ([-0.1, 0.0, 0.93], 0.02, 0.085, paint),
+        ],
+        Figure::Car | Figure::Van | Figure::Truck => return None,
+    };
+    let height_m = body.height_m;
+    let feet = upright.iter().map(|([x, y, z], ..)| body.place(*x, *y, *z));
+    let limbs = Capsules3D::from_lengths_and_radii(
+        upright.iter().map(|(_, length, ..)| length * height_m),
+        upright.iter().map(|(_, _, radius, _)| radius * height_m),
+    )
+    .with_translations(feet)
+    .with_colors(upright.iter().map(|(.., colour)| *colour))
+    .with_fill_mode(FillMode::Solid);
+    Some(limbs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Role;
+    use crate::sim::{Body, BodyKind};
+
+    #[test]
+    fn shipped_bodies_are_recognised_and_drawn_within_their_size() {
+        let expected = [
+            ("sedan", Figure::Car),
+            ("van", Figure::Van),
+            ("truck", Figure::Truck),
+            ("motorcycle", Figure::Motorcycle),
+            ("pedestrian", Figure::Person),
+        ];
+        for (name, figure) in expected {
+            let body = Body::shipped(name).unwrap().unwrap();
+            let cast = Cast {
+                name: "ado".to_owned(),
+                role: Role::Ado,
+                body: name.to_owned(),
+                size_m: [body.length_m, body.width_m, body.height_m],
+                colour: body.color_rgb,
+                on_foot: matches!(body.kind, BodyKind::Walker(_)),
+            };
+            assert_eq!(Figure::of(&cast), figure, "{name}");
+            let scale = Scale::of(&cast);
+            for (centre, size, _) in boxes(figure, &scale, [1; 3], [2; 3]) {
+                for (axis, whole_m) in cast.size_m.iter().enumerate() {
+                    let reach_m = f64::from(centre[axis].abs() + 0.5 * size[axis]);
+                    assert!(
+                        reach_m <= 0.51 * whole_m,
+                        "{name}: axis {axis}, {reach_m} m"
+                    );
+                }
+            }
+        }
+    }
+}

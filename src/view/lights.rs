@@ -1,0 +1,137 @@
+//! Traffic lights: a post beside the stop line, and what it shows over time.
+
+use rerun::{Boxes3D, FillMode, LineStrips3D, Points3D, StateChange, StateConfiguration};
+use rerun::{Color, Transform3D};
+
+use super::journal::{Journal, clock};
+use super::palette;
+use super::space::{distance, lifted};
+use super::story::Story;
+use super::{ViewError, agent_path, path};
+use crate::ego::Phase;
+use crate::scene::LightPost;
+
+/// How far to the right of the road the post stands.
+const ASIDE_M: f32 = 1.0;
+/// Height of the middle lamp.
+const LAMP_M: f32 = 3.2;
+/// From lamp to lamp.
+const APART_M: f32 = 0.42;
+/// Breadth of the stop line.
+const LINE_M: f32 = 0.5;
+
+/// The phases, from the uppermost lamp down.
+const PHASES: [Phase; 3] = [Phase::Red, Phase::Yellow, Phase::Green];
+
+/// Logs every light, with its phases as a lane beside the ados' actions.
+pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    for (l, light) in story.stage.lights.iter().enumerate() {
+        log_post(light, journal)?;
+        let turns = turns(story, l);
+        for (sample, phase) in &turns {
+            log_lit(story, light, (*sample, *phase), journal)?;
+        }
+        log_phases(story, light, &turns, journal)?;
+    }
+    Ok(())
+}
+
+/// The samples at which a light shows something new, the first included.
+pub(super) fn turns(story: &Story<'_>, light: usize) -> Vec<(usize, Phase)> {
+    let mut turns: Vec<(usize, Phase)> = Vec::new();
+    for (sample, frame) in story.frames.iter().enumerate() {
+        let phase = frame.phases[light];
+        if turns.last().is_none_or(|(_, last)| *last != phase) {
+            turns.push((sample, phase));
+        }
+    }
+    turns
+}
+
+/// What a phase is called.
+pub(super) fn word(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Green => "green",
+        Phase::Yellow => "yellow",
+        Phase::Red => "red",
+    }
+}
+
+/// The post with dark lamps, in the frame of the stop line's right end: x
+/// along the road, y along the line to the left.
+fn log_post(light: &LightPost, journal: &mut Journal) -> Result<(), ViewError> {
+    let [right, left] = light.stop_line_m;
+    let turn_rad = (left[1] - right[1]).atan2(left[0] - right[0]) - std::f64::consts::FRAC_PI_2;
+    let (sin, cos) = (0.5 * turn_rad as f32).sin_cos();
+    let frame = Transform3D::from_translation(lifted(right, 0.0))
+        .with_quaternion(rerun::Quaternion::from_xyzw([0.0, 0.0, sin, cos]));
+    let mast = LineStrips3D::new([[[0.0, -ASIDE_M, 0.0], [0.0, -ASIDE_M, LAMP_M]]])
+        .with_radii([0.07])
+        .with_colors([palette::POST]);
+    let lamps = PHASES.map(|phase| lamp(phase, -0.12));
+    let (mut centres, mut sizes) = (vec![[0.0, -ASIDE_M, LAMP_M]], vec![[0.2, 0.5, 1.4]]);
+    let mut colours = vec![palette::TYRE];
+    for (centre, phase) in lamps.into_iter().zip(PHASES) {
+        centres.push(centre);
+        sizes.push([0.06, 0.3, 0.3]);
+        colours.push(palette::dimmed(palette::of_phase(phase), 0.25));
+    }
+    let housing = Boxes3D::from_centers_and_sizes(centres, sizes)
+        .with_colors(colours)
+        .with_fill_mode(FillMode::Solid);
+    journal.always(agent_path(&light.name), &[&frame, &mast, &housing])
+}
+
+fn lamp(phase: Phase, ahead_m: f32) -> [f32; 3] {
+    let down = PHASES.iter().position(|other| *other == phase).unwrap_or(1) as f32;
+    [ahead_m, -ASIDE_M, LAMP_M + (1.0 - down) * APART_M]
+}
+
+/// The lit lamp and the stop line in its colour, from a sample on.
+fn log_lit(
+    story: &Story<'_>,
+    light: &LightPost,
+    (sample, phase): (usize, Phase),
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let [right, left] = light.stop_line_m;
+    // The one cast from lengths to pictures here.
+    let width_m = distance(right, left) as f32;
+    let line =
+        Boxes3D::from_centers_and_sizes([[0.0, 0.5 * width_m, 0.02]], [[LINE_M, width_m, 0.03]])
+            .with_colors([palette::of_phase(phase)])
+            .with_fill_mode(FillMode::Solid);
+    let lamp = Points3D::new([lamp(phase, -0.2)])
+        .with_radii([0.2])
+        .with_colors([palette::of_phase(phase)])
+        .with_labels([format!("{} {}", light.name, word(phase))]);
+    let entity = agent_path(&light.name).join(&path(["lit"]));
+    let instant = (sample, story.time_s(sample));
+    journal.from(instant, entity, &[&line, &lamp])
+}
+
+/// The phases as coloured lanes.
+fn log_phases(
+    story: &Story<'_>,
+    light: &LightPost,
+    turns: &[(usize, Phase)],
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let entity = path(["lights", &light.name]);
+    let colour = |phase: Phase| {
+        let [r, g, b] = palette::dimmed(palette::of_phase(phase), 0.75);
+        Color::from_rgb(r, g, b)
+    };
+    let lanes = StateConfiguration::new()
+        .with_values(PHASES.map(word))
+        .with_labels(PHASES.map(word))
+        .with_colors(PHASES.map(colour));
+    journal.always(entity.clone(), &[&lanes])?;
+    let states = StateChange::update_fields()
+        .with_state(turns.iter().map(|(_, phase)| word(*phase)))
+        .columns_of_unit_batches();
+    let instants = turns
+        .iter()
+        .map(|(sample, _)| (*sample, story.time_s(*sample)));
+    journal.columns(entity, clock(instants), states)
+}
