@@ -51,6 +51,7 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
         clock: file.clock,
         plant: file.plant,
         road: file.road.clone(),
+        bodies: file.bodies.0.clone(),
         agents,
         lights,
         sensors: file.sensors,

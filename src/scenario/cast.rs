@@ -31,6 +31,12 @@ impl Cast {
     pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> Cast {
         let list = Path::top().to("agents");
         let mut cast = Cast::default();
+        for (name, body) in &file.bodies.0 {
+            if let Err(error) = body.validate() {
+                let place = Path::top().to("bodies").to(name).to(error.field);
+                problems.add(&place, error.to_string(), "here", None);
+            }
+        }
         for (i, entry) in file.agents.iter().enumerate() {
             let path = list.at(i);
             check::agent_name(problems, &path.to("name"), entry.name());
@@ -292,10 +298,6 @@ fn find_body(
     name: &str,
 ) -> Option<Body> {
     if let Some(body) = file.bodies.0.get(name) {
-        if let Err(error) = body.validate() {
-            let place = Path::top().to("bodies").to(name).to(error.field);
-            problems.add(&place, error.to_string(), "here", None);
-        }
         return Some(body.clone());
     }
     match Body::shipped(name) {

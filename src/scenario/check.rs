@@ -9,7 +9,7 @@ use crate::rl::LearnerConfig;
 use crate::rulebook::Reward;
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, Drive, DriveSpec, EgoDrive, Range, Road, Script, Sensors};
-use crate::sim::Body;
+use crate::sim::{Body, BodyKind};
 use crate::stl::{Expr, StlError};
 
 /// Longest episode, in samples.
@@ -465,17 +465,16 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         }
         spec.sensors = sensors;
     }
+    let ego_body = match &change.ego_body {
+        Some(name) => Some(ego_body(spec, name)?),
+        None => None,
+    };
     for agent in &mut spec.agents {
         let Drive::Ego(drive) = &mut agent.drive else {
             continue;
         };
-        if let Some(name) = &change.ego_body {
-            let Some(Ok(body)) = Body::shipped(name) else {
-                let what = format!("no body `{name}`");
-                let help = Some(known_names("known", Body::shipped_names()));
-                return Err(fail(what, help, &["ego_body"]));
-            };
-            agent.body = body;
+        if let Some(body) = &ego_body {
+            agent.body = body.clone();
         }
         if let Some(controller) = &change.controller {
             *drive = EgoDrive::Stock(controller.clone());
@@ -503,6 +502,34 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         }
     }
     Ok(())
+}
+
+/// A vehicle for the ego: one of the world's own bodies, or a shipped one.
+fn ego_body(spec: &DriveSpec, name: &str) -> Result<Body, ChangeError> {
+    let fail = |what: String, help: String| ChangeError {
+        what,
+        help: Some(help),
+        place: vec!["ego_body".to_owned()],
+    };
+    let mut known: Vec<&str> = Body::shipped_names().collect();
+    known.extend(spec.bodies.keys().map(String::as_str));
+    let own = spec.bodies.get(name).cloned();
+    let shipped = || Body::shipped(name).and_then(Result::ok);
+    let Some(body) = own.or_else(shipped) else {
+        let list = known_names("known", known.iter().copied());
+        let help = match did_you_mean(name, known) {
+            Some(guess) => format!("{guess} — {list}"),
+            None => list,
+        };
+        return Err(fail(format!("no body `{name}`"), help));
+    };
+    match body.kind {
+        BodyKind::Vehicle(_) => Ok(body),
+        BodyKind::Walker(_) => Err(fail(
+            format!("`{name}` is no vehicle"),
+            "controllers drive vehicles".to_owned(),
+        )),
+    }
 }
 
 /// Every change under `reuse` must fit.

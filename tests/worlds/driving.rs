@@ -7,6 +7,7 @@ use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, film, play};
 
+const ACC: &str = include_str!("../../worlds/acc.ron");
 const MERGE: &str = include_str!("../../worlds/merge.ron");
 const LIGHT: &str = include_str!("../../worlds/light_ado.ron");
 const WALKER: &str = include_str!("../../worlds/pedestrian.ron");
@@ -57,6 +58,29 @@ fn cars_keep_their_lanes_around_curves() {
             let worst = offset.iter().map(|m| (m - 3.5).abs()).fold(0.0, f64::max);
             assert!(worst < 0.3, "{plant:?}: {worst} m off its lane on {road}");
         }
+    }
+}
+
+#[test]
+fn the_ego_may_be_put_into_a_body_of_the_world_s_own() {
+    let limousine = "bodies: { \"limousine\": (name: \"limousine\", \
+        kind: Vehicle(wheelbase_m: 4.2, track_m: 1.6, front_overhang_m: 0.9, wheel_radius_m: 0.35, power_w: 200000.0), \
+        length_m: 6.4, width_m: 1.9, height_m: 1.5, mass_kg: 2500.0, com_height_m: 0.55) },\n    agents: [";
+    let text = with(ACC, "agents: [", limousine);
+    let text = with(
+        &text,
+        "\"wet road\":",
+        "\"limousine\": Change(ego_body: \"limousine\"),\n        \"wet road\":",
+    );
+    let world = world(&text);
+    let longer = world.with(&world.reuse["limousine"]).expect("it fits");
+    let ego = |world: &Scenario| world.bench().stage().cast[0].size_m[0];
+    assert_eq!((ego(&world), ego(&longer)), (4.54, 6.4));
+    for (name, what) in [("limosine", "no body"), ("pedestrian", "no vehicle")] {
+        let change = format!("ego_body: \"{name}\"");
+        let wrong = text.replace("ego_body: \"limousine\"", &change);
+        let error = Scenario::parse("world.ron", &wrong).expect_err("no such body");
+        assert!(error.to_string().contains(what), "{error}");
     }
 }
 

@@ -7,6 +7,8 @@ use super::light::{Light, LightDrive};
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
+use indexmap::IndexMap;
+
 use crate::ego::{Controller, ControllerSpec};
 use crate::scene::{Axis, Clock, Derived, Observed};
 use crate::sim::{Body, PlantKind};
@@ -156,6 +158,8 @@ pub struct DriveSpec {
     pub plant: PlantKind,
     /// The road.
     pub road: Road,
+    /// The world's own bodies by name; a change may put the ego into one.
+    pub bodies: IndexMap<String, Body>,
     /// The agents, in file order; exactly one is the ego.
     pub agents: Vec<Agent>,
     /// The traffic lights, in file order.
