@@ -10,6 +10,8 @@ mod errors;
 mod judging;
 #[path = "worlds/lemmas.rs"]
 mod lemmas;
+#[path = "worlds/paper.rs"]
+mod paper;
 #[path = "worlds/process.rs"]
 mod process;
 #[path = "worlds/searching.rs"]

@@ -5,6 +5,8 @@
 
 mod case_studies;
 mod eval;
+mod milestones;
+mod paper_rows;
 mod replay;
 mod reuse;
 mod search;
@@ -16,6 +18,8 @@ pub use eval::{
     Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
     test_starts,
 };
+pub use milestones::{Milestone, milestones};
+pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use search::{Found, Method, SearchRequest, Searched, search};

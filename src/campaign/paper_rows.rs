@@ -1,0 +1,129 @@
+//! The paper's own rows for its driving scenes (Sec. V-B to V-D).
+//!
+//! The Q-table beside the DQN on ACC with the time both took; Definition 4 as
+//! printed on the state as printed; success after the paper's numbers of
+//! episodes, and after more.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::Watch;
+use super::eval::{TestStarts, test_starts};
+use super::milestones::{Milestone, milestones};
+use crate::run::two_level_bootstrap;
+use crate::scenario::Scenario;
+
+/// One training to be measured on the way.
+pub struct PaperRow<'a> {
+    /// What it is in the paper, and what the paper says of it.
+    pub paper: &'a str,
+    /// The world, with the learner in question.
+    pub scenario: &'a Scenario,
+    /// Numbers of episodes at which to look; the end is always looked at.
+    pub episodes: &'a [u64],
+}
+
+/// What several trainings came to at one number of episodes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Reached {
+    /// Mean episodes of training.
+    pub episodes: f64,
+    /// Mean decisions of training.
+    pub decisions: f64,
+    /// Mean processor time of training.
+    pub cpu_s: f64,
+    /// Mean success rate.
+    pub success_rate: f64,
+    /// Two-level bootstrap (seeds, starts) of it.
+    pub ci95: [f64; 2],
+}
+
+/// One of the paper's rows, measured.
+#[derive(Clone, Debug, Serialize)]
+pub struct Measured {
+    /// What it is in the paper, and what the paper says of it.
+    pub paper: String,
+    /// Name of the world.
+    pub world: String,
+    /// Name of the learner.
+    pub learner: String,
+    /// Training seeds 1 ..= `seeds`.
+    pub seeds: u64,
+    /// Starts evaluated: those that are not trivial.
+    pub starts: usize,
+    /// In rising numbers of episodes; the last is the end of training.
+    pub reached: Vec<Reached>,
+}
+
+/// Trains `seeds` times, in parallel, and measures on `starts` test starts of
+/// stream seed 0. `None`: stopped from outside.
+pub fn measure_paper_row(
+    row: &PaperRow<'_>,
+    (seeds, starts): (u64, usize),
+    watch: &Watch<'_>,
+) -> Option<Measured> {
+    let starts: TestStarts = test_starts(row.scenario, 0, starts, watch)?;
+    let trainings: Vec<Vec<Milestone>> = (1..=seeds)
+        .collect::<Vec<u64>>()
+        .par_iter()
+        .map(|&seed| milestones(row.scenario, seed, row.episodes, &starts, watch))
+        .collect::<Option<_>>()?;
+    // Trainings of equal length differ by a few episodes: the milestones that
+    // all of them reached, and everybody's last.
+    let common = trainings.iter().map(Vec::len).min().unwrap_or(0);
+    let mut reached: Vec<Reached> = (0..common.saturating_sub(1))
+        .map(|at| together(trainings.iter().filter_map(|training| training.get(at))))
+        .collect();
+    reached.push(together(trainings.iter().filter_map(|all| all.last())));
+    let last = trainings.first().and_then(|all| all.last());
+    Some(Measured {
+        paper: row.paper.to_owned(),
+        world: row.scenario.name.clone(),
+        learner: row.scenario.learner.name().to_owned(),
+        seeds,
+        starts: last.map_or(0, |last| last.row.starts),
+        reached,
+    })
+}
+
+/// The mean of milestones of several seeds.
+fn together<'a>(seeds: impl Iterator<Item = &'a Milestone>) -> Reached {
+    let seeds: Vec<&Milestone> = seeds.collect();
+    let n = seeds.len().max(1) as f64;
+    let mean = |of: fn(&Milestone) -> f64| seeds.iter().map(|one| of(one)).sum::<f64>() / n;
+    let solved: Vec<&str> = seeds.iter().map(|one| one.row.solved.as_str()).collect();
+    Reached {
+        episodes: mean(|one| one.episodes as f64),
+        decisions: mean(|one| one.decisions as f64),
+        cpu_s: mean(|one| one.cpu_s),
+        success_rate: mean(|one| one.row.success_rate),
+        ci95: two_level_bootstrap(&solved),
+    }
+}
+
+/// The rows as a Markdown table.
+pub fn paper_rows_markdown(rows: &[Measured]) -> String {
+    let mut text = String::from(
+        "| paper | world | learner | seeds | starts | episodes | decisions | CPU s | success [95 %] |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for row in rows {
+        for reached in &row.reached {
+            text.push_str(&format!(
+                "| {} | {} | {} | {} | {} | {:.0} | {:.0} | {:.1} | {:.1} % [{:.1}, {:.1}] |\n",
+                row.paper,
+                row.world,
+                row.learner,
+                row.seeds,
+                row.starts,
+                reached.episodes,
+                reached.decisions,
+                reached.cpu_s,
+                100.0 * reached.success_rate,
+                100.0 * reached.ci95[0],
+                100.0 * reached.ci95[1],
+            ));
+        }
+    }
+    text
+}

@@ -1,0 +1,56 @@
+//! The driving worlds: several training seeds each, beside baselines.
+
+use serde_json::json;
+
+use super::{Failure, Made, ReproduceArgs, talk, world};
+use crate::campaign::{CaseStudies, Watch, case_studies_markdown, case_study};
+
+/// The driving worlds of the table, in its order.
+const WORLDS: [&str; 9] = [
+    "acc",
+    "merge_fair",
+    "merge",
+    "yellow_light",
+    "yellow_light_fixed",
+    "pedestrian",
+    "cut_in",
+    "sandwich",
+    "light_ado",
+];
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    let request = CaseStudies {
+        seeds: args.seeds,
+        starts: args.starts,
+        runs: &args.output.join("runs"),
+    };
+    let mut studies = Vec::new();
+    let all = WORLDS.map(str::to_owned).to_vec();
+    let names = match args.world.is_empty() {
+        true => all,
+        false => args.world.clone(),
+    };
+    for name in &names {
+        let scenario = world(args, name)?;
+        let bar = talk::bar(name, 0);
+        let watch = Watch {
+            progress: &|done, total| {
+                bar.set_length(total);
+                bar.set_position(done);
+            },
+            stop: talk::stop(),
+        };
+        let study = case_study(&scenario, &request, &watch)?;
+        bar.finish_and_clear();
+        let Some(study) = study else {
+            talk::say("interrupted: finished trainings are kept; run the same command to go on");
+            return Ok(None);
+        };
+        studies.push(study);
+    }
+    Ok(Some(Made {
+        name: "case-studies",
+        markdown: case_studies_markdown(&studies),
+        json: json!({ "case_studies": studies }),
+    }))
+}

@@ -1,0 +1,112 @@
+//! `brakecheck reproduce`: the tables of the README, from nothing.
+
+mod driving;
+mod grids;
+mod paper;
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde_json::Value;
+
+use super::{Common, Exit, Failure, print_json, talk};
+use crate::run::{RunError, write_file};
+use crate::scenario::Scenario;
+
+#[derive(Args, Debug)]
+pub(super) struct ReproduceArgs {
+    /// Which tables.
+    #[arg(value_enum)]
+    what: What,
+    /// Where tables and run directories go.
+    #[arg(short, long, value_name = "DIR", default_value = "reproduced")]
+    output: PathBuf,
+    /// Where the shipped worlds are.
+    #[arg(long, value_name = "DIR", default_value = "worlds")]
+    worlds: PathBuf,
+    /// Only this driving world, by name; repeat for several.
+    #[arg(long, value_name = "NAME")]
+    world: Vec<String>,
+    /// Training seeds per world.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
+    seeds: u64,
+    /// Test starts per world.
+    #[arg(long, value_name = "N", default_value_t = 500)]
+    starts: usize,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum What {
+    /// The paper's Table I: RQ1 to RQ5 on both readings of the grid world.
+    Table1,
+    /// The driving worlds: five seeds each, beside baselines and search.
+    CaseStudies,
+    /// The paper's own rows of those: learners, episodes, Definition 4 as printed.
+    PaperRows,
+    /// Everything, one after the other.
+    All,
+}
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
+    let parts: &[Part] = match args.what {
+        What::Table1 => &[grids::run],
+        What::CaseStudies => &[driving::run],
+        What::PaperRows => &[paper::run],
+        What::All => &[grids::run, driving::run, paper::run],
+    };
+    let mut results = serde_json::Map::new();
+    for part in parts {
+        let Some(made) = part(args)? else {
+            return Ok(Exit::Interrupted);
+        };
+        save(
+            &args.output,
+            &format!("{}.md", made.name),
+            made.markdown.as_bytes(),
+        )?;
+        let json = made.json.to_string();
+        save(
+            &args.output,
+            &format!("{}.json", made.name),
+            json.as_bytes(),
+        )?;
+        if !args.common.json {
+            talk::data(made.markdown.trim_end())?;
+        }
+        if let Value::Object(part) = made.json {
+            results.extend(part);
+        }
+    }
+    if args.common.json {
+        print_json(&Value::Object(results))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// One part of the tables; `None`: interrupted, and said so.
+type Part = fn(&ReproduceArgs) -> Result<Option<Made>, Failure>;
+
+/// A finished table.
+struct Made {
+    /// Its files are called so.
+    name: &'static str,
+    markdown: String,
+    /// An object; its keys differ from those of every other part.
+    json: Value,
+}
+
+/// Loads a shipped world.
+fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
+    Ok(Scenario::load(&args.worlds.join(format!("{name}.ron")))?)
+}
+
+fn save(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
+    std::fs::create_dir_all(dir).map_err(|source| RunError::Io {
+        verb: "creating",
+        path: dir.into(),
+        source,
+    })?;
+    Ok(write_file(&dir.join(name), bytes)?)
+}

@@ -1,0 +1,85 @@
+//! The paper's own rows of the driving scenes.
+
+use serde_json::json;
+
+use super::{Failure, Made, ReproduceArgs, talk, world};
+use crate::campaign::{PaperRow, Watch, measure_paper_row, paper_rows_markdown};
+
+/// Beyond the paper's numbers of episodes: where the curves still rise.
+const MORE: [u64; 4] = [1_000, 2_000, 4_000, 8_000];
+
+/// World, learner (`None`: the world's own), what the paper says, its episodes.
+const ROWS: [(&str, Option<&str>, &str, &[u64]); 6] = [
+    ("acc", None, "ACC, DQN: 54.8 % in 1.93 h", &[]),
+    (
+        "acc",
+        Some("q_table"),
+        "ACC, Q-table: 55.79 % in 4.83 h",
+        &[],
+    ),
+    (
+        "acc_plain",
+        None,
+        "ACC, Definition 4 and state as printed",
+        &[],
+    ),
+    (
+        "merge",
+        None,
+        "merge: 71 / 72.35 / 75.76 % after 106 / 206 / 371 episodes",
+        &[106, 206, 371],
+    ),
+    (
+        "yellow_light",
+        None,
+        "yellow light: ~60 / 64 % after 162 / 247 episodes",
+        &[162, 247],
+    ),
+    (
+        "yellow_light_plain",
+        None,
+        "yellow light, Definition 4 and state as printed",
+        &[],
+    ),
+];
+
+pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    let mut measured = Vec::new();
+    for (name, learner, paper, episodes) in ROWS {
+        let mut scenario = world(args, name)?;
+        if let Some(learner) = learner {
+            let none = || {
+                let what = format!("`{name}` has no learner `{learner}`");
+                Failure::input(what, "use the worlds that came with this version")
+            };
+            scenario = scenario.learning_by(learner).ok_or_else(none)?;
+        }
+        let more = MORE.iter().filter(|_| !episodes.is_empty());
+        let episodes: Vec<u64> = episodes.iter().chain(more).copied().collect();
+        let row = PaperRow {
+            paper,
+            scenario: &scenario,
+            episodes: &episodes,
+        };
+        let bar = talk::bar(name, 0);
+        let watch = Watch {
+            progress: &|done, total| {
+                bar.set_length(total);
+                bar.set_position(done);
+            },
+            stop: talk::stop(),
+        };
+        let done = measure_paper_row(&row, (args.seeds, args.starts), &watch);
+        bar.finish_and_clear();
+        let Some(done) = done else {
+            talk::say("interrupted: nothing is written");
+            return Ok(None);
+        };
+        measured.push(done);
+    }
+    Ok(Some(Made {
+        name: "paper-rows",
+        markdown: paper_rows_markdown(&measured),
+        json: json!({ "paper_rows": measured }),
+    }))
+}
