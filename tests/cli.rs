@@ -274,6 +274,36 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
     assert!(said.contains("sample 3, `time_left`"), "{said}");
 }
 
+#[test]
+fn theorems_are_checked_on_a_run() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let output = brakecheck(&["eval", &run, "--starts", "60", "--theorems", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let carried = json(&output)["theorems"]["carry_over"].clone();
+    let rows = carried["rows"].as_array().expect("rows");
+    // Four changed egos, the ado in closed loop and its actions replayed.
+    assert_eq!(rows.len(), 8);
+    for row in rows {
+        assert_eq!(row["pairs"], carried["counterexamples"]);
+        assert_eq!(
+            (&row["misses"], &row["sharper"]["misses"]),
+            (&0.into(), &0.into())
+        );
+        assert!(row["forecast"]["coverage"].is_number());
+    }
+    // Where there is noise, success is a probability: refused with the reason.
+    let noisy = path(&dir, "noisy.ron");
+    std::fs::write(&noisy, "Change(sensors: (position_sd_m: 0.1))").expect("w");
+    let mut args = vec!["eval", &run, "--starts", "60", "--theorems"];
+    args.extend(["--ego", &noisy]);
+    let output = brakecheck(&args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("left out: the ego of"), "{said}");
+}
+
 /// Changes one value of sample 3 in the samples and the digest that goes with it.
 fn tamper(csv: &Path) {
     let text = std::fs::read_to_string(csv).expect("samples");

@@ -11,6 +11,7 @@ mod replay;
 mod reuse;
 mod search;
 mod table1;
+mod theorems;
 mod train;
 
 pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study};
@@ -26,6 +27,10 @@ pub use search::{Found, Method, SearchRequest, Searched, search};
 pub use table1::{
     DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,
     Trained as TrainedShare, table1, table1_markdown,
+};
+pub use theorems::{
+    CarriedOver, CarryOver, Distance, Forecast, NearbyStarts, Refused, Sharper, Spread,
+    TheoremsError, TheoremsRequest, Witness, carry_over, nearby_starts, optimal_values,
 };
 pub use train::{TrainError, Trained, train};
 

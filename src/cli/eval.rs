@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::{
     Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
-    start_count, table, talk,
+    start_count, table, talk, theorems,
 };
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Watch, best_constant,
@@ -44,6 +44,9 @@ pub(super) struct EvalArgs {
     /// Counterexamples to write per ego.
     #[arg(long, value_name = "N", default_value_t = 10, requires = "keep")]
     keep_most: usize,
+    /// Also check the paper's theorems: 1 and 2 on a grid, 3 and Lemma 1 on the road.
+    #[arg(long)]
+    theorems: bool,
     /// Exit with 1 if any ado makes an ego fail.
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -138,6 +141,15 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             break;
         }
     }
+    let mut checked = None;
+    if args.theorems && !talk::stopped() {
+        bar.set_message("theorems");
+        let changed = match args.ego.as_str() {
+            "nominal" => super::egos(&nominal, "all")?,
+            _ => egos,
+        };
+        checked = theorems::check(&nominal, changed, &*policy, &starts, &watch)?;
+    }
     bar.finish_and_clear();
     let rows: Vec<Row> = reused.iter().flat_map(|ego| ego.rows.clone()).collect();
     let summary = summarise(&reused);
@@ -146,9 +158,13 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         let explain: Vec<_> = explain
             .map(|why| json!({ "ego": why.ego, "start": why.start, "explain": why.explanation }))
             .collect();
-        print_json(&json!({
+        let mut object = json!({
             "rows": rows, "egos": reused, "summary": summary, "explain": explain,
-        }))?;
+        });
+        if let Some(checked) = &checked {
+            object["theorems"] = checked.json.clone();
+        }
+        print_json(&object)?;
     } else {
         talk::data(&table::reuse(&reused, &summary))?;
         for why in &reasons {
@@ -157,10 +173,19 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
                 why.ego, why.start, why.explanation
             ))?;
         }
+        if let Some(checked) = &checked {
+            talk::data(&format!("\n{}", checked.text))?;
+        }
     }
     if talk::stopped() {
         talk::say("interrupted: the rows cover the starts that were finished");
         return Ok(Exit::Interrupted);
+    }
+    if checked.is_some_and(|checked| checked.is_refuted) {
+        return Err(Failure::fault(
+            "a theorem failed on a pair of runs, which it cannot",
+            Some("this is a bug of brakecheck: please report it with the run".to_owned()),
+        ));
     }
     let found = rows.iter().any(|row| 0 < row.successes);
     Ok(match found && args.fail_on_counterexample {

@@ -11,6 +11,7 @@ mod search;
 mod stl;
 mod table;
 mod talk;
+mod theorems;
 mod train;
 
 use std::path::PathBuf;

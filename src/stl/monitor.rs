@@ -272,7 +272,7 @@ impl Monitor {
         }
     }
 
-    fn check(&self, trace: &Trace) {
+    pub(crate) fn check(&self, trace: &Trace) {
         assert!(
             trace.schema().len() == self.program.width && trace.dt_s() == self.program.dt_s,
             "a monitor for {} signals every {} s, a trace of {} every {} s",

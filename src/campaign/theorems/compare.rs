@@ -1,0 +1,222 @@
+//! Theorem 3 for one pair of runs: τ of the one, ε between the two.
+
+use crate::rulebook::{JudgeKind, Rulebook};
+use crate::stl::{Monitor, Scratch};
+use crate::testbench::Episode;
+use crate::trace::Trace;
+
+/// A counterexample and what it leaves to spare before it ceases to be one.
+#[derive(Clone, Debug)]
+pub struct Witness {
+    /// τ on the judged samples: min(ρ(¬ψ_ego), min over rules ρ(c)).
+    pub tau_at_verdict: f64,
+    /// The largest τ of any longer prefix, at most to the end of the motion.
+    pub tau: f64,
+    /// Samples of that prefix.
+    pub samples: usize,
+    spec: Vec<Vec<f64>>,
+    rules: Vec<RuleKept>,
+    deepest: Option<Deepest>,
+}
+
+/// How a rule was kept: ρ(c), and its secondary signals.
+#[derive(Clone, Debug)]
+struct RuleKept {
+    margin: f64,
+    secondary: Vec<Vec<f64>>,
+}
+
+/// The sample that decides an invariant ψ_ego.
+#[derive(Clone, Copy, Debug)]
+struct Deepest {
+    sample: usize,
+    value: f64,
+}
+
+/// How far another run is from a [`Witness`], on the witness's samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Distance {
+    /// ε: the largest distance of a secondary signal of ψ_ego or of a rule.
+    ///
+    /// Infinite if the other run ended earlier and cannot be compared.
+    pub epsilon: f64,
+    /// Signed: by how much ψ_ego's margin is larger at the deepest sample.
+    ///
+    /// `None` unless ψ_ego is an invariant.
+    pub rise: Option<f64>,
+    /// The distance of each rule's own secondary signals.
+    pub rules: Vec<f64>,
+}
+
+impl Witness {
+    /// Reads a counterexample; `None` if the episode is none.
+    ///
+    /// After the verdict depth may still grow while rules lose margin, so the
+    /// prefix with the largest τ is kept: any prefix serves the theorem.
+    pub fn of(rulebook: &Rulebook, episode: &Episode, horizon_samples: usize) -> Option<Witness> {
+        if !episode.verdict.is_success() {
+            return None;
+        }
+        let mut scratch = Scratch::new();
+        let mut prefix = Trace::new(episode.trace.schema().clone());
+        let mut row = vec![0.0; episode.trace.schema().len()];
+        let mut best: Option<(usize, f64)> = None;
+        let mut tau_at_verdict = 0.0;
+        for sample in 0..episode.trace.len() {
+            episode.trace.read_row(sample, &mut row);
+            if prefix.push(&row).is_err() {
+                break;
+            }
+            if prefix.len() < episode.judged {
+                continue;
+            }
+            let tau = slack(rulebook, &prefix, horizon_samples, &mut scratch);
+            if prefix.len() == episode.judged {
+                tau_at_verdict = tau;
+            }
+            if best.is_none_or(|(_, most)| most < tau) {
+                best = Some((prefix.len(), tau));
+            }
+        }
+        let (samples, tau) = best?;
+        prefix.truncate(samples);
+        let rules = rulebook.rules.iter().map(|rule| RuleKept {
+            margin: rule.monitor.robustness(&prefix, &mut scratch),
+            secondary: rule.monitor.secondary(&prefix),
+        });
+        Some(Witness {
+            tau_at_verdict,
+            tau,
+            samples,
+            rules: rules.collect(),
+            deepest: deepest(&rulebook.spec, &prefix),
+            spec: rulebook.spec.secondary(&prefix),
+        })
+    }
+
+    /// Compares a run on a changed ego, from the same start.
+    pub fn distance(&self, rulebook: &Rulebook, other: &Episode, horizon: usize) -> Distance {
+        let Some(other) = self.comparable(rulebook, other, horizon) else {
+            return Distance {
+                epsilon: f64::INFINITY,
+                rise: self.deepest.map(|_| f64::INFINITY),
+                rules: vec![f64::INFINITY; self.rules.len()],
+            };
+        };
+        let spec = apart(&self.spec, &rulebook.spec.secondary(&other));
+        let rules = self.rules.iter().zip(&rulebook.rules);
+        let rules: Vec<f64> = rules
+            .map(|(mine, rule)| apart(&mine.secondary, &rule.monitor.secondary(&other)))
+            .collect();
+        let rise = self.deepest.and_then(|deepest| {
+            let values = rulebook.spec.invariant(&other)?;
+            Some(difference(values[deepest.sample], deepest.value))
+        });
+        Distance {
+            epsilon: rules.iter().copied().fold(spec, f64::max),
+            rise,
+            rules,
+        }
+    }
+
+    /// Theorem 3: ε < τ, so the other run is a counterexample too.
+    pub fn covers(&self, distance: &Distance) -> bool {
+        distance.epsilon < self.tau
+    }
+
+    /// The sharper reading for an invariant ψ_ego, as sound as the other.
+    ///
+    /// Only the deepest sample matters, and there only a rise; each rule is
+    /// compared with its own margin. `None` unless ψ_ego is an invariant.
+    pub fn covers_sharply(&self, distance: &Distance) -> Option<bool> {
+        let moved = std::iter::once(distance.rise?).chain(distance.rules.iter().copied());
+        let margins = self.sharp_margins()?;
+        Some(
+            margins
+                .iter()
+                .zip(moved)
+                .all(|(spare, moved)| moved < *spare),
+        )
+    }
+
+    /// What the sharper reading has to spare: depth, then each rule's margin.
+    pub fn sharp_margins(&self) -> Option<Vec<f64>> {
+        let depth = -self.deepest?.value;
+        let rules = self.rules.iter().map(|rule| rule.margin);
+        Some(std::iter::once(depth).chain(rules).collect())
+    }
+
+    /// The other run on the witness's samples.
+    ///
+    /// A run that ended by contact is held at its last sample, as `WholeRun`
+    /// does, provided that this changes nothing of what is said about it.
+    fn comparable(&self, rulebook: &Rulebook, other: &Episode, horizon: usize) -> Option<Trace> {
+        let mut trace = other.trace.clone();
+        if self.samples <= trace.len() {
+            trace.truncate(self.samples);
+            return Some(trace);
+        }
+        other.contact.as_ref()?;
+        let mut row = vec![0.0; trace.schema().len()];
+        trace.read_row(trace.len().checked_sub(1)?, &mut row);
+        while trace.len() < self.samples {
+            trace.push(&row).ok()?;
+        }
+        let mut scratch = Scratch::new();
+        let mut says = |trace: &Trace, horizon: usize| -> Vec<f64> {
+            let rules = rulebook.rules.iter();
+            let rules: Vec<f64> = rules
+                .map(|rule| rule.monitor.robustness(trace, &mut scratch))
+                .collect();
+            let spec = lost_by(&rulebook.spec, trace, horizon, &mut scratch);
+            rules.into_iter().chain([spec]).collect()
+        };
+        // The run itself ended by contact, not at the horizon.
+        (says(&trace, horizon) == says(&other.trace, usize::MAX)).then_some(trace)
+    }
+}
+
+/// τ of a prefix; 0 or less where it is no counterexample.
+fn slack(rulebook: &Rulebook, prefix: &Trace, horizon: usize, scratch: &mut Scratch) -> f64 {
+    if rulebook.judge == JudgeKind::WholeRun && prefix.len() < horizon {
+        return f64::NEG_INFINITY;
+    }
+    let violated = -lost_by(&rulebook.spec, prefix, horizon, scratch);
+    let rules = rulebook.rules.iter();
+    rules.fold(violated, |tau, rule| {
+        tau.min(rule.monitor.robustness(prefix, scratch))
+    })
+}
+
+/// The greatest ρ(ψ) that may still come; at the horizon, ρ(ψ).
+///
+/// The judge calls ψ_ego violated only when nothing later can mend it.
+fn lost_by(spec: &Monitor, prefix: &Trace, horizon: usize, scratch: &mut Scratch) -> f64 {
+    let rho = spec.robustness(prefix, scratch);
+    match horizon <= prefix.len() {
+        true => rho,
+        false => rho.max(spec.interval(prefix, scratch).hi),
+    }
+}
+
+fn deepest(spec: &Monitor, prefix: &Trace) -> Option<Deepest> {
+    let values = spec.invariant(prefix)?;
+    let all = values.into_iter().enumerate();
+    let least = all.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(Deepest {
+        sample: least.0,
+        value: least.1,
+    })
+}
+
+/// Sup-norm distance of two families of signals over the same samples.
+fn apart(ours: &[Vec<f64>], others: &[Vec<f64>]) -> f64 {
+    let pairs = ours.iter().flatten().zip(others.iter().flatten());
+    let each = pairs.map(|(a, b)| difference(*a, *b).abs());
+    each.fold(0.0, f64::max)
+}
+
+/// Boolean signals are ±inf: equal ones are no distance apart.
+fn difference(a: f64, b: f64) -> f64 {
+    if a == b { 0.0 } else { a - b }
+}

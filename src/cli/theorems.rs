@@ -1,0 +1,183 @@
+//! `brakecheck eval --theorems`: the paper's theorems checked on a run.
+
+use serde_json::{Value, json};
+
+use super::{Failure, NamedEgo, table_of};
+use crate::campaign::{
+    CarryOver, Forecast, NearbyStarts, TestStarts, TheoremsError, TheoremsRequest, Watch,
+    carry_over, nearby_starts,
+};
+use crate::rl::Policy;
+use crate::scenario::Scenario;
+
+/// Share of starts on which a predicted distance may be exceeded.
+const ALPHA: f64 = 0.1;
+
+/// What was checked, for people and for programs.
+pub(super) struct Checked {
+    /// Tables and sentences.
+    pub(super) text: String,
+    /// The value of the JSON key `theorems`.
+    pub(super) json: Value,
+    /// Whether a theorem failed, which is a bug of this program.
+    pub(super) is_refuted: bool,
+}
+
+/// Checks what applies to the world; `None`: stopped.
+pub(super) fn check(
+    nominal: &Scenario,
+    egos: Vec<NamedEgo>,
+    policy: &dyn Policy,
+    starts: &TestStarts,
+    watch: &Watch<'_>,
+) -> Result<Option<Checked>, Failure> {
+    if nominal.grid().is_some() {
+        let nearby = nearby_starts(nominal, policy).map_err(failure)?;
+        return Ok(Some(Checked {
+            text: on_a_grid(&nearby),
+            is_refuted: 0 < nearby.misses + nearby.misses_of_2,
+            json: json!({ "nearby_starts": nearby }),
+        }));
+    }
+    let egos = egos.into_iter().filter(|ego| ego.name != "nominal");
+    let changed: Vec<(String, Scenario)> = egos.map(|ego| (ego.name, ego.scenario)).collect();
+    let request = TheoremsRequest {
+        nominal,
+        changed: &changed,
+        policy,
+        starts,
+        alpha: ALPHA,
+    };
+    let carried = carry_over(&request, watch).map_err(failure)?;
+    Ok(carried.map(|carried| Checked {
+        text: on_the_road(&carried),
+        is_refuted: carried.rows.iter().any(|row| {
+            let sharper = row.sharper.as_ref().map_or(0, |sharper| sharper.misses);
+            0 < row.misses + sharper
+        }),
+        json: json!({ "carry_over": carried }),
+    }))
+}
+
+fn failure(error: TheoremsError) -> Failure {
+    let help = match &error {
+        TheoremsError::Stochastic { .. } => {
+            "leave out `--theorems`; for such an ego count successes over fresh noise seeds"
+        }
+        TheoremsError::NoCounterexample { .. } => "train longer, or evaluate more starts",
+        TheoremsError::NothingChanged { .. } => {
+            "name changed egos under `reuse`, or give one with `--ego FILE.ron`"
+        }
+        TheoremsError::NotSolved { .. } => {
+            "the exact solver knows `always[0, T] (d_man >= 1)` under unit moves only: leave out `--theorems`"
+        }
+    };
+    Failure::input(error.to_string(), help)
+}
+
+fn on_a_grid(nearby: &NearbyStarts) -> String {
+    format!(
+        "Theorem 1: from {} of {} starts the best ado makes the ego fail; {} pairs (x0, x0') with \
+         |V*(x0) − V*(x0')| < δ < V*(x0) + 1, {} misses\n\
+         Theorem 2: α = max |V − V*| of the trained ado is {:.3}; {} pairs with δ + 2α < V*(x0) + 1, \
+         {} misses",
+        nearby.counterexamples,
+        nearby.starts,
+        nearby.pairs,
+        nearby.misses,
+        nearby.alpha,
+        nearby.pairs_of_2,
+        nearby.misses_of_2
+    )
+}
+
+fn on_the_road(carried: &CarryOver) -> String {
+    let mut text = format!(
+        "Theorem 3 and Lemma 1: {} nominal counterexamples on changed egos\n\
+         τ, what they have to spare: median {:.3}, 90 % ≤ {:.3}, all ≤ {:.3} \
+         (where the verdict falls: median {:.3})\n\n\
+         Afterwards, ε measured on the changed run (a miss is a bug of this program):\n",
+        carried.counterexamples,
+        carried.tau.median,
+        carried.tau.p90,
+        carried.tau.max,
+        carried.tau_at_verdict.median,
+    );
+    let measured = carried.rows.iter().map(|row| {
+        let sharper = row.sharper.as_ref();
+        [
+            row.ego.clone(),
+            row.ado.to_owned(),
+            format!("{} of {}", row.carried, row.pairs),
+            number(row.epsilon.median),
+            format!("{} ({})", row.covered, row.misses),
+            sharper.map_or("–".to_owned(), |s| {
+                format!("{} ({})", s.covered, s.misses)
+            }),
+        ]
+    });
+    let header = [
+        "ego",
+        "ado",
+        "carried over",
+        "ε, median",
+        "ε < τ (misses)",
+        "sharper (misses)",
+    ];
+    text.push_str(&table_of(header, measured));
+    text.push_str(&format!(
+        "\n\nBefore running, distances bounded at {:.0} % by as many other starts:\n",
+        100.0 * (1.0 - carried.alpha)
+    ));
+    let foretold = carried.rows.iter().flat_map(|row| {
+        let plain = foretold(&row.ego, row.ado, "ε < τ", &row.forecast);
+        let sharper = row.sharper.as_ref();
+        let sharper = sharper.map(|s| foretold(&row.ego, row.ado, "sharper", &s.forecast));
+        std::iter::once(plain).chain(sharper)
+    });
+    let header = [
+        "ego",
+        "ado",
+        "reading",
+        "bounds",
+        "coverage [95 %]",
+        "predicted",
+        "precision",
+        "recall",
+    ];
+    text.push_str(&table_of(header, foretold));
+    for refused in &carried.refused {
+        text.push_str(&format!("\nleft out: {}", refused.why));
+    }
+    text
+}
+
+fn foretold(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [String; 8] {
+    let bounds = forecast.quantiles.iter().map(|q| number(*q));
+    let [lo, hi] = forecast.coverage_ci95.map(|share| 100.0 * share);
+    let coverage = format!("{:.1} % [{lo:.1}, {hi:.1}]", 100.0 * forecast.coverage);
+    let promised = match forecast.as_promised {
+        true => coverage,
+        false => format!("{coverage}, too little"),
+    };
+    let share = |share: Option<f64>| share.map_or("–".to_owned(), |s| format!("{s:.3}"));
+    [
+        ego.to_owned(),
+        ado.to_owned(),
+        reading.to_owned(),
+        bounds.collect::<Vec<_>>().join(", "),
+        promised,
+        format!("{:.1} %", 100.0 * forecast.predicted),
+        share(forecast.precision),
+        share(forecast.recall),
+    ]
+}
+
+/// Three places, or the order of magnitude of what would vanish so.
+fn number(value: f64) -> String {
+    match value.abs() {
+        size if size.is_infinite() => "∞".to_owned(),
+        size if 0.0 < size && size < 5e-4 => format!("{value:.0e}"),
+        _ => format!("{value:.3}"),
+    }
+}
