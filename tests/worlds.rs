@@ -18,6 +18,8 @@ mod paper;
 mod process;
 #[path = "worlds/searching.rs"]
 mod searching;
+#[path = "worlds/trained.rs"]
+mod trained;
 
 use std::path::PathBuf;
 

@@ -9,11 +9,34 @@ use super::error::Problem;
 use super::file::ScenarioFile;
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
-use super::{starts, trial};
+use super::{starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 
-pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
+/// A checked scenario, tried as well; `name` is its file's.
+pub(super) fn build(name: &str, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
+    let mut scenario = assemble(name, text, file)?;
+    let mut problems = Problems::new(text);
+    let top = Path::top();
+    check::reuse(&mut problems, &top.to("reuse"), &scenario);
+    vacuous::check(&mut problems, &top, &scenario);
+    problems.done()?;
+    trial::begins_well(&mut problems, &top, &scenario);
+    problems.done()?;
+    let excluding = trial::can_be_kept(&mut problems, &scenario);
+    problems.done()?;
+    scenario.warnings = trial::warnings(&scenario.text, &scenario);
+    scenario.warnings.extend(excluding);
+    scenario.warnings.extend(vacuous::warnings(&scenario));
+    Ok(scenario)
+}
+
+/// A scenario that was not tried.
+pub(super) fn assemble(
+    name: &str,
+    text: &str,
+    file: ScenarioFile,
+) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
     let top = Path::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
@@ -35,14 +58,16 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
         &file.sensors,
         &file.clock,
     );
-    let cast = Cast::read(&mut problems, &file);
+    let cast = Cast::read(&mut problems, name, &file);
     problems.done()?;
     let Cast {
         agents,
         entries,
         lights,
+        light_entries,
         observed,
         rules,
+        written_out,
         ..
     } = cast;
 
@@ -60,7 +85,10 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
         constants: constants.clone(),
         observe: Vec::new(),
     };
-    starts::check(&mut problems, &top.to("agents"), &spec, &entries);
+    let list = top.to("agents");
+    starts::check(&mut problems, &list, &spec, &entries);
+    starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
+    trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
     problems.done()?;
 
     // Bind everything to all signals there are, then publish what is used.
@@ -103,11 +131,11 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
             return Err(problems.into_list());
         }
     };
-    let mut scenario = Scenario {
+    Ok(Scenario {
         name: file.name,
         question: file.question,
         source: file.source,
-        text: text.to_owned(),
+        text: trained::with_values(text, &written_out),
         ego_spec,
         rules,
         names,
@@ -118,12 +146,5 @@ pub(super) fn build(text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Prob
         warnings: Vec::new(),
         world,
         rulebook,
-    };
-    check::reuse(&mut problems, &top.to("reuse"), &scenario);
-    trial::begins_well(&mut problems, &top, &scenario);
-    problems.done()?;
-    trial::can_be_kept(&mut problems, &scenario);
-    problems.done()?;
-    scenario.warnings = trial::warnings(text, &scenario);
-    Ok(scenario)
+    })
 }

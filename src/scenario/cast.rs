@@ -9,7 +9,8 @@ use super::file::{
 };
 use super::language::formula;
 use super::locate::Path;
-use crate::scene::drive::{Agent, Drive, EgoDrive, Light, LightDrive, Place, Range};
+use super::trained::{self, TrainedFile};
+use crate::scene::drive::{Agent, Drive, EgoDrive, Light, LightDrive, Place, Range, Trained};
 use crate::sim::{Body, BodyKind};
 
 /// Everybody in a world file, with what their ados observe and obey.
@@ -19,18 +20,27 @@ pub(super) struct Cast {
     /// Position of each agent in the file's list.
     pub(super) entries: Vec<usize>,
     pub(super) lights: Vec<Light>,
+    /// Position of each light in the file's list.
+    pub(super) light_entries: Vec<usize>,
     pub(super) observed: Vec<(String, Path)>,
     /// Rules in the order of the file; lights and road users alike.
     pub(super) rules: Vec<RuleSpec>,
+    /// Values of the file that are to be written out.
+    pub(super) written_out: Vec<(Path, String)>,
     /// Names of the road users read so far, broken ones included.
     declared: Vec<String>,
+    /// The world file's name.
+    file: String,
 }
 
 impl Cast {
     /// Reads all agents and notes what is wrong with them.
-    pub(super) fn read(problems: &mut Problems, file: &ScenarioFile) -> Cast {
+    pub(super) fn read(problems: &mut Problems, name: &str, file: &ScenarioFile) -> Cast {
         let list = Path::top().to("agents");
-        let mut cast = Cast::default();
+        let mut cast = Cast {
+            file: name.to_owned(),
+            ..Cast::default()
+        };
         for (name, body) in &file.bodies.0 {
             if let Err(error) = body.validate() {
                 let place = Path::top().to("bodies").to(name).to(error.field);
@@ -52,13 +62,15 @@ impl Cast {
                     phase,
                     drive,
                 } => {
-                    let drive = cast.light_drive(problems, &path, name, drive);
-                    cast.lights.push(Light {
-                        name: name.clone(),
-                        line_m: *line_m,
-                        phase: *phase,
-                        drive,
-                    });
+                    if let Some(drive) = cast.light_drive(problems, &path, name, drive) {
+                        cast.light_entries.push(i);
+                        cast.lights.push(Light {
+                            name: name.clone(),
+                            line_m: *line_m,
+                            phase: *phase,
+                            drive,
+                        });
+                    }
                 }
                 _ => {
                     if let Some(agent) = cast.road_user(problems, &path, file, entry) {
@@ -150,7 +162,7 @@ impl Cast {
             let help = "vehicles are `Vehicle(…)`, those on foot `Pedestrian(…)`".to_owned();
             problems.add(&path.to("body"), what, "here", Some(help));
         }
-        let drive = self.drive(problems, &path.to("drive"), name, drive, acts_as);
+        let drive = self.drive(problems, &path.to("drive"), name, drive, acts_as)?;
         Some(Agent {
             name: name.clone(),
             body,
@@ -168,8 +180,8 @@ impl Cast {
         name: &str,
         drive: &DriveFile,
         acts_as: ActsAs,
-    ) -> Drive {
-        match drive {
+    ) -> Option<Drive> {
+        Some(match drive {
             DriveFile::Ego(controller) => {
                 check::controller(problems, &path.at(0), controller);
                 if acts_as != ActsAs::Vehicle {
@@ -194,6 +206,9 @@ impl Cast {
                 check::script(problems, &path.at(0), script);
                 Drive::Scripted(script.clone())
             }
+            DriveFile::Trained(file) => {
+                Drive::Trained(self.trained(problems, path, file, acts_as)?)
+            }
             DriveFile::Ado(ado) => {
                 check::actions(problems, path, ado, acts_as);
                 self.rules_of(problems, path, name, ado);
@@ -203,7 +218,19 @@ impl Cast {
                     lag_s: ado.lag_s,
                 }
             }
-        }
+        })
+    }
+
+    fn trained(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        file: &TrainedFile,
+        acts_as: ActsAs,
+    ) -> Option<Trained> {
+        let (trained, written_out) = trained::open(problems, (path, &self.file), file, acts_as)?;
+        self.written_out.extend(written_out);
+        Some(trained)
     }
 
     fn light_drive(
@@ -212,9 +239,12 @@ impl Cast {
         path: &Path,
         name: &str,
         drive: &LightFile,
-    ) -> LightDrive {
+    ) -> Option<LightDrive> {
         let path = path.to("drive");
-        match drive {
+        Some(match drive {
+            LightFile::Trained(file) => {
+                LightDrive::Trained(self.trained(problems, &path, file, ActsAs::Light)?)
+            }
             LightFile::Schedule(schedule) => {
                 let sorted = schedule.0.is_sorted_by(|a, b| a.0 < b.0);
                 if !sorted || schedule.0.iter().any(|(at_s, _)| *at_s < 0.0) {
@@ -232,7 +262,7 @@ impl Cast {
                     neutral: ado.neutral,
                 }
             }
-        }
+        })
     }
 
     fn rules_of(&mut self, problems: &mut Problems, path: &Path, name: &str, ado: &AdoFile) {

@@ -311,12 +311,7 @@ pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body:
         let what = "an ado without actions";
         problems.add(&list, what, "give at least one", None);
     }
-    let fits = match ado.actions {
-        Actions::Accelerations(_) | Actions::Grid(_) => body == ActsAs::Vehicle,
-        Actions::Walks(_) => body == ActsAs::Walker,
-        Actions::Phases(_) => body == ActsAs::Light,
-    };
-    if !fits {
+    if !fits(&ado.actions, body) {
         let what = format!("{} cannot do this", body.words());
         problems.add(&list, what, "not its actions", Some(body.help().to_owned()));
     }
@@ -332,6 +327,15 @@ pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body:
     within(problems, &path.to("lag_s"), ado.lag_s, 0.0, 10.0);
 }
 
+/// Whether actions are those of a kind of ado.
+pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
+    match actions {
+        Actions::Accelerations(_) | Actions::Grid(_) => body == ActsAs::Vehicle,
+        Actions::Walks(_) => body == ActsAs::Walker,
+        Actions::Phases(_) => body == ActsAs::Light,
+    }
+}
+
 /// Who an ado is, as far as its actions go.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum ActsAs {
@@ -341,7 +345,7 @@ pub(super) enum ActsAs {
 }
 
 impl ActsAs {
-    fn words(self) -> &'static str {
+    pub(super) fn words(self) -> &'static str {
         match self {
             ActsAs::Vehicle => "a vehicle",
             ActsAs::Walker => "somebody on foot",

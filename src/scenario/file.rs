@@ -7,6 +7,7 @@ use indexmap::IndexMap;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::trained::TrainedFile;
 use crate::ego::{ControllerSpec, Phase};
 use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
@@ -132,6 +133,7 @@ pub(super) enum StartFile {
 pub(super) enum DriveFile {
     Ego(ControllerSpec),
     Ado(AdoFile),
+    Trained(TrainedFile),
     Scripted(Script),
 }
 
@@ -139,6 +141,7 @@ pub(super) enum DriveFile {
 #[serde(deny_unknown_fields)]
 pub(super) enum LightFile {
     Schedule(Schedule),
+    Trained(TrainedFile),
     Ado(AdoFile),
 }
 

@@ -22,7 +22,9 @@ mod language;
 mod locate;
 mod read;
 mod starts;
+mod trained;
 mod trial;
+mod vacuous;
 
 use std::path::Path as FilePath;
 use std::sync::Arc;
@@ -53,7 +55,8 @@ pub struct Scenario {
     pub question: String,
     /// Where it comes from.
     pub source: String,
-    /// The file's text, verbatim.
+    /// The file's text, verbatim but for trained ados: what their run
+    /// directories held is written out.
     pub text: String,
     /// ψ_ego.
     pub ego_spec: Formula,
@@ -138,7 +141,7 @@ impl Scenario {
         match read::kind(text).map_err(one)? {
             read::Kind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
-                build::build(text, parsed).map_err(fail)
+                build::build(file, text, parsed).map_err(fail)
             }
             read::Kind::Grid => {
                 let parsed = read::parse(text).map_err(one)?;

@@ -10,6 +10,9 @@ const MAX_SPEED_MPS: f64 = 100.0;
 /// Farthest anybody may start from the origin.
 const MAX_DISTANCE_M: f64 = 5_000.0;
 
+/// Farthest anybody on foot may start from the road.
+const MAX_ASIDE_M: f64 = 20.0;
+
 /// Starts that are too fast, too far, or inside each other.
 ///
 /// `entries` are the agents' positions in the file's list.
@@ -48,6 +51,42 @@ pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entr
                 ));
                 problems.add(&start, what, "overlapping starts", help);
             }
+        }
+    }
+}
+
+/// Those on foot near the road, and stop lines on it; vehicles have lanes.
+///
+/// `entries` are the positions of agents and lights in the file's list.
+pub(super) fn on_the_road(
+    problems: &mut Problems,
+    path: &Path,
+    spec: &DriveSpec,
+    entries: (&[usize], &[usize]),
+) {
+    let borders: Vec<f64> = spec.road.borders_m().collect();
+    let (Some(right_m), Some(left_m)) = (borders.first(), borders.last()) else {
+        return;
+    };
+    for (agent, entry) in spec.agents.iter().zip(entries.0) {
+        let Range { lo, hi } = agent.lateral_m;
+        if lo < right_m - MAX_ASIDE_M || left_m + MAX_ASIDE_M < hi {
+            let what = format!(
+                "`{}` starts more than {MAX_ASIDE_M} m off the road",
+                agent.name
+            );
+            let help = format!(
+                "the road reaches from {right_m} to {left_m} m: \
+                 `lateral_m` counts from the middle of lane 0 to the left"
+            );
+            let place = path.at(*entry).to("lateral_m");
+            problems.add(&place, what, "off the road", Some(help));
+        }
+    }
+    for (light, entry) in spec.lights.iter().zip(entries.1) {
+        if MAX_DISTANCE_M < light.line_m.abs() {
+            let what = format!("stop lines lie within {MAX_DISTANCE_M} m of the origin");
+            problems.add(&path.at(*entry).to("line_m"), what, "too far", None);
         }
     }
 }

@@ -7,8 +7,8 @@ use super::locate::Path;
 use crate::rulebook::{Judge, Verdict};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
-use crate::sim::PlantKind;
-use crate::testbench::{Actor, Aftermath, Constant, Held, play};
+use crate::sim::{Placement, PlantKind};
+use crate::testbench::{Actor, Aftermath, Constant, Held, Testbench, play};
 
 /// Starts on which a world is tried at load, besides the corners of X_init.
 const TRIED_STARTS: u64 = 32;
@@ -18,6 +18,8 @@ const MAX_CORNERS: u32 = 256;
 const TRIED_SAMPLES: usize = 200_000;
 /// Runs in search of one that keeps every rule.
 const MAX_TRIALS: usize = 200;
+/// Entries of a file's list of agents that are looked through at most.
+const MAX_AGENTS: usize = 1000;
 /// Decisions for which changing actions are held at most.
 const MAX_HOLD: usize = 12;
 
@@ -69,6 +71,16 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
             );
             return;
         }
+        let overlap = || first_overlap(&bench);
+        if let Some((i, j)) = scenario.drive().and_then(|_| overlap()) {
+            let names = bench.stage().cast;
+            let (first, second) = (&names[i].name, &names[j].name);
+            let what = format!("`{first}` and `{second}` may start inside each other");
+            let place = entry_of(&path.to("agents"), &scenario.text, second).to("start");
+            let help = Some(in_words(&tried, &start));
+            problems.add(&place, what, "overlapping starts", help);
+            return;
+        }
         bench.trace().read_row(0, &mut row);
         let mut judge = Judge::new(rulebook, bench.clock().samples());
         match judge.push(rulebook, bench.trace(), &row, None) {
@@ -91,6 +103,57 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
     }
 }
 
+/// The first two bodies that overlap, as seen from above.
+fn first_overlap(bench: &Testbench) -> Option<(usize, usize)> {
+    let (cast, frame) = (bench.stage().cast, bench.frame());
+    let boxes: Vec<Footprint> = cast
+        .iter()
+        .zip(&frame.placements)
+        .map(|(who, place)| Footprint::of(who.size_m, place))
+        .collect();
+    let mut pairs = (0..boxes.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
+    pairs.find(|&(i, j)| boxes[i].overlaps(&boxes[j]))
+}
+
+/// A body as a rectangle on the ground.
+struct Footprint {
+    centre_m: [f64; 2],
+    /// Half of its length along, half of its width across.
+    half_m: [[f64; 2]; 2],
+}
+
+impl Footprint {
+    fn of(size_m: [f64; 3], place: &Placement) -> Footprint {
+        let [x, y, _] = place.centre_m;
+        let [_, _, turn, real] = place.rotation;
+        let (sin, cos) = libm::sincos(2.0 * libm::atan2(turn, real));
+        let (long, broad) = (0.5 * size_m[0], 0.5 * size_m[1]);
+        Footprint {
+            centre_m: [x, y],
+            half_m: [[long * cos, long * sin], [-broad * sin, broad * cos]],
+        }
+    }
+
+    /// Two rectangles are apart if a side of one separates them.
+    fn overlaps(&self, other: &Footprint) -> bool {
+        let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+        let apart: [f64; 2] = std::array::from_fn(|i| other.centre_m[i] - self.centre_m[i]);
+        let sides = || self.half_m.into_iter().chain(other.half_m);
+        sides().all(|axis| {
+            let reach: f64 = sides().map(|side| dot(axis, side).abs()).sum();
+            dot(axis, apart).abs() < reach
+        })
+    }
+}
+
+/// The entry of somebody in the file's list of agents.
+fn entry_of(list: &Path, text: &str, name: &str) -> Path {
+    let quoted = format!("\"{name}\"");
+    let mut entries = (0..MAX_AGENTS).map(|i| list.at(i));
+    let found = entries.find(|entry| text[entry.to("name").find(text)] == quoted);
+    found.unwrap_or_else(|| list.clone())
+}
+
 fn in_words(scenario: &Scenario, start: &Start) -> String {
     let axes = scenario.axes();
     let values = axes.iter().zip(&start.0);
@@ -111,15 +174,16 @@ fn rule_place(scenario: &Scenario, rule: &str) -> Path {
 
 /// A rule that is broken however the ados act cannot be meant.
 ///
-/// Found by trying: every action for the whole run, and changing ones.
-pub(super) fn can_be_kept(problems: &mut Problems, scenario: &Scenario) {
+/// Found by trying: every action for the whole run, and changing ones. Returns
+/// a warning about rules that no run kept together.
+pub(super) fn can_be_kept(problems: &mut Problems, scenario: &Scenario) -> Option<Problem> {
     let tried = scenario.on(PlantKind::Kinematic);
     let mut bench = tried.bench();
     let actions = bench.spaces().actions;
     let rules = &tried.rulebook().rules;
     let mut scratch = crate::stl::Scratch::default();
-    let mut kept = vec![false; rules.len()];
-    let mut runs = 0;
+    // Which rules each run kept.
+    let mut runs: Vec<Vec<bool>> = Vec::new();
     // A program as the ego is not run for this.
     let affordable = TRIED_SAMPLES / bench.clock().samples();
     let most = bench.fork().map_or(0, |_| affordable.clamp(1, MAX_TRIALS));
@@ -128,25 +192,42 @@ pub(super) fn can_be_kept(problems: &mut Problems, scenario: &Scenario) {
         let mut changing = Held::new(actions, 1 + i % MAX_HOLD);
         let actors: [&mut dyn Actor; 2] = [&mut constant, &mut changing];
         for actor in actors {
-            if most <= runs || kept.iter().all(|kept| *kept) {
+            let together = runs
+                .last()
+                .is_some_and(|kept| kept.iter().all(|kept| *kept));
+            if most <= runs.len() || together {
                 break;
             }
             let episode = play(&mut bench, start, i as u64, actor, Aftermath::Skip);
             let mut judged = episode.trace;
             judged.truncate(episode.judged);
-            runs += 1;
-            for (kept, rule) in kept.iter_mut().zip(rules) {
-                *kept = *kept || 0.0 < rule.monitor.robustness(&judged, &mut scratch);
-            }
+            let kept = rules.iter();
+            let kept = kept.map(|rule| 0.0 < rule.monitor.robustness(&judged, &mut scratch));
+            runs.push(kept.collect());
         }
     }
-    let broken = rules.iter().zip(&kept).find(|(_, kept)| !**kept);
-    if let (Some((rule, _)), true) = (broken, 0 < runs) {
-        let what = format!("the rule `{}` cannot be kept", rule.name);
-        let help = format!("it was broken in each of {runs} runs with all kinds of actions");
-        let place = rule_place(scenario, &rule.name);
+    let tries = runs.len();
+    let ever = |i: usize, j: usize| runs.iter().any(|kept| kept[i] && kept[j]);
+    let numbered = || 0..rules.len();
+    if let (Some(broken), true) = (numbered().find(|&i| !ever(i, i)), 0 < tries) {
+        let what = format!("the rule `{}` cannot be kept", rules[broken].name);
+        let help = format!("it was broken in each of {tries} runs with all kinds of actions");
+        let place = rule_place(scenario, &rules[broken].name);
         problems.add(&place, what, "ρ ≤ 0 whatever the ado does", Some(help));
+        return None;
     }
+    let mut pairs = numbered().flat_map(|j| (0..j).map(move |i| (i, j)));
+    let (i, j) = pairs.find(|&(i, j)| 0 < tries && !ever(i, j))?;
+    let (first, second) = (&rules[i].name, &rules[j].name);
+    Some(Problem {
+        what: format!("the rules `{first}` and `{second}` were never kept together"),
+        span: rule_place(scenario, second).find(&scenario.text),
+        label: format!("not together with `{first}`"),
+        help: Some(format!(
+            "each was kept in some of {tries} runs with all kinds of actions, both in none: \
+             do they exclude each other?"
+        )),
+    })
 }
 
 /// What is allowed but odd: coasting runs that sit at ρ = 0 exactly.

@@ -156,6 +156,10 @@ pub struct BoundExpr {
 }
 
 impl BoundExpr {
+    pub(super) fn value(&self) -> &Value {
+        &self.value
+    }
+
     /// The value in one row; a division by zero gives ±inf or NaN.
     ///
     /// # Panics

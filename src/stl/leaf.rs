@@ -3,6 +3,8 @@
 //! Both ways do the same operations in the same order, so that a monitor that
 //! is fed sample by sample ends with the same bits as one that sees it all.
 
+use super::monitor::Interval;
+use super::range::{absolute, negated};
 use super::syntax::{Arithmetic, Comparison, Function};
 
 /// Samples that are evaluated at a time; a few buffers of it fit the L1 cache.
@@ -254,6 +256,25 @@ impl Leaf {
             difference: Value::Signal(signal),
             shape: Shape::Boolean,
             can_be_nan: false,
+        }
+    }
+
+    /// What the robustness is worked out from.
+    pub(crate) fn difference(&self) -> &Value {
+        &self.difference
+    }
+
+    /// The robustness, given a range of the difference.
+    pub(crate) fn margins(&self, difference: Interval) -> Interval {
+        match self.shape {
+            Shape::AtLeast | Shape::MoreThan => difference,
+            Shape::Equal => negated(absolute(difference)),
+            Shape::NotEqual => absolute(difference),
+            Shape::Boolean if !difference.contains(0.0) => Interval {
+                lo: f64::INFINITY,
+                hi: f64::INFINITY,
+            },
+            Shape::Boolean => Interval::ANY,
         }
     }
 

@@ -44,6 +44,7 @@ mod offline;
 mod online;
 mod parse;
 mod program;
+mod range;
 mod secondary;
 mod settings;
 mod syntax;

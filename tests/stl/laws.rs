@@ -1,6 +1,6 @@
 //! What holds for every formula and every trace.
 
-use brakecheck::stl::{Monitor, Names, Scratch, Settings, TraceEnd, Until};
+use brakecheck::stl::{Interval, Monitor, Names, Scratch, Settings, TraceEnd, Until};
 use brakecheck::trace::Trace;
 use proptest::prelude::*;
 
@@ -48,6 +48,19 @@ proptest! {
         let lengths = Lengths { bounded: usize::MAX, unbounded: rows.len(), closed };
         let want: Vec<f64> = naive(&wff, &rows, lengths).iter().map(|pair| pair.0).collect();
         prop_assert_eq!(strict.robustness_all(&trace), want);
+    }
+
+    #[test]
+    fn ranges_of_signals_bound_the_robustness(wff in wff(), rows in rows(), until in reading()) {
+        let column = |i: usize| rows.iter().map(move |row| row[i]);
+        let ranges = [0, 1, 2].map(|i| Interval {
+            lo: column(i).fold(f64::INFINITY, f64::min),
+            hi: column(i).fold(f64::NEG_INFINITY, f64::max),
+        });
+        let monitor = wff.monitor(&settings(until, TraceEnd::Truncate));
+        let rho = monitor.robustness(&trace(&rows), &mut Scratch::new());
+        let range = monitor.range(&ranges);
+        prop_assert!(range.contains(rho), "{} in {range:?}", rho);
     }
 
     #[test]

@@ -157,6 +157,49 @@ fn mistakes() -> Vec<(&'static str, String)> {
             .replace("At(x_m: 0.0", "At(x_m: 5.0")
             .replace("(8.0, 60.0)", "(-12.0, -8.0)"),
         ),
+        (
+            "bodies that overlap in a bend only",
+            with(
+                "Straight(lanes: 1,",
+                "Curved(pieces: [Arc(length_m: 40.0, radius_m: 15.0)], lanes: 2,",
+            )
+            .replace("lane: 0", "lane: 1")
+            .replace("At(x_m: 0.0", "At(x_m: 10.0")
+            .replace("(8.0, 60.0)", "(5.0, 15.0)"),
+        ),
+        (
+            "somebody far off the road",
+            with(
+                "agents: [",
+                "agents: [\n        Pedestrian(name: \"walker\", lateral_m: (-40.0, -3.0), start: At(x_m: 50.0, speed_mps: 0.0), drive: Scripted(Walk([]))),",
+            ),
+        ),
+        (
+            "a stop line far away",
+            with(
+                "agents: [",
+                "agents: [\n        Light(name: \"light\", line_m: 90000.0, drive: Schedule([])),",
+            ),
+        ),
+        (
+            "a spec without a signal",
+            with("always[0, T] (headway >= d_safe)", "always (d_safe >= 5)"),
+        ),
+        (
+            "a spec that nobody can violate",
+            with(
+                "always[0, T] (headway >= d_safe)",
+                "always (ego.ado.gap >= -0.1)",
+            ),
+        ),
+        (
+            "a spec that no ado can influence",
+            with("always[0, T] (headway >= d_safe)", "always (time <= 10)"),
+        ),
+        (
+            "a rule that nothing can keep",
+            with("ado.speed <= v_lim", "ado.speed <= -2"),
+        ),
         ("too many lanes", with("lanes: 1,", "lanes: 1000000000,")),
         ("a byte order mark", format!("\u{feff}{ACC}")),
         ("half of the file", ACC[..ACC.len() / 2].to_owned()),
@@ -179,6 +222,26 @@ fn every_mistake_has_a_place_a_reason_and_a_cure() {
         shown.push_str(&format!("=== {what}\n{rendered}\n"));
     }
     insta::assert_snapshot!("world_mistakes", shown);
+}
+
+#[test]
+fn rules_that_exclude_each_other_or_nothing_are_warned_about() {
+    let text = ACC
+        .replace("ado.speed >= v_min", "time < 1.02 or ado.speed >= 16")
+        .replace("(8.0, 60.0)", "(40.0, 60.0)")
+        .replace("ado.speed <= v_lim", "time < 1.02 or ado.speed <= 15");
+    let text = text.replace(
+        "rulebook: [",
+        "rulebook: [Rule(name: \"is there\", stl: \"always (ego.ado.gap >= -1)\"),",
+    );
+    let world = Scenario::parse("acc.ron", &text).expect("odd, but allowed");
+    let warned: Vec<&str> = world.warnings.iter().map(|odd| odd.what.as_str()).collect();
+    let expected = [
+        "the rules `never stops or reverses` and `keeps the speed limit` were never kept together",
+        "the rule `is there` cannot be broken",
+    ];
+    assert_eq!(warned, expected);
+    assert!(text[world.warnings[0].span.clone()].contains("<= 15"));
 }
 
 #[test]

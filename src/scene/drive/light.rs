@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::actions::{Actions, Turn};
+use super::trained::Trained;
 use crate::ego::Phase;
 
 /// A traffic light with its stop line across all lanes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Light {
     /// Name in signals.
     pub name: String,
@@ -19,7 +20,7 @@ pub struct Light {
 }
 
 /// What turns a light.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub enum LightDrive {
     /// Phases, each from its time on.
     Schedule(Schedule),
@@ -30,6 +31,8 @@ pub enum LightDrive {
         /// The action that leaves things alone.
         neutral: usize,
     },
+    /// An ado trained elsewhere, frozen.
+    Trained(Trained),
 }
 
 /// Phases, each from its time on: `[(at_s, phase), …]`.
@@ -58,7 +61,7 @@ impl Shown {
     pub fn first(light: &Light) -> Shown {
         let phase = match &light.drive {
             LightDrive::Schedule(schedule) => schedule.at(0.0, light.phase),
-            LightDrive::Ado { .. } => light.phase,
+            LightDrive::Ado { .. } | LightDrive::Trained(_) => light.phase,
         };
         Shown { phase, since: 0 }
     }

@@ -4,6 +4,7 @@
 //! [`DriveSpec`], and [`DriveScene`] moves it on either plant.
 
 mod actions;
+mod bounds;
 mod course;
 mod light;
 mod motion;
@@ -16,10 +17,12 @@ mod signals;
 mod spec;
 mod staging;
 mod steering;
+mod trained;
 
 use std::sync::Arc;
 
 pub use actions::{Actions, Grid, Lateral, Turn};
+pub use bounds::Bounds;
 pub use course::{Course, OnRoad, Piece};
 pub use light::{Light, LightDrive, Schedule};
 pub use motion::DriveScene;
@@ -28,12 +31,14 @@ pub use script::Script;
 pub use sensors::Sensors;
 pub use signals::{Offer, TTC_CAP_S};
 pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoDrive, Place, Range};
+pub use trained::{Trained, TrainedError};
 
 use super::Axis;
 use crate::rl::Spaces;
 use crate::stl::{BoundExpr, StlError};
 use crate::trace::{Schema, SchemaError};
 use signals::Source;
+use trained::Frozen;
 
 /// A driving scene could not be assembled.
 #[derive(Debug, thiserror::Error)]
@@ -61,6 +66,14 @@ pub enum SceneError {
         /// How many there are.
         count: usize,
     },
+    /// A trained ado cannot act in it.
+    #[error("the trained ado `{name}`: {source}")]
+    Trained {
+        /// Its name here.
+        name: String,
+        /// Why.
+        source: Box<TrainedError>,
+    },
     /// The road cannot be laid.
     #[error(transparent)]
     Course(#[from] CourseError),
@@ -79,6 +92,8 @@ struct Layout {
     sources: Vec<Source>,
     derived: Vec<BoundExpr>,
     observed: Vec<(usize, f64, f64)>,
+    /// The trained ados, road users first.
+    frozen: Vec<Frozen>,
     axes: Vec<Axis>,
     spaces: Spaces,
 }
@@ -129,7 +144,9 @@ impl Layout {
             neutral += set_neutral * actions;
             actions *= set.len();
         }
+        let frozen = frozen(&spec)?;
         Ok(Layout {
+            frozen,
             course: spec.road.course()?,
             ego,
             ego_drive,
@@ -150,6 +167,19 @@ impl Layout {
             spec,
         })
     }
+}
+
+/// The trained ados of a spec, bound to it.
+fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
+    let bind = |(name, trained): (&str, &Trained)| {
+        trained
+            .bind(spec, name)
+            .map_err(|source| SceneError::Trained {
+                name: name.to_owned(),
+                source: Box::new(source),
+            })
+    };
+    spec.trained().map(bind).collect()
 }
 
 impl DriveWorld {

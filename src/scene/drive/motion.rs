@@ -7,9 +7,11 @@ use rand::RngExt;
 use super::actions::Choice;
 use super::course::OnRoad;
 use super::light::{LightDrive, Shown};
+use super::reading::scaled;
 use super::sensors::Sensing;
 use super::spec::{Agent, Drive, Place, Range};
 use super::steering::LaneKeeper;
+use super::trained::{Trained, Who};
 use super::{Layout, staging};
 use crate::ego::{Actuator, Controller, Fault, Percept};
 use crate::rl::Spaces;
@@ -88,6 +90,7 @@ impl DriveScene {
         let (lag_s, lateral_lag_s) = match &agent.drive {
             Drive::Ego(drive) => (drive.lag_s(), drive.lag_s()),
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
+            Drive::Trained(Trained { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
             Drive::Scripted(_) => (0.0, 0.0),
         };
         let sample_s = self.layout.spec.clock.sample_s;
@@ -98,6 +101,22 @@ impl DriveScene {
             lateral_lag_s,
             sample_s,
         ));
+    }
+
+    /// What the trained ados decide now.
+    fn decide_trained(&mut self) {
+        let layout = Arc::clone(&self.layout);
+        for frozen in &layout.frozen {
+            let Some(action) = frozen.act(self) else {
+                continue;
+            };
+            match (frozen.who, frozen.actions.choice(action)) {
+                (Who::Light(i), Choice::Turn(turn)) => self.lights[i].turn(turn, self.sample),
+                (Who::Agent(i), choice) => self.chosen[i] = choice,
+                // Invariant: a light's ado has a light's actions.
+                (Who::Light(_), _) => {}
+            }
+        }
     }
 
     fn command_all(&mut self) -> Result<(), Fault> {
@@ -116,7 +135,7 @@ impl DriveScene {
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             let wish = match &agent.drive {
                 Drive::Ego(_) => asked,
-                Drive::Ado { .. } => self.chosen[i],
+                Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
                 Drive::Scripted(script) => match &agent.body.kind {
                     BodyKind::Walker(_) => {
                         let (along_mps, left_mps) = script.walk_mps(self.time_s());
@@ -270,6 +289,7 @@ impl Scene for DriveScene {
     }
 
     fn advance(&mut self) -> Flow {
+        self.decide_trained();
         if let Err(fault) = self.command_all() {
             return Flow::Fault(fault);
         }
@@ -303,10 +323,7 @@ impl Scene for DriveScene {
     }
 
     fn observe(&self, row: &[f64], obs: &mut [f32]) {
-        for (value, &(position, mid, per_half)) in obs.iter_mut().zip(&self.layout.observed) {
-            // The one cast from signals to observations.
-            *value = ((row[position] - mid) * per_half) as f32;
-        }
+        scaled(row, &self.layout.observed, obs);
     }
 
     fn stage(&self) -> Stage {

@@ -7,6 +7,7 @@ use super::light::{Light, LightDrive};
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
+use super::trained::Trained;
 use indexmap::IndexMap;
 
 use crate::ego::{Controller, ControllerSpec};
@@ -126,6 +127,8 @@ pub enum Drive {
         /// Time constant with which its acceleration follows; 0 is none.
         lag_s: f64,
     },
+    /// An ado trained elsewhere, frozen.
+    Trained(Trained),
     /// Background traffic.
     Scripted(Script),
 }
@@ -197,7 +200,20 @@ impl DriveSpec {
         });
         let lights = self.lights.iter().filter_map(|light| match &light.drive {
             LightDrive::Ado { actions, neutral } => Some((light.name.as_str(), actions, *neutral)),
-            LightDrive::Schedule(_) => None,
+            LightDrive::Trained(_) | LightDrive::Schedule(_) => None,
+        });
+        agents.chain(lights)
+    }
+
+    /// The trained ados, road users first, by their names here.
+    pub fn trained(&self) -> impl Iterator<Item = (&str, &Trained)> {
+        let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
+            Drive::Trained(trained) => Some((agent.name.as_str(), trained)),
+            _ => None,
+        });
+        let lights = self.lights.iter().filter_map(|light| match &light.drive {
+            LightDrive::Trained(trained) => Some((light.name.as_str(), trained)),
+            _ => None,
         });
         agents.chain(lights)
     }

@@ -1,0 +1,382 @@
+//! Trained ados in a world file: found in their run directory, then written out.
+//!
+//! `Trained(run: "runs/acc")` names a run directory. Once it is read, the
+//! scenario's text has `Trained(run: Kept(…))` in its stead, with the run's
+//! world and policy in it, so that run directories and kept counterexamples of
+//! such a world need nothing else.
+
+use std::fmt;
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::Arc;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::Deserialize;
+use serde::de::{self, Deserializer, MapAccess, Visitor};
+use sha2::{Digest, Sha256};
+
+use super::check::{self, ActsAs, Problems};
+use super::error::{did_you_mean, known_names};
+use super::file::Ordered;
+use super::locate::Path;
+use super::{build, read};
+use crate::rl::{Bundle, Policy, load_policy_for};
+use crate::scene::World;
+use crate::scene::drive::{Drive, DriveSpec, LightDrive, Trained, TrainedError};
+
+/// Version of run directories that is understood.
+const FORMAT: u32 = 1;
+
+#[derive(Deserialize)]
+#[serde(rename = "Trained", deny_unknown_fields)]
+pub(super) struct TrainedFile {
+    run: RunFile,
+    #[serde(default)]
+    names: Ordered<String>,
+}
+
+/// `"runs/acc"`, or what was found there.
+enum RunFile {
+    Directory(String),
+    Kept(KeptRun),
+}
+
+/// A run, as a world that was loaded once holds it.
+#[derive(Deserialize)]
+#[serde(rename = "Kept", deny_unknown_fields)]
+struct KeptRun {
+    /// The directory it came from.
+    from: String,
+    /// Its world, verbatim.
+    world: String,
+    /// Its policy, a safetensors file in base64.
+    policy: String,
+}
+
+impl<'de> Deserialize<'de> for RunFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RunFile, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = RunFile;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "a run directory such as \"runs/acc\" or Kept(…)")
+            }
+
+            fn visit_str<E: de::Error>(self, v: &str) -> Result<RunFile, E> {
+                Ok(RunFile::Directory(v.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<RunFile, A::Error> {
+                KeptRun::deserialize(de::value::MapAccessDeserializer::new(map)).map(RunFile::Kept)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+/// What of a run's manifest matters here.
+#[derive(Deserialize)]
+struct Manifest {
+    format: u32,
+    world_sha256: String,
+    policy_sha256: Option<String>,
+}
+
+/// A run, read.
+struct Run {
+    from: String,
+    world: String,
+    policy: Vec<u8>,
+}
+
+/// Why a run cannot be used, and the cure.
+struct Refused {
+    what: String,
+    help: String,
+}
+
+fn refused(what: String, help: &str) -> Refused {
+    Refused {
+        what,
+        help: help.to_owned(),
+    }
+}
+
+/// A trained ado, and the text that says the same without its directory.
+///
+/// `file` is the world file's name: runs are looked for beside it as well.
+pub(super) fn open(
+    problems: &mut Problems,
+    (path, file): (&Path, &str),
+    trained: &TrainedFile,
+    acts_as: ActsAs,
+) -> Option<(Trained, Option<(Path, String)>)> {
+    let place = path.to("run");
+    let opened = match &trained.run {
+        RunFile::Directory(name) => find(name, file).and_then(|found| from_directory(name, &found)),
+        RunFile::Kept(kept) => from_text(kept),
+    };
+    let made = opened.and_then(|run| {
+        let drive = made_from(&run, &trained.names)?;
+        Ok((run, drive))
+    });
+    let (run, drive) = match made {
+        Ok(made) => made,
+        Err(refused) => {
+            problems.add(&place, refused.what, "this run", Some(refused.help));
+            return None;
+        }
+    };
+    if !check::fits(&drive.actions, acts_as) {
+        let what = format!("{} cannot do what this ado does", acts_as.words());
+        let help = "a vehicle takes a vehicle's place, a walker a walker's, a light a light's";
+        problems.add(&place, what, "not its actions", Some(help.to_owned()));
+        return None;
+    }
+    let written_out = match &trained.run {
+        RunFile::Directory(_) => Some((place, written(&run))),
+        RunFile::Kept(_) => None,
+    };
+    Some((drive, written_out))
+}
+
+fn find(name: &str, file: &str) -> Result<PathBuf, Refused> {
+    let beside = FilePath::new(file).parent().map(|dir| dir.join(name));
+    let places = [Some(PathBuf::from(name)), beside];
+    let mut places = places.into_iter().flatten();
+    places.find(|place| place.is_dir()).ok_or_else(|| {
+        refused(
+            format!("there is no run `{name}`"),
+            "looked for from here and beside the world file; \
+             make one with `brakecheck train WORLD -o RUN`",
+        )
+    })
+}
+
+fn from_directory(name: &str, dir: &FilePath) -> Result<Run, Refused> {
+    let bytes_of = |file: &str| {
+        std::fs::read(dir.join(file)).map_err(|error| {
+            refused(
+                format!("`{name}` is no run directory: `{file}`: {error}"),
+                "make one with `brakecheck train WORLD -o RUN`",
+            )
+        })
+    };
+    let damaged = |file: &str, why: String| {
+        refused(
+            format!("`{file}` of the run `{name}` is damaged: {why}"),
+            "restore the file from a backup, or train again",
+        )
+    };
+    let manifest: Manifest = serde_json::from_slice(&bytes_of("manifest.json")?)
+        .map_err(|error| damaged("manifest.json", error.to_string()))?;
+    if manifest.format != FORMAT {
+        let why = format!("format {} is not {FORMAT}", manifest.format);
+        return Err(damaged("manifest.json", why));
+    }
+    let Some(policy_sha256) = manifest.policy_sha256 else {
+        return Err(refused(
+            format!("the training in `{name}` has not finished"),
+            "go on with `brakecheck train WORLD -o RUN --resume`",
+        ));
+    };
+    let verified = |file: &str, expected: &str| {
+        let bytes = bytes_of(file)?;
+        let digest = Sha256::digest(&bytes);
+        let found: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        match found == expected {
+            true => Ok(bytes),
+            false => Err(damaged(
+                file,
+                format!("SHA-256 is {found}, the manifest says {expected}"),
+            )),
+        }
+    };
+    let world = String::from_utf8(verified("world.ron", &manifest.world_sha256)?)
+        .map_err(|error| damaged("world.ron", error.to_string()))?;
+    Ok(Run {
+        from: name.to_owned(),
+        world,
+        policy: verified("policy.safetensors", &policy_sha256)?,
+    })
+}
+
+fn from_text(kept: &KeptRun) -> Result<Run, Refused> {
+    let policy = STANDARD.decode(&kept.policy).map_err(|error| {
+        refused(
+            format!("the policy kept from `{}` is damaged: {error}", kept.from),
+            "write `run: \"RUN\"` with a run directory instead",
+        )
+    })?;
+    Ok(Run {
+        from: kept.from.clone(),
+        world: kept.world.clone(),
+        policy,
+    })
+}
+
+fn made_from(run: &Run, names: &Ordered<String>) -> Result<Trained, Refused> {
+    let from = &run.from;
+    let world = world_of(run)?;
+    let World::Drive(world) = world else {
+        return Err(refused(
+            format!("the run `{from}` is of a grid"),
+            "only ados of driving worlds can be placed in one",
+        ));
+    };
+    let home = world.spec();
+    let mut sets = home.action_sets();
+    let (part, actions) = match (sets.next(), sets.next()) {
+        (Some((part, actions, _)), None) => (part.to_owned(), actions.clone()),
+        _ => {
+            return Err(refused(
+                format!("the run `{from}` has {} ados", home.action_sets().count()),
+                "one policy moves them all; only an ado that was alone can be placed",
+            ));
+        }
+    };
+    let bundle = Bundle::from_bytes(&run.policy);
+    let policy = bundle.and_then(|bundle| load_policy_for(world.spaces(), &bundle));
+    let policy = policy.map_err(|error| {
+        refused(
+            format!("the policy of `{from}` is damaged: {error}"),
+            "restore the run from a backup, or train again",
+        )
+    })?;
+    Ok(Trained {
+        lag_s: lag_s(home),
+        part,
+        actions,
+        policy: Arc::<dyn Policy>::from(policy),
+        home: Arc::new(home.clone()),
+        names: names.0.clone(),
+    })
+}
+
+fn lag_s(home: &DriveSpec) -> f64 {
+    let lags = home.agents.iter().filter_map(|agent| match agent.drive {
+        Drive::Ado { lag_s, .. } => Some(lag_s),
+        _ => None,
+    });
+    lags.sum()
+}
+
+/// The run's world; it was tried when it was trained in.
+fn world_of(run: &Run) -> Result<World, Refused> {
+    let name = format!("{}/world.ron", run.from);
+    let help = "this version cannot use it: train again";
+    let unusable = |what: &dyn fmt::Display| refused(format!("the world of a run: {what}"), help);
+    let first = |problems: Vec<super::Problem>| match problems.first() {
+        Some(problem) => unusable(&format!("{name}: {}", problem.what)),
+        None => unusable(&name),
+    };
+    match read::kind(&run.world).map_err(|problem| first(vec![problem]))? {
+        read::Kind::Scenario => {
+            let parsed = read::parse(&run.world).map_err(|problem| first(vec![problem]))?;
+            let scenario = build::assemble(&name, &run.world, parsed).map_err(first)?;
+            Ok(scenario.world().clone())
+        }
+        read::Kind::Grid => Err(refused(
+            format!("the run `{}` is of a grid", run.from),
+            "only ados of driving worlds can be placed in one",
+        )),
+    }
+}
+
+/// A run as RON, in one value.
+fn written(run: &Run) -> String {
+    let longest = |text: &str| {
+        let hashes = text.split('"').skip(1);
+        let leading = hashes.map(|after| after.len() - after.trim_start_matches('#').len());
+        leading.max().map_or(0, |most| most + 1)
+    };
+    let raw = |text: &str| {
+        let hashes = "#".repeat(longest(text).max(1));
+        format!("r{hashes}\"{text}\"{hashes}")
+    };
+    format!(
+        "Kept(from: {}, world: {}, policy: \"{}\")",
+        raw(&run.from),
+        raw(&run.world),
+        STANDARD.encode(&run.policy)
+    )
+}
+
+/// A text with values replaced.
+pub(super) fn with_values(text: &str, values: &[(Path, String)]) -> String {
+    let mut places: Vec<(std::ops::Range<usize>, &String)> = values
+        .iter()
+        .map(|(path, value)| (path.find(text), value))
+        .collect();
+    places.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
+    let mut text = text.to_owned();
+    for (span, value) in places {
+        text.replace_range(span, value);
+    }
+    text
+}
+
+/// Whether all trained ados can act in a world; `entries` and `lights` are the
+/// positions of agents and lights in the file's list.
+pub(super) fn check(
+    problems: &mut Problems,
+    list: &Path,
+    spec: &DriveSpec,
+    entries: (&[usize], &[usize]),
+) {
+    let agents = spec.agents.iter().zip(entries.0);
+    let agents = agents.filter_map(|(agent, entry)| match &agent.drive {
+        Drive::Trained(trained) => Some((&agent.name, trained, *entry)),
+        _ => None,
+    });
+    let lights = spec.lights.iter().zip(entries.1);
+    let lights = lights.filter_map(|(light, entry)| match &light.drive {
+        LightDrive::Trained(trained) => Some((&light.name, trained, *entry)),
+        _ => None,
+    });
+    for (name, trained, entry) in agents.chain(lights) {
+        if let Err(error) = trained.fits(spec, name) {
+            let drive = list.at(entry).to("drive");
+            let (place, label, help) = explained(&drive, &error);
+            problems.add(&place, error.to_string(), label, help);
+        }
+    }
+}
+
+/// Where an ado does not fit, a label and the cure.
+fn explained(drive: &Path, error: &TrainedError) -> (Path, &'static str, Option<String>) {
+    let names = drive.to("names");
+    let guessed = |written: &str, known: &[String]| {
+        let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        let list = known_names("known", known.iter().copied());
+        match did_you_mean(written, known) {
+            Some(guess) => format!("{guess} — {list}"),
+            None => list,
+        }
+    };
+    match error {
+        TrainedError::Period { decision_s, .. } => {
+            let help = format!("give `clock` a sample that divides {decision_s} s");
+            (drive.to("run"), "other decision times", Some(help))
+        }
+        TrainedError::Nobody { name, .. } => {
+            let help = format!("say who plays that part: `names: {{\"{name}\": \"…\"}}`");
+            (drive.clone(), "lacks a part", Some(help))
+        }
+        TrainedError::Stranger { name, known } => {
+            (names.to(name), "this part", Some(guessed(name, known)))
+        }
+        TrainedError::Unknown { part, name, known } => {
+            (names.to(part), "unknown", Some(guessed(name, known)))
+        }
+        TrainedError::Kind { part, .. } => (names.to(part), "not of its kind", None),
+        TrainedError::Itself { part, .. } => {
+            let help = "leave this entry out".to_owned();
+            (names.to(part), "its own part", Some(help))
+        }
+        TrainedError::Schema(_) | TrainedError::Derived(_) => {
+            (drive.to("run"), "its signals", None)
+        }
+    }
+}

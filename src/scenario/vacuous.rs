@@ -1,0 +1,98 @@
+//! Formulas that decide nothing: they hold or fail whatever happens.
+
+use super::Scenario;
+use super::check::Problems;
+use super::error::Problem;
+use super::locate::Path;
+use crate::scene::drive::Bounds;
+use crate::stl::{Interval, Monitor};
+
+/// A specification that nobody can violate and rules that nobody can keep.
+pub(super) fn check(problems: &mut Problems, path: &Path, scenario: &Scenario) {
+    let Some(spec) = scenario.drive() else {
+        return;
+    };
+    let bounds = spec.bounds();
+    let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
+    check_spec(problems, &path.to("ego_spec"), scenario, &bounds);
+    for rule in &scenario.rulebook().rules {
+        let range = rule.monitor.range(&ranges);
+        if range.hi <= 0.0 {
+            let what = format!("the rule `{}` cannot be kept", rule.name);
+            let label = format!("ρ is at most {}", range.hi);
+            let help = reasons(scenario, &rule.monitor, &bounds);
+            problems.add(&place_of(scenario, &rule.name), what, &label, help);
+        }
+    }
+}
+
+fn check_spec(problems: &mut Problems, place: &Path, scenario: &Scenario, bounds: &[Bounds]) {
+    let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
+    let monitor = &scenario.rulebook().spec;
+    let signals = monitor.signals();
+    let range = monitor.range(&ranges);
+    if signals.is_empty() {
+        let what = "the ego's specification mentions no signal";
+        let help = "say what the ego must never do, such as `always (ego.ado.gap >= 0.5)`";
+        problems.add(place, what, "the same in every run", Some(help.to_owned()));
+    } else if 0.0 <= range.lo {
+        let what = "no run can violate the ego's specification";
+        let label = format!("ρ is at least {}", range.lo);
+        problems.add(place, what, &label, reasons(scenario, monitor, bounds));
+    } else if signals.iter().all(|&signal| bounds[signal].untouched) {
+        let what = "no ado can influence what the ego's specification is about";
+        let names = named(scenario, &signals);
+        let help = format!("it mentions only {names}: mention the ego or an ado");
+        problems.add(place, what, "the same whatever an ado does", Some(help));
+    }
+}
+
+/// Rules that nobody can break: allowed, but odd.
+pub(super) fn warnings(scenario: &Scenario) -> Vec<Problem> {
+    let Some(spec) = scenario.drive() else {
+        return Vec::new();
+    };
+    let bounds = spec.bounds();
+    let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
+    let rules = scenario.rulebook().rules.iter();
+    let idle = rules.filter(|rule| 0.0 < rule.monitor.range(&ranges).lo);
+    idle.map(|rule| Problem {
+        what: format!("the rule `{}` cannot be broken", rule.name),
+        span: place_of(scenario, &rule.name).find(&scenario.text),
+        label: "ρ > 0 whatever the ado does".to_owned(),
+        help: reasons(scenario, &rule.monitor, &bounds),
+    })
+    .collect()
+}
+
+fn place_of(scenario: &Scenario, rule: &str) -> Path {
+    let mut rules = scenario.rules.iter();
+    let found = rules.find(|spec| spec.name == rule);
+    found.map_or_else(Path::top, |spec| spec.place.clone())
+}
+
+/// The bounds that a formula's range follows from.
+fn reasons(scenario: &Scenario, monitor: &Monitor, bounds: &[Bounds]) -> Option<String> {
+    let signals = scenario.world().schema().signals();
+    let known = monitor.signals().into_iter().filter_map(|signal| {
+        let name = &signals[signal].name;
+        match bounds[signal].range {
+            range if range == Interval::ANY => None,
+            Interval { lo, hi } if hi == f64::INFINITY => {
+                Some(format!("`{name}` is at least {lo}"))
+            }
+            Interval { lo, hi } => Some(format!("`{name}` lies in {lo} ..= {hi}")),
+        }
+    });
+    let known: Vec<String> = known.collect();
+    (!known.is_empty()).then(|| known.join(", "))
+}
+
+fn named(scenario: &Scenario, signals: &[usize]) -> String {
+    let all = scenario.world().schema().signals();
+    let names: Vec<String> = signals
+        .iter()
+        .map(|&signal| format!("`{}`", all[signal].name))
+        .collect();
+    names.join(", ")
+}
