@@ -319,7 +319,13 @@ impl Judge {
 
     fn at_stop(&mut self, rulebook: &Rulebook, trace: &Trace, stop: Stop) -> Verdict {
         if stop == Stop::Horizon {
-            return rulebook.judge_whole(trace, &mut self.scratch);
+            // No rule was lost: what has settled has settled on being kept.
+            let mut rules = self.rules.iter();
+            let settled = rules.all(|rule| rule.interval().is_final());
+            return match settled && self.spec.interval().is_final() {
+                true => lawful(self.spec.interval().lo),
+                false => rulebook.judge_whole(trace, &mut self.scratch),
+            };
         }
         // Contact before a verdict: the ado has proven nothing, and a rule that
         // could still have been satisfied is not broken either.

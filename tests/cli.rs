@@ -112,7 +112,7 @@ fn a_broken_world_exits_with_2_and_shows_the_place() {
 fn wrong_words_and_missing_files_exit_with_2_and_a_cure() {
     let dir = scratch();
     let run = path(&dir, "none");
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 12] = [
         (&["check", "worlds/none.ron"], "worlds/none.ron"),
         (&["eval", &run], "brakecheck train"),
         (&["replay", &run], "kept counterexample"),
@@ -130,6 +130,26 @@ fn wrong_words_and_missing_files_exit_with_2_and_a_cure() {
         (
             &["search", "worlds/acc.ron", "--method", "magic"],
             "possible values",
+        ),
+        (
+            &["search", "worlds/acc.ron", "--budget", "9"],
+            "--switches M",
+        ),
+        (
+            &[
+                "search",
+                "worlds/acc.ron",
+                "--method",
+                "cem",
+                "--switches",
+                "1",
+            ],
+            "--budget SIMS",
+        ),
+        (&["search", "worlds/acc.ron", "--from", "src"], "mutate"),
+        (
+            &["search", "worlds/acc.ron", "--method", "mutate"],
+            "--from RUN",
         ),
         (&["frobnicate"], "Usage"),
         (&["train", "worlds/acc.ron", "--decisions", "0"], "0"),
@@ -496,8 +516,10 @@ fn ctrl_c_saves_and_resuming_ends_in_the_same_bytes() {
     write(&checkpoint, &good);
     let resumed = train(&cut, &["--resume"]);
     assert_eq!(code(&resumed), 0, "{}", stderr(&resumed));
-    let policy = |run: &str| std::fs::read(Path::new(run).join("policy.safetensors")).expect("p");
-    assert_eq!(policy(&whole), policy(&cut));
+    for name in ["policy.safetensors", "counterexamples.jsonl"] {
+        let kept = |run: &str| std::fs::read(Path::new(run).join(name)).expect("a file");
+        assert!(kept(&whole) == kept(&cut), "{name}");
+    }
 }
 
 #[test]

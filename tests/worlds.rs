@@ -16,6 +16,8 @@ mod lemmas;
 mod paper;
 #[path = "worlds/process.rs"]
 mod process;
+#[path = "worlds/rivals.rs"]
+mod rivals;
 #[path = "worlds/searching.rs"]
 mod searching;
 #[path = "worlds/trained.rs"]

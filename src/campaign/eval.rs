@@ -7,9 +7,11 @@ use cpu_time::ThreadTime;
 use rayon::prelude::*;
 
 use super::Watch;
+use super::heuristic::Heuristic;
+use super::replays::{NearestReplay, replay_nearest};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::run::{ClosingSpeed, Counterexample, KeptError, Row, RunError, wilson};
+use crate::run::{ClosingSpeed, Counterexample, KeptError, Row, RunError, Stored, wilson};
 use crate::scenario::{Change, Scenario};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
@@ -100,6 +102,10 @@ pub enum Ado<'a> {
     Constant(usize),
     /// A rule that nobody trained: its word and its method in rows.
     Rule(&'a dyn Policy, &'static str, &'static str),
+    /// A hand-made rule, tuned once.
+    Heuristic(&'a Heuristic),
+    /// So many of the nearest stored counterexamples, until one succeeds.
+    Replays(&'a Stored, usize),
 }
 
 impl Ado<'_> {
@@ -111,6 +117,9 @@ impl Ado<'_> {
             Ado::Held => "hold",
             Ado::Constant(_) => "constant",
             Ado::Rule(_, word, _) => word,
+            Ado::Heuristic(_) => "heuristic",
+            Ado::Replays(_, 1) => "replay",
+            Ado::Replays(..) => "replays",
         }
     }
 
@@ -121,6 +130,8 @@ impl Ado<'_> {
             Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
             Ado::Constant(action) => scenario.action_label(*action),
             Ado::Rule(_, _, method) => (*method).to_owned(),
+            Ado::Heuristic(heuristic) => heuristic.text.clone(),
+            Ado::Replays(_, nearest) => format!("open loop, the {nearest} nearest"),
         }
     }
 
@@ -131,6 +142,8 @@ impl Ado<'_> {
             Ado::Random => Box::new(Random::new(actions)),
             Ado::Held => Box::new(Held::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),
+            Ado::Heuristic(heuristic) => Box::new(PolicyActor(heuristic)),
+            Ado::Replays(stored, _) => Box::new(NearestReplay::new(stored, 0)),
         }
     }
 }
@@ -155,6 +168,8 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Closing speed, if the agents touched.
     pub closing_speed_mps: Option<f64>,
+    /// Episodes run; only `Ado::Replays` may take more than one.
+    pub simulations: u64,
     /// Physics steps spent.
     pub physics_steps: u64,
     /// Processor time spent.
@@ -185,11 +200,12 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
                     return None;
                 }
                 let clock = ThreadTime::now();
-                let episode = request.play(bench, index);
+                let (episode, simulations, physics_steps) = request.attempt(bench, index);
                 Some(Outcome {
                     verdict: episode.verdict,
                     closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
-                    physics_steps: episode.physics_steps,
+                    simulations,
+                    physics_steps,
                     cpu_s: clock.elapsed().as_secs_f64(),
                 })
             },
@@ -204,9 +220,19 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
 impl EvalRequest<'_> {
     /// Plays one start, to contact or the horizon after a success.
     pub fn play(&self, bench: &mut Testbench, index: usize) -> Episode {
+        self.attempt(bench, index).0
+    }
+
+    /// The same with the simulations and physics steps it took.
+    fn attempt(&self, bench: &mut Testbench, index: usize) -> (Episode, u64, u64) {
         let (start, noise) = &self.starts.starts[index];
+        if let Ado::Replays(stored, nearest) = self.ado {
+            return replay_nearest(bench, (start, *noise), stored, nearest);
+        }
         let mut actor = self.ado.actor(bench.spaces().actions);
-        play(bench, start, *noise, &mut *actor, Aftermath::Play)
+        let episode = play(bench, start, *noise, &mut *actor, Aftermath::Play);
+        let physics_steps = episode.physics_steps;
+        (episode, 1, physics_steps)
     }
 
     fn row(&self, outcomes: &[Option<Outcome>]) -> Row {
@@ -216,8 +242,8 @@ impl EvalRequest<'_> {
         if let Ado::Trained(_, seed) = self.ado {
             row.train_seed = Some(seed);
         }
-        row.sims_per_start = 1.0;
         let played = outcomes.iter().flatten();
+        let simulations: u64 = played.clone().map(|outcome| outcome.simulations).sum();
         let count = |test: fn(&Verdict) -> bool| {
             let verdicts = played.clone().map(|outcome| &outcome.verdict);
             verdicts.filter(|verdict| test(verdict)).count()
@@ -237,6 +263,7 @@ impl EvalRequest<'_> {
             })
             .collect();
         count_solved(&mut row);
+        row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         row.foul_rate = share(fouls, row.starts);
         row.contact_rate = share(contacts.len(), row.starts);
         row.closing_speed_mps = ClosingSpeed::of(contacts);
@@ -269,6 +296,8 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         sims_per_start: 0.0,
         physics_steps: 0,
         cpu_s: 0.0,
+        anytime: Vec::new(),
+        unconfirmed: None,
         solved: String::new(),
     }
 }

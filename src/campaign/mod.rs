@@ -3,27 +3,32 @@
 //! Everything here runs in parallel per episode and gives the same rows for any
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
+mod break_even;
 mod case_studies;
 mod eval;
+mod heuristic;
 mod milestones;
 mod paper_rows;
 mod replay;
+mod replays;
 mod reuse;
 mod search;
 mod table1;
 mod theorems;
 mod train;
 
+pub use break_even::{BreakEven, Cost, PerStart, break_even};
 pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study};
 pub use eval::{
     Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
     test_starts,
 };
+pub use heuristic::{Heuristic, tune_heuristic};
 pub use milestones::{Milestone, milestones};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
-pub use search::{Found, Method, SearchRequest, Searched, search};
+pub use search::{Cem, Found, Method, SearchRequest, Searched, anytime, search};
 pub use table1::{
     DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,
     Trained as TrainedShare, table1, table1_markdown,

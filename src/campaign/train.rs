@@ -8,7 +8,7 @@ use crate::rl::{BundleError, Control, Learner, Progress};
 use crate::run::{Done, RunDir, RunError};
 use crate::scenario::Scenario;
 use crate::seed::Purpose;
-use crate::testbench::Gym;
+use crate::testbench::{Gym, Spent};
 
 /// Decisions between two checkpoints.
 const CHECKPOINT_DECISIONS: u64 = 50_000;
@@ -75,6 +75,7 @@ pub fn train(
         return Ok(finished(run));
     }
     run.trim_progress()?;
+    run.trim_counterexamples()?;
     let seed = run.manifest().seed;
     let asked = scenario.learner.decisions();
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
@@ -84,6 +85,10 @@ pub fn train(
         (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
         (None, None) => scenario.learner.build(spaces, seed),
     };
+    gym.keep_successes(Spent {
+        decisions: learner.decisions(),
+        physics_steps: run.manifest().physics_steps,
+    });
     let spent_s = run.manifest().cpu_s;
     let clock = ThreadTime::now();
     let mut ledger = Ledger {
@@ -102,7 +107,9 @@ pub fn train(
             }
         });
         run.append_progress(&std::mem::take(&mut ledger.lines))?;
-        let done = ledger.done(&*learner, asked, spent_s + clock.elapsed().as_secs_f64());
+        run.append_counterexamples(&gym.take_successes())?;
+        let cpu_s = spent_s + clock.elapsed().as_secs_f64();
+        let done = ledger.done(&*learner, asked, gym.spent(), cpu_s);
         if ledger.hopeless() {
             return Err(TrainError::Faults {
                 aborted: ledger.aborted,
@@ -113,7 +120,8 @@ pub fn train(
             run.save_checkpoint(&learner.checkpoint(), done)?;
         }
     }
-    let done = ledger.done(&*learner, asked, spent_s + clock.elapsed().as_secs_f64());
+    let cpu_s = spent_s + clock.elapsed().as_secs_f64();
+    let done = ledger.done(&*learner, asked, gym.spent(), cpu_s);
     if learner.finished() {
         run.save_policy(&learner.policy_bundle(), done)?;
     }
@@ -132,6 +140,7 @@ fn finished(run: &RunDir) -> Trained {
             decisions_asked: manifest.decisions,
             decisions: manifest.decisions_done,
             episodes: manifest.episodes,
+            physics_steps: manifest.physics_steps,
             cpu_s: manifest.cpu_s,
         },
         interrupted: false,
@@ -180,11 +189,12 @@ impl Ledger {
         MAX_FAULTS <= self.aborted && self.episodes * 10 < self.aborted
     }
 
-    fn done(&self, learner: &dyn Learner, asked: u64, cpu_s: f64) -> Done {
+    fn done(&self, learner: &dyn Learner, asked: u64, spent: Spent, cpu_s: f64) -> Done {
         Done {
             decisions_asked: asked,
             decisions: learner.decisions(),
             episodes: self.episodes,
+            physics_steps: spent.physics_steps,
             cpu_s,
         }
     }

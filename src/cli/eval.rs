@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::rivals::Rivals;
 use super::{
     Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
     start_count, table, talk, theorems,
@@ -64,11 +65,15 @@ enum AdoArg {
     Hold,
     /// The best of the constant actions.
     Constant,
+    /// A rule with three zones, tuned on the nominal ego.
+    Heuristic,
+    /// The nearest training counterexample, replayed; then the ten nearest.
+    Replays,
     /// The exact solution of a grid world.
     Optimal,
     /// A step towards the ego along the larger axis (grid worlds).
     Chaser,
-    /// All of them.
+    /// All of them but `heuristic` and `replays`.
     All,
 }
 
@@ -100,12 +105,20 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let Some(starts) = test_starts(&run.world()?, args.common.seed, args.starts, &watch) else {
         return Ok(interrupted_early());
     };
+    let mut rivals = Rivals::default();
+    if args.ado.contains(&AdoArg::Heuristic) {
+        rivals.tune(&run, &nominal, &watch)?;
+    }
+    if args.ado.contains(&AdoArg::Replays) {
+        rivals.read(&run)?;
+    }
     let job = Job {
         args,
         policy: &*policy,
         train_seed: run.manifest().seed,
         starts: &starts,
         watch: &watch,
+        rivals: &rivals,
         on_a_grid: nominal.grid().is_some(),
     };
     let mut reused = Vec::new();
@@ -216,6 +229,7 @@ struct Job<'a> {
     train_seed: u64,
     starts: &'a TestStarts,
     watch: &'a Watch<'a>,
+    rivals: &'a Rivals,
     on_a_grid: bool,
 }
 
@@ -225,7 +239,17 @@ impl Job<'_> {
         let mut rows = Vec::new();
         let mut reason = None;
         for ado in self.ados() {
-            let evaluated = self.one_ado(ego, ado)?;
+            let rivals = match ado {
+                AdoArg::Heuristic => self.rivals.heuristic(),
+                AdoArg::Replays => self.rivals.replays(),
+                _ => Vec::new(),
+            };
+            for rival in rivals {
+                rows.push(eval(&self.request(ego, rival), self.watch).row);
+            }
+            let Some(evaluated) = self.one_ado(ego, ado)? else {
+                continue;
+            };
             if ado == AdoArg::Trained {
                 let request = self.request(ego, Ado::Trained(self.policy, self.train_seed));
                 let explained = explain_first(&request, &evaluated);
@@ -282,18 +306,21 @@ impl Job<'_> {
         }
     }
 
-    fn one_ado(&self, ego: &NamedEgo, ado: AdoArg) -> Result<Evaluated, Failure> {
+    /// `None`: a rival, which has rows of its own.
+    fn one_ado(&self, ego: &NamedEgo, ado: AdoArg) -> Result<Option<Evaluated>, Failure> {
         let ado = match ado {
             AdoArg::Constant => {
                 let (scenario, name) = (&ego.scenario, &ego.name);
-                return Ok(best_constant(scenario, name, self.starts, self.watch));
+                let best = best_constant(scenario, name, self.starts, self.watch);
+                return Ok(Some(best));
             }
-            AdoArg::Optimal | AdoArg::Chaser => return self.by_rule(ego, ado),
+            AdoArg::Optimal | AdoArg::Chaser => return self.by_rule(ego, ado).map(Some),
+            AdoArg::Heuristic | AdoArg::Replays => return Ok(None),
             AdoArg::Random => Ado::Random,
             AdoArg::Hold => Ado::Held,
             AdoArg::Trained | AdoArg::All => Ado::Trained(self.policy, self.train_seed),
         };
-        Ok(eval(&self.request(ego, ado), self.watch))
+        Ok(Some(eval(&self.request(ego, ado), self.watch)))
     }
 
     /// The best ado of a grid world, or the chaser: they see both positions.

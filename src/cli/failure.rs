@@ -151,7 +151,10 @@ impl From<RunError> for Failure {
         let help = error.help();
         match error {
             RunError::World(world) => Failure::from(*world),
-            RunError::NotARun { .. } | RunError::Exists { .. } | RunError::Unfinished { .. } => {
+            RunError::NotARun { .. }
+            | RunError::Exists { .. }
+            | RunError::Unfinished { .. }
+            | RunError::NothingStored { .. } => {
                 Failure::plain(Exit::Input, error.to_string(), help)
             }
             RunError::Io { .. } | RunError::Locked { .. } | RunError::Damaged { .. } => {

@@ -7,6 +7,7 @@ mod eval;
 mod failure;
 mod kept;
 mod reproduce;
+mod rivals;
 mod search;
 mod stl;
 mod table;

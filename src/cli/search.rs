@@ -6,12 +6,21 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{
-    Common, Exit, Failure, PlantArg, egos, interrupted_early, on_plant, print_json, start_count,
-    table, talk,
+    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
+    start_count, table, talk,
 };
-use crate::campaign::{Method, SearchRequest, Watch, search, test_starts};
-use crate::run::RunDir;
+use crate::campaign::{
+    Ado, BreakEven, Cem, Cost, EvalRequest, Method, SearchRequest, Searched, TestStarts, Watch,
+    break_even, eval, search, test_starts,
+};
+use crate::rl::Policy;
+use crate::run::{Manifest, Row, RunDir, Stored};
 use crate::scenario::Scenario;
+
+/// Switches of `--method switches`, unless told otherwise.
+const SWITCHES: usize = 2;
+/// Simulations per start of the other methods, unless told otherwise.
+const BUDGET: u64 = 100;
 
 #[derive(Args, Debug)]
 pub(super) struct SearchArgs {
@@ -21,12 +30,15 @@ pub(super) struct SearchArgs {
     /// How sequences are chosen.
     #[arg(long, value_enum, default_value = "switches")]
     method: MethodArg,
-    /// Most switches of action in a sequence (switches).
-    #[arg(long, value_name = "M", default_value_t = 2)]
-    switches: usize,
-    /// Simulations per start (uniform, hold).
-    #[arg(long, value_name = "SIMS", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
-    budget: u64,
+    /// Most switches of action in a sequence (switches) [default: 2].
+    #[arg(long, value_name = "M")]
+    switches: Option<usize>,
+    /// Simulations per start (uniform, hold, cem, mutate) [default: 100].
+    #[arg(long, value_name = "SIMS", value_parser = clap::value_parser!(u64).range(1..))]
+    budget: Option<u64>,
+    /// The run whose training counterexamples are mutated (mutate) [default: RUN].
+    #[arg(long, value_name = "RUN")]
+    from: Option<PathBuf>,
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = start_count())]
     starts: usize,
@@ -43,23 +55,29 @@ pub(super) struct SearchArgs {
     pub(super) common: Common,
 }
 
-#[derive(ValueEnum, Clone, Copy, Debug)]
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 enum MethodArg {
     /// A random action at each decision.
     Uniform,
     /// A random action, held for five decisions.
     Hold,
+    /// The cross-entropy method, with the rulebook's reward.
+    Cem,
+    /// The nearest counterexamples of a training, then mutations of them.
+    Mutate,
     /// All sequences with at most M switches of action, fewest first.
     Switches,
 }
 
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
-    let (world, mut nominal) = match args.world.is_dir() {
-        true => {
-            let run = RunDir::open(&args.world)?;
-            (run.world()?, run.scenario()?)
-        }
-        false => {
+    fitting(args)?;
+    let run = match args.world.is_dir() {
+        true => Some(RunDir::open(&args.world)?),
+        false => None,
+    };
+    let (world, mut nominal) = match &run {
+        Some(run) => (run.world()?, run.scenario()?),
+        None => {
             let world = Scenario::load(&args.world)?;
             (world.clone(), world)
         }
@@ -68,6 +86,14 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         nominal = on_plant(&nominal, plant)?;
     }
     let egos = egos(&nominal, &args.ego)?;
+    let stored = match args.method {
+        MethodArg::Mutate => Some(stored(args, run.as_ref(), &egos)?),
+        _ => None,
+    };
+    let trained = match &run {
+        Some(run) if run.manifest().is_finished() => Some((run.policy()?, run.manifest())),
+        _ => None,
+    };
     let bar = talk::bar("searching", args.starts as u64);
     let watch = Watch {
         progress: &|done, _| bar.set_position(done),
@@ -77,25 +103,38 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         return Ok(interrupted_early());
     };
     let mut rows = Vec::new();
+    let mut evens = Vec::new();
     for ego in &egos {
         bar.set_message(format!("searching: {}", ego.name));
         let request = SearchRequest {
             scenario: &ego.scenario,
             ego: &ego.name,
-            method: match args.method {
-                MethodArg::Uniform => Method::Uniform,
-                MethodArg::Hold => Method::Hold,
-                MethodArg::Switches => Method::Switches(args.switches),
-            },
-            budget: args.budget,
+            method: method(args, stored.as_ref()),
+            budget: args.budget.unwrap_or(BUDGET),
             starts: &starts,
         };
-        rows.push(search(&request, &watch).row);
+        let searched = search(&request, &watch);
+        if let Some((policy, manifest)) = &trained {
+            let against = Against {
+                policy: &**policy,
+                manifest,
+                starts: &starts,
+            };
+            let row = against.row(ego, &searched, &watch);
+            evens.extend(against.break_even(&request, &searched, &row));
+            rows.push(row);
+        }
+        rows.push(searched.row);
     }
     bar.finish_and_clear();
     match args.common.json {
-        true => print_json(&json!({ "rows": rows })),
-        false => talk::data(&table::rows(&rows)),
+        true => print_json(&json!({ "rows": rows, "break_even": evens })),
+        false => talk::data(&format!(
+            "{}{}{}",
+            table::rows(&rows),
+            anytime_lines(&rows),
+            evens.iter().map(in_words).collect::<String>()
+        )),
     }?;
     if talk::stopped() {
         talk::say("interrupted: the rows cover the starts that were finished");
@@ -106,4 +145,161 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         true => Exit::Counterexample,
         false => Exit::Done,
     })
+}
+
+/// Refuses options that the method would ignore.
+fn fitting(args: &SearchArgs) -> Result<(), Failure> {
+    let switches = args.method == MethodArg::Switches;
+    let refused = |what: &str, help: &str| Err(Failure::input(what, help));
+    if switches && args.budget.is_some() {
+        return refused(
+            "`--budget` is for methods that sample, and `switches` tries all sequences",
+            "bound it with `--switches M`, or choose a method with `--method hold`, `cem` or `uniform`",
+        );
+    }
+    if !switches && args.switches.is_some() {
+        return refused(
+            "`--switches` is for `--method switches`",
+            "bound this method with `--budget SIMS`",
+        );
+    }
+    if args.method != MethodArg::Mutate && args.from.is_some() {
+        return refused(
+            "`--from` is for `--method mutate`",
+            "leave it out, or add `--method mutate`",
+        );
+    }
+    Ok(())
+}
+
+fn method<'a>(args: &SearchArgs, stored: Option<&'a Stored>) -> Method<'a> {
+    match (args.method, stored) {
+        (MethodArg::Mutate, Some(stored)) => Method::Mutate(stored),
+        (MethodArg::Uniform, _) => Method::Uniform,
+        (MethodArg::Cem, _) => Method::Cem(Cem::default()),
+        (MethodArg::Switches, _) => Method::Switches(args.switches.unwrap_or(SWITCHES)),
+        // Invariant: `mutate` has been given what it mutates.
+        (MethodArg::Hold | MethodArg::Mutate, _) => Method::Hold,
+    }
+}
+
+/// The counterexamples to mutate; they must fit the egos' worlds.
+fn stored(args: &SearchArgs, run: Option<&RunDir>, egos: &[NamedEgo]) -> Result<Stored, Failure> {
+    let (stored, source) = match (&args.from, run) {
+        (Some(path), _) => {
+            let run = RunDir::open(path)?;
+            (run.counterexamples()?, run.scenario()?)
+        }
+        (None, Some(run)) => (run.counterexamples()?, run.scenario()?),
+        (None, None) => {
+            return Err(Failure::input(
+                "`--method mutate` needs the counterexamples of a training",
+                "name a run directory with `--from RUN`",
+            ));
+        }
+    };
+    let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
+    match egos
+        .iter()
+        .find(|ego| shape(&ego.scenario) != shape(&source))
+    {
+        Some(ego) => Err(Failure::input(
+            format!(
+                "the counterexamples of `{}` do not fit `{}` with the ego `{}`: other starts or actions",
+                source.name, ego.scenario.name, ego.name
+            ),
+            "name a run of the same world",
+        )),
+        None => Ok(stored),
+    }
+}
+
+/// The trained ado of the run that is searched.
+struct Against<'a> {
+    policy: &'a dyn Policy,
+    manifest: &'a Manifest,
+    starts: &'a TestStarts,
+}
+
+impl Against<'_> {
+    fn row(&self, ego: &NamedEgo, searched: &Searched, watch: &Watch<'_>) -> Row {
+        let request = EvalRequest {
+            scenario: &ego.scenario,
+            ego: &ego.name,
+            ado: Ado::Trained(self.policy, self.manifest.seed),
+            starts: self.starts,
+        };
+        let mut row = eval(&request, watch).row;
+        row.compare_with_search(&searched.row.solved);
+        row
+    }
+
+    /// Of methods with a budget only: the others are no rival but a measure.
+    fn break_even(
+        &self,
+        request: &SearchRequest<'_>,
+        searched: &Searched,
+        trained: &Row,
+    ) -> Option<BreakEven> {
+        if matches!(request.method, Method::Switches(_)) || talk::stopped() {
+            return None;
+        }
+        let once = match request.method {
+            // It lives on a training as well: neither is charged for one.
+            Method::Mutate(_) => Cost::default(),
+            _ => Cost::of_training(self.manifest),
+        };
+        if self.manifest.physics_steps == 0 {
+            talk::say("an earlier version trained this run: it counted no physics steps");
+        }
+        break_even(searched, request.budget, trained, once)
+    }
+}
+
+/// Success after fewer simulations, one line per search.
+fn anytime_lines(rows: &[Row]) -> String {
+    let mut text = String::new();
+    for row in rows.iter().filter(|row| 1 < row.anytime.len()) {
+        let part =
+            |at: &crate::run::Anytime| format!("{}: {:.1} %", at.budget, 100.0 * at.success_rate);
+        let parts: Vec<String> = row.anytime.iter().map(part).collect();
+        text.push_str(&format!(
+            "\n{}, {}: success after so many simulations per start: {}",
+            row.ego,
+            row.method,
+            parts.join(", ")
+        ));
+    }
+    text
+}
+
+fn in_words(even: &BreakEven) -> String {
+    let count = |starts: Option<f64>| match starts {
+        Some(starts) => format!("{:.0}", starts.ceil()),
+        None => "no number of".to_owned(),
+    };
+    let reached = match even.matched {
+        true => format!(
+            "reaches the ado's {:.1} % with a budget of {}",
+            100.0 * even.ado.success_rate,
+            even.budget
+        ),
+        false => format!(
+            "does not reach the ado's {:.1} % with {} simulations per start (it has {:.1} %), so that equal success would cost it more",
+            100.0 * even.ado.success_rate,
+            even.budget,
+            100.0 * even.search.success_rate
+        ),
+    };
+    format!(
+        "\n{}: the search {reached}: {:.1} simulations per start on average, the ado {:.1} after a training of {}.\n\
+         The ado is cheaper from {} starts on, counted in simulations; {} in physics steps; {} in processor time.",
+        even.ego,
+        even.search.simulations,
+        even.ado.simulations,
+        even.once.simulations,
+        count(even.starts),
+        count(even.starts_by_physics_steps),
+        count(even.starts_by_cpu_s),
+    )
 }

@@ -36,6 +36,12 @@ pub enum RunError {
         /// Decisions asked for.
         asked: u64,
     },
+    /// An earlier version trained there.
+    #[error("the training in `{path}` stored no counterexamples")]
+    NothingStored {
+        /// The directory.
+        path: PathBuf,
+    },
     /// The directory is taken.
     #[error("`{path}` exists already")]
     Exists {
@@ -73,6 +79,9 @@ impl RunError {
             }
             RunError::Unfinished { .. } => {
                 Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
+            }
+            RunError::NothingStored { .. } => {
+                Some("an earlier version trained it: train again".to_owned())
             }
             RunError::Exists { .. } => {
                 Some("go on with `--resume`, or name another directory with `-o`".to_owned())

@@ -6,6 +6,7 @@
 //! RUN/policy.safetensors       the trained ado
 //! RUN/from.safetensors         the ado it was fine-tuned from, if any
 //! RUN/progress.jsonl           one line per report of the learner
+//! RUN/counterexamples.jsonl    the successes of the training, at most 50000
 //! RUN/checkpoint-N.safetensors while training: all that resuming after N decisions needs
 //! RUN/report.json              the rows of the closing evaluation
 //! RUN/episodes/                some counterexamples of the closing evaluation
@@ -20,6 +21,7 @@ mod interval;
 mod kept;
 mod row;
 mod samples;
+mod stored;
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -31,8 +33,9 @@ use sha2::{Digest, Sha256};
 pub use error::RunError;
 pub use interval::{mean_difference, paired_difference, two_level_bootstrap, wilson};
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
-pub use row::{ClosingSpeed, Row};
+pub use row::{Anytime, ClosingSpeed, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
+pub use stored::{MAX_STORED, Stored, StoredCount};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
 use crate::scenario::{LoadError, Scenario};
@@ -64,8 +67,14 @@ pub struct Manifest {
     pub decisions_done: u64,
     /// Episodes finished so far.
     pub episodes: u64,
+    /// Physics steps spent in training.
+    #[serde(default)]
+    pub physics_steps: u64,
     /// Processor time spent in training.
     pub cpu_s: f64,
+    /// How many counterexamples it brought; `None`: an earlier version trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counterexamples: Option<StoredCount>,
     /// Which of the world's `learners` trained; `None`: its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learner: Option<String>,
@@ -118,7 +127,9 @@ impl RunDir {
                 decisions: scenario.learner.decisions(),
                 decisions_done: 0,
                 episodes: 0,
+                physics_steps: 0,
                 cpu_s: 0.0,
+                counterexamples: None,
                 learner: scenario.learning.clone(),
                 from_sha256: None,
                 checkpoint: None,
@@ -248,11 +259,7 @@ impl RunDir {
     /// There is none yet, or its file is damaged.
     pub fn policy_bundle(&self) -> Result<Bundle, RunError> {
         let Some(expected) = &self.manifest.policy_sha256 else {
-            return Err(RunError::Unfinished {
-                path: self.path.clone(),
-                done: self.manifest.decisions_done,
-                asked: self.manifest.decisions,
-            });
+            return Err(self.unfinished());
         };
         let bytes = self.read_verified("policy.safetensors", Some(expected))?;
         Bundle::from_bytes(&bytes).map_err(self.damaged("policy.safetensors"))
@@ -322,6 +329,7 @@ impl RunDir {
             .to_bytes()
             .map_err(self.damaged("policy.safetensors"))?;
         self.write("policy.safetensors", &bytes)?;
+        self.seal_counterexamples()?;
         let before = self.manifest.checkpoint.take();
         self.manifest.policy_sha256 = Some(sha256(&bytes));
         self.note(done);
@@ -385,10 +393,19 @@ impl RunDir {
         self.write("report.json", text.as_bytes())
     }
 
+    fn unfinished(&self) -> RunError {
+        RunError::Unfinished {
+            path: self.path.clone(),
+            done: self.manifest.decisions_done,
+            asked: self.manifest.decisions,
+        }
+    }
+
     fn note(&mut self, done: Done) {
         self.manifest.decisions = done.decisions_asked;
         self.manifest.decisions_done = done.decisions;
         self.manifest.episodes = done.episodes;
+        self.manifest.physics_steps = done.physics_steps;
         self.manifest.cpu_s = done.cpu_s;
     }
 
@@ -442,6 +459,8 @@ pub struct Done {
     pub decisions: u64,
     /// Episodes finished.
     pub episodes: u64,
+    /// Physics steps spent.
+    pub physics_steps: u64,
     /// Processor time spent.
     pub cpu_s: f64,
 }

@@ -56,8 +56,38 @@ pub struct Row {
     pub physics_steps: u64,
     /// Processor time spent in all.
     pub cpu_s: f64,
+    /// Success after fewer simulations per start, for searches with a budget.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub anytime: Vec<Anytime>,
+    /// What did not carry over from the plant that pre-screened.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unconfirmed: Option<Unconfirmed>,
     /// Per start in order: 1 solved, 0 not, t trivial.
     pub solved: String,
+}
+
+/// What a search had reached after so many simulations per start.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Anytime {
+    /// Simulations per start, at most.
+    pub budget: u64,
+    /// Starts solved within them.
+    pub successes: usize,
+    /// successes / starts.
+    pub success_rate: f64,
+    /// Wilson's 95 % interval of it.
+    pub ci95: [f64; 2],
+    /// Mean simulations per start; a start not solved costs all of them.
+    pub sims_per_start: f64,
+}
+
+/// Sequences that succeeded when pre-screened and not on the plant asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Unconfirmed {
+    /// How many, over all starts.
+    pub sequences: u64,
+    /// Starts on which there were only such.
+    pub starts: usize,
 }
 
 /// Closing speeds over all contacts.

@@ -293,15 +293,18 @@ impl OnlineMonitor {
                 continue;
             }
             let instant = horizon == Some(0);
-            // The operands come before: take the track out while they are read.
-            let mut track = std::mem::take(&mut self.tracks[*id]);
+            // The operands come before.
+            let (before, rest) = self.tracks.split_at_mut(*id);
+            let Some(track) = rest.first_mut() else {
+                continue;
+            };
             match row {
                 Some(row) if instant => {
                     track.now = present(
                         program,
                         *id,
-                        &mut track,
-                        &self.tracks,
+                        track,
+                        before,
                         reading,
                         row,
                         &mut self.scratch.work,
@@ -314,19 +317,11 @@ impl OnlineMonitor {
                     }
                 }
                 _ if instant => {}
-                _ => redo(
-                    program,
-                    *id,
-                    &mut track,
-                    &self.tracks,
-                    reading,
-                    &mut self.scratch.work,
-                ),
+                _ => redo(program, *id, track, before, reading, &mut self.scratch.work),
             }
             if let Some(keep) = need.keep {
                 track.trim(keep);
             }
-            self.tracks[*id] = track;
         }
     }
 }

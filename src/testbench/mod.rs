@@ -9,6 +9,7 @@ mod actors;
 use std::sync::Arc;
 
 use rand::Rng;
+use serde::{Deserialize, Serialize};
 
 pub use actors::{Actor, Constant, Held, PolicyActor, Random, Replay};
 
@@ -208,13 +209,39 @@ impl Testbench {
         self.scene.observe(&self.row, obs);
     }
 
+    /// The first contact, if the agents touched.
+    pub fn contact(&self) -> Option<&Touch> {
+        self.contact.as_ref()
+    }
+
     /// A copy that continues bit for bit; `None` if the ego cannot be copied.
     pub fn fork(&self) -> Option<Testbench> {
-        Some(Testbench {
-            scene: self.scene.fork()?,
+        Some(self.fork_around(self.trace.clone(), self.scene.fork()?))
+    }
+
+    /// A copy like [`Testbench::fork`] that takes the samples along.
+    ///
+    /// This bench must not go on before [`Testbench::rejoin`] gives them back.
+    pub fn branch(&mut self) -> Option<Testbench> {
+        let scene = self.scene.fork()?;
+        let empty = Trace::new(Arc::clone(self.scene.schema()));
+        let trace = std::mem::replace(&mut self.trace, empty);
+        Some(self.fork_around(trace, scene))
+    }
+
+    /// Takes back the samples that [`Testbench::branch`] gave away.
+    pub fn rejoin(&mut self, branch: Testbench) {
+        self.trace = branch.trace;
+        // One sample at t = 0 and one per advance.
+        self.trace.truncate(self.advances as usize + 1);
+    }
+
+    fn fork_around(&self, trace: Trace, scene: Box<dyn Scene>) -> Testbench {
+        Testbench {
+            scene,
             rulebook: Arc::clone(&self.rulebook),
             judge: self.judge.clone(),
-            trace: self.trace.clone(),
+            trace,
             row: self.row.clone(),
             verdict: self.verdict,
             judged: self.judged,
@@ -223,7 +250,7 @@ impl Testbench {
             decisions: self.decisions,
             advances: self.advances,
             aftermath: self.aftermath,
-        })
+        }
     }
 
     fn samples_left(&self) -> usize {
@@ -327,6 +354,22 @@ impl Testbench {
     }
 }
 
+/// An episode of a learner in which the ego failed with all rules kept.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Success {
+    /// Decisions that were taken in all when it ended.
+    pub decisions: u64,
+    /// Index of its start in the stream.
+    pub index: u64,
+    /// Where it began.
+    pub start: Start,
+    /// The ados' joint actions.
+    pub actions: Vec<usize>,
+    /// Depth of the violation, ρ(¬ψ_ego).
+    pub by: f64,
+}
+
 /// The test bench as learners see it: an episodic decision problem.
 ///
 /// Starts come from the stream (purpose, seed); `reset(i)` begins its i-th.
@@ -334,6 +377,21 @@ pub struct Gym {
     bench: Testbench,
     purpose: Purpose,
     seed: u64,
+    /// The running episode.
+    index: u64,
+    start: Start,
+    actions: Vec<usize>,
+    spent: Spent,
+    successes: Option<Vec<Success>>,
+}
+
+/// What the episodes of a [`Gym`] cost so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Spent {
+    /// Decisions taken.
+    pub decisions: u64,
+    /// Physics steps of the episodes that have ended.
+    pub physics_steps: u64,
 }
 
 impl Gym {
@@ -345,6 +403,43 @@ impl Gym {
             bench,
             purpose,
             seed,
+            index: 0,
+            start: Start(Vec::new()),
+            actions: Vec::new(),
+            spent: Spent::default(),
+            successes: None,
+        }
+    }
+
+    /// Counts from `spent` on, and keeps successes until they are taken.
+    pub fn keep_successes(&mut self, spent: Spent) {
+        self.spent = spent;
+        self.successes = Some(Vec::new());
+    }
+
+    /// The successes since they were last taken, in order.
+    pub fn take_successes(&mut self) -> Vec<Success> {
+        self.successes
+            .as_mut()
+            .map(std::mem::take)
+            .unwrap_or_default()
+    }
+
+    /// What it has cost so far.
+    pub fn spent(&self) -> Spent {
+        self.spent
+    }
+
+    fn note_end(&mut self, verdict: Verdict) {
+        self.spent.physics_steps += self.bench.physics_steps();
+        if let (Some(successes), Verdict::Counterexample { by }) = (&mut self.successes, verdict) {
+            successes.push(Success {
+                decisions: self.spent.decisions,
+                index: self.index,
+                start: self.start.clone(),
+                actions: self.actions.clone(),
+                by,
+            });
         }
     }
 }
@@ -360,21 +455,26 @@ impl rl::Env for Gym {
             seed: self.seed,
             index,
         };
-        let start = self.bench.draw(key);
+        self.index = index;
+        self.start = self.bench.draw(key);
+        self.actions.clear();
         let noise = self.bench.noise_of(key);
-        self.bench.begin(&start, noise, Aftermath::Skip);
+        self.bench.begin(&self.start, noise, Aftermath::Skip);
         self.bench.observe(obs);
     }
 
     fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
         self.bench.decide(action);
         self.bench.observe(obs);
+        self.actions.push(action);
+        self.spent.decisions += 1;
         let Some(verdict) = self.bench.verdict() else {
             return Step {
                 reward: 0.0,
                 end: None,
             };
         };
+        self.note_end(verdict);
         match self.bench.rulebook.reward_of(&verdict) {
             // The one cast from rewards to learners.
             Some(reward) => Step {

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use brakecheck::rulebook::{Judge, JudgeKind, Reward, Rule, Rulebook, Stop, Verdict};
-use brakecheck::stl::{Constants, Formula};
+use brakecheck::seed::{Purpose, StartKey};
+use brakecheck::stl::{Constants, Formula, Scratch};
+use brakecheck::testbench::{Aftermath, Held, play};
 use brakecheck::trace::{Schema, Signal, Trace};
 
 fn schema() -> Arc<Schema> {
@@ -192,4 +194,30 @@ fn on_the_bench_contact_holds_to_the_horizon_under_the_papers_judge() {
     assert_eq!(episode.trace.len(), 301);
     let headway = episode.trace.signal("headway").expect("derived");
     assert_eq!(headway[300].to_bits(), headway[250].to_bits());
+}
+
+#[test]
+fn at_the_horizon_the_online_judge_says_what_the_whole_trace_says() {
+    let mut judged = 0;
+    for (name, world) in super::shipped() {
+        let mut bench = world.bench();
+        for index in 0..6 {
+            let key = StartKey {
+                purpose: Purpose::Calibration,
+                seed: 5,
+                index,
+            };
+            let (start, noise) = (bench.draw(key), bench.noise_of(key));
+            let mut held = Held::new(bench.spaces().actions, 5);
+            let episode = play(&mut bench, &start, noise, &mut held, Aftermath::Skip);
+            let whole = episode.judged == world.world().clock().samples();
+            if whole && episode.contact.is_none() {
+                let mut scratch = Scratch::default();
+                let verdict = world.rulebook().judge_whole(&episode.trace, &mut scratch);
+                assert_eq!(episode.verdict, verdict, "{name}, start {index}");
+                judged += 1;
+            }
+        }
+    }
+    assert!(12 <= judged, "{judged}");
 }

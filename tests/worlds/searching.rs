@@ -18,7 +18,11 @@ fn quiet() -> Watch<'static> {
     }
 }
 
-fn request<'a>(world: &'a Scenario, method: Method, starts: &'a TestStarts) -> SearchRequest<'a> {
+fn request<'a>(
+    world: &'a Scenario,
+    method: Method<'a>,
+    starts: &'a TestStarts,
+) -> SearchRequest<'a> {
     SearchRequest {
         scenario: world,
         ego: "nominal",

@@ -1,0 +1,38 @@
+//! Random actions, each held for a number of decisions.
+
+use super::trials::Trials;
+use crate::scene::Start;
+use crate::seed;
+use crate::testbench::{Actor, Held};
+
+/// Tries random sequences until one succeeds; the dice depend on `noise`.
+pub(super) fn solve(trials: &mut Trials<'_>, noise: u64, hold: usize) {
+    let mut actor = Reseeded {
+        held: Held::new(trials.actions(), hold),
+        seed: 0,
+    };
+    loop {
+        // The noise is the start's own; only the ado's dice differ.
+        let mut dice = seed::generator("search", &[noise, hold as u64, trials.spent()]);
+        actor.seed = rand::Rng::next_u64(&mut dice);
+        if trials.play(&mut actor).is_none() {
+            return;
+        }
+    }
+}
+
+/// Held-random actions from a seed of their own, whatever the episode's noise.
+struct Reseeded {
+    held: Held,
+    seed: u64,
+}
+
+impl Actor for Reseeded {
+    fn begin(&mut self, _noise: u64, start: &Start) {
+        self.held.begin(self.seed, start);
+    }
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        self.held.act(obs)
+    }
+}

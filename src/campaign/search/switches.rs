@@ -1,0 +1,222 @@
+//! All sequences with at most so many switches of action, fewest first.
+
+use super::{Found, SearchRequest};
+use crate::campaign::Watch;
+use crate::scenario::Scenario;
+use crate::scene::Start;
+use crate::testbench::{Aftermath, Replay, Testbench, play};
+
+/// Pre-screened sequences that are tried on the plant asked for, per start.
+pub(super) const MAX_CONFIRMATIONS: u64 = 300;
+
+/// Searches one start; `None` when stopped from outside before a result.
+///
+/// `cheap` is the world on the plant that sorts out sequences first; without
+/// one, what succeeds on the plant asked for is played once more, to contact.
+pub(super) fn solve(
+    request: &SearchRequest<'_>,
+    cheap: Option<&Scenario>,
+    (start, noise): (&Start, u64),
+    most: usize,
+    watch: &Watch<'_>,
+) -> Option<Found> {
+    let scenario = cheap.unwrap_or(request.scenario);
+    let mut confirmer = Confirmer::new(request.scenario, start, noise);
+    let mut found = Found::default();
+    let mut accept = |actions: &[usize]| {
+        let (success, closing_speed_mps) = confirmer.confirm(actions);
+        if cheap.is_some() {
+            found.simulations += 1;
+            found.unconfirmed += u64::from(!success);
+        }
+        if success {
+            found.closing_speed_mps = closing_speed_mps;
+            found.actions = Some(actions.to_vec());
+        }
+        match success || MAX_CONFIRMATIONS <= found.simulations {
+            true => Next::Stop,
+            false => Next::Continue,
+        }
+    };
+    let mut tree = Tree {
+        scenario,
+        start,
+        noise,
+        actions: scenario.world().spaces().actions,
+        prefix: Vec::new(),
+        accept: &mut accept,
+        watch,
+        simulations: 0,
+        physics_steps: 0,
+    };
+    let mut root = scenario.bench();
+    let mut next = Next::Continue;
+    for switches in 0..=most {
+        for action in 0..tree.actions {
+            if next == Next::Continue {
+                root.begin(start, noise, Aftermath::Skip);
+                next = tree.explore(&mut root, action, switches);
+            }
+        }
+    }
+    let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
+    if found.actions.is_none() && watch.stopped() {
+        return None;
+    }
+    found.simulations += simulations;
+    found.physics_steps = physics_steps + confirmer.physics_steps;
+    Some(found)
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Next {
+    Continue,
+    Stop,
+}
+
+/// All sequences with a given number of switches, prefixes shared by forking.
+struct Tree<'a> {
+    scenario: &'a Scenario,
+    start: &'a Start,
+    noise: u64,
+    actions: usize,
+    prefix: Vec<usize>,
+    accept: &'a mut dyn FnMut(&[usize]) -> Next,
+    watch: &'a Watch<'a>,
+    simulations: u64,
+    physics_steps: u64,
+}
+
+impl Tree<'_> {
+    /// Goes on with `action` and exactly `switches` later changes of it.
+    fn explore(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        let depth = self.prefix.len();
+        let next = self.walk(bench, action, switches);
+        self.prefix.truncate(depth);
+        next
+    }
+
+    fn walk(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        if switches == 0 {
+            self.simulations += 1;
+        }
+        while !bench.is_done() {
+            if self.watch.stopped() {
+                return Next::Stop;
+            }
+            let before = bench.physics_steps();
+            bench.decide(action);
+            self.physics_steps += bench.physics_steps() - before;
+            self.prefix.push(action);
+            if switches == 0 || bench.is_done() {
+                continue;
+            }
+            for other in (0..self.actions).filter(|&other| other != action) {
+                if self.branch(bench, other, switches - 1) == Next::Stop {
+                    return Next::Stop;
+                }
+            }
+        }
+        let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
+        match switches == 0 && success {
+            true => (self.accept)(&self.prefix),
+            false => Next::Continue,
+        }
+    }
+
+    /// Goes on from here with another action and leaves `bench` as it is.
+    fn branch(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        if let Some(mut branch) = bench.branch() {
+            let next = self.explore(&mut branch, action, switches);
+            bench.rejoin(branch);
+            return next;
+        }
+        // The ego cannot be copied: play the prefix again.
+        let mut again = self.scenario.bench();
+        again.begin(self.start, self.noise, Aftermath::Skip);
+        for &action in &self.prefix {
+            again.decide(action);
+        }
+        self.physics_steps += again.physics_steps();
+        self.explore(&mut again, action, switches)
+    }
+}
+
+/// Plays sequences on the plant asked for, each from where it leaves the last.
+///
+/// The tree hands over sequences that share long prefixes, and rigid bodies
+/// cost twenty times what points cost.
+struct Confirmer<'a> {
+    scenario: &'a Scenario,
+    start: &'a Start,
+    noise: u64,
+    /// The latest sequence as far as it was played.
+    actions: Vec<usize>,
+    /// The benches after 0, 1, 2 … of these actions.
+    benches: Vec<Testbench>,
+    physics_steps: u64,
+}
+
+impl Confirmer<'_> {
+    fn new<'a>(scenario: &'a Scenario, start: &'a Start, noise: u64) -> Confirmer<'a> {
+        Confirmer {
+            scenario,
+            start,
+            noise,
+            actions: Vec::new(),
+            benches: Vec::new(),
+            physics_steps: 0,
+        }
+    }
+
+    /// Whether `actions`, the last one held, succeed; and the closing speed.
+    fn confirm(&mut self, actions: &[usize]) -> (bool, Option<f64>) {
+        let pairs = self.actions.iter().zip(actions);
+        let shared = pairs.take_while(|(a, b)| a == b).count();
+        self.actions.truncate(shared);
+        self.benches.truncate(shared + 1);
+        if self.benches.is_empty() {
+            let mut root = self.scenario.bench();
+            root.begin(self.start, self.noise, Aftermath::Play);
+            self.benches.push(root);
+        }
+        let Some(&last) = actions.last() else {
+            return (false, None);
+        };
+        let rest = actions[shared..].iter().copied();
+        let mut rest = rest.chain(std::iter::repeat(last));
+        while let (Some(here), Some(action)) = (self.benches.last(), rest.next()) {
+            if here.is_done() {
+                return outcome(here);
+            }
+            let Some(mut next) = here.fork() else {
+                return self.replay(actions);
+            };
+            next.decide(action);
+            self.physics_steps += next.physics_steps() - here.physics_steps();
+            self.actions.push(action);
+            self.benches.push(next);
+        }
+        // Invariant: the root is always there and `rest` never ends.
+        (false, None)
+    }
+
+    /// The same from the start, where the ego cannot be copied.
+    fn replay(&mut self, actions: &[usize]) -> (bool, Option<f64>) {
+        let Some(bench) = self.benches.first_mut() else {
+            return (false, None);
+        };
+        let mut replay = Replay::holding(actions);
+        let episode = play(bench, self.start, self.noise, &mut replay, Aftermath::Play);
+        self.physics_steps += episode.physics_steps;
+        let result = outcome(bench);
+        bench.begin(self.start, self.noise, Aftermath::Play);
+        result
+    }
+}
+
+fn outcome(bench: &Testbench) -> (bool, Option<f64>) {
+    let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
+    let touch = bench.contact().filter(|_| success);
+    (success, touch.map(|touch| touch.closing_speed_mps))
+}
