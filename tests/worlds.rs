@@ -8,6 +8,8 @@ mod conformance;
 mod driving;
 #[path = "worlds/errors.rs"]
 mod errors;
+#[path = "worlds/families.rs"]
+mod families;
 #[path = "worlds/judging.rs"]
 mod judging;
 #[path = "worlds/lemmas.rs"]

@@ -12,7 +12,7 @@ use super::replays::{NearestReplay, replay_nearest};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run::{ClosingSpeed, Counterexample, KeptError, Row, RunError, Stored, wilson};
-use crate::scenario::{Change, Scenario};
+use crate::scenario::{Against, Change, Scenario};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::stl::Explanation;
@@ -125,7 +125,10 @@ impl Ado<'_> {
 
     fn method(&self, scenario: &Scenario) -> String {
         match self {
-            Ado::Trained(..) => scenario.learner.name().to_lowercase(),
+            Ado::Trained(..) => match scenario.against {
+                Against::Nominal => scenario.learner.name().to_lowercase(),
+                family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
+            },
             Ado::Random => "random".to_owned(),
             Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
             Ado::Constant(action) => scenario.action_label(*action),
@@ -235,7 +238,7 @@ impl EvalRequest<'_> {
         (episode, 1, physics_steps)
     }
 
-    fn row(&self, outcomes: &[Option<Outcome>]) -> Row {
+    pub(super) fn row(&self, outcomes: &[Option<Outcome>]) -> Row {
         let mut row = blank_row(self.scenario, self.ego, self.starts);
         row.ado = self.ado.word().to_owned();
         row.method = self.ado.method(self.scenario);
@@ -281,6 +284,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         ado: String::new(),
         method: String::new(),
         train_seed: None,
+        told: None,
         start_seed: starts.seed,
         starts: 0,
         trivial: 0,
@@ -376,6 +380,22 @@ pub fn keep(
     dir: &Path,
     most: usize,
 ) -> Result<Vec<PathBuf>, KeptError> {
+    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
+    keep_played(request, change, evaluated, dir, most, &mut again)
+}
+
+/// The same, for starts whose solution `again` plays.
+///
+/// # Errors
+/// The disk refuses.
+pub fn keep_played(
+    request: &EvalRequest<'_>,
+    change: &Change,
+    evaluated: &Evaluated,
+    dir: &Path,
+    most: usize,
+    again: &mut dyn FnMut(&mut Testbench, usize) -> Episode,
+) -> Result<Vec<PathBuf>, KeptError> {
     std::fs::create_dir_all(dir).map_err(|source| RunError::Io {
         verb: "creating",
         path: dir.into(),
@@ -388,7 +408,7 @@ pub fn keep(
         .take(most);
     let mut files = Vec::new();
     for (index, _) in solved {
-        let episode = request.play(&mut bench, index);
+        let episode = again(&mut bench, index);
         let ado = request.ado.word();
         let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
         let stem = file_stem(request, index);

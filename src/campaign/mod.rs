@@ -3,10 +3,12 @@
 //! Everything here runs in parallel per episode and gives the same rows for any
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
+mod against;
 mod break_even;
 mod case_studies;
 mod eval;
 mod heuristic;
+mod identify;
 mod milestones;
 mod paper_rows;
 mod replay;
@@ -16,16 +18,18 @@ mod search;
 mod table1;
 mod theorems;
 mod train;
+mod tries;
 
 pub use break_even::{BreakEven, Cost, PerStart, break_even};
 pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study};
 pub use eval::{
     Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
-    test_starts,
+    keep_played, test_starts,
 };
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use milestones::{Milestone, milestones};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
+pub use identify::{Identified, IdentifyError, IdentifyRequest, identify};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use search::{Cem, Found, Method, SearchRequest, Searched, anytime, search};
@@ -38,6 +42,7 @@ pub use theorems::{
     TheoremsError, TheoremsRequest, Witness, carry_over, nearby_starts, optimal_values,
 };
 pub use train::{TrainError, Trained, train};
+pub use tries::{Tried, Tries};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -4,11 +4,12 @@ use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use super::Watch;
+use super::against::TrainingGym;
 use crate::rl::{BundleError, Control, Learner, Progress};
 use crate::run::{Done, RunDir, RunError};
 use crate::scenario::Scenario;
 use crate::seed::Purpose;
-use crate::testbench::{Gym, Spent};
+use crate::testbench::Spent;
 
 /// Decisions between two checkpoints.
 const CHECKPOINT_DECISIONS: u64 = 50_000;
@@ -78,17 +79,22 @@ pub fn train(
     run.trim_counterexamples()?;
     let seed = run.manifest().seed;
     let asked = scenario.learner.decisions();
-    let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
-    let spaces = scenario.world().spaces();
+    let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
+    let spaces = &scenario.spaces();
     let mut learner = match (run.checkpoint()?, run.from()?) {
         (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
         (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
         (None, None) => scenario.learner.build(spaces, seed),
     };
-    gym.keep_successes(Spent {
+    gym.inner().count_from(Spent {
         decisions: learner.decisions(),
         physics_steps: run.manifest().physics_steps,
     });
+    // Counterexamples of a family are of egos that nobody could name later.
+    let stores = scenario.against.is_nominal();
+    if stores {
+        gym.inner().keep_successes();
+    }
     let spent_s = run.manifest().cpu_s;
     let clock = ThreadTime::now();
     let mut ledger = Ledger {
@@ -107,9 +113,11 @@ pub fn train(
             }
         });
         run.append_progress(&std::mem::take(&mut ledger.lines))?;
-        run.append_counterexamples(&gym.take_successes())?;
+        if stores {
+            run.append_counterexamples(&gym.inner().take_successes())?;
+        }
         let cpu_s = spent_s + clock.elapsed().as_secs_f64();
-        let done = ledger.done(&*learner, asked, gym.spent(), cpu_s);
+        let done = ledger.done(&*learner, asked, gym.inner().spent(), cpu_s);
         if ledger.hopeless() {
             return Err(TrainError::Faults {
                 aborted: ledger.aborted,
@@ -121,7 +129,7 @@ pub fn train(
         }
     }
     let cpu_s = spent_s + clock.elapsed().as_secs_f64();
-    let done = ledger.done(&*learner, asked, gym.spent(), cpu_s);
+    let done = ledger.done(&*learner, asked, gym.inner().spent(), cpu_s);
     if learner.finished() {
         run.save_policy(&learner.policy_bundle(), done)?;
     }

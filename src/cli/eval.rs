@@ -1,24 +1,26 @@
 //! `brakecheck eval`: a frozen ado on test starts and egos, beside baselines.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::rivals::Rivals;
+use super::told::{Params, Playing, playing};
 use super::{
     Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
     start_count, table, talk, theorems,
 };
 use crate::campaign::{
-    Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Watch, best_constant,
-    eval, explain_first, keep, reused_on, search, summarise, test_starts,
+    Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Tries, Watch,
+    best_constant, eval, explain_first, keep, keep_played, reused_on, search, summarise,
+    test_starts,
 };
-use crate::rl::Policy;
 use crate::run::{Row, RunDir};
-use crate::scenario::Change;
+use crate::scenario::{Against, Change, Scenario};
 use crate::scene::grid::exact::{PositionPolicy, chase};
 use crate::stl::Explanation;
+use crate::testbench::Testbench;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
@@ -39,6 +41,14 @@ pub(super) struct EvalArgs {
     /// Also search with at most so many switches, and fill in recall.
     #[arg(long, value_name = "M")]
     search: Option<usize>,
+    /// What a conditional ado is told of each ego: its nominal or its true
+    /// parameters, those identified from recorded runs, or those of a file that
+    /// `identify` wrote.
+    #[arg(long, value_name = "nominal|true|identified|P.ron")]
+    params: Option<String>,
+    /// Runs of the trained ado per start: the greedy one, then explored ones.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    tries: u64,
     /// Write counterexamples of the trained ado into a directory.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -79,7 +89,11 @@ enum AdoArg {
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let run = RunDir::open(&args.run)?;
-    let policy = run.policy()?;
+    let params = Params::of(&run, args.params.as_deref())?;
+    if params.is_none() {
+        // A conditional ado refuses here to be played untold.
+        run.policy()?;
+    }
     let mut nominal = run.scenario()?;
     if let Some(plant) = args.plant {
         nominal = on_plant(&nominal, plant)?;
@@ -112,15 +126,6 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     if args.ado.contains(&AdoArg::Replays) {
         rivals.read(&run)?;
     }
-    let job = Job {
-        args,
-        policy: &*policy,
-        train_seed: run.manifest().seed,
-        starts: &starts,
-        watch: &watch,
-        rivals: &rivals,
-        on_a_grid: nominal.grid().is_some(),
-    };
     let mut reused = Vec::new();
     let mut reasons = Vec::new();
     for ego in &egos {
@@ -136,13 +141,19 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
                 Some(own)
             }
         };
+        let seed = args.common.seed;
         let job = Job {
+            args,
+            playing: &playing(&run, params.as_ref(), ego, seed, &watch)?,
+            train_seed: run.manifest().seed,
             starts: own.as_ref().unwrap_or(&starts),
-            ..job
+            watch: &watch,
+            rivals: &rivals,
+            on_a_grid: nominal.grid().is_some(),
         };
         let (rows, reason) = job.one_ego(ego)?;
         reasons.extend(reason);
-        let relation = relation(ego);
+        let relation = relation(&run, &nominal, ego);
         reused.push(reused_on(
             &ego.scenario,
             (&ego.name, relation),
@@ -161,7 +172,10 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             "nominal" => super::egos(&nominal, "all")?,
             _ => egos,
         };
-        checked = theorems::check(&nominal, changed, &*policy, &starts, &watch)?;
+        // One ado for all egos: a conditional one is told of the nominal ego.
+        let own = NamedEgo::nominal(&nominal);
+        let playing = playing(&run, params.as_ref(), &own, args.common.seed, &watch)?;
+        checked = theorems::check(&nominal, changed, &*playing.policy, &starts, &watch)?;
     }
     bar.finish_and_clear();
     let rows: Vec<Row> = reused.iter().flat_map(|ego| ego.rows.clone()).collect();
@@ -208,10 +222,16 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
 }
 
 /// What an ego was to the ado in training.
-fn relation(ego: &NamedEgo) -> Relation {
-    match ego.change == Change::default() {
-        true => Relation::Trained,
-        false => Relation::ZeroShot,
+fn relation(run: &RunDir, nominal: &Scenario, ego: &NamedEgo) -> Relation {
+    let none = Change::default();
+    let trained = run.manifest().ego.as_ref().map_or(&none, |ego| &ego.change);
+    if ego.change == *trained {
+        return Relation::Trained;
+    }
+    match (nominal.against, nominal.family()) {
+        (Against::Nominal, _) | (_, None) => Relation::ZeroShot,
+        (_, Some(family)) if family.covers(&ego.change) => Relation::Inside,
+        _ => Relation::Outside,
     }
 }
 
@@ -225,7 +245,7 @@ struct Reason {
 #[derive(Clone, Copy)]
 struct Job<'a> {
     args: &'a EvalArgs,
-    policy: &'a dyn Policy,
+    playing: &'a Playing,
     train_seed: u64,
     starts: &'a TestStarts,
     watch: &'a Watch<'a>,
@@ -247,18 +267,21 @@ impl Job<'_> {
             for rival in rivals {
                 rows.push(eval(&self.request(ego, rival), self.watch).row);
             }
-            let Some(evaluated) = self.one_ado(ego, ado)? else {
+            let Some(mut evaluated) = self.one_ado(ego, ado)? else {
                 continue;
             };
             if ado == AdoArg::Trained {
-                let request = self.request(ego, Ado::Trained(self.policy, self.train_seed));
-                let explained = explain_first(&request, &evaluated);
-                reason = explained.map(|(start, explanation)| Reason {
-                    ego: ego.name.clone(),
-                    start,
-                    explanation,
-                });
-                self.keep(ego, &request, &evaluated)?;
+                if self.args.tries == 1 {
+                    let request = self.trained(ego);
+                    let explained = explain_first(&request, &evaluated);
+                    reason = explained.map(|(start, explanation)| Reason {
+                        ego: ego.name.clone(),
+                        start,
+                        explanation,
+                    });
+                    self.keep(ego, &request, &evaluated)?;
+                }
+                evaluated.row.told = self.playing.told.map(str::to_owned);
             }
             rows.push(evaluated.row);
         }
@@ -306,6 +329,31 @@ impl Job<'_> {
         }
     }
 
+    fn trained<'b>(&'b self, ego: &'b NamedEgo) -> EvalRequest<'b> {
+        self.request(ego, Ado::Trained(&*self.playing.policy, self.train_seed))
+    }
+
+    /// The trained ado with several tries per start.
+    fn tried(&self, ego: &NamedEgo) -> Result<Evaluated, Failure> {
+        let request = self.trained(ego);
+        let tries = Tries {
+            request,
+            policy: &*self.playing.policy,
+            others: &self.playing.others,
+            tries: self.args.tries,
+        };
+        let tried = tries.run(self.watch);
+        if let Some(dir) = &self.args.keep {
+            let mut again = |bench: &mut Testbench, index: usize| {
+                tries.play(bench, index, tried.winners[index].unwrap_or(0))
+            };
+            let (evaluated, most) = (&tried.evaluated, self.args.keep_most);
+            let files = keep_played(&request, &ego.change, evaluated, dir, most, &mut again)?;
+            self.say_kept(ego, files.len(), evaluated, dir);
+        }
+        Ok(tried.evaluated)
+    }
+
     /// `None`: a rival, which has rows of its own.
     fn one_ado(&self, ego: &NamedEgo, ado: AdoArg) -> Result<Option<Evaluated>, Failure> {
         let ado = match ado {
@@ -318,7 +366,8 @@ impl Job<'_> {
             AdoArg::Heuristic | AdoArg::Replays => return Ok(None),
             AdoArg::Random => Ado::Random,
             AdoArg::Hold => Ado::Held,
-            AdoArg::Trained | AdoArg::All => Ado::Trained(self.policy, self.train_seed),
+            AdoArg::Trained | AdoArg::All if 1 < self.args.tries => return self.tried(ego).map(Some),
+            AdoArg::Trained | AdoArg::All => Ado::Trained(&*self.playing.policy, self.train_seed),
         };
         Ok(Some(eval(&self.request(ego, ado), self.watch)))
     }
@@ -369,13 +418,16 @@ impl Job<'_> {
             return Ok(());
         };
         let files = keep(request, &ego.change, evaluated, dir, self.args.keep_most)?;
+        self.say_kept(ego, files.len(), evaluated, dir);
+        Ok(())
+    }
+
+    fn say_kept(&self, ego: &NamedEgo, files: usize, evaluated: &Evaluated, dir: &Path) {
         talk::say(&format!(
-            "kept {} of {} counterexamples of `{}` in {}",
-            files.len(),
+            "kept {files} of {} counterexamples of `{}` in {}",
             evaluated.row.successes,
             ego.name,
             dir.display()
         ));
-        Ok(())
     }
 }

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
-use crate::campaign::{RegressionError, Table1Error, TrainError};
-use crate::run::{KeptError, RunError};
+use crate::campaign::{IdentifyError, RegressionError, Table1Error, TrainError};
+use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError};
 
 /// The documented exit codes.
@@ -153,6 +153,7 @@ impl From<RunError> for Failure {
             RunError::World(world) => Failure::from(*world),
             RunError::NotARun { .. }
             | RunError::Exists { .. }
+            | RunError::Untold { .. }
             | RunError::Unfinished { .. }
             | RunError::NothingStored { .. } => {
                 Failure::plain(Exit::Input, error.to_string(), help)
@@ -160,6 +161,37 @@ impl From<RunError> for Failure {
             RunError::Io { .. } | RunError::Locked { .. } | RunError::Damaged { .. } => {
                 Failure::plain(Exit::Fault, error.to_string(), help)
             }
+        }
+    }
+}
+
+impl From<IdentifiedError> for Failure {
+    fn from(error: IdentifiedError) -> Failure {
+        match error {
+            IdentifiedError::Run(error) => Failure::from(error),
+            IdentifiedError::Format { .. } => Failure::input(
+                error.to_string(),
+                "such files are written by `brakecheck identify RUN --ego … -o P.ron`",
+            ),
+        }
+    }
+}
+
+impl From<IdentifyError> for Failure {
+    fn from(error: IdentifyError) -> Failure {
+        match error {
+            IdentifyError::NoRuns { .. } => Failure::fault(
+                error.to_string(),
+                Some("look at the ego: its controller errs or its commands are not finite".into()),
+            ),
+            IdentifyError::NotVaried { .. } | IdentifyError::NothingToFit => Failure::input(
+                error.to_string(),
+                "leave out fewer quantities, and only those",
+            ),
+            IdentifyError::NoFamily { .. } => Failure::input(
+                error.to_string(),
+                "families stand under `train_against` in a world file: docs/reuse.md",
+            ),
         }
     }
 }

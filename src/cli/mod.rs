@@ -5,6 +5,7 @@
 mod check;
 mod eval;
 mod failure;
+mod identify;
 mod kept;
 mod reproduce;
 mod rivals;
@@ -13,6 +14,7 @@ mod stl;
 mod table;
 mod talk;
 mod theorems;
+mod told;
 mod train;
 
 use std::path::PathBuf;
@@ -58,6 +60,8 @@ enum Verb {
     Eval(eval::EvalArgs),
     /// Search action sequences per start: what an adversary can do at all.
     Search(search::SearchArgs),
+    /// Fit a family's parameters to an ego seen only from outside.
+    Identify(identify::IdentifyArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     Replay(kept::ReplayArgs),
     /// Measure a formula of Signal Temporal Logic on a trace in CSV.
@@ -74,7 +78,11 @@ impl Verb {
     fn saves_when_interrupted(&self) -> bool {
         matches!(
             self,
-            Verb::Train(_) | Verb::Eval(_) | Verb::Search(_) | Verb::Reproduce(_)
+            Verb::Train(_)
+                | Verb::Eval(_)
+                | Verb::Search(_)
+                | Verb::Identify(_)
+                | Verb::Reproduce(_)
         )
     }
 }
@@ -119,6 +127,7 @@ pub fn main() -> ExitCode {
         Verb::Train(args) => with_jobs(&args.common.clone(), move || train::run(&args)),
         Verb::Eval(args) => with_jobs(&args.common.clone(), move || eval::run(&args)),
         Verb::Search(args) => with_jobs(&args.common.clone(), move || search::run(&args)),
+        Verb::Identify(args) => with_jobs(&args.common.clone(), move || identify::run(&args)),
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
         Verb::Reproduce(args) => with_jobs(&args.common.clone(), move || reproduce::run(&args)),
@@ -149,13 +158,19 @@ struct NamedEgo {
     scenario: Scenario,
 }
 
+impl NamedEgo {
+    /// The world's own.
+    fn nominal(scenario: &Scenario) -> NamedEgo {
+        NamedEgo {
+            name: "nominal".to_owned(),
+            change: Change::default(),
+            scenario: scenario.clone(),
+        }
+    }
+}
+
 /// Resolves `--ego NAME|FILE.ron|all` against a world.
 fn egos(scenario: &Scenario, asked: &str) -> Result<Vec<NamedEgo>, Failure> {
-    let nominal = || NamedEgo {
-        name: "nominal".to_owned(),
-        change: Change::default(),
-        scenario: scenario.clone(),
-    };
     let reused = |name: &String, change: &Change| -> Result<NamedEgo, Failure> {
         let changed = scenario
             .with(change)
@@ -167,10 +182,10 @@ fn egos(scenario: &Scenario, asked: &str) -> Result<Vec<NamedEgo>, Failure> {
         })
     };
     if asked == "nominal" {
-        return Ok(vec![nominal()]);
+        return Ok(vec![NamedEgo::nominal(scenario)]);
     }
     if asked == "all" {
-        let mut all = vec![nominal()];
+        let mut all = vec![NamedEgo::nominal(scenario)];
         for (name, change) in &scenario.reuse {
             all.push(reused(name, change)?);
         }

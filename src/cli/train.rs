@@ -2,18 +2,19 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{
-    Common, Exit, Failure, PlantArg, interrupted_early, on_plant, print_json, start_count, table,
-    talk,
+    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
+    start_count, table, talk,
 };
 use crate::campaign::{
     Ado, EvalRequest, TrainError, Watch, best_constant, eval, keep, test_starts, train,
 };
-use crate::run::{Row, RunDir};
-use crate::scenario::{Change, Scenario};
+use crate::rl::Policy;
+use crate::run::{ChangedEgo, Row, RunDir};
+use crate::scenario::{Against, Change, Scenario};
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
 const KEPT_EPISODES: usize = 5;
@@ -31,6 +32,12 @@ pub(super) struct TrainArgs {
     /// Which of the world's `learners` to train with, instead of its `learner`.
     #[arg(long, value_name = "NAME")]
     learner: Option<String>,
+    /// What to train against: the world's ego, or its family under `train_against`.
+    #[arg(long, value_enum, default_value = "nominal", value_name = "WHOM")]
+    against: AgainstArg,
+    /// Train against a changed ego: a name under `reuse`, or a RON file.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    ego: Option<String>,
     /// The physics to train in, instead of the world's.
     #[arg(long)]
     plant: Option<PlantArg>,
@@ -45,6 +52,26 @@ pub(super) struct TrainArgs {
     starts: usize,
     #[command(flatten)]
     pub(super) common: Common,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum AgainstArg {
+    /// The world's own ego.
+    Nominal,
+    /// All egos of the family; the ado is not told which one it meets.
+    Wide,
+    /// All egos of the family; the ado is told the parameters of each.
+    Conditional,
+}
+
+impl From<AgainstArg> for Against {
+    fn from(arg: AgainstArg) -> Against {
+        match arg {
+            AgainstArg::Nominal => Against::Nominal,
+            AgainstArg::Wide => Against::Wide,
+            AgainstArg::Conditional => Against::Conditional,
+        }
+    }
 }
 
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
@@ -62,6 +89,9 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         };
         scenario = scenario.learning_by(name).ok_or_else(none)?;
     }
+    if args.against != AgainstArg::Nominal {
+        scenario = against(args, &scenario)?;
+    }
     if let Some(decisions) = args.decisions {
         scenario.learner = scenario.learner.with_decisions(decisions);
     }
@@ -77,7 +107,8 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         progress: &|done, _| bar.set_position(done),
         stop: talk::stop(),
     };
-    let trained = train(&scenario, &mut run, &watch)?;
+    let tested = tested(&scenario, &run)?;
+    let trained = train(&tested.scenario, &mut run, &watch)?;
     bar.finish_and_clear();
     if trained.interrupted {
         talk::say(&format!(
@@ -100,7 +131,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
             trained.aborted
         ));
     }
-    let Some(rows) = closing_evaluation(args, &scenario, &run)? else {
+    let Some(rows) = closing_evaluation(args, &tested, &run)? else {
         return Ok(interrupted_early());
     };
     run.save_report(&rows)?;
@@ -126,19 +157,105 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     })
 }
 
+/// The world, to train against its family.
+fn against(args: &TrainArgs, scenario: &Scenario) -> Result<Scenario, Failure> {
+    let refused = |what: &str, help: &str| Err(Failure::input(what, help));
+    if args.ego.is_some() {
+        return refused(
+            "`--against` trains on a family of egos, `--ego` on one of them",
+            "leave out one of the two",
+        );
+    }
+    if args.learner.is_some() {
+        return refused(
+            "`--learner` is for training against the nominal ego",
+            "leave it out: a family names its own learners, `wide` and `conditional`",
+        );
+    }
+    if args.plant.is_some() {
+        return refused(
+            "`--plant` is for training against one ego",
+            "leave it out: a family names its plants under `train_against`",
+        );
+    }
+    scenario
+        .training_against(args.against.into())
+        .ok_or_else(|| {
+            Failure::input(
+                format!("`{}` names no family of egos", scenario.name),
+                "add `train_against: Family(ego: { … })` to the world: docs/reuse.md",
+            )
+        })
+}
+
+/// The ego that a run trains against: the world's, or the changed one it names.
+fn tested(scenario: &Scenario, run: &RunDir) -> Result<NamedEgo, Failure> {
+    let Some(ego) = &run.manifest().ego else {
+        return Ok(NamedEgo::nominal(scenario));
+    };
+    let changed = scenario.with(&ego.change);
+    Ok(NamedEgo {
+        name: ego.name.clone(),
+        change: ego.change.clone(),
+        scenario: changed
+            .map_err(|error| Failure::input(error.to_string(), "the run's world has changed"))?,
+    })
+}
+
 /// Makes a run; a policy to begin with is checked first and kept in it.
 fn begin(args: &TrainArgs, path: &std::path::Path, scenario: &Scenario) -> Result<RunDir, Failure> {
-    let Some(from) = &args.from else {
-        return Ok(RunDir::create(path, scenario, args.common.seed)?);
+    let seed = args.common.seed;
+    let ego = match &args.ego {
+        Some(name) => one_ego(scenario, name)?,
+        None => None,
     };
-    let bundle = RunDir::open(from)?.policy_bundle()?;
+    let Some(from) = &args.from else {
+        let mut run = RunDir::create(path, scenario, seed)?;
+        if let Some(ego) = ego {
+            run.save_ego(ego)?;
+        }
+        return Ok(run);
+    };
+    let source = RunDir::open(from)?;
+    let bundle = source.policy_bundle()?;
+    let was = source.manifest().against;
+    if (was == Against::Conditional) != (scenario.against == Against::Conditional) {
+        return Err(Failure::input(
+            format!(
+                "the ado in `{}` is {was}, this training {}",
+                from.display(),
+                scenario.against
+            ),
+            "a conditional ado is told the ego's parameters, others are not: \
+             fine-tune a conditional ado with `--against conditional`, any other without",
+        ));
+    }
     let fits = scenario
         .learner
-        .build_from(scenario.world().spaces(), args.common.seed, &bundle);
+        .build_from(&scenario.spaces(), seed, &bundle);
     fits.map_err(TrainError::from)?;
-    let mut run = RunDir::create(path, scenario, args.common.seed)?;
+    let mut run = RunDir::create(path, scenario, seed)?;
     run.save_from(&bundle)?;
+    if let Some(ego) = ego {
+        run.save_ego(ego)?;
+    }
     Ok(run)
+}
+
+/// The changed ego of `--ego`; `None`: it is the nominal one.
+fn one_ego(scenario: &Scenario, name: &str) -> Result<Option<ChangedEgo>, Failure> {
+    if name == "all" {
+        return Err(Failure::input(
+            "`--ego all` names many egos, and an ado is trained against one",
+            "name one of them; `--against wide` trains against a family",
+        ));
+    }
+    let ego = egos(scenario, name)?.into_iter().next();
+    let changed = ego.filter(|ego| ego.change != Change::default());
+    Ok(changed.map(|ego| ChangedEgo {
+        name: ego.name,
+        change: ego.change,
+    }))
 }
 
 /// Opens a run to go on with; it must be of the same world and length.
@@ -159,6 +276,20 @@ fn resume(
             "resume with the world file in the run directory, or train anew with `-o`",
         ));
     }
+    let manifest = run.manifest();
+    if args.against != AgainstArg::Nominal && manifest.against != args.against.into() {
+        return Err(Failure::input(
+            format!("this run was begun against {}", manifest.against),
+            "leave out `--against`",
+        ));
+    }
+    let begun_with = manifest.ego.as_ref().map(|ego| &ego.name);
+    if args.ego.is_some() && args.ego.as_ref() != begun_with {
+        return Err(Failure::input(
+            "this run was begun with another ego",
+            "leave out `--ego`",
+        ));
+    }
     if args.learner.is_some() && args.learner != run.manifest().learner {
         return Err(Failure::input(
             "this run was begun with another learner",
@@ -167,6 +298,7 @@ fn resume(
     }
     scenario.learner = kept.learner.clone();
     scenario.learning = kept.learning.clone();
+    scenario.against = kept.against;
     if args.plant.is_none() {
         *scenario = kept;
     } else if scenario.plant() != run.manifest().plant {
@@ -196,10 +328,11 @@ fn resume(
 /// The trained ado beside the baselines, on the first test starts.
 fn closing_evaluation(
     args: &TrainArgs,
-    scenario: &Scenario,
+    ego: &NamedEgo,
     run: &RunDir,
 ) -> Result<Option<Vec<Row>>, Failure> {
-    let policy = run.policy()?;
+    let scenario = &ego.scenario;
+    let policy = closing_policy(scenario, run)?;
     let bar = talk::bar("evaluating", 0);
     let watch = Watch {
         progress: &|done, total| {
@@ -213,26 +346,31 @@ fn closing_evaluation(
     };
     let request = |ado| EvalRequest {
         scenario,
-        ego: "nominal",
+        ego: &ego.name,
         ado,
         starts: &starts,
     };
     let trained = request(Ado::Trained(&*policy, run.manifest().seed));
-    let evaluated = eval(&trained, &watch);
+    let mut evaluated = eval(&trained, &watch);
+    if scenario.against == Against::Conditional {
+        evaluated.row.told = Some("nominal".to_owned());
+    }
     let episodes = run.path().join("episodes");
-    keep(
-        &trained,
-        &Change::default(),
-        &evaluated,
-        &episodes,
-        KEPT_EPISODES,
-    )?;
+    keep(&trained, &ego.change, &evaluated, &episodes, KEPT_EPISODES)?;
     let rows = vec![
         evaluated.row,
         eval(&request(Ado::Held), &watch).row,
         eval(&request(Ado::Random), &watch).row,
-        best_constant(scenario, "nominal", &starts, &watch).row,
+        best_constant(scenario, &ego.name, &starts, &watch).row,
     ];
     bar.finish_and_clear();
     Ok(Some(rows))
+}
+
+/// The trained ado; a conditional one is told the nominal parameters.
+fn closing_policy(scenario: &Scenario, run: &RunDir) -> Result<Box<dyn Policy>, Failure> {
+    Ok(match (scenario.family(), scenario.drive()) {
+        (Some(family), Some(spec)) => run.policy_told(&family.nominal(spec.plant))?,
+        _ => run.policy()?,
+    })
 }

@@ -36,7 +36,7 @@ pub enum RunError {
         /// Decisions asked for.
         asked: u64,
     },
-    /// An earlier version trained there.
+    /// An earlier version trained there, or the training met a family.
     #[error("the training in `{path}` stored no counterexamples")]
     NothingStored {
         /// The directory.
@@ -62,6 +62,14 @@ pub enum RunError {
         /// What is wrong.
         why: String,
     },
+    /// Its ado is conditional, and nothing was said about the ego.
+    #[error("the ado in `{path}` is conditional: it must be told {}", names.join(", "))]
+    Untold {
+        /// The directory.
+        path: PathBuf,
+        /// What it must be told.
+        names: Vec<String>,
+    },
     /// The world in it is not usable.
     #[error("the world of this run: {0}")]
     World(Box<ScenarioError>),
@@ -81,7 +89,8 @@ impl RunError {
                 Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
             }
             RunError::NothingStored { .. } => {
-                Some("an earlier version trained it: train again".to_owned())
+                Some("an earlier version trained it, or it met a family of egos: name a run that was \
+                 trained against one ego".to_owned())
             }
             RunError::Exists { .. } => {
                 Some("go on with `--resume`, or name another directory with `-o`".to_owned())
@@ -90,6 +99,11 @@ impl RunError {
             RunError::Damaged { .. } => {
                 Some("restore the file from a backup, or train again".to_owned())
             }
+            RunError::Untold { .. } => Some(
+                "`eval` takes `--params identified`, `true`, `nominal`, or a file that \
+                 `brakecheck identify` wrote"
+                    .to_owned(),
+            ),
             RunError::World(_) => None,
         }
     }

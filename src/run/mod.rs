@@ -17,11 +17,13 @@
 //! killed process never leaves a half-written one behind.
 
 mod error;
+mod identified;
 mod interval;
 mod kept;
 mod row;
 mod samples;
 mod stored;
+mod told;
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -31,6 +33,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 pub use error::RunError;
+pub use identified::{IdentifiedEgo, IdentifiedEgos, IdentifiedError};
 pub use interval::{mean_difference, paired_difference, two_level_bootstrap, wilson};
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use row::{Anytime, ClosingSpeed, Row, Unconfirmed};
@@ -38,8 +41,9 @@ pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
-use crate::scenario::{LoadError, Scenario};
+use crate::scenario::{Against, Change, LoadError, Member, Scenario};
 use crate::scene::Dynamics;
+use told::Told;
 
 /// Version of the layout; another one is refused.
 const FORMAT: u32 = 1;
@@ -78,6 +82,15 @@ pub struct Manifest {
     /// Which of the world's `learners` trained; `None`: its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learner: Option<String>,
+    /// What it was trained against.
+    #[serde(default, skip_serializing_if = "Against::is_nominal")]
+    pub against: Against,
+    /// What the ado is told besides its observation, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub told: Vec<String>,
+    /// The changed ego it was trained against; `None`: the world's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ego: Option<ChangedEgo>,
     /// SHA-256 of `from.safetensors`, when fine-tuning.
     #[serde(default)]
     pub from_sha256: Option<String>,
@@ -93,6 +106,15 @@ impl Manifest {
     pub fn is_finished(&self) -> bool {
         self.policy_sha256.is_some()
     }
+}
+
+/// The changed ego that a run was trained against.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChangedEgo {
+    /// How rows call it.
+    pub name: String,
+    /// How it differs from the world's own.
+    pub change: Change,
 }
 
 /// An open run directory.
@@ -131,6 +153,9 @@ impl RunDir {
                 cpu_s: 0.0,
                 counterexamples: None,
                 learner: scenario.learning.clone(),
+                against: scenario.against,
+                told: told_names(scenario),
+                ego: None,
                 from_sha256: None,
                 checkpoint: None,
                 policy_sha256: None,
@@ -194,11 +219,14 @@ impl RunDir {
         &self.path
     }
 
-    /// Whether it is of this very world, on its plant, with its decisions.
+    /// Whether it is of this very world, on its plant, with its decisions,
+    /// against the same ego or family.
     pub fn is_of(&self, scenario: &Scenario) -> bool {
         self.manifest.world_sha256 == sha256(scenario.text.as_bytes())
             && self.manifest.plant == scenario.plant()
             && self.manifest.decisions == scenario.learner.decisions()
+            && self.manifest.against == scenario.against
+            && self.manifest.ego.is_none()
     }
 
     /// What it was.
@@ -231,8 +259,18 @@ impl RunDir {
         }
     }
 
-    /// The world with the learner that the manifest names.
+    /// The world with the learner and the family that the manifest names.
     fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
+        let against = self.manifest.against;
+        if !against.is_nominal() {
+            let world = world.training_against(against);
+            let told = world.as_ref().map(told_names);
+            let fits = told.is_some_and(|told| told == self.manifest.told);
+            return world.filter(|_| fits).ok_or_else(|| RunError::Damaged {
+                path: self.path.join("manifest.json"),
+                why: format!("its world has another family than the {against} ado was trained on"),
+            });
+        }
         let Some(name) = &self.manifest.learner else {
             return Ok(world);
         };
@@ -245,12 +283,37 @@ impl RunDir {
     /// The trained ado.
     ///
     /// # Errors
-    /// There is none yet, or its file is damaged.
+    /// There is none yet, its file is damaged, or it must be told which ego it
+    /// meets ([`RunDir::policy_told`]).
     pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
-        let bundle = self.policy_bundle()?;
+        if self.manifest.against == Against::Conditional {
+            return Err(RunError::Untold {
+                path: self.path.clone(),
+                names: self.manifest.told.clone(),
+            });
+        }
+        self.shaped_policy(&self.scenario()?)
+    }
+
+    /// The trained ado; a conditional one is told that it meets `member`.
+    ///
+    /// # Errors
+    /// There is none yet, or its file is damaged.
+    pub fn policy_told(&self, member: &Member) -> Result<Box<dyn Policy>, RunError> {
         let scenario = self.scenario()?;
-        load_policy_for(scenario.world().spaces(), &bundle)
-            .map_err(self.damaged("policy.safetensors"))
+        let policy = self.shaped_policy(&scenario)?;
+        Ok(match (scenario.against, scenario.family()) {
+            (Against::Conditional, Some(family)) => Box::new(Told {
+                policy,
+                told: family.told(member),
+            }),
+            _ => policy,
+        })
+    }
+
+    fn shaped_policy(&self, scenario: &Scenario) -> Result<Box<dyn Policy>, RunError> {
+        let bundle = self.policy_bundle()?;
+        load_policy_for(&scenario.spaces(), &bundle).map_err(self.damaged("policy.safetensors"))
     }
 
     /// The trained ado as stored.
@@ -291,6 +354,15 @@ impl RunDir {
         Bundle::from_bytes(&bytes)
             .map(Some)
             .map_err(self.damaged("from.safetensors"))
+    }
+
+    /// Notes the changed ego that is trained against.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save_ego(&mut self, ego: ChangedEgo) -> Result<(), RunError> {
+        self.manifest.ego = Some(ego);
+        self.write_manifest()
     }
 
     /// Keeps the policy that a fine-tuning begins with.
@@ -447,6 +519,14 @@ impl RunDir {
             path: path.clone(),
             why: error.to_string(),
         }
+    }
+}
+
+/// What an ado of this training is told besides its observation.
+fn told_names(scenario: &Scenario) -> Vec<String> {
+    match (scenario.against, scenario.family()) {
+        (Against::Conditional, Some(family)) => family.told_names(),
+        _ => Vec::new(),
     }
 }
 

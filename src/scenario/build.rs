@@ -6,10 +6,11 @@ use super::Scenario;
 use super::cast::Cast;
 use super::check::{self, Problems};
 use super::error::Problem;
+use super::family::Against;
 use super::file::ScenarioFile;
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
-use super::{starts, trained, trial, vacuous};
+use super::{kinship, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 
@@ -89,6 +90,9 @@ pub(super) fn assemble(
     starts::check(&mut problems, &list, &spec, &entries);
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
+    let family = file
+        .train_against
+        .and_then(|family| kinship::family(&mut problems, &top.to("train_against"), family, &spec));
     problems.done()?;
 
     // Bind everything to all signals there are, then publish what is used.
@@ -142,6 +146,8 @@ pub(super) fn assemble(
         learner: file.learner,
         learners: file.learners.0,
         learning: None,
+        against: Against::Nominal,
+        family: family.map(Arc::new),
         reuse: file.reuse.0,
         warnings: Vec::new(),
         world,

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::marker::PhantomData;
 
+use super::family::FamilyFile;
 use indexmap::IndexMap;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -47,6 +48,8 @@ pub(super) struct ScenarioFile {
     pub(super) learner: LearnerConfig,
     #[serde(default)]
     pub(super) learners: Ordered<LearnerConfig>,
+    #[serde(default)]
+    pub(super) train_against: Option<FamilyFile>,
     #[serde(default)]
     pub(super) reuse: Ordered<Change>,
 }

@@ -7,6 +7,7 @@ use serde::Deserialize;
 
 use super::check::{self, Problems};
 use super::error::Problem;
+use super::family::Against;
 use super::file::{GridChange, Ordered, RuleFile, SignalFile};
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
@@ -178,6 +179,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         learner: file.learner,
         learners: file.learners.0,
         learning: None,
+        against: Against::Nominal,
+        family: None,
         reuse,
         warnings: Vec::new(),
         world,

@@ -16,8 +16,10 @@ mod build;
 mod cast;
 mod check;
 mod error;
+mod family;
 mod file;
 mod grid;
+mod kinship;
 mod language;
 mod locate;
 mod read;
@@ -32,15 +34,16 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 
 pub use error::{Problem, ScenarioError};
+pub use family::{Against, Family, Member, MisfitMember, NoMember, Quantity, Varied};
 pub use file::{Change, GridChange, Patch};
 pub use locate::Path;
 
 use crate::ego::ControllerSpec;
-use crate::rl::LearnerConfig;
+use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
-use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive};
+use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive, Tuning};
 use crate::scene::grid::GridWorld;
-use crate::scene::{Axis, Dynamics, Held, Start, World};
+use crate::scene::{Axis, Dynamics, Held, Scene, Start, World};
 use crate::sim::PlantKind;
 use crate::stl::{Formula, Names};
 use crate::testbench::Testbench;
@@ -70,10 +73,13 @@ pub struct Scenario {
     pub learners: IndexMap<String, LearnerConfig>,
     /// Which of them is `learner`; `None`: the world's own.
     pub learning: Option<String>,
+    /// What an ado is trained against.
+    pub against: Against,
     /// What the same trained ado is reused on.
     pub reuse: IndexMap<String, Change>,
     /// What looked odd but is allowed.
     pub warnings: Vec<Problem>,
+    family: Option<Arc<Family>>,
     world: World,
     rulebook: Arc<Rulebook>,
 }
@@ -208,6 +214,44 @@ impl Scenario {
             learning: Some(name.to_owned()),
             ..self.clone()
         })
+    }
+
+    /// The family of egos under `train_against`, if the world has one.
+    pub fn family(&self) -> Option<&Family> {
+        self.family.as_deref()
+    }
+
+    /// The same world, to train against its family as that says.
+    ///
+    /// `None`: it has no family.
+    pub fn training_against(&self, against: Against) -> Option<Scenario> {
+        let learner = match (against, self.family()) {
+            (Against::Nominal, _) => self.learner.clone(),
+            (Against::Wide, family) => family?.wide.clone(),
+            (Against::Conditional, family) => family?.conditional.clone(),
+        };
+        Some(Scenario {
+            learner,
+            against,
+            ..self.clone()
+        })
+    }
+
+    /// Shapes of what an ado sees, with what a conditional one is told.
+    pub fn spaces(&self) -> Spaces {
+        let mut spaces = self.world.spaces().clone();
+        if let (Against::Conditional, Some(family)) = (self.against, self.family()) {
+            spaces.observation += family.told_width();
+        }
+        spaces
+    }
+
+    /// The scene of a member of the family; `None`: this world is not driven.
+    pub fn scene_of(&self, tuning: &Tuning) -> Option<Box<dyn Scene>> {
+        match &self.world {
+            World::Drive(world) => Some(Box::new(world.tuned(tuning).scene())),
+            World::Grid(_) => None,
+        }
     }
 
     /// The same world with something changed.

@@ -90,6 +90,18 @@ impl Testbench {
         }
     }
 
+    /// Plays on another scene from the next episode on.
+    ///
+    /// It must publish the same signals on the same clocks.
+    pub fn restage(&mut self, scene: Box<dyn Scene>) {
+        // Invariant: the rulebook is bound to this schema.
+        assert!(
+            Arc::ptr_eq(self.scene.schema(), scene.schema()),
+            "another scene publishes the same signals"
+        );
+        self.scene = scene;
+    }
+
     /// The rulebook in force.
     pub fn rulebook(&self) -> &Rulebook {
         &self.rulebook
@@ -411,9 +423,13 @@ impl Gym {
         }
     }
 
-    /// Counts from `spent` on, and keeps successes until they are taken.
-    pub fn keep_successes(&mut self, spent: Spent) {
+    /// Counts what it costs from `spent` on.
+    pub fn count_from(&mut self, spent: Spent) {
         self.spent = spent;
+    }
+
+    /// Keeps successes until they are taken.
+    pub fn keep_successes(&mut self) {
         self.successes = Some(Vec::new());
     }
 
@@ -442,6 +458,20 @@ impl Gym {
             });
         }
     }
+
+    /// The bench it plays on.
+    pub fn bench(&mut self) -> &mut Testbench {
+        &mut self.bench
+    }
+
+    /// Names the episode that `reset(index)` begins.
+    pub fn key(&self, index: u64) -> StartKey {
+        StartKey {
+            purpose: self.purpose,
+            seed: self.seed,
+            index,
+        }
+    }
 }
 
 impl rl::Env for Gym {
@@ -450,11 +480,7 @@ impl rl::Env for Gym {
     }
 
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
-        let key = StartKey {
-            purpose: self.purpose,
-            seed: self.seed,
-            index,
-        };
+        let key = self.key(index);
         self.index = index;
         self.start = self.bench.draw(key);
         self.actions.clear();

@@ -18,6 +18,7 @@ mod spec;
 mod staging;
 mod steering;
 mod trained;
+mod tuning;
 
 use std::sync::Arc;
 
@@ -32,6 +33,7 @@ pub use sensors::Sensors;
 pub use signals::{Offer, TTC_CAP_S};
 pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoDrive, Place, Range};
 pub use trained::{Trained, TrainedError};
+pub use tuning::Tuning;
 
 use super::Axis;
 use crate::rl::Spaces;
@@ -83,6 +85,7 @@ pub enum SceneError {
 #[derive(Clone)]
 pub struct DriveWorld(Arc<Layout>);
 
+#[derive(Clone)]
 struct Layout {
     spec: DriveSpec,
     course: Course,

@@ -111,6 +111,7 @@ pub(super) enum Who {
 }
 
 /// A trained ado bound to the world it acts in.
+#[derive(Clone)]
 pub(super) struct Frozen {
     pub(super) who: Who,
     pub(super) actions: Actions,

@@ -1,0 +1,179 @@
+//! Some more runs around a trained ado, where its first one does not succeed.
+//!
+//! The first run is greedy. The following ones explore: now and then a random
+//! action is held for some decisions, or a conditional ado plays as if it had
+//! been told another member of the family. Every run is one simulation, and
+//! the row counts them all. A start that the greedy run solves stays solved.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use cpu_time::ThreadTime;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::Watch;
+use super::eval::{EvalRequest, Evaluated, Outcome};
+use crate::rl::Policy;
+use crate::scene::Start;
+use crate::seed;
+use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
+
+/// Probabilities with which exploration begins at a decision, in turn.
+const RATES: [f64; 3] = [0.1, 0.2, 0.4];
+/// A random action is held for 1 to this many decisions.
+const HOLD: usize = 6;
+
+/// An ado that may try a start several times.
+#[derive(Clone, Copy)]
+pub struct Tries<'a> {
+    /// Ego, ado and starts; the ado is `policy`.
+    pub request: EvalRequest<'a>,
+    /// The ado that plays greedily first.
+    pub policy: &'a dyn Policy,
+    /// The same ado told of other egos; every other run plays one of them.
+    pub others: &'a [Box<dyn Policy>],
+    /// Runs per start, the greedy one included.
+    pub tries: u64,
+}
+
+/// A row with the outcomes, and which try of each start succeeded.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// The row, all simulations counted.
+    pub evaluated: Evaluated,
+    /// Per start the successful try, 0 being the greedy one.
+    pub winners: Vec<Option<u64>>,
+}
+
+impl Tries<'_> {
+    /// Tries every start until its first success.
+    ///
+    /// An unsolved start keeps the outcome of its greedy run.
+    pub fn run(&self, watch: &Watch<'_>) -> Tried {
+        let starts = self.request.starts;
+        let done = AtomicU64::new(0);
+        let total = starts.starts.len() as u64;
+        let played: Vec<Option<(Outcome, u64, Option<u64>)>> = (0..starts.starts.len())
+            .into_par_iter()
+            .map_init(
+                || self.request.scenario.bench(),
+                |bench, index| {
+                    (watch.progress)(done.fetch_add(1, Ordering::Relaxed), total);
+                    if starts.trivial[index] || watch.stopped() {
+                        return None;
+                    }
+                    self.solve(bench, index, watch)
+                },
+            )
+            .collect();
+        let outcomes: Vec<_> = played
+            .iter()
+            .map(|p| p.map(|(outcome, ..)| outcome))
+            .collect();
+        let simulations: u64 = played.iter().flatten().map(|(_, spent, _)| spent).sum();
+        let mut row = self.request.row(&outcomes);
+        row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        if 1 < self.tries {
+            row.method = format!("{}, at most {} tries", row.method, self.tries);
+        }
+        let winners = played.iter().map(|p| p.and_then(|(.., winner)| winner));
+        Tried {
+            winners: winners.collect(),
+            evaluated: Evaluated { row, outcomes },
+        }
+    }
+
+    fn solve(
+        &self,
+        bench: &mut Testbench,
+        index: usize,
+        watch: &Watch<'_>,
+    ) -> Option<(Outcome, u64, Option<u64>)> {
+        let clock = ThreadTime::now();
+        let mut first: Option<Outcome> = None;
+        let (mut simulations, mut physics_steps) = (0, 0);
+        for number in 0..self.tries {
+            if watch.stopped() {
+                return None;
+            }
+            let episode = self.play(bench, index, number);
+            simulations += 1;
+            physics_steps += episode.physics_steps;
+            let outcome = Outcome {
+                verdict: episode.verdict,
+                closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
+                simulations,
+                physics_steps,
+                cpu_s: clock.elapsed().as_secs_f64(),
+            };
+            if episode.verdict.is_success() {
+                return Some((outcome, number + 1, Some(number)));
+            }
+            first.get_or_insert(outcome);
+        }
+        let unsolved = Outcome {
+            simulations,
+            physics_steps,
+            cpu_s: clock.elapsed().as_secs_f64(),
+            ..first?
+        };
+        Some((unsolved, self.tries, None))
+    }
+
+    /// Plays one try of a start: a pure function of both.
+    pub fn play(&self, bench: &mut Testbench, index: usize, number: u64) -> Episode {
+        let (start, noise) = &self.request.starts.starts[index];
+        if number == 0 {
+            return self.request.play(bench, index);
+        }
+        let other = number.is_multiple_of(2) && !self.others.is_empty();
+        let (policy, rate) = match other {
+            true => {
+                let other = (number / 2 - 1) as usize % self.others.len();
+                (&*self.others[other], 0.0)
+            }
+            false => (self.policy, RATES[(number / 2) as usize % RATES.len()]),
+        };
+        let mut actor = Exploring {
+            policy,
+            rate,
+            number,
+            actions: bench.spaces().actions,
+            held: 0,
+            left: 0,
+            dice: seed::generator("tries", &[]),
+        };
+        play(bench, start, *noise, &mut actor, Aftermath::Play)
+    }
+}
+
+/// A policy that now and then holds a random action.
+struct Exploring<'a> {
+    policy: &'a dyn Policy,
+    rate: f64,
+    number: u64,
+    actions: usize,
+    held: usize,
+    left: usize,
+    dice: ChaCha8Rng,
+}
+
+impl Actor for Exploring<'_> {
+    fn begin(&mut self, noise: u64, _start: &Start) {
+        self.dice = seed::generator("tries", &[noise, self.number]);
+        self.left = 0;
+    }
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        if self.left == 0 && self.dice.random::<f64>() < self.rate {
+            self.held = self.dice.random_range(0..self.actions);
+            self.left = self.dice.random_range(1..=HOLD);
+        }
+        if 0 < self.left {
+            self.left -= 1;
+            return self.held;
+        }
+        self.policy.act(obs)
+    }
+}

@@ -1,0 +1,186 @@
+//! `brakecheck identify`: a family's parameters of an ego seen from outside.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use indexmap::IndexMap;
+use serde_json::json;
+
+use super::told::RECORDED_RUNS;
+use super::{
+    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
+    table_of, talk,
+};
+use crate::campaign::{Identified, IdentifyRequest, Watch, identify};
+use crate::run::{IdentifiedEgo, IdentifiedEgos, RunDir};
+use crate::scenario::{Against, Family};
+
+#[derive(Args, Debug)]
+pub(super) struct IdentifyArgs {
+    /// The run directory of a conditional ado.
+    run: PathBuf,
+    /// Whom to identify: nominal, a name under `reuse`, a RON file, or all.
+    #[arg(long, value_name = "NAME|FILE.ron|all")]
+    ego: String,
+    /// Runs of the ego to record.
+    #[arg(long, value_name = "N", default_value_t = RECORDED_RUNS as u64, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    runs: u64,
+    /// A quantity that stays nominal, as if the family did not vary it; repeatable.
+    #[arg(long, value_name = "NAME")]
+    leave_out: Vec<String>,
+    /// The physics to record in, instead of the run's.
+    #[arg(long)]
+    plant: Option<PlantArg>,
+    /// The file to write, for `eval --params`.
+    #[arg(short, long, value_name = "P.ron")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
+    let run = RunDir::open(&args.run)?;
+    let manifest = run.manifest();
+    if manifest.against != Against::Conditional {
+        return Err(Failure::input(
+            format!(
+                "the ado in `{}` is {}: it has no use for an ego's parameters",
+                args.run.display(),
+                manifest.against
+            ),
+            "train one that has: `brakecheck train WORLD --against conditional`",
+        ));
+    }
+    let mut world = run.world()?;
+    if let Some(plant) = args.plant {
+        world = on_plant(&world, plant)?;
+    }
+    let Some(family) = world.family() else {
+        return Err(Failure::fault("a conditional ado without a family", None));
+    };
+    let seed = args.common.seed;
+    let mut file = IdentifiedEgos::new(&manifest.world, &manifest.world_sha256, seed);
+    let bar = talk::bar("identifying", 0);
+    for ego in &egos(&world, &args.ego)? {
+        bar.set_message(format!("identifying: {}", ego.name));
+        let watch = Watch {
+            progress: &|done, total| {
+                bar.set_length(total);
+                bar.set_position(done);
+            },
+            stop: talk::stop(),
+        };
+        let request = IdentifyRequest {
+            world: &world,
+            ego: &ego.scenario,
+            runs: args.runs as usize,
+            seed,
+            fixed: &args.leave_out,
+        };
+        let Some(found) = identify(&request, &watch)? else {
+            break;
+        };
+        bar.suspend(|| show(args, family, ego, &found))?;
+        file.egos.insert(ego.name.clone(), kept(family, &found));
+    }
+    bar.finish_and_clear();
+    if file.egos.is_empty() {
+        return Ok(interrupted_early());
+    }
+    if let Some(path) = &args.output {
+        file.save(path)?;
+        talk::say(&format!(
+            "kept in {}; play it with `brakecheck eval {} --ego … --params {}`",
+            path.display(),
+            args.run.display(),
+            path.display()
+        ));
+    }
+    if args.common.json {
+        print_json(&json!(file))?;
+    }
+    Ok(match talk::stopped() {
+        true => Exit::Interrupted,
+        false => Exit::Done,
+    })
+}
+
+/// By name, in the order of the family.
+fn named<T: Copy>(family: &Family, values: &[T]) -> IndexMap<String, T> {
+    let names = family.quantities.iter().map(|q| q.varied.name().to_owned());
+    names.zip(values.iter().copied()).collect()
+}
+
+fn kept(family: &Family, found: &Identified) -> IdentifiedEgo {
+    let hidden = named(family, &found.hidden).into_iter();
+    IdentifiedEgo {
+        parameters: named(family, &found.member.values),
+        spread: named(family, &found.spread),
+        hidden: hidden
+            .filter(|(_, hidden)| *hidden)
+            .map(|(name, _)| name)
+            .collect(),
+        explains: found.explains(),
+        residual_m: found.residual_m,
+        nominal_residual_m: found.nominal_residual_m,
+        noise_m: found.noise_m,
+        refits_m: found.refits_m.clone(),
+        recorded: found.recorded,
+        simulations: found.simulations,
+    }
+}
+
+fn show(
+    args: &IdentifyArgs,
+    family: &Family,
+    ego: &NamedEgo,
+    found: &Identified,
+) -> Result<(), Failure> {
+    if args.common.json {
+        return Ok(());
+    }
+    let verdict = match found.explains() {
+        true => format!(
+            "explained: the member stays within {:.2} m of it, {:.2} m allowed",
+            found.residual_m,
+            found.bound_m()
+        ),
+        false => format!(
+            "not explained: the nearest member strays by {:.2} m, {:.2} m allowed, so this ego \
+             is none of the family",
+            found.residual_m,
+            found.bound_m()
+        ),
+    };
+    let refits: Vec<String> = found.refits_m.iter().map(|r| format!("{r:.3}")).collect();
+    let lines = family.quantities.iter().enumerate().map(|(i, quantity)| {
+        let note = match found.hidden[i] {
+            true => "does not show in these runs: nominal",
+            false => "",
+        };
+        [
+            quantity.varied.name().to_owned(),
+            format!("{:.3}", found.member.values[i]),
+            format!("{:.3}", found.spread[i]),
+            format!("{:.3}", quantity.nominal),
+            format!("{} … {}", quantity.lo, quantity.hi),
+            note.to_owned(),
+        ]
+    });
+    let table = table_of(
+        ["quantity", "fitted", "spread", "nominal", "family", ""],
+        lines,
+    );
+    talk::data(&format!(
+        "{}: {verdict}\n\
+         (root mean square over {} runs, a speed error of 1 m/s counted like 1 m; the nominal ego \
+         strays by {:.2} m, the ego from itself by {:.2} m;\nindependent fits {} m; {} runs of \
+         members simulated)\n{table}\n",
+        ego.name,
+        found.recorded,
+        found.nominal_residual_m,
+        found.noise_m,
+        refits.join(", "),
+        found.simulations
+    ))
+}

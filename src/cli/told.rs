@@ -1,0 +1,191 @@
+//! Which policy meets an ego: a conditional ado is told the ego's parameters.
+
+use std::path::Path;
+
+use super::{Failure, NamedEgo, failure, talk};
+use crate::campaign::{IdentifyRequest, Watch, identify};
+use crate::rl::Policy;
+use crate::run::{IdentifiedEgos, RunDir};
+use crate::scenario::{Against, Family, Member, Scenario};
+use crate::seed::{Purpose, StartKey};
+
+/// Runs that are recorded of each ego for `--params identified`.
+pub(super) const RECORDED_RUNS: usize = 10;
+/// Other members that `--tries` plays as.
+const OTHERS: u64 = 15;
+
+/// Whence a conditional ado knows the ego it meets.
+pub(super) enum Params {
+    /// It takes every ego for the nominal one.
+    Nominal,
+    /// It is told the parameters in the world file.
+    True,
+    /// Each ego is identified from recorded runs.
+    Identified,
+    /// From a file that `identify` wrote.
+    File(String, IdentifiedEgos),
+}
+
+/// An ado, ready to meet one ego.
+pub(super) struct Playing {
+    /// It.
+    pub policy: Box<dyn Policy>,
+    /// The same told of other egos, for `--tries`.
+    pub others: Vec<Box<dyn Policy>>,
+    /// What it was told, for rows; `None`: it is not told anything.
+    pub told: Option<&'static str>,
+}
+
+impl Params {
+    /// Reads `--params` for a run.
+    pub(super) fn of(run: &RunDir, asked: Option<&str>) -> Result<Option<Params>, Failure> {
+        let Some(asked) = asked else {
+            return Ok(None);
+        };
+        let against = run.manifest().against;
+        if against != Against::Conditional {
+            return Err(Failure::input(
+                format!(
+                    "the ado in `{}` is {against}: it is not told parameters",
+                    run.path().display()
+                ),
+                "leave out `--params`, or train with `--against conditional`",
+            ));
+        }
+        Ok(Some(match asked {
+            "nominal" => Params::Nominal,
+            "true" => Params::True,
+            "identified" => Params::Identified,
+            file if file.ends_with(".ron") => {
+                let path = Path::new(file);
+                if !path.is_file() {
+                    return Err(failure::wrong_kind(path, "file that `identify` wrote"));
+                }
+                let egos = IdentifiedEgos::load(path)?;
+                if egos.world != run.manifest().world {
+                    return Err(Failure::input(
+                        format!("`{file}` is about egos of the world `{}`", egos.world),
+                        "identify the ego with this run: `brakecheck identify RUN --ego … -o P.ron`",
+                    ));
+                }
+                Params::File(file.to_owned(), egos)
+            }
+            other => {
+                return Err(Failure::input(
+                    format!("`--params {other}` is none of nominal, true, identified"),
+                    "name one of them, or a RON file that `brakecheck identify -o` wrote",
+                ));
+            }
+        }))
+    }
+}
+
+/// The ado of a run, told of an ego what `params` says.
+pub(super) fn playing(
+    run: &RunDir,
+    params: Option<&Params>,
+    ego: &NamedEgo,
+    seed: u64,
+    watch: &Watch<'_>,
+) -> Result<Playing, Failure> {
+    let Some(params) = params else {
+        return Ok(Playing {
+            policy: run.policy()?,
+            others: Vec::new(),
+            told: None,
+        });
+    };
+    let world = run.world()?;
+    let (Some(family), Some(spec)) = (world.family(), ego.scenario.drive()) else {
+        return Err(Failure::fault("a conditional ado without a family", None));
+    };
+    let nominal = || (family.nominal(spec.plant), "nominal");
+    let (member, told) = match params {
+        Params::Nominal => nominal(),
+        Params::True => match family.member_of(spec) {
+            Ok(member) => (member, "true"),
+            Err(error) => {
+                talk::say(&format!("`{}`: {error}; told the nominal values", ego.name));
+                nominal()
+            }
+        },
+        Params::Identified => (identified(&world, ego, seed, watch)?, "identified"),
+        Params::File(file, egos) => (in_file(family, ego, file, egos)?, "identified"),
+    };
+    let others = (0..OTHERS).map(|index| {
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed: 0,
+            index,
+        };
+        run.policy_told(&Member {
+            plant: spec.plant,
+            ..family.draw(&world.name, key)
+        })
+    });
+    Ok(Playing {
+        policy: run.policy_told(&member)?,
+        others: others.collect::<Result<_, _>>()?,
+        told: Some(told),
+    })
+}
+
+fn identified(
+    world: &Scenario,
+    ego: &NamedEgo,
+    seed: u64,
+    watch: &Watch<'_>,
+) -> Result<Member, Failure> {
+    let request = IdentifyRequest {
+        world,
+        ego: &ego.scenario,
+        runs: RECORDED_RUNS,
+        seed,
+        fixed: &[],
+    };
+    let quiet = Watch {
+        progress: &|_, _| {},
+        stop: watch.stop,
+    };
+    let found = identify(&request, &quiet)?;
+    let Some(found) = found else {
+        // Stopped: no row of this ego will be finished either.
+        let plant = ego.scenario.plant().plant();
+        let nominal = world.family().zip(plant);
+        return nominal
+            .map(|(family, plant)| family.nominal(plant))
+            .ok_or_else(|| Failure::fault("a conditional ado without a family", None));
+    };
+    if !found.explains() {
+        talk::say(&format!(
+            "`{}` is told its nearest member, {:.2} m away in {} runs: it is none of the family",
+            ego.name, found.residual_m, found.recorded
+        ));
+    }
+    Ok(found.member)
+}
+
+fn in_file(
+    family: &Family,
+    ego: &NamedEgo,
+    file: &str,
+    egos: &IdentifiedEgos,
+) -> Result<Member, Failure> {
+    let Some(found) = egos.egos.get(&ego.name) else {
+        let known: Vec<&str> = egos.egos.keys().map(String::as_str).collect();
+        return Err(Failure::input(
+            format!("`{file}` does not hold the parameters of `{}`", ego.name),
+            format!("it holds those of: {}", known.join(", ")),
+        ));
+    };
+    let plant = ego.scenario.plant().plant();
+    let plant = plant.ok_or_else(|| Failure::fault("an ego on no plant", None))?;
+    family
+        .member_named(&found.parameters, plant)
+        .map_err(|error| {
+            Failure::input(
+                format!("`{file}`, ego `{}`: {error}", ego.name),
+                "it was made with another family: identify the ego again with this run",
+            )
+        })
+}

@@ -1,0 +1,517 @@
+//! The family of egos and plants that an ado can be trained against.
+//!
+//! A world file may name, under `train_against`, ranges over the parameters of
+//! its ego, over the ego's sensors and the road, and the plants to train on.
+//! A [`Member`] is one point of it. An ado trained against the whole family is
+//! *wide* (it is not told which member it meets) or *conditional* (the
+//! member's quantities are appended to its observation).
+//!
+//! Members are drawn per episode from the episode's own key, so they depend on
+//! no thread and no earlier episode.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use indexmap::IndexMap;
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+use super::file::Change;
+use crate::ego::ControllerSpec;
+use crate::rl::{DqnConfig, LearnerConfig};
+use crate::scene::drive::{DriveSpec, EgoDrive, Sensors, Tuning};
+use crate::seed::StartKey;
+use crate::sim::PlantKind;
+
+/// Share of the members that are nominal in every quantity.
+const PURE: f64 = 0.15;
+/// Probability with which a quantity of any other member is nominal.
+const NOMINAL: f64 = 0.4;
+
+/// What an ado is trained against.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Against {
+    /// The world's own ego.
+    #[default]
+    Nominal,
+    /// The family, without being told the member.
+    Wide,
+    /// The family, being told the member.
+    Conditional,
+}
+
+impl Against {
+    /// The word in files and on the command line.
+    pub fn word(self) -> &'static str {
+        match self {
+            Against::Nominal => "nominal",
+            Against::Wide => "wide",
+            Against::Conditional => "conditional",
+        }
+    }
+
+    /// Whether it is the world's own ego, as when nothing is said.
+    pub fn is_nominal(&self) -> bool {
+        *self == Against::Nominal
+    }
+}
+
+/// `train_against` as serde reads it.
+#[derive(Deserialize)]
+#[serde(rename = "Family", deny_unknown_fields)]
+pub(super) struct FamilyFile {
+    #[serde(default)]
+    pub(super) ego: super::file::Ordered<(f64, f64)>,
+    #[serde(default)]
+    pub(super) delay_s: Option<(f64, f64)>,
+    #[serde(default)]
+    pub(super) position_sd_m: Option<(f64, f64)>,
+    #[serde(default)]
+    pub(super) speed_sd_mps: Option<(f64, f64)>,
+    #[serde(default)]
+    pub(super) friction: Option<(f64, f64)>,
+    /// Out of the sum of all, so many episodes are played on each plant.
+    #[serde(default)]
+    pub(super) plants: Option<BTreeMap<PlantName, u32>>,
+    #[serde(default = "wide")]
+    pub(super) wide: LearnerConfig,
+    #[serde(default = "conditional")]
+    pub(super) conditional: LearnerConfig,
+}
+
+/// A plant as a key of a map.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+pub(super) enum PlantName {
+    Rigid,
+    Kinematic,
+}
+
+impl From<PlantName> for PlantKind {
+    fn from(name: PlantName) -> PlantKind {
+        match name {
+            PlantName::Rigid => PlantKind::Rigid,
+            PlantName::Kinematic => PlantKind::Kinematic,
+        }
+    }
+}
+
+fn dqn(decisions: u64) -> LearnerConfig {
+    LearnerConfig::Dqn(DqnConfig {
+        decisions,
+        update_every: 3,
+        ..DqnConfig::default()
+    })
+}
+
+fn wide() -> LearnerConfig {
+    dqn(1_500_000)
+}
+
+fn conditional() -> LearnerConfig {
+    dqn(3_000_000)
+}
+
+/// What a family varies.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Varied {
+    /// A parameter of the ego's controller.
+    Ego(String),
+    /// Age of what the ego sees.
+    Delay,
+    /// Noise of what the ego sees of positions.
+    PositionNoise,
+    /// Noise of what the ego sees of speeds.
+    SpeedNoise,
+    /// The road surface.
+    Friction,
+}
+
+impl Varied {
+    /// Its name in files.
+    pub fn name(&self) -> &str {
+        match self {
+            Varied::Ego(name) => name,
+            Varied::Delay => "delay_s",
+            Varied::PositionNoise => "position_sd_m",
+            Varied::SpeedNoise => "speed_sd_mps",
+            Varied::Friction => "friction",
+        }
+    }
+
+    /// Its value in a driving scene; `None`: the ego has no such parameter.
+    pub(super) fn read(&self, spec: &DriveSpec) -> Option<f64> {
+        match self {
+            Varied::Ego(name) => parameter(controller(spec)?, name),
+            Varied::Delay => Some(spec.sensors.delay_s),
+            Varied::PositionNoise => Some(spec.sensors.position_sd_m),
+            Varied::SpeedNoise => Some(spec.sensors.speed_sd_mps),
+            Varied::Friction => Some(spec.road.friction()),
+        }
+    }
+
+    /// Whether it is noise: unseen in what an ego does on average.
+    pub fn is_noise(&self) -> bool {
+        matches!(self, Varied::PositionNoise | Varied::SpeedNoise)
+    }
+}
+
+/// One varied quantity and its range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quantity {
+    /// What is varied.
+    pub varied: Varied,
+    /// Least value.
+    pub lo: f64,
+    /// Greatest value.
+    pub hi: f64,
+    /// The value of the world's own ego, within the range.
+    pub nominal: f64,
+    /// Values are whole multiples of this; 0: any value.
+    pub step: f64,
+}
+
+impl Quantity {
+    /// Whether a value lies in the range.
+    pub fn contains(&self, value: f64) -> bool {
+        (self.lo..=self.hi).contains(&value)
+    }
+
+    /// The nearest value that a member can have.
+    pub fn fit(&self, value: f64) -> f64 {
+        let value = value.clamp(self.lo, self.hi);
+        match self.step == 0.0 {
+            true => value,
+            false => (value / self.step).round() * self.step,
+        }
+    }
+
+    /// −1 at the least value, 1 at the greatest one.
+    fn scaled(&self, value: f64) -> f32 {
+        ((2.0 * value - self.lo - self.hi) / (self.hi - self.lo)) as f32
+    }
+
+    fn draw(&self, rng: &mut impl Rng) -> f64 {
+        self.fit(match self.step == 0.0 {
+            true => self.lo + (self.hi - self.lo) * rng.random::<f64>(),
+            // Every multiple in the range is equally likely.
+            false => {
+                let count = ((self.hi - self.lo) / self.step).round() as u64 + 1;
+                self.lo + self.step * rng.random_range(0..count) as f64
+            }
+        })
+    }
+}
+
+/// One ego on one plant: a value for every quantity of the family.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Member {
+    /// In the order of [`Family::quantities`].
+    pub values: Vec<f64>,
+    /// Which physics.
+    pub plant: PlantKind,
+}
+
+/// Egos, sensors, roads and plants to train against, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Family {
+    /// What varies, in the order of the file.
+    pub quantities: Vec<Quantity>,
+    /// The plants, each with its weight.
+    pub plants: Vec<(PlantKind, u32)>,
+    /// How a wide ado learns.
+    pub wide: LearnerConfig,
+    /// How a conditional ado learns.
+    pub conditional: LearnerConfig,
+    pub(super) base: Base,
+}
+
+/// What the world's own ego is, as far as families go.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Base {
+    pub(super) controller: ControllerSpec,
+    pub(super) sensors: Sensors,
+    pub(super) friction: f64,
+    pub(super) plant: PlantKind,
+}
+
+/// An ego has no value for a quantity of the family.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("this ego has no `{name}`, so the family cannot say which member it is")]
+pub struct NoMember {
+    /// The quantity.
+    pub name: String,
+}
+
+/// Quantities by name do not name a member of the family.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MisfitMember {
+    /// A quantity is not given.
+    #[error("`{name}` is missing; the family varies {known}")]
+    Missing {
+        /// The quantity.
+        name: String,
+        /// All there are.
+        known: String,
+    },
+    /// A quantity is given that the family does not vary.
+    #[error("`{name}` is none of the family's quantities: {known}")]
+    Unknown {
+        /// The quantity.
+        name: String,
+        /// All there are.
+        known: String,
+    },
+    /// A value lies outside of its range.
+    #[error("`{name}` is {value}, outside of {lo} ..= {hi}")]
+    Outside {
+        /// The quantity.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// Least value.
+        lo: f64,
+        /// Greatest value.
+        hi: f64,
+    },
+}
+
+impl Family {
+    /// The world's own ego on a plant.
+    pub fn nominal(&self, plant: PlantKind) -> Member {
+        Member {
+            values: self.quantities.iter().map(|q| q.nominal).collect(),
+            plant,
+        }
+    }
+
+    /// The member met in the episode of a key of a world.
+    ///
+    /// 15 % are nominal in every quantity; in the others each quantity is
+    /// nominal with probability 0.4 and else uniform in its range. The plant
+    /// is drawn by the weights of all.
+    pub fn draw(&self, world: &str, key: StartKey) -> Member {
+        let mut rng = key.generator(world, "family");
+        let plant = self.draw_plant(&mut rng);
+        if rng.random::<f64>() < PURE {
+            return self.nominal(plant);
+        }
+        let values = self.quantities.iter().map(|quantity| {
+            // Both are drawn always, so that a quantity more or less does not
+            // change how many numbers another one takes.
+            let (dice, value) = (rng.random::<f64>(), quantity.draw(&mut rng));
+            match dice < NOMINAL {
+                true => quantity.nominal,
+                false => value,
+            }
+        });
+        Member {
+            values: values.collect(),
+            plant,
+        }
+    }
+
+    fn draw_plant(&self, rng: &mut impl Rng) -> PlantKind {
+        let total: u32 = self.plants.iter().map(|(_, weight)| weight).sum();
+        let mut left = rng.random_range(0..total.max(1));
+        for &(plant, weight) in &self.plants {
+            if left < weight {
+                return plant;
+            }
+            left -= weight;
+        }
+        self.base.plant
+    }
+
+    /// How many numbers a conditional ado is told.
+    pub fn told_width(&self) -> usize {
+        self.quantities.len() + usize::from(self.tells_plant())
+    }
+
+    /// What a conditional ado is told: every quantity scaled to −1 ..= 1, and
+    /// the plant (1 rigid, −1 kinematic) where the family has both.
+    pub fn told(&self, member: &Member) -> Vec<f32> {
+        let pairs = self.quantities.iter().zip(&member.values);
+        let mut told: Vec<f32> = pairs.map(|(q, value)| q.scaled(*value)).collect();
+        if self.tells_plant() {
+            told.push(match member.plant {
+                PlantKind::Rigid => 1.0,
+                PlantKind::Kinematic => -1.0,
+            });
+        }
+        told
+    }
+
+    /// Names of what a conditional ado is told, in order.
+    pub fn told_names(&self) -> Vec<String> {
+        let names = self.quantities.iter().map(|q| q.varied.name().to_owned());
+        let plant = self.tells_plant().then(|| "plant".to_owned());
+        names.chain(plant).collect()
+    }
+
+    fn tells_plant(&self) -> bool {
+        1 < self.plants.len()
+    }
+
+    /// What a scene must change to play against a member.
+    pub fn tuning(&self, member: &Member) -> Tuning {
+        let mut tuning = Tuning {
+            controller: self.base.controller.clone(),
+            sensors: self.base.sensors,
+            friction: self.base.friction,
+            plant: member.plant,
+        };
+        for (quantity, &value) in self.quantities.iter().zip(&member.values) {
+            match &quantity.varied {
+                Varied::Ego(name) => {
+                    let set = tuning.controller.set(name, value);
+                    // Invariant: checked at load against this controller.
+                    debug_assert!(set.is_ok(), "{name} is a parameter of the ego");
+                }
+                Varied::Delay => tuning.sensors.delay_s = value,
+                Varied::PositionNoise => tuning.sensors.position_sd_m = value,
+                Varied::SpeedNoise => tuning.sensors.speed_sd_mps = value,
+                Varied::Friction => tuning.friction = value,
+            }
+        }
+        tuning
+    }
+
+    /// The member that a driving scene is, values beyond a range drawn to it.
+    ///
+    /// # Errors
+    /// Its controller lacks a parameter that the family varies.
+    pub fn member_of(&self, spec: &DriveSpec) -> Result<Member, NoMember> {
+        let values = self.quantities.iter().map(|quantity| {
+            let value = quantity.varied.read(spec).ok_or_else(|| NoMember {
+                name: quantity.varied.name().to_owned(),
+            })?;
+            Ok(quantity.fit(value))
+        });
+        Ok(Member {
+            values: values.collect::<Result<_, _>>()?,
+            plant: spec.plant,
+        })
+    }
+
+    /// The member of values by name; the plant is told apart.
+    ///
+    /// # Errors
+    /// A quantity is missing, unknown, or out of its range.
+    pub fn member_named(
+        &self,
+        values: &IndexMap<String, f64>,
+        plant: PlantKind,
+    ) -> Result<Member, MisfitMember> {
+        let names: Vec<&str> = self.quantities.iter().map(|q| q.varied.name()).collect();
+        let known = || names.join(", ");
+        if let Some(name) = values.keys().find(|name| !names.contains(&name.as_str())) {
+            return Err(MisfitMember::Unknown {
+                name: name.clone(),
+                known: known(),
+            });
+        }
+        let found = self.quantities.iter().map(|quantity| {
+            let name = quantity.varied.name();
+            let value = *values.get(name).ok_or_else(|| MisfitMember::Missing {
+                name: name.to_owned(),
+                known: known(),
+            })?;
+            match quantity.contains(value) {
+                true => Ok(value),
+                false => Err(MisfitMember::Outside {
+                    name: name.to_owned(),
+                    value,
+                    lo: quantity.lo,
+                    hi: quantity.hi,
+                }),
+            }
+        });
+        Ok(Member {
+            values: found.collect::<Result<_, _>>()?,
+            plant,
+        })
+    }
+
+    /// Whether a changed ego is a member: everything that the change alters is
+    /// a quantity of the family and stays within its range.
+    ///
+    /// Another body or another kind of controller never is.
+    pub fn covers(&self, change: &Change) -> bool {
+        let base = &self.base;
+        let mut altered: Vec<(Varied, f64, f64)> = Vec::new();
+        let mut controller = base.controller.clone();
+        if let Some(other) = &change.controller {
+            if other.kind() != base.controller.kind() {
+                return false;
+            }
+            controller = other.clone();
+        }
+        for (name, value) in &change.ego.0 {
+            if controller.set(name, *value).is_err() {
+                return false;
+            }
+        }
+        for parameter in controller.parameters() {
+            let nominal = self::parameter(&base.controller, parameter.name);
+            let varied = Varied::Ego(parameter.name.to_owned());
+            altered.push((varied, nominal.unwrap_or(f64::NAN), parameter.value));
+        }
+        let sensors = change.sensors.unwrap_or(base.sensors);
+        let flaws = [
+            (Varied::Delay, base.sensors.delay_s, sensors.delay_s),
+            (
+                Varied::PositionNoise,
+                base.sensors.position_sd_m,
+                sensors.position_sd_m,
+            ),
+            (
+                Varied::SpeedNoise,
+                base.sensors.speed_sd_mps,
+                sensors.speed_sd_mps,
+            ),
+        ];
+        altered.extend(flaws);
+        let friction = change.friction.unwrap_or(base.friction);
+        altered.push((Varied::Friction, base.friction, friction));
+        altered.retain(|(_, nominal, value)| nominal != value);
+        let quantity = |varied: &Varied| self.quantities.iter().find(|q| q.varied == *varied);
+        let within = |(varied, _, value): &(Varied, f64, f64)| {
+            quantity(varied).is_some_and(|q| q.contains(*value))
+        };
+        let plant = change.plant.unwrap_or(base.plant);
+        change.ego_body.is_none()
+            && change.grid.is_none()
+            && (plant == base.plant || self.plants.iter().any(|(kind, _)| *kind == plant))
+            && altered.iter().all(within)
+    }
+
+    /// A member in words.
+    pub fn in_words(&self, member: &Member) -> String {
+        let pairs = self.quantities.iter().zip(&member.values);
+        let list: Vec<String> = pairs
+            .map(|(q, value)| format!("{} {value:.3}", q.varied.name()))
+            .collect();
+        list.join(", ")
+    }
+}
+
+impl fmt::Display for Against {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// The stock controller of a scene's ego.
+pub(super) fn controller(spec: &DriveSpec) -> Option<&ControllerSpec> {
+    spec.egos().find_map(|(_, drive)| match drive {
+        EgoDrive::Stock(spec) => Some(spec),
+        EgoDrive::Own { .. } => None,
+    })
+}
+
+fn parameter(controller: &ControllerSpec, name: &str) -> Option<f64> {
+    let parameters = controller.parameters();
+    let found = parameters.iter().find(|p| p.name == name)?;
+    Some(found.value)
+}

@@ -1,0 +1,186 @@
+//! Checking `train_against`: from ranges in a world file to a family.
+
+use super::check::{self, Problems};
+use super::error::{did_you_mean, known_names};
+use super::family::{Base, Family, FamilyFile, Quantity, Varied, controller};
+use super::locate::Path;
+use crate::ego::Parameter;
+use crate::scene::drive::DriveSpec;
+use crate::sim::PlantKind;
+
+/// Widest noise and longest delay of sensors, as for `sensors`.
+const MAX_DELAY_S: f64 = 5.0;
+const MAX_NOISE: f64 = 10.0;
+/// Heaviest weight of a plant.
+const MAX_WEIGHT: u32 = 1000;
+
+/// Reads the family of a world and notes what is wrong with it.
+pub(super) fn family(
+    problems: &mut Problems,
+    path: &Path,
+    file: FamilyFile,
+    spec: &DriveSpec,
+) -> Option<Family> {
+    let Some(controller) = controller(spec).cloned() else {
+        let what = "a family needs a stock controller as the ego";
+        problems.add(path, what, "here", None);
+        return None;
+    };
+    let parameters = controller.parameters();
+    let mut quantities = Vec::new();
+    for (name, range) in &file.ego.0 {
+        let place = path.to("ego").to(name);
+        let Some(parameter) = parameters.iter().find(|p| p.name == name) else {
+            let known: Vec<&str> = parameters.iter().map(|p| p.name).collect();
+            unknown(problems, &place, name, controller.kind(), &known);
+            continue;
+        };
+        quantities.extend(of_ego(problems, &place, *range, parameter));
+    }
+    let sample_s = spec.clock.sample_s;
+    let others = [
+        (Varied::Delay, file.delay_s, (0.0, MAX_DELAY_S), sample_s),
+        (
+            Varied::PositionNoise,
+            file.position_sd_m,
+            (0.0, MAX_NOISE),
+            0.0,
+        ),
+        (Varied::SpeedNoise, file.speed_sd_mps, (0.0, MAX_NOISE), 0.0),
+        (Varied::Friction, file.friction, (0.01, 2.0), 0.0),
+    ];
+    for (varied, range, bounds, step) in others {
+        let (Some(range), Some(nominal)) = (range, varied.read(spec)) else {
+            continue;
+        };
+        let place = path.to(varied.name());
+        if range.0 < bounds.0 || bounds.1 < range.1 {
+            let what = format!(
+                "{} ..= {} reaches outside of {} ..= {}",
+                range.0, range.1, bounds.0, bounds.1
+            );
+            problems.add(&place, what, "out of range", None);
+            continue;
+        }
+        let quantity = Quantity {
+            varied,
+            lo: range.0,
+            hi: range.1,
+            nominal,
+            step,
+        };
+        quantities.extend(sound(problems, &place, quantity));
+    }
+    let plants = plants(problems, path, &file, spec.plant);
+    check::learner(problems, &path.to("wide"), &file.wide);
+    check::learner(problems, &path.to("conditional"), &file.conditional);
+    if quantities.is_empty() && problems.is_empty() {
+        let what = "a family in which nothing varies";
+        let help = "write `ego: { \"max_brake_mps2\": (4.0, 8.0) }`, or leave it out".to_owned();
+        problems.add(path, what, "here", Some(help));
+    }
+    Some(Family {
+        quantities,
+        plants,
+        wide: file.wide,
+        conditional: file.conditional,
+        base: Base {
+            controller,
+            sensors: spec.sensors,
+            friction: spec.road.friction(),
+            plant: spec.plant,
+        },
+    })
+}
+
+fn unknown(problems: &mut Problems, place: &Path, name: &str, kind: &str, known: &[&str]) {
+    let list = known_names("parameters", known.iter().copied());
+    let help = match did_you_mean(name, known.iter().copied()) {
+        Some(guess) => format!("{guess} — {list}"),
+        None => list,
+    };
+    let what = format!("`{kind}` has no parameter `{name}`");
+    problems.add(place, what, "not a parameter of the ego", Some(help));
+}
+
+fn of_ego(
+    problems: &mut Problems,
+    place: &Path,
+    (lo, hi): (f64, f64),
+    parameter: &Parameter,
+) -> Option<Quantity> {
+    if lo < parameter.at_least {
+        let what = format!(
+            "`{}` begins at {lo}, below {}",
+            parameter.name, parameter.at_least
+        );
+        problems.add(place, what, "too small", None);
+        return None;
+    }
+    let quantity = Quantity {
+        varied: Varied::Ego(parameter.name.to_owned()),
+        lo,
+        hi,
+        nominal: parameter.value,
+        step: 0.0,
+    };
+    sound(problems, place, quantity)
+}
+
+/// A range that rises, holds the nominal value and, in steps, ends on steps.
+fn sound(problems: &mut Problems, place: &Path, quantity: Quantity) -> Option<Quantity> {
+    let Quantity {
+        lo, hi, nominal, ..
+    } = quantity;
+    if hi <= lo {
+        let what = format!("the range ({lo}, {hi}) does not rise");
+        let help = format!("write the lesser value first: ({hi}, {lo})");
+        problems.add(place, what, "reversed or empty", (hi < lo).then_some(help));
+        return None;
+    }
+    if !quantity.contains(nominal) {
+        let what = format!("the range ({lo}, {hi}) leaves out {nominal}, the nominal value");
+        let help = format!(
+            "the world's own ego belongs to its family: write ({}, {})",
+            lo.min(nominal),
+            hi.max(nominal)
+        );
+        problems.add(place, what, "without the nominal ego", Some(help));
+        return None;
+    }
+    let off = [lo, hi]
+        .into_iter()
+        .find(|end| 1e-9 < (quantity.fit(*end) - end).abs());
+    if let Some(end) = off {
+        let what = format!("{end} is no multiple of `sample_s` = {}", quantity.step);
+        let help = "an ego sees whole samples".to_owned();
+        problems.add(place, what, "between two samples", Some(help));
+        return None;
+    }
+    Some(quantity)
+}
+
+fn plants(
+    problems: &mut Problems,
+    path: &Path,
+    file: &FamilyFile,
+    own: PlantKind,
+) -> Vec<(PlantKind, u32)> {
+    let Some(weights) = &file.plants else {
+        return vec![(own, 1)];
+    };
+    let weighted = weights
+        .iter()
+        .map(|(name, weight)| ((*name).into(), *weight));
+    let plants: Vec<(PlantKind, u32)> = weighted.collect();
+    if plants.is_empty()
+        || plants
+            .iter()
+            .any(|(_, weight)| !(1..=MAX_WEIGHT).contains(weight))
+    {
+        let what = "each plant of a family has a weight above 0".to_owned();
+        let help = format!("write `plants: {{ Kinematic: 4, Rigid: 1 }}`, {MAX_WEIGHT} at most");
+        problems.add(&path.to("plants"), what, "here", Some(help));
+    }
+    plants
+}

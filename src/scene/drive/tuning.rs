@@ -1,0 +1,39 @@
+//! What can change from episode to episode without assembling a world anew.
+
+use std::sync::Arc;
+
+use super::sensors::Sensors;
+use super::spec::{Drive, EgoDrive};
+use super::{DriveWorld, Layout};
+use crate::ego::ControllerSpec;
+use crate::sim::PlantKind;
+
+/// Another ego, other sensors, another road surface, another plant.
+///
+/// None of them changes signals, observations or starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tuning {
+    /// The ego's controller.
+    pub controller: ControllerSpec,
+    /// The ego's sensors.
+    pub sensors: Sensors,
+    /// The road's coefficient of friction.
+    pub friction: f64,
+    /// Which physics.
+    pub plant: PlantKind,
+}
+
+impl DriveWorld {
+    /// The same world tuned; nothing is bound anew, so it is cheap.
+    pub fn tuned(&self, tuning: &Tuning) -> DriveWorld {
+        let mut layout = Layout::clone(&self.0);
+        layout.ego_drive = EgoDrive::Stock(tuning.controller.clone());
+        if let Drive::Ego(drive) = &mut layout.spec.agents[layout.ego].drive {
+            *drive = layout.ego_drive.clone();
+        }
+        layout.spec.sensors = tuning.sensors;
+        layout.spec.road.set_friction(tuning.friction);
+        layout.spec.plant = tuning.plant;
+        DriveWorld(Arc::new(layout))
+    }
+}

@@ -1,0 +1,488 @@
+//! Families of egos: what is drawn, covered, tuned, learned and identified.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use brakecheck::campaign::{
+    Ado, EvalRequest, IdentifyRequest, Tries, Watch, eval, identify, test_starts, train,
+};
+use brakecheck::cli::{Failure, plain_theme};
+use brakecheck::rl::{Control, Policy};
+use brakecheck::run::RunDir;
+use brakecheck::scenario::{Against, Change, Family, Scenario};
+use brakecheck::scene::Dynamics;
+use brakecheck::seed::{Purpose, StartKey};
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, Gym, Held, play};
+
+use super::acc;
+
+static GO: AtomicBool = AtomicBool::new(false);
+
+fn quiet() -> Watch<'static> {
+    Watch {
+        progress: &|_, _| {},
+        stop: &GO,
+    }
+}
+
+fn key(index: u64) -> StartKey {
+    StartKey {
+        purpose: Purpose::Train,
+        seed: 3,
+        index,
+    }
+}
+
+fn family(world: &Scenario) -> &Family {
+    world.family().expect("acc has a family")
+}
+
+#[test]
+fn members_are_drawn_as_documented_and_depend_on_their_key_alone() {
+    let world = acc();
+    let family = family(&world);
+    let count = 20_000;
+    let draws: Vec<_> = (0..count).map(|i| family.draw("acc", key(i))).collect();
+    let share = |test: &dyn Fn(usize) -> bool| {
+        (0..draws.len()).filter(|&i| test(i)).count() as f64 / count as f64
+    };
+    let rigid = share(&|i| draws[i].plant == PlantKind::Rigid);
+    assert!((rigid - 0.2).abs() < 0.015, "{rigid}");
+    let nominal = family.nominal(PlantKind::Rigid).values;
+    let pure = share(&|i| draws[i].values == nominal);
+    let chance = 0.4f64.powi(5) * (0.4 + 0.6 / 5.0);
+    assert!((pure - (0.15 + 0.85 * chance)).abs() < 0.015, "{pure}");
+    for (q, quantity) in family.quantities.iter().enumerate() {
+        let values: Vec<f64> = draws.iter().map(|draw| draw.values[q]).collect();
+        assert!(values.iter().all(|value| quantity.contains(*value)));
+        // Of five delays one is the nominal one.
+        let also = if quantity.step == 0.0 { 0.0 } else { 0.2 };
+        let expected = 0.15 + 0.85 * (0.4 + 0.6 * also);
+        let same = share(&|i| values[i] == quantity.nominal);
+        assert!((same - expected).abs() < 0.015, "{quantity:?}: {same}");
+        let others: Vec<f64> = values
+            .into_iter()
+            .filter(|v| *v != quantity.nominal)
+            .collect();
+        let mean = others.iter().sum::<f64>() / others.len() as f64;
+        let middle = match quantity.step == 0.0 {
+            true => 0.5 * (quantity.lo + quantity.hi),
+            false => 0.125,
+        };
+        let width = quantity.hi - quantity.lo;
+        assert!((mean - middle).abs() < 0.02 * width, "{quantity:?}: {mean}");
+    }
+    // Backwards, and in other streams.
+    for i in (0..200).rev() {
+        assert_eq!(family.draw("acc", key(i)), draws[i as usize]);
+    }
+    let differ = (0..200).filter(|&i| family.draw("mine", key(i)) != draws[i as usize]);
+    assert!(150 < differ.count());
+}
+
+#[test]
+fn what_is_told_is_scaled_to_the_ranges() {
+    let world = acc();
+    let family = family(&world);
+    let mut member = family.nominal(PlantKind::Rigid);
+    member.values = family.quantities.iter().map(|q| q.lo).collect();
+    let low = family.told(&member);
+    assert_eq!(low[..6], [-1.0; 6]);
+    assert_eq!((low.len(), low[6]), (family.told_width(), 1.0));
+    member.values = family.quantities.iter().map(|q| q.hi).collect();
+    member.plant = PlantKind::Kinematic;
+    let high = family.told(&member);
+    assert_eq!((&high[..6], high[6]), (&[1.0; 6][..], -1.0));
+    assert_eq!(family.told_names().len(), family.told_width());
+}
+
+#[test]
+fn inside_and_outside_are_computed_from_the_change() {
+    let world = acc();
+    let family = family(&world);
+    let inside = [
+        "softer brakes",
+        "longer gap",
+        "2D plant",
+        "soft gains",
+        "firm gains",
+        "high kp",
+        "strong brakes",
+        "short gap",
+        "roomy gap",
+        "quick brakes",
+        "slow brakes",
+        "late sensors",
+        "sporty",
+        "tired",
+        "careful",
+    ];
+    for (name, change) in &world.reuse {
+        let covered = family.covers(change);
+        assert_eq!(covered, inside.contains(&name.as_str()), "{name}");
+    }
+    assert!(family.covers(&Change::default()));
+    let same = Change {
+        controller: world.controller().cloned(),
+        friction: Some(0.9),
+        ..Change::default()
+    };
+    assert!(family.covers(&same), "nothing is altered");
+    let mut standstill = Change::default();
+    standstill
+        .ego
+        .0
+        .insert("standstill_headway_m".to_owned(), 6.0);
+    assert!(!family.covers(&standstill), "not a quantity of the family");
+    standstill
+        .ego
+        .0
+        .insert("standstill_headway_m".to_owned(), 5.7);
+    assert!(family.covers(&standstill));
+}
+
+#[test]
+fn a_tuned_scene_drives_like_the_changed_world() {
+    let world = acc();
+    let family = family(&world);
+    for name in ["sporty", "tired", "2D plant", "late sensors"] {
+        let changed = world.with(&world.reuse[name]).expect("it fits");
+        let spec = changed.drive().expect("a driving world");
+        let member = family.member_of(spec).expect("a member");
+        let mut tuned = world.bench();
+        tuned.restage(world.scene_of(&family.tuning(&member)).expect("a scene"));
+        let mut bench = changed.bench();
+        let actions = bench.spaces().actions;
+        for index in 0..4 {
+            let start = bench.draw(key(index));
+            let mut one = |bench: &mut _| {
+                play(
+                    bench,
+                    &start,
+                    index,
+                    &mut Held::new(actions, 3),
+                    Aftermath::Play,
+                )
+            };
+            assert_eq!(one(&mut bench), one(&mut tuned), "{name} {index}");
+        }
+    }
+}
+
+#[test]
+fn nominal_training_is_what_it_was_without_a_family() {
+    // The same decisions on a plain gym: nothing of the family leaks in.
+    let world = acc().on(PlantKind::Kinematic);
+    let config = world.learner.clone().with_decisions(1500);
+    let mut plain = config.build(world.world().spaces(), 5);
+    let mut gym = Gym::new(world.bench(), Purpose::Train, 5);
+    plain.train(&mut gym, &mut |_| Control::Continue);
+    let dir = tempfile::tempdir().expect("scratch");
+    let short = Scenario {
+        learner: config,
+        ..world
+    };
+    let mut run = RunDir::create(&dir.path().join("run"), &short, 5).expect("a run");
+    train(&short, &mut run, &quiet()).expect("trained");
+    let kept = run.policy_bundle().expect("a policy");
+    assert_eq!(kept, plain.policy_bundle());
+    let manifest = std::fs::read_to_string(run.path().join("manifest.json")).expect("a manifest");
+    assert!(!manifest.contains("against") && !manifest.contains("told"));
+}
+
+/// The ACC world against its family, briefly.
+fn brief(against: Against, decisions: u64) -> Scenario {
+    let world = acc().training_against(against).expect("a family");
+    Scenario {
+        learner: world.learner.clone().with_decisions(decisions),
+        ..world
+    }
+}
+
+#[test]
+fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
+    let dir = tempfile::tempdir().expect("scratch");
+    for against in [Against::Wide, Against::Conditional] {
+        let world = brief(against, 5000);
+        let path = |name: &str| dir.path().join(format!("{against}-{name}"));
+        let mut whole = RunDir::create(&path("whole"), &world, 7).expect("a run");
+        train(&world, &mut whole, &quiet()).expect("trained");
+        let mut cut = RunDir::create(&path("cut"), &world, 7).expect("a run");
+        let stop = AtomicBool::new(false);
+        let halfway = Watch {
+            progress: &|done, _| stop.store(2500 <= done, Ordering::Relaxed),
+            stop: &stop,
+        };
+        assert!(
+            train(&world, &mut cut, &halfway)
+                .expect("begun")
+                .interrupted
+        );
+        drop(cut);
+        let mut cut = RunDir::resume(&path("cut")).expect("a run");
+        assert_eq!(cut.manifest().against, against);
+        let kept = cut.scenario().expect("its world");
+        let kept = Scenario {
+            learner: kept.learner.clone().with_decisions(5000),
+            ..kept
+        };
+        assert_eq!((kept.against, &kept.learner), (against, &world.learner));
+        train(&kept, &mut cut, &quiet()).expect("trained");
+        let bytes = |run: &RunDir| std::fs::read(run.path().join("policy.safetensors")).expect("p");
+        assert_eq!(bytes(&whole), bytes(&cut), "{against}");
+        assert_eq!(whole.policy().is_err(), against == Against::Conditional);
+    }
+}
+
+#[test]
+fn every_episode_of_a_family_meets_the_ego_of_its_key() {
+    // A start that is tried again meets the same ego, whatever came between.
+    let dir = tempfile::tempdir().expect("scratch");
+    let world = brief(Against::Conditional, 300);
+    let mut run = RunDir::create(&dir.path().join("run"), &world, 1).expect("a run");
+    train(&world, &mut run, &quiet()).expect("trained");
+    let family = family(&world);
+    let spec = world.drive().expect("driven");
+    let told = |member| run.policy_told(member).expect("a policy");
+    let nominal = told(&family.nominal(spec.plant));
+    let sporty = world.with(&world.reuse["sporty"]).expect("it fits");
+    let sporty = told(
+        &family
+            .member_of(sporty.drive().expect("driven"))
+            .expect("a member"),
+    );
+    let obs = vec![0.1; world.world().spaces().observation];
+    assert_ne!(nominal.value(&obs), sporty.value(&obs));
+    assert_eq!(nominal.value(&obs), nominal.value(&obs));
+}
+
+#[test]
+fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
+    let world = acc().on(PlantKind::Kinematic);
+    let family = family(&world);
+    let mut change = Change::default();
+    let truth = [
+        ("kp_per_s2", 0.45),
+        ("kd_per_s", 1.5),
+        ("time_gap_s", 0.7),
+        ("max_brake_mps2", 5.0),
+        ("lag_s", 0.6),
+    ];
+    for (name, value) in truth {
+        change.ego.0.insert(name.to_owned(), value);
+    }
+    change.sensors = Some(brakecheck::scene::drive::Sensors {
+        delay_s: 0.1,
+        ..Default::default()
+    });
+    let ego = world.with(&change).expect("it fits");
+    let request = IdentifyRequest {
+        world: &world,
+        ego: &ego,
+        runs: 5,
+        seed: 4,
+        fixed: &[],
+    };
+    let found = identify(&request, &quiet())
+        .expect("sound")
+        .expect("not stopped");
+    assert!(found.explains(), "{found:?}");
+    assert!(
+        10.0 * found.residual_m < found.nominal_residual_m,
+        "{found:?}"
+    );
+    assert_eq!(found.noise_m, 0.0);
+    for (q, quantity) in family.quantities.iter().enumerate() {
+        let name = quantity.varied.name();
+        let mut known = truth.iter();
+        let value = known
+            .find(|(n, _)| *n == name)
+            .map_or(0.1, |(_, value)| *value);
+        let off = (found.member.values[q] - value).abs() / (quantity.hi - quantity.lo);
+        assert!(off < 0.1 && !found.hidden[q], "{name}: {found:?}");
+    }
+    let again = identify(&request, &quiet()).expect("sound");
+    assert_eq!(again, Some(found.clone()), "equal requests, equal answers");
+    // Without one of its quantities the family explains this ego less well.
+    let fixed = ["time_gap_s".to_owned()];
+    let poorer = identify(
+        &IdentifyRequest {
+            fixed: &fixed,
+            ..request
+        },
+        &quiet(),
+    );
+    let poorer = poorer.expect("sound").expect("not stopped");
+    assert!(2.0 * found.residual_m < poorer.residual_m, "{poorer:?}");
+    assert_eq!(poorer.member.values[2], 0.5, "left out: nominal");
+}
+
+#[test]
+fn an_ego_of_another_kind_is_not_explained() {
+    let world = acc().on(PlantKind::Kinematic);
+    let ego = world.with(&world.reuse["idm"]).expect("it fits");
+    let request = IdentifyRequest {
+        world: &world,
+        ego: &ego.on(PlantKind::Kinematic),
+        runs: 4,
+        seed: 4,
+        fixed: &[],
+    };
+    let found = identify(&request, &quiet())
+        .expect("sound")
+        .expect("not stopped");
+    assert!(!found.explains(), "{found:?}");
+    let fixed = ["kp".to_owned()];
+    let error = identify(
+        &IdentifyRequest {
+            fixed: &fixed,
+            ..request
+        },
+        &quiet(),
+    );
+    let error = error.expect_err("no such quantity").to_string();
+    assert!(
+        error.contains("`kp`") && error.contains("kp_per_s2"),
+        "{error}"
+    );
+}
+
+/// Brakes whenever the ego is nearer than 30 m: solves some starts.
+struct Near;
+
+impl Policy for Near {
+    fn act(&self, obs: &[f32]) -> usize {
+        usize::from(-0.4 < obs[0])
+    }
+
+    fn value(&self, _obs: &[f32]) -> f32 {
+        0.0
+    }
+}
+
+#[test]
+fn more_tries_never_solve_less_and_are_counted() {
+    let world = acc().on(PlantKind::Kinematic);
+    let starts = test_starts(&acc(), 9, 60, &quiet()).expect("not stopped");
+    let request = EvalRequest {
+        scenario: &world,
+        ego: "nominal",
+        ado: Ado::Trained(&Near, 0),
+        starts: &starts,
+    };
+    let once = eval(&request, &quiet());
+    let tries = |tries| {
+        let tries = Tries {
+            request,
+            policy: &Near,
+            others: &[],
+            tries,
+        };
+        tries.run(&quiet())
+    };
+    let one = tries(1);
+    assert_eq!(one.evaluated.row.solved, once.row.solved);
+    assert_eq!(one.evaluated.row.sims_per_start, 1.0);
+    assert_eq!(one.evaluated.row.physics_steps, once.row.physics_steps);
+    let mut before = one;
+    for count in [3, 10, 30] {
+        let after = tries(count);
+        let (old, new) = (&before.evaluated.row, &after.evaluated.row);
+        for (old, new) in old.solved.bytes().zip(new.solved.bytes()) {
+            assert!(old != b'1' || new == b'1');
+        }
+        let spent: u64 = after
+            .winners
+            .iter()
+            .zip(new.solved.bytes())
+            .map(|(winner, mark)| match (winner, mark) {
+                (Some(number), _) => number + 1,
+                (None, b't') => 0,
+                (None, _) => count,
+            })
+            .sum();
+        assert_eq!(new.sims_per_start, spent as f64 / new.starts as f64);
+        before = after;
+    }
+    let (few, many) = (once.row.successes, before.evaluated.row.successes);
+    assert!(few + 5 < many, "{few} {many}");
+    // What a try did is played again bit for bit.
+    let all = Tries {
+        request,
+        policy: &Near,
+        others: &[],
+        tries: 30,
+    };
+    let later = before
+        .winners
+        .iter()
+        .position(|w| w.is_some_and(|w| 0 < w))
+        .expect("one");
+    let number = before.winners[later].expect("one");
+    let mut bench = world.bench();
+    assert!(all.play(&mut bench, later, number).verdict.is_success());
+}
+
+#[test]
+fn mistakes_in_a_family_have_a_place_a_reason_and_a_cure() {
+    const ACC: &str = include_str!("../../worlds/acc.ron");
+    let with = |from: &str, to: &str| {
+        assert!(ACC.contains(from), "acc.ron no longer contains {from}");
+        ACC.replacen(from, to, 1)
+    };
+    let mistakes = [
+        ("an unknown parameter", with("\"kd_per_s\": (", "\"kd\": (")),
+        ("a reversed range", with("(4.0, 8.0)", "(8.0, 4.0)")),
+        ("an empty range", with("(4.0, 8.0)", "(6.0, 6.0)")),
+        (
+            "a range without the nominal value",
+            with("(4.0, 8.0)", "(7.0, 8.0)"),
+        ),
+        (
+            "a value below the least one",
+            with("\"lag_s\": (0.2", "\"lag_s\": (-0.2"),
+        ),
+        (
+            "a delay between samples",
+            with("delay_s: (0.0, 0.2)", "delay_s: (0.0, 0.12)"),
+        ),
+        (
+            "a negative delay",
+            with("delay_s: (0.0, 0.2)", "delay_s: (-0.1, 0.2)"),
+        ),
+        ("a plant that is none", with("Kinematic: 4", "Cinematic: 4")),
+        (
+            "a plant without weight",
+            with("Kinematic: 4", "Kinematic: 0"),
+        ),
+        ("a range of three", with("(4.0, 8.0)", "(4.0, 6.0, 8.0)")),
+        (
+            "a learner that makes no sense",
+            with(
+                "delay_s: (0.0, 0.2),",
+                "delay_s: (0.0, 0.2), wide: Dqn(decisions: 0),",
+            ),
+        ),
+        ("a family in which nothing varies", {
+            let from = ACC.find("train_against").expect("a family");
+            format!("{}train_against: Family(),\n)\n", &ACC[..from])
+        }),
+    ];
+    let mut shown = String::new();
+    for (what, text) in mistakes {
+        let Err(error) = Scenario::parse("acc.ron", &text) else {
+            panic!("{what}: accepted");
+        };
+        let rendered = Failure::from(error).render(plain_theme(), 100);
+        shown.push_str(&format!("=== {what}\n{rendered}\n"));
+    }
+    insta::assert_snapshot!("family_mistakes", shown);
+}
+
+#[test]
+fn a_grid_has_no_family() {
+    let text = include_str!("../../worlds/grid.ron");
+    let world = Scenario::parse("grid.ron", text).expect("a sound world");
+    assert!(world.family().is_none() && world.training_against(Against::Wide).is_none());
+    assert_eq!(world.plant(), Dynamics::Cells);
+}
