@@ -27,9 +27,9 @@ pub use eval::{
     keep_played, test_starts,
 };
 pub use heuristic::{Heuristic, tune_heuristic};
+pub use identify::{Identified, IdentifyError, IdentifyRequest, identify};
 pub use milestones::{Milestone, milestones};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
-pub use identify::{Identified, IdentifyError, IdentifyRequest, identify};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use search::{Cem, Found, Method, SearchRequest, Searched, anytime, search};

@@ -366,7 +366,9 @@ impl Job<'_> {
             AdoArg::Heuristic | AdoArg::Replays => return Ok(None),
             AdoArg::Random => Ado::Random,
             AdoArg::Hold => Ado::Held,
-            AdoArg::Trained | AdoArg::All if 1 < self.args.tries => return self.tried(ego).map(Some),
+            AdoArg::Trained | AdoArg::All if 1 < self.args.tries => {
+                return self.tried(ego).map(Some);
+            }
             AdoArg::Trained | AdoArg::All => Ado::Trained(&*self.playing.policy, self.train_seed),
         };
         Ok(Some(eval(&self.request(ego, ado), self.watch)))

@@ -173,8 +173,8 @@ fn show(
     );
     talk::data(&format!(
         "{}: {verdict}\n\
-         (root mean square over {} runs, a speed error of 1 m/s counted like 1 m; the nominal ego \
-         strays by {:.2} m, the ego from itself by {:.2} m;\nindependent fits {} m; {} runs of \
+         (root mean square over {} recorded runs, a speed error of 1 m/s counted like 1 m; the \
+         nominal ego strays by {:.2} m, noise alone makes {:.2} m;\nindependent fits {} m; {} runs of \
          members simulated)\n{table}\n",
         ego.name,
         found.recorded,

@@ -88,10 +88,11 @@ impl RunError {
             RunError::Unfinished { .. } => {
                 Some("go on with `brakecheck train WORLD -o RUN --resume`".to_owned())
             }
-            RunError::NothingStored { .. } => {
-                Some("an earlier version trained it, or it met a family of egos: name a run that was \
-                 trained against one ego".to_owned())
-            }
+            RunError::NothingStored { .. } => Some(
+                "an earlier version trained it, or it met a family of egos: name a run that was \
+                 trained against one ego"
+                    .to_owned(),
+            ),
             RunError::Exists { .. } => {
                 Some("go on with `--resume`, or name another directory with `-o`".to_owned())
             }

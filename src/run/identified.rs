@@ -44,7 +44,7 @@ pub struct IdentifiedEgo {
     pub residual_m: f64,
     /// The same of the nominal ego.
     pub nominal_residual_m: f64,
-    /// The same of the ego from its own mean, by its noise.
+    /// How much of it the ego's noise alone may make.
     pub noise_m: f64,
     /// The residuals of all independent fits.
     pub refits_m: Vec<f64>,

@@ -186,9 +186,31 @@ impl Quantity {
         }
     }
 
-    /// −1 at the least value, 1 at the greatest one.
-    fn scaled(&self, value: f64) -> f32 {
-        ((2.0 * value - self.lo - self.hi) / (self.hi - self.lo)) as f32
+    /// A value on the scale from −1 at the least one to 1 at the greatest.
+    fn scaled(&self, value: f64) -> f64 {
+        (2.0 * value - self.lo - self.hi) / (self.hi - self.lo)
+    }
+
+    /// The nominal value on that scale.
+    pub fn unit(&self) -> f64 {
+        self.scaled(self.nominal)
+    }
+
+    /// The value at a place on that scale.
+    pub fn at(&self, unit: f64) -> f64 {
+        self.fit(0.5 * (self.lo + self.hi + unit * (self.hi - self.lo)))
+    }
+
+    /// All values on that scale, if there are finitely many.
+    pub fn steps(&self) -> Vec<f64> {
+        match self.step == 0.0 {
+            true => Vec::new(),
+            false => {
+                let count = ((self.hi - self.lo) / self.step).round() as u64;
+                let values = (0..=count).map(|i| self.lo + self.step * i as f64);
+                values.map(|value| self.scaled(value)).collect()
+            }
+        }
     }
 
     fn draw(&self, rng: &mut impl Rng) -> f64 {
@@ -332,7 +354,7 @@ impl Family {
     /// the plant (1 rigid, −1 kinematic) where the family has both.
     pub fn told(&self, member: &Member) -> Vec<f32> {
         let pairs = self.quantities.iter().zip(&member.values);
-        let mut told: Vec<f32> = pairs.map(|(q, value)| q.scaled(*value)).collect();
+        let mut told: Vec<f32> = pairs.map(|(q, value)| q.scaled(*value) as f32).collect();
         if self.tells_plant() {
             told.push(match member.plant {
                 PlantKind::Rigid => 1.0,

@@ -23,17 +23,10 @@ pub(super) struct Search {
 impl Search {
     /// From anywhere in the box.
     pub const WIDE: Search = Search {
-        generations: 25,
+        generations: 20,
         population: 48,
         elite: 8,
         wide: 0.8,
-    };
-    /// From a point that is nearly right.
-    pub const NARROW: Search = Search {
-        generations: 6,
-        population: 16,
-        elite: 4,
-        wide: 0.08,
     };
 
     /// Searches around `mean`; `costs` measures many points at once.

@@ -2,14 +2,15 @@
 //!
 //! Some runs of the ego are recorded: where it was and how fast, while the ado
 //! took held random actions. Members of the family then drive the same starts
-//! under the same actions in the simulator, and cross-entropy search looks for
-//! the one that stays nearest. Nothing of the ego's inside is used.
+//! under the same actions in the simulator, and cross-entropy search, followed
+//! by Gauss-Newton steps, looks for the one that stays nearest. Nothing of the ego's inside is used.
 //!
 //! The residual is the root of the mean, over all samples of all runs, of the
 //! squared distance between the ego and the member, in m; a difference of
 //! 1 m/s in speed counts like 1 m.
 
 mod entropy;
+mod newton;
 mod record;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,7 +18,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use self::entropy::{Fit, Search};
-use self::record::{Recording, noise_m, residual_m};
+use self::newton::{cost, descend};
+use self::record::{Recorded, deviations, noise_m};
 use super::Watch;
 use crate::scenario::{Family, Member, Scenario};
 use crate::seed;
@@ -30,8 +32,8 @@ const REFITS: u64 = 3;
 const CLOSE_M: f64 = 0.1;
 /// A quantity shows in the runs if its range moves the residual by this much,
 const SHOWS_M: f64 = 0.05;
-/// or by this share of it.
-const SHOWS_SHARE: f64 = 0.2;
+/// or by this share of it, whichever is more.
+const SHOWS_SHARE: f64 = 0.05;
 
 /// Whom to identify, in which family.
 #[derive(Clone, Copy)]
@@ -61,7 +63,7 @@ pub struct Identified {
     pub residual_m: f64,
     /// How far the nominal ego stays from it.
     pub nominal_residual_m: f64,
-    /// How far the ego stays from itself under other noise; 0 without any.
+    /// How far its noise may move the recorded runs; 0 without any.
     pub noise_m: f64,
     /// The residuals of all independent fits.
     pub refits_m: Vec<f64>,
@@ -128,15 +130,15 @@ pub fn identify(
     let family = world.family().ok_or_else(no_family)?;
     let free = free(family, request.fixed)?;
     let spec = request.ego.drive().ok_or_else(no_family)?;
-    let recordings = record::record(request.ego, request.runs, request.seed);
-    if recordings.is_empty() {
+    let recorded = record::record(request.ego, request.runs, request.seed);
+    if recorded.recordings.is_empty() {
         let runs = request.runs;
         return Err(IdentifyError::NoRuns { runs });
     }
     let lab = Lab {
         world,
         family,
-        recordings: &recordings,
+        recorded: &recorded,
         simulations: AtomicU64::new(0),
     };
     let total = REFITS;
@@ -175,31 +177,48 @@ fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> 
 struct Lab<'a> {
     world: &'a Scenario,
     family: &'a Family,
-    recordings: &'a [Recording],
+    recorded: &'a Recorded,
     simulations: AtomicU64,
 }
 
 impl Lab<'_> {
-    /// One independent fit.
+    /// One independent fit, from the nominal ego.
     ///
     /// The kinematic plant, which is some ten times faster, finds the region;
     /// on another plant the search then goes on there.
     fn fit(&self, free: &[usize], plant: PlantKind, seed: u64, refit: u64) -> Fit {
         let mut dice = seed::generator("identify", &[seed, refit]);
-        let coarse = |points: &[Vec<f64>]| self.costs(free, PlantKind::Kinematic, points);
-        let found = Search::WIDE.run(vec![0.0; free.len()], &mut dice, &coarse);
+        let coarse = |points: &[Vec<f64>]| self.measure(free, PlantKind::Kinematic, points);
+        let costs = |points: &[Vec<f64>]| coarse(points).iter().map(|d| cost(d)).collect();
+        let nominal = free.iter().map(|&i| self.family.quantities[i].unit());
+        let mut found = Search::WIDE.run(nominal.collect(), &mut dice, &costs);
+        let smooth: Vec<usize> = (0..free.len())
+            .filter(|&d| self.family.quantities[free[d]].step == 0.0)
+            .collect();
+        found = descend(found.point, &smooth, &coarse);
+        // What comes in whole steps has no slope: every value of it is tried.
+        for (d, &i) in free.iter().enumerate() {
+            for unit in self.family.quantities[i].steps() {
+                let mut point = found.point.clone();
+                point[d] = unit;
+                let other = descend(point, &smooth, &coarse);
+                if other.cost < found.cost {
+                    found = other;
+                }
+            }
+        }
         if plant == PlantKind::Kinematic {
             return found;
         }
-        let fine = |points: &[Vec<f64>]| self.costs(free, plant, points);
-        Search::NARROW.run(found.point, &mut dice, &fine)
+        let fine = |points: &[Vec<f64>]| self.measure(free, plant, points);
+        descend(found.point, &smooth, &fine)
     }
 
-    /// Residuals of points of the free quantities, scaled to −1 ..= 1.
-    fn costs(&self, free: &[usize], plant: PlantKind, points: &[Vec<f64>]) -> Vec<f64> {
+    /// Deviations of points of the free quantities, scaled to −1 ..= 1.
+    fn measure(&self, free: &[usize], plant: PlantKind, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let members = points.par_iter();
         members
-            .map(|point| self.residual_m(&self.member(free, plant, point)))
+            .map(|point| self.deviations(&self.member(free, plant, point)))
             .collect()
     }
 
@@ -207,23 +226,28 @@ impl Lab<'_> {
         let mut member = self.family.nominal(plant);
         for (&i, u) in free.iter().zip(point) {
             let quantity = &self.family.quantities[i];
-            let value = 0.5 * (quantity.lo + quantity.hi + u * (quantity.hi - quantity.lo));
-            member.values[i] = quantity.fit(value);
+            member.values[i] = quantity.at(*u);
         }
         member
     }
 
     fn residual_m(&self, member: &Member) -> f64 {
+        cost(&self.deviations(member))
+    }
+
+    fn deviations(&self, member: &Member) -> Vec<f64> {
         let mut tuning = self.family.tuning(member);
         // Members drive as they would on average.
         tuning.sensors.position_sd_m = 0.0;
         tuning.sensors.speed_sd_mps = 0.0;
-        let runs = self.recordings.len() as u64;
+        let recordings = &self.recorded.recordings;
+        let runs = recordings.len() as u64;
         self.simulations.fetch_add(runs, Ordering::Relaxed);
-        match self.world.scene_of(&tuning) {
-            Some(mut scene) => residual_m(&mut *scene, self.world, self.recordings),
-            None => f64::INFINITY,
-        }
+        // Invariant: a world with a family is driven.
+        let scene = self.world.scene_of(&tuning);
+        scene.map_or_else(Vec::new, |mut scene| {
+            deviations(&mut *scene, self.world, recordings)
+        })
     }
 
     fn conclude(&self, free: &[usize], plant: PlantKind, fits: &[Fit]) -> Identified {
@@ -234,13 +258,9 @@ impl Lab<'_> {
         let best = (0..fits.len()).min_by(|&a, &b| fits[a].cost.total_cmp(&fits[b].cost));
         let best = best.unwrap_or(0);
         let mut member = members[best].clone();
-        let hidden: Vec<bool> = (0..member.values.len())
-            .map(|i| !free.contains(&i) || self.is_hidden(&member, i, fits[best].cost))
-            .collect();
-        for (i, hidden) in hidden.iter().enumerate() {
-            if *hidden {
-                member.values[i] = self.family.quantities[i].nominal;
-            }
+        let mut hidden = vec![true; member.values.len()];
+        for &i in free {
+            hidden[i] = self.hide(&mut member, i, fits[best].cost);
         }
         let spread = (0..member.values.len()).map(|i| {
             let values: Vec<f64> = members.iter().map(|member| member.values[i]).collect();
@@ -251,24 +271,30 @@ impl Lab<'_> {
             hidden,
             residual_m: self.residual_m(&member),
             nominal_residual_m: self.residual_m(&self.family.nominal(plant)),
-            noise_m: noise_m(self.recordings),
+            noise_m: noise_m(&self.recorded.recordings),
             refits_m: fits.iter().map(|fit| fit.cost).collect(),
-            recorded: 2 * self.recordings.len() as u64,
+            recorded: self.recorded.runs,
             simulations: self.simulations.load(Ordering::Relaxed),
             member,
         }
     }
 
-    /// Whether either end of a quantity's range would do about as well.
-    fn is_hidden(&self, member: &Member, i: usize, cost_m: f64) -> bool {
+    /// Makes a quantity nominal if its whole range would do about as well.
+    fn hide(&self, member: &mut Member, i: usize, cost_m: f64) -> bool {
         let quantity = &self.family.quantities[i];
-        let at = |value: f64| {
-            let mut other = member.clone();
-            other.values[i] = value;
-            self.residual_m(&other)
-        };
-        let moved_m = at(quantity.lo).max(at(quantity.hi)) - cost_m;
-        moved_m < SHOWS_M.max(SHOWS_SHARE * cost_m)
+        let allowed_m = cost_m + SHOWS_M.max(SHOWS_SHARE * cost_m);
+        let mut other = member.clone();
+        // The nominal value last, to be kept.
+        let hidden = [quantity.lo, quantity.hi, quantity.nominal]
+            .into_iter()
+            .all(|value| {
+                other.values[i] = value;
+                self.residual_m(&other) <= allowed_m
+            });
+        if hidden {
+            *member = other;
+        }
+        hidden
     }
 }
 

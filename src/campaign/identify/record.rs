@@ -9,24 +9,38 @@ use crate::testbench::{Actor, Held};
 /// Position along x and y and speed of the ego.
 type Seen = [f64; 3];
 
-/// One run of an ego: what led to it, and where the ego was.
+/// Runs of one start under the same actions: what led to them, and where the
+/// ego was, on average.
 pub(super) struct Recording {
     start: Start,
     actions: Vec<usize>,
     seen: Vec<Seen>,
-    /// The same run under other noise.
-    again: Vec<Seen>,
+    /// Sum of squares between two runs under different noise.
+    apart: f64,
+}
+
+/// The recordings, and how many runs of the ego they took.
+pub(super) struct Recorded {
+    pub recordings: Vec<Recording>,
+    pub runs: u64,
 }
 
 /// Records runs of an ego under held random actions, to contact or T.
 ///
-/// Starts are of the calibration stream: never those that are reported. Runs
-/// in which the ego fails at once are left out.
-pub(super) fn record(ego: &Scenario, runs: usize, seed: u64) -> Vec<Recording> {
+/// Starts are of the calibration stream: never those that are reported. The
+/// first start is run twice under different noise; if that makes a difference
+/// every start is, and the two runs are averaged. Starts on which the ego fails
+/// at once are left out.
+pub(super) fn record(ego: &Scenario, starts: usize, seed: u64) -> Recorded {
     let mut scene = ego.world().scene();
     let bench = ego.bench();
     let columns = columns(ego);
-    let recorded = (0..runs as u64).map(|index| {
+    let mut recorded = Recorded {
+        recordings: Vec::with_capacity(starts),
+        runs: 0,
+    };
+    let mut noisy = false;
+    for index in 0..starts as u64 {
         let key = StartKey {
             purpose: Purpose::Calibration,
             seed,
@@ -38,51 +52,73 @@ pub(super) fn record(ego: &Scenario, runs: usize, seed: u64) -> Vec<Recording> {
         actor.begin(noise, &start);
         let actions = (0..bench.clock().decisions()).map(|_| actor.act(&[]));
         let actions: Vec<usize> = actions.collect();
-        Recording {
-            seen: run(&mut *scene, &start, noise, &actions, columns),
-            again: run(&mut *scene, &start, !noise, &actions, columns),
-            start,
-            actions,
+        let mut seen = run(&mut *scene, &start, noise, &actions, columns);
+        recorded.runs += 1;
+        let mut apart = 0.0;
+        if noisy || index == 0 {
+            let again = run(&mut *scene, &start, !noise, &actions, columns);
+            recorded.runs += 1;
+            noisy = noisy || again != seen;
+            seen.truncate(again.len());
+            apart = squares(&seen, &again);
+            seen = mean(&seen, &again);
         }
-    });
-    recorded.filter(|run| 1 < run.seen.len()).collect()
+        if 1 < seen.len() {
+            recorded.recordings.push(Recording {
+                start,
+                actions,
+                seen,
+                apart,
+            });
+        }
+    }
+    recorded
 }
 
-/// Root mean square distance of a model from the recordings.
+fn mean(one: &[Seen], other: &[Seen]) -> Vec<Seen> {
+    let pairs = one.iter().zip(other);
+    pairs
+        .map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i])))
+        .collect()
+}
+
+/// By how much a model deviates from the recordings, number by number.
 ///
 /// Where the model's run is the shorter one, the model stays where it ended.
-pub(super) fn residual_m(scene: &mut dyn Scene, world: &Scenario, runs: &[Recording]) -> f64 {
+pub(super) fn deviations(
+    scene: &mut dyn Scene,
+    world: &Scenario,
+    recordings: &[Recording],
+) -> Vec<f64> {
     let columns = columns(world);
-    let pairs = runs.iter().map(|recording| {
+    let mut all = Vec::new();
+    for recording in recordings {
         let model = run(scene, &recording.start, 0, &recording.actions, columns);
-        (&recording.seen[..], model)
-    });
-    let (mut sum, mut count) = (0.0, 0usize);
-    for (seen, model) in pairs {
-        sum += squares(seen, &model);
-        count += seen.len();
+        let pairs = pairs(&recording.seen, &model);
+        all.extend(pairs.flat_map(|(seen, model)| [0, 1, 2].map(|i| model[i] - seen[i])));
     }
-    (sum / count.max(1) as f64).sqrt()
+    all
 }
 
-/// How far an ego strays from itself under other noise, as one run from the mean.
+/// Samples of a recording beside those of a run, held where it ended.
+fn pairs<'a>(seen: &'a [Seen], run: &'a [Seen]) -> impl Iterator<Item = (&'a Seen, &'a Seen)> {
+    // Invariant: every run has a first sample.
+    let rest = run.last().into_iter().cycle();
+    seen.iter().zip(run.iter().chain(rest))
+}
+
+/// How far an ego's averaged runs may stray from its true mean, by its noise.
 pub(super) fn noise_m(runs: &[Recording]) -> f64 {
-    let sums = runs.iter().map(|run| squares(&run.seen, &run.again));
+    let sum: f64 = runs.iter().map(|run| run.apart).sum();
     let count: usize = runs.iter().map(|run| run.seen.len()).sum();
-    let apart_m = (sums.sum::<f64>() / count.max(1) as f64).sqrt();
-    // Two noisy runs differ by √2 of what one differs from the mean.
-    apart_m / core::f64::consts::SQRT_2
+    // Two runs differ by √2 σ, the mean of two from the true one by σ/√2.
+    0.5 * (sum / count.max(1) as f64).sqrt()
 }
 
-fn squares(seen: &[Seen], model: &[Seen]) -> f64 {
-    let Some(&last) = model.last() else {
-        return f64::INFINITY;
-    };
-    let rest = std::iter::repeat(&last);
-    let pairs = seen.iter().zip(model.iter().chain(rest));
+fn squares(one: &[Seen], other: &[Seen]) -> f64 {
     let square =
         |(a, b): (&Seen, &Seen)| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
-    pairs.map(square).sum()
+    pairs(one, other).map(square).sum()
 }
 
 /// Where a row holds the ego's x, y and speed.
