@@ -1,5 +1,7 @@
 //! Worlds, rulebook and test bench: what holds for every world and every run.
 
+#[path = "worlds/authoring.rs"]
+mod authoring;
 #[path = "worlds/carrying.rs"]
 mod carrying;
 #[path = "worlds/conformance.rs"]

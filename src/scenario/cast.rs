@@ -44,7 +44,7 @@ impl Cast {
         for (name, body) in &file.bodies.0 {
             if let Err(error) = body.validate() {
                 let place = Path::top().to("bodies").to(name).to(error.field);
-                problems.add(&place, error.to_string(), "here", None);
+                problems.add(&place, error.to_string(), "here", body_help(error.field));
             }
         }
         for (i, entry) in file.agents.iter().enumerate() {
@@ -319,6 +319,22 @@ impl Cast {
             }
         }
     }
+}
+
+/// What to do about a field whose bounds follow from others.
+fn body_help(field: &str) -> Option<String> {
+    let help = match field {
+        "com_height_m" => {
+            "higher, it would tip over on its springs: lower it, or raise `track_m` or `suspension_hz`"
+        }
+        "com_ahead_m" => "both axles must carry weight",
+        "suspension_travel_m" => {
+            "it must carry the body's weight: raise it, or raise `suspension_hz`"
+        }
+        "max_steer_rad" => "the turn's centre must lie beside the inner wheel",
+        _ => return None,
+    };
+    Some(help.to_owned())
 }
 
 fn find_body(

@@ -7,6 +7,7 @@ use super::palette::{self, Rgb};
 use super::story::Story;
 use super::words::action_runs;
 use super::{ViewError, path};
+use crate::scene::drive::Road;
 
 /// Curves that share an axis.
 pub(super) struct Plot {
@@ -61,6 +62,7 @@ fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'sta
     let field = name.rsplit('.').next().unwrap_or(name);
     match (unit, field) {
         ("m", "y" | "lateral") if lanes == Lanes::Left => "lateral",
+        ("m", "lateral") if lanes == Lanes::Bent => "lateral",
         ("m", "x" | "s" | "y" | "lateral") if owner.is_some() => "position",
         ("m", _) => "distance",
         ("cell", "d_man") => "chase",
@@ -70,15 +72,21 @@ fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'sta
     }
 }
 
-/// Lanes are left or they are not: only then lateral motion earns a plot.
+/// Lanes are left or they are not: only then lateral motion earns a plot. On a
+/// road that bends, y says nothing about it.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Lanes {
     Kept,
     Left,
+    Bent,
 }
 
 impl Lanes {
     fn of(story: &Story<'_>) -> Lanes {
+        let road = story.scenario.drive().map(|spec| &spec.road);
+        if road.is_some_and(|road| !matches!(road, Road::Straight { .. })) {
+            return Lanes::Bent;
+        }
         let moves = (0..story.stage.cast.len()).any(|who| {
             let lateral = story
                 .frames

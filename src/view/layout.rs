@@ -71,7 +71,7 @@ impl Layout<'_> {
         let sky = Background::new(BackgroundKind::SolidColor)
             .with_color(rerun::Color::from_rgb(17, 20, 26));
         self.property(&view, "Background", &sky)?;
-        let back_m = (-around.ahead_m.0).clamp(0.0, 25.0);
+        let back_m = (-around.ahead_m.0).max(around.behind_m).clamp(0.0, 25.0);
         let eye_m = [-10.0 - back_m, 3.6 + 0.2 * back_m, 4.6 + 0.2 * back_m];
         self.look(&view, eye_m, [3.0, 0.0, 0.4], [0.0, 0.0, 1.0])?;
         Ok(view)
@@ -282,6 +282,8 @@ struct Around {
     ahead_m: (f32, f32),
     /// To its left.
     left_m: (f32, f32),
+    /// By how much its rear is farther back than a car's.
+    behind_m: f32,
 }
 
 impl Around {
@@ -293,6 +295,7 @@ impl Around {
         let mut around = Around {
             ahead_m: (0.0, 0.0),
             left_m: (0.0, 0.0),
+            behind_m: (story.stage.cast[story.ego()].size_m[0] - 4.5) as f32,
         };
         let last = story.frames.len().saturating_sub(1);
         let Some(frame) = story.frames.get(story.decided.unwrap_or(last)) else {

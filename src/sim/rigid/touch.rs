@@ -260,7 +260,9 @@ mod tests {
                 .find(|share| gap_m(&a, &b, *share) <= 0.0);
             match (sampled, touch(&a, &b)) {
                 (Some(sampled), Some((share, _))) => {
-                    prop_assert!(sampled - 0.003 <= share && share <= sampled, "{share} {sampled}");
+                    // A sample may hit the touch itself, which polishing finds to a hair.
+                    let late = sampled + 1e-6;
+                    prop_assert!(sampled - 0.003 <= share && share <= late, "{share} {sampled}");
                     prop_assert!(gap_m(&a, &b, share).abs() <= 2.0 * POLISH_M);
                 }
                 (Some(sampled), None) => prop_assert!(false, "missed at {sampled}"),
