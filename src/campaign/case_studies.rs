@@ -10,7 +10,7 @@ use super::search::{Method, SearchRequest, search};
 use super::train::{TrainError, train};
 use super::{TestStarts, Watch};
 use crate::run::{Row, RunDir, RunError, paired_difference, two_level_bootstrap};
-use crate::scenario::Scenario;
+use crate::scenario::{Against, Scenario};
 
 /// Switches of the search that defines the reachable share.
 const SWITCHES: usize = 2;
@@ -151,13 +151,16 @@ fn one(scenario: &Scenario, ado: Ado<'_>, starts: &TestStarts, watch: &Watch<'_>
 /// The run of a seed, trained now as far as it is not there yet.
 ///
 /// A run of another world, plant or length under that name is an error.
-fn trained_run(
+pub(super) fn trained_run(
     scenario: &Scenario,
     seed: u64,
     runs: &Path,
     watch: &Watch<'_>,
 ) -> Result<(PathBuf, f64), TrainError> {
-    let path = runs.join(format!("{}-{seed}", scenario.name));
+    let path = runs.join(match scenario.against {
+        Against::Nominal => format!("{}-{seed}", scenario.name),
+        family => format!("{}-{family}-{seed}", scenario.name),
+    });
     let mut run = match RunDir::resume(&path) {
         Ok(run) if run.is_of(scenario) => run,
         Ok(_) => return Err(RunError::Exists { path }.into()),

@@ -13,7 +13,9 @@ mod milestones;
 mod paper_rows;
 mod replay;
 mod replays;
+mod retrained;
 mod reuse;
+mod reuse_study;
 mod search;
 mod table1;
 mod theorems;
@@ -31,7 +33,12 @@ pub use identify::{Identified, IdentifyError, IdentifyRequest, identify};
 pub use milestones::{Milestone, milestones};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
+pub use retrained::retrained;
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
+pub use reuse_study::{
+    CONDITIONAL, CONDITIONAL_TRIES, Known, ReuseError, ReuseStudied, ReuseStudy, reuse_markdown,
+    reuse_study,
+};
 pub use search::{Cem, Found, Method, SearchRequest, Searched, anytime, search};
 pub use table1::{
     DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,
@@ -42,7 +49,7 @@ pub use theorems::{
     TheoremsError, TheoremsRequest, Witness, carry_over, nearby_starts, optimal_values,
 };
 pub use train::{TrainError, Trained, train};
-pub use tries::{Tried, Tries};
+pub use tries::{Tried, Tries, other_members};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -2,7 +2,7 @@
 //!
 //! Rows are grouped by how an ego relates to what the ado was trained against,
 //! and compared ado by ado: mean success, mean recall where an adversary can
-//! do something at all, and the paired difference to the trained ado.
+//! do something at all, and the paired difference to one ado of reference.
 
 use serde::Serialize;
 
@@ -27,6 +27,8 @@ pub enum Relation {
     Inside,
     /// Outside that family.
     Outside,
+    /// Every changed ego, inside or outside: a block of summaries only.
+    Changed,
 }
 
 impl Relation {
@@ -37,6 +39,7 @@ impl Relation {
             Relation::ZeroShot => "trained on the nominal ego, reused zero-shot",
             Relation::Inside => "inside the family it was trained against",
             Relation::Outside => "outside that family",
+            Relation::Changed => "all changed egos",
         }
     }
 }
@@ -121,30 +124,36 @@ pub struct Summary {
     pub recall_mean: Option<f64>,
     /// The least recall among them, and on which ego.
     pub recall_min: Option<(f64, String)>,
-    /// Trained minus this ado: mean over the block's egos of the difference
-    /// in success rate, paired on starts, with its 95 % interval.
-    pub trained_minus: Option<(f64, [f64; 2])>,
+    /// The reference ado minus this one: mean over the block's egos of the
+    /// difference in success rate, paired on starts, with its 95 % interval.
+    pub reference_minus: Option<(f64, [f64; 2])>,
     /// Mean simulations per start.
     pub sims_per_start: f64,
 }
 
 /// Sums up every block of a reuse table, ado by ado, in the rows' order.
-pub fn summarise(egos: &[ReusedOn]) -> Vec<Summary> {
+///
+/// Where changed egos are in several blocks, one more block has all of them.
+pub fn summarise(egos: &[ReusedOn], reference: &str) -> Vec<Summary> {
     let mut relations: Vec<Relation> = egos.iter().map(|ego| ego.relation).collect();
     relations.sort();
     relations.dedup();
-    let blocks = relations.into_iter().map(|relation| {
-        let block = egos.iter().filter(|ego| ego.relation == relation);
-        (relation, block.collect::<Vec<_>>())
-    });
-    blocks
-        .flat_map(|(relation, block)| {
-            let ados = ados(&block);
-            ados.into_iter()
-                .map(move |ado| summary(relation, &block, &ado))
-                .collect::<Vec<_>>()
-        })
-        .collect()
+    let changed = |relation: &Relation| *relation != Relation::Trained;
+    if 1 < relations.iter().copied().filter(changed).count() {
+        relations.push(Relation::Changed);
+    }
+    let mut summaries = Vec::new();
+    for relation in relations {
+        let of_block = |ego: &&ReusedOn| match relation {
+            Relation::Changed => changed(&ego.relation),
+            one => ego.relation == one,
+        };
+        let block: Vec<&ReusedOn> = egos.iter().filter(of_block).collect();
+        for ado in ados(&block) {
+            summaries.push(summary(relation, &block, &ado, reference));
+        }
+    }
+    summaries
 }
 
 /// The ados of a block, each once, in the order of the rows.
@@ -158,7 +167,7 @@ fn ados(block: &[&ReusedOn]) -> Vec<String> {
     words
 }
 
-fn summary(relation: Relation, block: &[&ReusedOn], ado: &str) -> Summary {
+fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) -> Summary {
     let of = |ego: &ReusedOn, word: &str| -> Vec<Row> {
         let rows = ego.rows.iter().filter(|row| row.ado == word);
         rows.cloned().collect()
@@ -178,14 +187,14 @@ fn summary(relation: Relation, block: &[&ReusedOn], ado: &str) -> Summary {
         })
         .collect();
     let rows = || played.iter().flat_map(|(_, rows)| rows);
-    let trained: Vec<(Vec<Row>, &Vec<Row>)> = played
+    let compared: Vec<(Vec<Row>, &Vec<Row>)> = played
         .iter()
-        .map(|(ego, rows)| (of(ego, TRAINED), rows))
-        .filter(|(trained, _)| ado != TRAINED && !trained.is_empty())
+        .map(|(ego, rows)| (of(ego, reference), rows))
+        .filter(|(compared, _)| ado != reference && !compared.is_empty())
         .collect();
-    let pairs: Vec<(Vec<&str>, Vec<&str>)> = trained
+    let pairs: Vec<(Vec<&str>, Vec<&str>)> = compared
         .iter()
-        .map(|(trained, rows)| (solved(trained), solved(rows)))
+        .map(|(compared, rows)| (solved(compared), solved(rows)))
         .collect();
     Summary {
         relation,
@@ -195,13 +204,10 @@ fn summary(relation: Relation, block: &[&ReusedOn], ado: &str) -> Summary {
         egos_with_recall: recalls.len(),
         recall_mean: mean(recalls.iter().map(|(recall, _)| *recall)),
         recall_min: recalls.iter().min_by(|a, b| a.0.total_cmp(&b.0)).cloned(),
-        trained_minus: (!pairs.is_empty()).then(|| mean_difference(&pairs)),
+        reference_minus: (!pairs.is_empty()).then(|| mean_difference(&pairs)),
         sims_per_start: mean(rows().map(|row| row.sims_per_start)).unwrap_or(0.0),
     }
 }
-
-/// The word of trained ados in rows.
-const TRAINED: &str = "trained";
 
 fn solved(rows: &[Row]) -> Vec<&str> {
     rows.iter().map(|row| row.solved.as_str()).collect()

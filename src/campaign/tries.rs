@@ -15,14 +15,43 @@ use rayon::prelude::*;
 use super::Watch;
 use super::eval::{EvalRequest, Evaluated, Outcome};
 use crate::rl::Policy;
+use crate::run::{RunDir, RunError};
+use crate::scenario::{Family, Member};
 use crate::scene::Start;
-use crate::seed;
+use crate::seed::{self, Purpose, StartKey};
+use crate::sim::PlantKind;
 use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
 
 /// Probabilities with which exploration begins at a decision, in turn.
 const RATES: [f64; 3] = [0.1, 0.2, 0.4];
 /// A random action is held for 1 to this many decisions.
 const HOLD: usize = 6;
+
+/// Other members that a conditional ado plays as.
+const OTHERS: u64 = 15;
+
+/// A conditional ado, told of other members of its family, for [`Tries`].
+///
+/// # Errors
+/// The run has no policy, or its file is damaged.
+pub fn other_members(
+    run: &RunDir,
+    family: &Family,
+    plant: PlantKind,
+) -> Result<Vec<Box<dyn Policy>>, RunError> {
+    let others = (0..OTHERS).map(|index| {
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed: 0,
+            index,
+        };
+        run.policy_told(&Member {
+            plant,
+            ..family.draw(&run.manifest().world, key)
+        })
+    });
+    others.collect()
+}
 
 /// An ado that may try a start several times.
 #[derive(Clone, Copy)]

@@ -13,10 +13,10 @@ use super::{
 };
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Tries, Watch,
-    best_constant, eval, explain_first, keep, keep_played, reused_on, search, summarise,
+    best_constant, eval, explain_first, keep, keep_played, retrained, reused_on, search, summarise,
     test_starts,
 };
-use crate::run::{Row, RunDir};
+use crate::run::{ChangedEgo, Row, RunDir};
 use crate::scenario::{Against, Change, Scenario};
 use crate::scene::grid::exact::{PositionPolicy, chase};
 use crate::stl::Explanation;
@@ -79,11 +79,13 @@ enum AdoArg {
     Heuristic,
     /// The nearest training counterexample, replayed; then the ten nearest.
     Replays,
+    /// One trained anew for each changed ego, kept under RUN/retrained.
+    Retrained,
     /// The exact solution of a grid world.
     Optimal,
     /// A step towards the ego along the larger axis (grid worlds).
     Chaser,
-    /// All of them but `heuristic` and `replays`.
+    /// All of them that apply; `retrained` takes a training per changed ego.
     All,
 }
 
@@ -120,10 +122,13 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         return Ok(interrupted_early());
     };
     let mut rivals = Rivals::default();
-    if args.ado.contains(&AdoArg::Heuristic) {
+    let drives = nominal.grid().is_none();
+    let all = drives && args.ado.contains(&AdoArg::All);
+    if all || args.ado.contains(&AdoArg::Heuristic) {
         rivals.tune(&run, &nominal, &watch)?;
     }
-    if args.ado.contains(&AdoArg::Replays) {
+    // Only a training against one ego stores counterexamples.
+    if (all && run.manifest().against.is_nominal()) || args.ado.contains(&AdoArg::Replays) {
         rivals.read(&run)?;
     }
     let mut reused = Vec::new();
@@ -149,6 +154,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             starts: own.as_ref().unwrap_or(&starts),
             watch: &watch,
             rivals: &rivals,
+            run: &run,
             on_a_grid: nominal.grid().is_some(),
         };
         let (rows, reason) = job.one_ego(ego)?;
@@ -179,7 +185,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     }
     bar.finish_and_clear();
     let rows: Vec<Row> = reused.iter().flat_map(|ego| ego.rows.clone()).collect();
-    let summary = summarise(&reused);
+    let summary = summarise(&reused, "trained");
     if args.common.json {
         let explain = reasons.iter();
         let explain: Vec<_> = explain
@@ -250,6 +256,7 @@ struct Job<'a> {
     starts: &'a TestStarts,
     watch: &'a Watch<'a>,
     rivals: &'a Rivals,
+    run: &'a RunDir,
     on_a_grid: bool,
 }
 
@@ -311,9 +318,10 @@ impl Job<'_> {
                     AdoArg::Random,
                     AdoArg::Constant,
                 ];
-                if self.on_a_grid {
-                    all.extend([AdoArg::Optimal, AdoArg::Chaser]);
-                }
+                all.extend(match self.on_a_grid {
+                    true => [AdoArg::Optimal, AdoArg::Chaser].as_slice(),
+                    false => &[AdoArg::Heuristic, AdoArg::Replays, AdoArg::Retrained],
+                });
                 all
             }
             false => self.args.ado.clone(),
@@ -327,6 +335,26 @@ impl Job<'_> {
             ado,
             starts: self.starts,
         }
+    }
+
+    /// One trained for this very ego; the nominal one has the trained ado.
+    fn retrained(&self, ego: &NamedEgo) -> Result<Option<Evaluated>, Failure> {
+        if ego.change == Change::default() {
+            return Ok(None);
+        }
+        let own = ChangedEgo {
+            name: ego.name.clone(),
+            change: ego.change.clone(),
+        };
+        let own = retrained(self.run, &own, &ego.scenario, self.watch)?;
+        let Some(own) = own else {
+            return Ok(None);
+        };
+        let policy = own.policy()?;
+        let request = self.request(ego, Ado::Trained(&*policy, self.train_seed));
+        let mut evaluated = eval(&request, self.watch);
+        evaluated.row.ado = "retrained".to_owned();
+        Ok(Some(evaluated))
     }
 
     fn trained<'b>(&'b self, ego: &'b NamedEgo) -> EvalRequest<'b> {
@@ -364,6 +392,7 @@ impl Job<'_> {
             }
             AdoArg::Optimal | AdoArg::Chaser => return self.by_rule(ego, ado).map(Some),
             AdoArg::Heuristic | AdoArg::Replays => return Ok(None),
+            AdoArg::Retrained => return self.retrained(ego),
             AdoArg::Random => Ado::Random,
             AdoArg::Hold => Ado::Held,
             AdoArg::Trained | AdoArg::All if 1 < self.args.tries => {

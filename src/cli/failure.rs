@@ -5,7 +5,7 @@ use std::path::Path;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
-use crate::campaign::{IdentifyError, RegressionError, Table1Error, TrainError};
+use crate::campaign::{IdentifyError, RegressionError, ReuseError, Table1Error, TrainError};
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError};
 
@@ -235,6 +235,21 @@ impl From<Table1Error> for Failure {
             Table1Error::NotAGrid { .. } | Table1Error::Change(_) => Failure::input(
                 error.to_string(),
                 "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",
+            ),
+        }
+    }
+}
+
+impl From<ReuseError> for Failure {
+    fn from(error: ReuseError) -> Failure {
+        match error {
+            ReuseError::Train(error) => error.into(),
+            ReuseError::Run(error) => error.into(),
+            ReuseError::Identify { source, .. } => source.into(),
+            ReuseError::NoFamily { .. } => Failure::plain(
+                Exit::Input,
+                error.to_string(),
+                Some("add `train_against: Family(…)` to the world: docs/reuse.md".to_owned()),
             ),
         }
     }

@@ -2,7 +2,7 @@
 
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 
-use crate::campaign::{LEAST_REACHABLE, ReusedOn, Summary};
+use crate::campaign::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
 use crate::run::Row;
 
 /// All rows as one table, opened by what happens without an adversary.
@@ -32,6 +32,13 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
             without_adversary(&block),
             summary(of_block)
         ));
+    }
+    let of_all = summaries
+        .iter()
+        .filter(|sum| sum.relation == Relation::Changed);
+    if 0 < of_all.clone().count() {
+        let heading = Relation::Changed.heading();
+        text.push_str(&format!("\n\n# {heading}\n{}", summary(of_all)));
     }
     text
 }
@@ -70,7 +77,7 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
         let numbers = [
             sum.egos.to_string(),
             percent(sum.success_rate),
-            sum.trained_minus
+            sum.reference_minus
                 .map_or("–".to_owned(), |(mean, [lo, hi])| {
                     let [mean, lo, hi] = [mean, lo, hi].map(|share| 100.0 * share);
                     format!("{mean:+.1} [{lo:+.1}, {hi:+.1}]")

@@ -3,16 +3,13 @@
 use std::path::Path;
 
 use super::{Failure, NamedEgo, failure, talk};
-use crate::campaign::{IdentifyRequest, Watch, identify};
+use crate::campaign::{IdentifyRequest, Watch, identify, other_members};
 use crate::rl::Policy;
 use crate::run::{IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family, Member, Scenario};
-use crate::seed::{Purpose, StartKey};
 
 /// Runs that are recorded of each ego for `--params identified`.
 pub(super) const RECORDED_RUNS: usize = 10;
-/// Other members that `--tries` plays as.
-const OTHERS: u64 = 15;
 
 /// Whence a conditional ado knows the ego it meets.
 pub(super) enum Params {
@@ -112,20 +109,9 @@ pub(super) fn playing(
         Params::Identified => (identified(&world, ego, seed, watch)?, "identified"),
         Params::File(file, egos) => (in_file(family, ego, file, egos)?, "identified"),
     };
-    let others = (0..OTHERS).map(|index| {
-        let key = StartKey {
-            purpose: Purpose::Calibration,
-            seed: 0,
-            index,
-        };
-        run.policy_told(&Member {
-            plant: spec.plant,
-            ..family.draw(&world.name, key)
-        })
-    });
     Ok(Playing {
         policy: run.policy_told(&member)?,
-        others: others.collect::<Result<_, _>>()?,
+        others: other_members(run, family, spec.plant)?,
         told: Some(told),
     })
 }

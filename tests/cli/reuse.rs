@@ -59,8 +59,8 @@ fn the_table_of_many_egos_is_summed_up_from_its_rows() {
     let trained = of_block("trained");
     assert_eq!(trained["egos_with_recall"], telling.len());
     assert!((trained["recall_mean"].as_f64().expect("a mean") - mean).abs() < 1e-12);
-    assert!(trained["trained_minus"].is_null());
-    let [difference, interval] = [0, 1].map(|i| &of_block("hold")["trained_minus"][i]);
+    assert!(trained["reference_minus"].is_null());
+    let [difference, interval] = [0, 1].map(|i| &of_block("hold")["reference_minus"][i]);
     let difference = difference.as_f64().expect("a difference");
     assert!(interval[0].as_f64() <= Some(difference) && Some(difference) <= interval[1].as_f64());
 }

@@ -152,7 +152,7 @@ fn mistakes() -> Vec<(&'static str, String)> {
             "a body that reaches into another",
             with(
                 "\"wet road\":      Change(friction: 0.4),",
-                "\"truck\": Change(ego_body: \"truck\"),",
+                "\"lorry\": Change(ego_body: \"truck\"),",
             )
             .replace("At(x_m: 0.0", "At(x_m: 5.0")
             .replace("(8.0, 60.0)", "(-12.0, -8.0)"),

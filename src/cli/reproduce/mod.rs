@@ -3,6 +3,7 @@
 mod driving;
 mod grids;
 mod paper;
+mod reuse;
 
 use std::path::{Path, PathBuf};
 
@@ -45,6 +46,8 @@ enum What {
     CaseStudies,
     /// The paper's own rows of those: learners, episodes, Definition 4 as printed.
     PaperRows,
+    /// One trained ado on changed egos, beside honest baselines.
+    Reuse,
     /// Everything, one after the other.
     All,
 }
@@ -54,7 +57,8 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
         What::Table1 => &[grids::run],
         What::CaseStudies => &[driving::run],
         What::PaperRows => &[paper::run],
-        What::All => &[grids::run, driving::run, paper::run],
+        What::Reuse => &[reuse::run],
+        What::All => &[grids::run, driving::run, paper::run, reuse::run],
     };
     let mut results = serde_json::Map::new();
     for part in parts {

@@ -1,0 +1,40 @@
+//! An ado trained anew for one changed ego: what reuse saves, and what it costs.
+
+use super::Watch;
+use super::train::{TrainError, train};
+use crate::run::{ChangedEgo, RunDir, RunError};
+use crate::scenario::{Against, Scenario};
+
+/// The ado that was trained for a changed ego, under `RUN/retrained/`.
+///
+/// It is trained now as far as it is not there yet, with the seed of `run` and
+/// the learner its world names for a nominal ego; `changed` is the world with
+/// that ego. `None`: stopped from outside; what was trained is kept.
+///
+/// # Errors
+/// Training fails, the disk refuses, or the directory holds another ado.
+pub fn retrained(
+    run: &RunDir,
+    ego: &ChangedEgo,
+    changed: &Scenario,
+    watch: &Watch<'_>,
+) -> Result<Option<RunDir>, TrainError> {
+    let plain = changed.training_against(Against::Nominal);
+    let changed = plain.as_ref().unwrap_or(changed);
+    let plant = format!("{:?}", changed.plant()).to_lowercase();
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+    let name: String = format!("{}-{plant}", ego.name).chars().map(plain).collect();
+    let path = run.path().join("retrained").join(name);
+    let mut own = match RunDir::resume(&path) {
+        Ok(own) if own.manifest().ego.as_ref() == Some(ego) => own,
+        Ok(_) => return Err(RunError::Exists { path }.into()),
+        Err(RunError::NotARun { .. }) => {
+            let mut own = RunDir::create(&path, changed, run.manifest().seed)?;
+            own.save_ego(ego.clone())?;
+            own
+        }
+        Err(error) => return Err(error.into()),
+    };
+    let trained = train(changed, &mut own, watch)?;
+    Ok((!trained.interrupted).then_some(own))
+}
