@@ -114,6 +114,7 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
     let mut span = match error.code {
         // What lacks a comma or an end is what stands before.
         Error::ExpectedComma | Error::ExpectedMapColon | Error::Eof => token(text, start, start),
+        _ if shape(&error.code).is_some() => next_token(text, start),
         _ => token(text, start, end),
     };
     if let Some(found) = culprit(&error.code) {
@@ -149,7 +150,33 @@ fn culprit(code: &Error) -> Option<&str> {
     }
 }
 
+/// What should stand where something of another shape does, and how to write it.
+fn shape(code: &Error) -> Option<(String, String)> {
+    let (what, how) = match code {
+        Error::ExpectedArray => ("a list", "lists are written `[a, b]`"),
+        Error::ExpectedMap => ("a map", "maps are written `{ \"name\": value }`"),
+        Error::ExpectedString => ("a text", "texts stand in quotes: `\"ego\"`"),
+        Error::ExpectedFloat => ("a number", "numbers are written `3.0`"),
+        Error::ExpectedInteger => ("a whole number", "whole numbers are written `3`"),
+        Error::ExpectedIdentifier => (
+            "a kind",
+            "there are several kinds of this, so its name comes first: `At(x_m: 0.0, …)`",
+        ),
+        Error::ExpectedStructLike => ("`(…)`", "fields stand in brackets: `(name: value, …)`"),
+        Error::ExpectedNamedStructLike(name) if !name.is_empty() => {
+            let how = format!("write `{name}(name: value, …)`");
+            return Some((format!("`{name}(…)`"), how));
+        }
+        _ => return None,
+    };
+    Some((what.to_owned(), how.to_owned()))
+}
+
 fn explain(code: &Error) -> (String, String, Option<String>) {
+    if let Some((what, how)) = shape(code) {
+        let label = format!("{what} is expected");
+        return (label, "this is none".to_owned(), Some(how));
+    }
     match code {
         Error::NoSuchStructField {
             expected,
@@ -246,6 +273,26 @@ fn offset(text: &str, position: Position) -> usize {
         .map(char::len_utf8)
         .sum();
     (line_start + column).min(text.len())
+}
+
+/// The piece of text that begins at or behind a place.
+fn next_token(text: &str, start: usize) -> std::ops::Range<usize> {
+    let blank = |c: char| c.is_whitespace() || c == ',';
+    let rest = text[start..].trim_start_matches(blank);
+    let from = text.len() - rest.len();
+    let is_word = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.' | '-' | '+');
+    let word: usize = rest
+        .chars()
+        .take_while(|c| is_word(*c))
+        .map(char::len_utf8)
+        .sum();
+    let quoted = rest.strip_prefix('"').and_then(|inner| inner.find('"'));
+    match (word, quoted, rest.chars().next()) {
+        (0, Some(end), _) => from..from + end + 2,
+        (0, None, Some(c)) => from..from + c.len_utf8(),
+        (0, None, None) => token(text, start, start),
+        (length, ..) => from..from + length,
+    }
 }
 
 /// A visible piece of text at or before the reader's span.

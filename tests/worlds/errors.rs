@@ -200,6 +200,26 @@ fn mistakes() -> Vec<(&'static str, String)> {
             "a rule that nothing can keep",
             with("ado.speed <= v_lim", "ado.speed <= -2"),
         ),
+        (
+            "a start without its kind",
+            with(
+                "At(x_m: 0.0, speed_mps: (5.0, 25.0))",
+                "(x_m: 0.0, speed_mps: 5.0)",
+            ),
+        ),
+        (
+            "a rule that is a text",
+            with("rulebook: [", "rulebook: [\"always (ado.speed <= 30)\", "),
+        ),
+        (
+            "a list that is none",
+            with("[-3.0, 0.0, 3.0]", "(-3.0, 0.0, 3.0)"),
+        ),
+        ("a text without quotes", with("name: \"acc\"", "name: acc")),
+        (
+            "a number in words",
+            with("friction: 0.9", "friction: \"wet\""),
+        ),
         ("too many lanes", with("lanes: 1,", "lanes: 1000000000,")),
         ("a byte order mark", format!("\u{feff}{ACC}")),
         ("half of the file", ACC[..ACC.len() / 2].to_owned()),
