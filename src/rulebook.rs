@@ -33,7 +33,7 @@ pub enum Reward {
         /// Clamp of the robustness, above 0.
         rho_max: f64,
     },
-    /// ±jump + (1 − jump) tanh(ρ / scale); fouls at −1 and below by rank.
+    /// ±jump + (1 − jump) tanh(ρ / scale); fouls at −1 − span (M − 1) / rules.
     Tanh {
         /// Clamp of the robustness, above 0.
         #[serde(default = "default_rho_max")]
@@ -44,6 +44,9 @@ pub enum Reward {
         /// Height of the step at ρ = 0, in [0, 1).
         #[serde(default = "default_jump")]
         jump: f64,
+        /// Fouls lie in (−1 − span, −1], by rank; above 0.
+        #[serde(default = "default_foul_span")]
+        foul_span: f64,
     },
 }
 
@@ -59,12 +62,19 @@ fn default_jump() -> f64 {
     0.5
 }
 
+/// Small, so that the cliff beside a rule is hardly deeper than holding still:
+/// with 1, ados that must cut in along a rule's edge learned to stay away.
+fn default_foul_span() -> f64 {
+    0.1
+}
+
 impl Default for Reward {
     fn default() -> Reward {
         Reward::Tanh {
             rho_max: default_rho_max(),
             scale: default_scale(),
             jump: default_jump(),
+            foul_span: default_foul_span(),
         }
     }
 }
@@ -92,6 +102,7 @@ impl Reward {
                 rho_max,
                 scale,
                 jump,
+                ..
             } => {
                 let rho = rho.clamp(-rho_max, rho_max);
                 let step = if 0.0 < rho { jump } else { -jump };
@@ -105,7 +116,9 @@ impl Reward {
     pub fn foul(&self, forfeited: usize, rules: usize) -> f64 {
         match *self {
             Reward::Plain { rho_max } => -(forfeited as f64) * rho_max,
-            Reward::Tanh { .. } => -1.0 - (forfeited as f64 - 1.0) / rules.max(1) as f64,
+            Reward::Tanh { foul_span, .. } => {
+                -1.0 - foul_span * (forfeited as f64 - 1.0) / rules.max(1) as f64
+            }
         }
     }
 

@@ -185,9 +185,16 @@ pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
 
 pub(super) fn reward(problems: &mut Problems, path: &Path, reward: &Reward) {
     within(problems, &path.to("rho_max"), reward.rho_max(), 1e-6, 1e9);
-    if let Reward::Tanh { scale, jump, .. } = reward {
+    if let Reward::Tanh {
+        scale,
+        jump,
+        foul_span,
+        ..
+    } = reward
+    {
         within(problems, &path.to("scale"), *scale, 1e-6, 1e9);
         within(problems, &path.to("jump"), *jump, 0.0, 0.99);
+        within(problems, &path.to("foul_span"), *foul_span, 1e-3, 1e3);
     }
 }
 

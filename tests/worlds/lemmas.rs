@@ -6,10 +6,13 @@ use proptest::prelude::*;
 fn rewards() -> impl Strategy<Value = Reward> {
     prop_oneof![
         (0.1..1e3).prop_map(|rho_max| Reward::Plain { rho_max }),
-        (0.1..1e3, 0.1..1e3, 0.0..0.99).prop_map(|(rho_max, scale, jump)| Reward::Tanh {
-            rho_max,
-            scale,
-            jump
+        (0.1..1e3, 0.1..1e3, 0.0..0.99, 1e-3..1e3).prop_map(|(rho_max, scale, jump, foul_span)| {
+            Reward::Tanh {
+                rho_max,
+                scale,
+                jump,
+                foul_span,
+            }
         }),
     ]
 }
