@@ -91,7 +91,7 @@ impl<'a> Problems<'a> {
 }
 
 /// Notes a number outside of `lo ..= hi`.
-fn within(problems: &mut Problems, path: &Path, value: f64, lo: f64, hi: f64) {
+pub(super) fn within(problems: &mut Problems, path: &Path, value: f64, lo: f64, hi: f64) {
     if !(lo..=hi).contains(&value) {
         let what = format!("{value} is outside of {lo} ..= {hi}");
         problems.add(path, what, "out of range", None);

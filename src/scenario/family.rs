@@ -25,7 +25,8 @@ use crate::sim::PlantKind;
 
 /// Share of the members that are nominal in every quantity.
 const PURE: f64 = 0.15;
-/// Probability with which a quantity of any other member is nominal.
+/// Probability with which a quantity of any other member is nominal, unless
+/// the world says otherwise.
 const NOMINAL: f64 = 0.4;
 
 /// What an ado is trained against.
@@ -74,6 +75,9 @@ pub(super) struct FamilyFile {
     /// Out of the sum of all, so many episodes are played on each plant.
     #[serde(default)]
     pub(super) plants: Option<BTreeMap<PlantName, u32>>,
+    /// Probability with which a quantity is nominal.
+    #[serde(default = "nominal")]
+    pub(super) nominal: f64,
     #[serde(default = "wide")]
     pub(super) wide: LearnerConfig,
     #[serde(default = "conditional")]
@@ -94,6 +98,10 @@ impl From<PlantName> for PlantKind {
             PlantName::Kinematic => PlantKind::Kinematic,
         }
     }
+}
+
+fn nominal() -> f64 {
+    NOMINAL
 }
 
 fn dqn(decisions: u64) -> LearnerConfig {
@@ -241,6 +249,8 @@ pub struct Family {
     pub quantities: Vec<Quantity>,
     /// The plants, each with its weight.
     pub plants: Vec<(PlantKind, u32)>,
+    /// Probability with which a quantity of a member is nominal.
+    pub nominal_share: f64,
     /// How a wide ado learns.
     pub wide: LearnerConfig,
     /// How a conditional ado learns.
@@ -310,7 +320,7 @@ impl Family {
     /// The member met in the episode of a key of a world.
     ///
     /// 15 % are nominal in every quantity; in the others each quantity is
-    /// nominal with probability 0.4 and else uniform in its range. The plant
+    /// nominal with the family's probability and else uniform in its range. The plant
     /// is drawn by the weights of all.
     pub fn draw(&self, world: &str, key: StartKey) -> Member {
         let mut rng = key.generator(world, "family");
@@ -322,7 +332,7 @@ impl Family {
             // Both are drawn always, so that a quantity more or less does not
             // change how many numbers another one takes.
             let (dice, value) = (rng.random::<f64>(), quantity.draw(&mut rng));
-            match dice < NOMINAL {
+            match dice < self.nominal_share {
                 true => quantity.nominal,
                 false => value,
             }

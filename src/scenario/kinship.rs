@@ -72,6 +72,7 @@ pub(super) fn family(
         quantities.extend(sound(problems, &place, quantity));
     }
     let plants = plants(problems, path, &file, spec.plant);
+    check::within(problems, &path.to("nominal"), file.nominal, 0.0, 1.0);
     check::learner(problems, &path.to("wide"), &file.wide);
     check::learner(problems, &path.to("conditional"), &file.conditional);
     if quantities.is_empty() && problems.is_empty() {
@@ -82,6 +83,7 @@ pub(super) fn family(
     Some(Family {
         quantities,
         plants,
+        nominal_share: file.nominal,
         wide: file.wide,
         conditional: file.conditional,
         base: Base {
