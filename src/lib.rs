@@ -33,6 +33,7 @@
 pub mod campaign;
 pub mod cli;
 pub mod ego;
+pub mod report;
 pub mod rl;
 pub mod rulebook;
 pub mod run;

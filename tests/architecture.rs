@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 16] = [
+const FLOORS: [(&str, u32); 17] = [
     ("seed", 0),
     ("trace", 0),
     ("rl", 0),
@@ -19,6 +19,7 @@ const FLOORS: [(&str, u32); 16] = [
     ("run", 5),
     ("campaign", 6),
     ("view", 6),
+    ("report", 6),
     ("cli", 7),
     ("lib", 8),
     ("main", 8),

@@ -16,6 +16,8 @@ mod families;
 mod judging;
 #[path = "worlds/lemmas.rs"]
 mod lemmas;
+#[path = "worlds/near.rs"]
+mod near;
 #[path = "worlds/paper.rs"]
 mod paper;
 #[path = "worlds/process.rs"]

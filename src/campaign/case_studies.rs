@@ -150,8 +150,10 @@ fn one(scenario: &Scenario, ado: Ado<'_>, starts: &TestStarts, watch: &Watch<'_>
 
 /// The run of a seed, trained now as far as it is not there yet.
 ///
-/// A run of another world, plant or length under that name is an error.
-pub(super) fn trained_run(
+/// # Errors
+/// Training fails, the disk refuses, or a run of another world, plant or length
+/// has that name.
+pub fn trained_run(
     scenario: &Scenario,
     seed: u64,
     runs: &Path,

@@ -4,12 +4,15 @@
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
 mod against;
+mod behaviours;
 mod break_even;
 mod case_studies;
 mod eval;
+mod extreme;
 mod heuristic;
 mod identify;
 mod milestones;
+mod near;
 mod paper_rows;
 mod replay;
 mod replays;
@@ -18,19 +21,25 @@ mod reuse;
 mod reuse_study;
 mod search;
 mod table1;
+mod telling;
 mod theorems;
 mod train;
 mod tries;
 
+pub use behaviours::{
+    FigureError, Shown, start_with, three_merges, two_at_the_light, two_behaviours,
+};
 pub use break_even::{BreakEven, Cost, PerStart, break_even};
-pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study};
+pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study, trained_run};
 pub use eval::{
     Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
     keep_played, test_starts,
 };
+pub use extreme::extreme;
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify};
 pub use milestones::{Milestone, milestones};
+pub use near::{Alumnus, NearFailing, NearRow, near_starts, near_starts_markdown};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use retrained::retrained;
@@ -44,6 +53,7 @@ pub use table1::{
     DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,
     Trained as TrainedShare, table1, table1_markdown,
 };
+pub use telling::{Telling, telling};
 pub use theorems::{
     CarriedOver, CarryOver, Distance, Forecast, NearbyStarts, Refused, Sharper, Spread,
     TheoremsError, TheoremsRequest, Witness, carry_over, nearby_starts, optimal_values,

@@ -1,7 +1,6 @@
 //! Training an ado: testbench ⇄ learner → policy, kept in a run directory.
 
 use cpu_time::ThreadTime;
-use serde::Serialize;
 
 use super::Watch;
 use super::against::TrainingGym;
@@ -46,18 +45,6 @@ pub enum TrainError {
         /// Good ones.
         episodes: u64,
     },
-}
-
-/// One line of `progress.jsonl`.
-#[derive(Serialize)]
-struct Line {
-    decisions: u64,
-    episodes: u64,
-    window: u64,
-    aborted: u64,
-    solved_share: f64,
-    mean_return: f64,
-    exploration: f32,
 }
 
 /// Trains in `run` until the configured decisions are taken or `watch` stops it.
@@ -177,7 +164,7 @@ impl Ledger {
         if self.in_line < REPORT_EPISODES {
             return;
         }
-        let line = Line {
+        let line = crate::run::Progress {
             decisions: progress.decisions,
             episodes: progress.episodes,
             window: self.in_line,

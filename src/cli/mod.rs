@@ -7,6 +7,7 @@ mod eval;
 mod failure;
 mod identify;
 mod kept;
+mod report;
 mod reproduce;
 mod rivals;
 mod search;
@@ -66,7 +67,9 @@ enum Verb {
     Replay(kept::ReplayArgs),
     /// Measure a formula of Signal Temporal Logic on a trace in CSV.
     Stl(stl::StlArgs),
-    /// Make the tables of the README again, from nothing.
+    /// Write one page, and JUnit XML, about a run.
+    Report(report::ReportArgs),
+    /// Make the tables and figures again, from nothing.
     Reproduce(reproduce::ReproduceArgs),
     /// Write an episode as a recording for the rerun viewer.
     #[cfg(feature = "rerun")]
@@ -82,6 +85,7 @@ impl Verb {
                 | Verb::Eval(_)
                 | Verb::Search(_)
                 | Verb::Identify(_)
+                | Verb::Report(_)
                 | Verb::Reproduce(_)
         )
     }
@@ -130,6 +134,7 @@ pub fn main() -> ExitCode {
         Verb::Identify(args) => with_jobs(&args.common.clone(), move || identify::run(&args)),
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
+        Verb::Report(args) => with_jobs(&args.common.clone(), move || report::run(&args)),
         Verb::Reproduce(args) => with_jobs(&args.common.clone(), move || reproduce::run(&args)),
         #[cfg(feature = "rerun")]
         Verb::View(args) => kept::view(&args),

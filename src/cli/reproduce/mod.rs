@@ -1,7 +1,9 @@
-//! `brakecheck reproduce`: the tables of the README, from nothing.
+//! `brakecheck reproduce`: the tables and figures, from nothing.
 
 mod driving;
+mod figures;
 mod grids;
+mod near;
 mod paper;
 mod reuse;
 
@@ -48,6 +50,10 @@ enum What {
     PaperRows,
     /// One trained ado on changed egos, beside honest baselines.
     Reuse,
+    /// Starts near the paper's failing ones: do they fail too?
+    NearStarts,
+    /// The paper's Figs. 2, 3 and 5, found by search in the shipped worlds.
+    Figures,
     /// Everything, one after the other.
     All,
 }
@@ -58,7 +64,16 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
         What::CaseStudies => &[driving::run],
         What::PaperRows => &[paper::run],
         What::Reuse => &[reuse::run],
-        What::All => &[grids::run, driving::run, paper::run, reuse::run],
+        What::NearStarts => &[near::run],
+        What::Figures => &[figures::run],
+        What::All => &[
+            grids::run,
+            driving::run,
+            paper::run,
+            reuse::run,
+            near::run,
+            figures::run,
+        ],
     };
     let mut results = serde_json::Map::new();
     for part in parts {

@@ -1,0 +1,192 @@
+//! Starts of nearly the same value as a failing one: do they fail too?
+//!
+//! The paper's remark on generalisation (Sec. VI): around a failing start it
+//! finds failing starts with smaller and larger distances and speeds, several
+//! of them never met in training. Near means near in the ado's own value V.
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{TestStarts, Watch};
+use crate::rl::Policy;
+use crate::run::wilson;
+use crate::scenario::Scenario;
+use crate::scene::{Axis, Start};
+use crate::seed::{Purpose, StartKey};
+use crate::testbench::{Aftermath, PolicyActor, Testbench, play};
+
+/// Two starts are as good as the same if no quantity differs by more than this
+/// share of its range.
+const SAME: f64 = 0.01;
+
+/// A trained ado and what it trained on.
+#[derive(Clone, Copy)]
+pub struct Alumnus<'a> {
+    /// The ado.
+    pub policy: &'a dyn Policy,
+    /// Seed of its training.
+    pub seed: u64,
+    /// Episodes of its training.
+    pub episodes: u64,
+}
+
+/// The neighbourhood of one failing start.
+#[derive(Clone, Debug, Serialize)]
+pub struct NearFailing {
+    /// Name of the world.
+    pub world: String,
+    /// The start, by axis.
+    pub around: Vec<(String, f64)>,
+    /// V there, as the ado sees it.
+    pub value: f64,
+    /// Whether the ado makes the ego fail from it.
+    pub fails: bool,
+    /// Starts that were looked at: those that are not trivial.
+    pub starts: usize,
+    /// A row per δ.
+    pub rows: Vec<NearRow>,
+}
+
+/// Starts x with |V(x) − V(x0)| < δ.
+#[derive(Clone, Debug, Serialize)]
+pub struct NearRow {
+    /// δ.
+    pub delta: f64,
+    /// How many there are.
+    pub near: usize,
+    /// From how many of them the ego fails.
+    pub failing: usize,
+    /// Wilson's 95 % interval of that share.
+    pub ci95: [f64; 2],
+    /// Per axis: failing ones with less, and with more, than x0.
+    pub below_above: Vec<(String, [usize; 2])>,
+    /// Failing ones that no training start is as good as the same as.
+    pub never_met: usize,
+}
+
+/// Looks at all `starts` that are δ-near `around`, for each δ.
+///
+/// Training starts are counted as met whether or not training got to them, so
+/// `never_met` is a lower bound. `None`: stopped.
+pub fn near_starts(
+    scenario: &Scenario,
+    alumnus: Alumnus<'_>,
+    around: &Start,
+    starts: &TestStarts,
+    deltas: &[f64],
+    watch: &Watch<'_>,
+) -> Option<NearFailing> {
+    let axes = scenario.axes();
+    let look = |bench: &mut Testbench, start: &Start, noise: u64| {
+        let mut obs = vec![0.0; bench.spaces().observation];
+        bench.begin(start, noise, Aftermath::Skip);
+        bench.observe(&mut obs);
+        let value = f64::from(alumnus.policy.value(&obs));
+        let mut ado = PolicyActor(alumnus.policy);
+        let episode = play(bench, start, noise, &mut ado, Aftermath::Skip);
+        (value, episode.verdict.is_success())
+    };
+    let mut bench = scenario.bench();
+    let (value, fails) = look(&mut bench, around, 0);
+    let met: Vec<Start> = (0..alumnus.episodes)
+        .map(|index| {
+            bench.draw(StartKey {
+                purpose: Purpose::Train,
+                seed: alumnus.seed,
+                index,
+            })
+        })
+        .collect();
+    let untried = starts.starts.iter().zip(&starts.trivial);
+    let untried: Vec<&(Start, u64)> = untried.filter(|(_, t)| !**t).map(|(s, _)| s).collect();
+    let looked: Vec<(&Start, f64, bool)> = untried
+        .par_iter()
+        .map_init(
+            || scenario.bench(),
+            |bench, (start, noise)| {
+                if watch.stopped() {
+                    return None;
+                }
+                let (value, fails) = look(bench, start, *noise);
+                Some((start, value, fails))
+            },
+        )
+        .collect::<Option<_>>()?;
+    let row = |delta: f64| {
+        let near = looked.iter().filter(|(_, v, _)| (v - value).abs() < delta);
+        let near: Vec<_> = near.collect();
+        let failing: Vec<&Start> = near.iter().filter(|n| n.2).map(|n| n.0).collect();
+        let sides = axes.iter().enumerate().map(|(i, axis)| {
+            let count = |test: &dyn Fn(f64) -> bool| {
+                failing.iter().filter(|start| test(start.0[i])).count()
+            };
+            let below_above = [count(&|v| v < around.0[i]), count(&|v| around.0[i] < v)];
+            (axis.name.clone(), below_above)
+        });
+        let unmet = failing
+            .par_iter()
+            .filter(|start| met.iter().all(|other| !are_same(&axes, start, other)));
+        NearRow {
+            delta,
+            near: near.len(),
+            failing: failing.len(),
+            ci95: wilson(failing.len(), near.len()),
+            below_above: sides.collect(),
+            never_met: unmet.count(),
+        }
+    };
+    Some(NearFailing {
+        world: scenario.name.clone(),
+        around: axes
+            .iter()
+            .map(|a| a.name.clone())
+            .zip(around.0.clone())
+            .collect(),
+        value,
+        fails,
+        starts: looked.len(),
+        rows: deltas.iter().map(|delta| row(*delta)).collect(),
+    })
+}
+
+fn are_same(axes: &[Axis], a: &Start, b: &Start) -> bool {
+    let pairs = a.0.iter().zip(&b.0).zip(axes);
+    let mut apart = pairs.map(|((a, b), axis)| ((a - b).abs(), SAME * (axis.hi - axis.lo)));
+    apart.all(|(apart, same)| apart <= same)
+}
+
+/// The neighbourhoods as a Markdown table.
+pub fn near_starts_markdown(all: &[NearFailing]) -> String {
+    let mut text = String::from(
+        "| world | failing start | V | δ | near starts | of those fail [95 %] | failing with less / more | never met in training |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for near in all {
+        let around = near.around.iter().map(|(name, v)| format!("{name} {v:.2}"));
+        let around = around.collect::<Vec<_>>().join(", ");
+        let fails = if near.fails {
+            ""
+        } else {
+            " (does not fail here)"
+        };
+        for row in &near.rows {
+            let sides = row.below_above.iter();
+            let sides = sides.map(|(name, [less, more])| format!("{name} {less} / {more}"));
+            text.push_str(&format!(
+                "| {} | {around}{fails} | {:.3} | {} | {} of {} | {} ({:.1} %) [{:.1}, {:.1}] | {} | {} |\n",
+                near.world,
+                near.value,
+                row.delta,
+                row.near,
+                near.starts,
+                row.failing,
+                100.0 * row.failing as f64 / row.near.max(1) as f64,
+                100.0 * row.ci95[0],
+                100.0 * row.ci95[1],
+                sides.collect::<Vec<_>>().join("; "),
+                row.never_met,
+            ));
+        }
+    }
+    text
+}

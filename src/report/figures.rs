@@ -1,0 +1,181 @@
+//! The paper's figures, redrawn from our own runs, as SVG files of their own.
+
+use maud::{Markup, PreEscaped, html};
+
+use super::page::STYLE;
+use super::plot::{Chart, Curve, Mark, Region, chart};
+
+/// What a caption takes, per line, and how many letters fit.
+const LINE: f64 = 13.0;
+const LETTERS: usize = 78;
+/// Distances are shown to this many junctions beyond the line.
+const BEYOND: f64 = 2.5;
+/// Size of one panel; `plot` draws it in the same units.
+const PANEL: (f64, f64) = (420.0, 264.0);
+
+/// One behaviour of an ado, over time.
+pub struct Behaviour {
+    /// What it does, in a few words.
+    pub name: String,
+    /// Time and speed of the ego.
+    pub ego_speed_mps: Vec<(f64, f64)>,
+    /// Time and speed of the ado.
+    pub ado_speed_mps: Vec<(f64, f64)>,
+    /// Time and distance between them.
+    pub distance_m: Vec<(f64, f64)>,
+    /// When ψ_ego was violated or a rule broken, and which.
+    pub decided: (f64, String),
+}
+
+/// Fig. 2: two behaviours from one start of the adaptive cruise control.
+///
+/// `safe_m` is d_safe; `caption` says where the runs come from.
+pub fn figure_2(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
+    let panels = behaviours.iter().flat_map(|one| panels_of(one, safe_m));
+    figure(&panels.collect::<Vec<_>>(), caption)
+}
+
+/// Fig. 3: a merge from far away, one that breaks the rule, one that keeps it.
+pub fn figure_3(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
+    let panels = behaviours.iter().flat_map(|one| panels_of(one, safe_m));
+    figure(&panels.collect::<Vec<_>>(), caption)
+}
+
+fn panels_of(one: &Behaviour, safe_m: f64) -> [Chart; 2] {
+    let curve = |name: &str, class: &str, points: &[(f64, f64)]| Curve {
+        name: name.to_owned(),
+        class: class.to_owned(),
+        points: points.to_vec(),
+    };
+    let decided = || {
+        vec![Mark {
+            at: one.decided.0,
+            word: one.decided.1.clone(),
+        }]
+    };
+    [
+        Chart {
+            title: format!("{}: speeds", one.name),
+            x_label: "time [s]".to_owned(),
+            y_label: "speed [m/s]".to_owned(),
+            curves: vec![
+                curve("ego", "c-ego", &one.ego_speed_mps),
+                curve("ado", "c-ado", &one.ado_speed_mps),
+            ],
+            at_x: decided(),
+            ..Chart::default()
+        },
+        Chart {
+            title: format!("{}: distance", one.name),
+            x_label: "time [s]".to_owned(),
+            y_label: "distance [m]".to_owned(),
+            curves: vec![curve("", "c-3", &one.distance_m)],
+            at_x: decided(),
+            at_y: vec![Mark {
+                at: safe_m,
+                word: format!("d_safe = {safe_m} m"),
+            }],
+            y_span: Some((0.0, 0.0)),
+            ..Chart::default()
+        },
+    ]
+}
+
+/// Distances to a stop line over time.
+pub struct Distances {
+    /// What the ado does, in a few words.
+    pub name: String,
+    /// Time and distance of the ego, positive before the line.
+    pub ego_m: Vec<(f64, f64)>,
+    /// Time and distance of the ado.
+    pub ado_m: Vec<(f64, f64)>,
+    /// From when on the light is red, and how long the run may last.
+    pub red_s: (f64, f64),
+    /// Length of the junction behind the line.
+    pub junction_m: f64,
+}
+
+/// Fig. 5: distance to the line of ego and ado, and where the red is run.
+///
+/// What happens far beyond the junction is left out.
+pub fn figure_5(runs: &[Distances], caption: &str) -> String {
+    let near = |points: &[(f64, f64)], junction_m: f64| -> Vec<(f64, f64)> {
+        let all = points.iter().copied();
+        all.take_while(|(_, m)| -BEYOND * junction_m < *m).collect()
+    };
+    let panels = runs.iter().map(|run| Chart {
+        title: run.name.clone(),
+        x_label: "time [s]".to_owned(),
+        y_label: "distance to the line [m]".to_owned(),
+        curves: vec![
+            Curve {
+                name: "ego".to_owned(),
+                class: "c-ego".to_owned(),
+                points: near(&run.ego_m, run.junction_m),
+            },
+            Curve {
+                name: "ado".to_owned(),
+                class: "c-ado".to_owned(),
+                points: near(&run.ado_m, run.junction_m),
+            },
+        ],
+        at_x: vec![Mark {
+            at: run.red_s.0,
+            word: "red".to_owned(),
+        }],
+        regions: vec![Region {
+            x: run.red_s,
+            y: (-run.junction_m, 0.0),
+            word: "runs the red light".to_owned(),
+        }],
+        y_span: Some((-BEYOND * run.junction_m, 0.0)),
+        ..Chart::default()
+    });
+    figure(&panels.collect::<Vec<_>>(), caption)
+}
+
+/// Panels in two columns over a caption.
+fn figure(panels: &[Chart], caption: &str) -> String {
+    let rows = panels.len().div_ceil(2);
+    let lines = wrapped(caption, LETTERS * panels.len().min(2));
+    let width = PANEL.0 * panels.len().min(2) as f64;
+    let height = PANEL.1 * rows as f64 + LINE * (lines.len() + 1) as f64;
+    let placed = panels.iter().enumerate().map(|(nth, panel)| {
+        let (x, y) = (PANEL.0 * (nth % 2) as f64, PANEL.1 * (nth / 2) as f64);
+        html! { g transform=(format!("translate({x} {y})")) { g { (sized(panel)) } } }
+    });
+    let below = PANEL.1 * rows as f64;
+    let picture = html! {
+        (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
+        svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {width} {height}")) width=(width) height=(height) {
+            style { (PreEscaped(STYLE)) }
+            rect width="100%" height="100%" style="fill: var(--card)" {}
+            @for panel in placed { (panel) }
+            @for (nth, line) in lines.iter().enumerate() {
+                text x="12" y=(below + LINE * (nth + 1) as f64) { (line) }
+            }
+        }
+    };
+    picture.into_string()
+}
+
+/// A chart in a place of fixed size.
+fn sized(panel: &Chart) -> Markup {
+    html! {
+        svg width=(PANEL.0) height=(PANEL.1) { (chart(panel)) }
+    }
+}
+
+fn wrapped(text: &str, letters: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + word.chars().count() < letters => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}

@@ -1,0 +1,112 @@
+//! Reports to read and to hand on: one HTML page, JUnit XML, figures as SVG.
+//!
+//! Pure functions of results: whoever calls them has played the episodes. The
+//! page needs no network and no script, and whatever a world file says is
+//! escaped.
+//!
+//! Architecture Invariant: plays no episode, trains nothing, touches no file.
+
+mod examples;
+mod figures;
+mod junit;
+mod page;
+mod plot;
+mod results;
+
+use crate::rulebook::Verdict;
+use crate::run::{Manifest, Progress, Row};
+use crate::scenario::Scenario;
+use crate::scene::Start;
+use crate::testbench::Episode;
+
+pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
+
+/// Everything a report shows.
+pub struct Report<'a> {
+    /// The world, with the nominal ego, on the plant of the run.
+    pub scenario: &'a Scenario,
+    /// The run directory, as the reader should write it.
+    pub run: String,
+    /// What the run was.
+    pub manifest: &'a Manifest,
+    /// This run's training and that of others on the same world.
+    pub trainings: Vec<Training>,
+    /// The nominal ego on test starts; `None` while there is no policy.
+    pub nominal: Option<Nominal>,
+    /// All egos and ados that were evaluated.
+    pub tested: Vec<Tested>,
+    /// Where `tested` comes from, and over how many starts.
+    pub about_tested: String,
+    /// Simulations that ways to find failures cost.
+    pub costs: Vec<Cost>,
+    /// What the reader must know first, such as that training is unfinished.
+    pub notes: Vec<String>,
+    /// What makes the report again, command by command.
+    pub commands: Vec<String>,
+}
+
+/// How one training went.
+pub struct Training {
+    /// Its run directory, as the reader should write it.
+    pub run: String,
+    /// What the run was.
+    pub manifest: Manifest,
+    /// One point per report of the learner.
+    pub progress: Vec<Progress>,
+    /// The closing evaluation; empty while training.
+    pub closing: Vec<Row>,
+}
+
+/// The nominal ego and the trained ado on every test start.
+pub struct Nominal {
+    /// The row.
+    pub row: Row,
+    /// Every start and what came of it; `None`: trivial, or not reached.
+    pub starts: Vec<(Start, Option<Verdict>)>,
+    /// Counterexamples that tell most.
+    pub telling: Vec<Example>,
+}
+
+/// A counterexample to look at.
+pub struct Example {
+    /// What it was chosen for, with the number.
+    pub chosen_for: String,
+    /// Its position among the test starts.
+    pub start: usize,
+    /// The episode, to contact or the horizon.
+    pub episode: Episode,
+}
+
+/// One row, and why the ego fails where it does.
+pub struct Tested {
+    /// The row.
+    pub row: Row,
+    /// The first counterexample, explained.
+    pub why: Option<String>,
+}
+
+/// What testing n new starts costs: `fixed` + n · `per_start` simulations.
+pub struct Cost {
+    /// The way to find failures.
+    pub name: String,
+    /// Simulations before the first start.
+    pub fixed: f64,
+    /// Simulations per start.
+    pub per_start: f64,
+    /// Share of the starts that it solves so.
+    pub solves: f64,
+    /// Share that it solves with so many simulations per start; may be empty.
+    pub anytime: Vec<(f64, f64)>,
+}
+
+impl Report<'_> {
+    /// The report as one HTML page.
+    pub fn html(&self) -> String {
+        page::html(self)
+    }
+
+    /// The report as JUnit XML: one test case per ego and ado.
+    pub fn junit(&self) -> String {
+        junit::xml(self)
+    }
+}

@@ -1,0 +1,131 @@
+//! The page itself: what stands where.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::examples::example;
+use super::results::{self, percent};
+use super::{Nominal, Report};
+use crate::scenario::Scenario;
+
+/// Colours and pictures, shared with the figures.
+pub(super) const STYLE: &str = include_str!("style.css");
+const PAGE_STYLE: &str = include_str!("page.css");
+
+pub(super) fn html(report: &Report<'_>) -> String {
+    let scenario = report.scenario;
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="generator" content={ "brakecheck " (env!("CARGO_PKG_VERSION")) };
+                title { "brakecheck: " (scenario.name) }
+                style { (PreEscaped(STYLE)) (PreEscaped(PAGE_STYLE)) }
+            }
+            body { main {
+                (opening(report))
+                h2 { "Training" }
+                (results::training(&report.trainings))
+                @if let Some(nominal) = &report.nominal { (seen(report, nominal)) }
+                @if !report.tested.is_empty() {
+                    h2 { "Reuse: the same ado against other egos" }
+                    p { (report.about_tested) }
+                    (results::rows(&report.tested))
+                }
+                @if 1 < report.costs.len() {
+                    h2 { "What it costs" }
+                    p { "One simulation is one episode. The trained ado has paid its training and then plays each start once; a search pays for every start." }
+                    (results::costs(&report.costs))
+                }
+                (world(scenario))
+                (again(report))
+            } }
+        }
+    };
+    page.into_string()
+}
+
+fn opening(report: &Report<'_>) -> Markup {
+    let scenario = report.scenario;
+    html! {
+        p class="dim" { "brakecheck report: " (scenario.name) }
+        h1 { (scenario.question) }
+        @if !scenario.source.is_empty() { p class="dim" { (scenario.source) } }
+        @for note in &report.notes { p class="note" { (note) } }
+        @if let Some(nominal) = &report.nominal {
+            @let row = &nominal.row;
+            @let all = (row.starts + row.trivial).max(1);
+            div class="tiles" {
+                div class="tile" { b { (percent(row.success_rate)) } span { "of " (row.starts) " starts make the ego fail, every rule kept [" (format!("{:.1}, {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1])) "]" } }
+                div class="tile" { b { (percent(row.trivial as f64 / all as f64)) } span { "of " (all) " starts fail without an adversary; left out" } }
+                div class="tile" { b { (percent(row.foul_rate)) } span { "fouls: the ado broke a rule" } }
+                div class="tile" { b { (percent(row.contact_rate)) } span { "end in contact" @if let Some(speed) = row.closing_speed_mps { ", closing at " (format!("{:.1}", speed.median)) " m/s (median)" } } }
+                div class="tile" { b { (format!("{:.0} s", report.manifest.cpu_s)) } span { "of processor time trained the ado, " (report.manifest.decisions_done) " decisions" } }
+                div class="tile" { b { (format!("{:?}", row.plant)) } span { "plant; judge " (format!("{:?}", row.judge)) } }
+            }
+        }
+    }
+}
+
+fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
+    html! {
+        h2 { "Which starts fail" }
+        (results::starts(nominal, &report.scenario.axes()))
+        h2 { "Counterexamples that tell most" }
+        @if nominal.telling.is_empty() {
+            p { "The ado makes the ego fail from none of the test starts." }
+        }
+        @for chosen in &nominal.telling { (example(report, chosen)) }
+    }
+}
+
+fn world(scenario: &Scenario) -> Markup {
+    let constants = &scenario.names.constants;
+    let actions = scenario.world().spaces().actions;
+    html! {
+        h2 { "The world" }
+        p { "The ego must keep ψ_ego, and the ado keeps its rules, the most important first:" }
+        div class="wide" { table {
+            thead { tr { th { "" } th { "who" } th { "what" } th { "in Signal Temporal Logic" } } }
+            tbody {
+                tr { td { "ψ_ego" } td { "ego" } td {} td class="w" { code { (scenario.ego_spec) } } }
+                @for rule in &scenario.rules {
+                    tr { td { "rule " (rule.priority + 1) } td { (rule.ado) } td class="w" { (rule.name) } td class="w" { code { (rule.formula) } } }
+                }
+            }
+        } }
+        @if !constants.is_empty() {
+            p { "Constants: " @for (n, (name, value)) in constants.iter().enumerate() { @if 0 < n { ", " } code { (name) " = " (value) } } "." }
+        }
+        p { "Actions: " @for action in 0..actions { @if 0 < action { "; " } (scenario.action_label(action)) } "." }
+        details {
+            summary { "Starts" }
+            div class="wide" { table {
+                thead { tr { th { "quantity" } th class="n" { "from" } th class="n" { "to" } th { "unit" } } }
+                tbody { @for axis in scenario.axes() { tr { td { (axis.name) } td class="n" { (axis.lo) } td class="n" { (axis.hi) } td { (axis.unit) } } } }
+            } }
+        }
+        details {
+            summary { "Signals" }
+            div class="wide" { table {
+                thead { tr { th { "signal" } th { "unit" } th { "what it is" } } }
+                tbody { @for (signal, _) in scenario.signals() { tr { td { code { (signal.name) } } td { (signal.unit) } td class="w" { (signal.about) } } } }
+            } }
+        }
+        details { summary { "The world file" } pre { (scenario.text) } }
+    }
+}
+
+fn again(report: &Report<'_>) -> Markup {
+    let manifest = report.manifest;
+    html! {
+        h2 { "How to make it again" }
+        pre { @for command in &report.commands { (command) "\n" } }
+        p { "This page was made by brakecheck " (env!("CARGO_PKG_VERSION")) "; the run by " (manifest.brakecheck) " on " (manifest.target) ", seed " (manifest.seed) ", plant " (format!("{:?}", manifest.plant)) @if let Some(learner) = &manifest.learner { ", learner " (learner) } "." }
+        div class="wide" { table { tbody {
+            tr { td { "world.ron" } td { "SHA-256 " code { (manifest.world_sha256) } } }
+            tr { td { "policy.safetensors" } td { @match &manifest.policy_sha256 { Some(hash) => { "SHA-256 " code { (hash) } } None => { "not there yet" } } } }
+        } } }
+    }
+}

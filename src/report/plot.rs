@@ -1,0 +1,327 @@
+//! Pictures as SVG: curves, heat maps and histograms, coloured by CSS classes.
+//!
+//! All are drawn on a small canvas and scaled, so that letters stay readable on
+//! a phone. Colours come from the page's style, light or dark.
+
+use maud::{Markup, html};
+
+/// Size of the canvas, in its own units.
+const WIDTH: f64 = 420.0;
+const HEIGHT: f64 = 264.0;
+/// What axes and titles take.
+const LEFT: f64 = 46.0;
+const RIGHT: f64 = 12.0;
+const TOP: f64 = 26.0;
+const BOTTOM: f64 = 52.0;
+/// Wanted number of ticks on an axis.
+const TICKS: f64 = 5.0;
+/// Points of a curve that are drawn at most.
+const MAX_POINTS: usize = 400;
+
+/// A curve.
+pub(super) struct Curve {
+    /// Its name in the legend; empty: not named there.
+    pub name: String,
+    /// CSS class of its colour, such as `c-ego` or `c-1`.
+    pub class: String,
+    /// Its points, ascending in x.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A line across the picture with a word.
+pub(super) struct Mark {
+    /// Where.
+    pub at: f64,
+    /// The word.
+    pub word: String,
+}
+
+/// A shaded rectangle, in the units of the axes.
+pub(super) struct Region {
+    /// From and to, along x.
+    pub x: (f64, f64),
+    /// From and to, along y.
+    pub y: (f64, f64),
+    /// The word in it.
+    pub word: String,
+}
+
+/// Curves over a common axis.
+#[derive(Default)]
+pub(super) struct Chart {
+    /// Above the picture.
+    pub title: String,
+    /// Under the picture.
+    pub x_label: String,
+    /// Quantity and unit of the curves.
+    pub y_label: String,
+    /// The curves.
+    pub curves: Vec<Curve>,
+    /// Vertical lines.
+    pub at_x: Vec<Mark>,
+    /// Horizontal lines.
+    pub at_y: Vec<Mark>,
+    /// Shaded parts.
+    pub regions: Vec<Region>,
+    /// The least span of y that is shown.
+    pub y_span: Option<(f64, f64)>,
+}
+
+/// From numbers to the canvas, along one axis.
+struct Axis {
+    lo: f64,
+    hi: f64,
+    from: f64,
+    to: f64,
+}
+
+impl Axis {
+    fn at(&self, value: f64) -> f64 {
+        let share = (value - self.lo) / (self.hi - self.lo);
+        self.from + share.clamp(-0.02, 1.02) * (self.to - self.from)
+    }
+
+    /// Round numbers within the axis, and the places they need.
+    fn ticks(&self) -> (Vec<f64>, usize) {
+        let rough = (self.hi - self.lo) / TICKS;
+        let power = libm::pow(10.0, libm::floor(libm::log10(rough)));
+        let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power);
+        let step = step.into_iter().find(|s| rough <= *s).unwrap_or(rough);
+        let places = (-libm::floor(libm::log10(step))).max(0.0) as usize;
+        let first = libm::ceil(self.lo / step - 1e-9) as i64;
+        let last = libm::floor(self.hi / step + 1e-9) as i64;
+        ((first..=last).map(|i| i as f64 * step).collect(), places)
+    }
+}
+
+/// Least and greatest of some numbers, never equal.
+fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (lo, hi) = values
+        .filter(|value| value.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
+            (lo.min(v), hi.max(v))
+        });
+    match lo < hi {
+        true => (lo, hi),
+        false if lo.is_finite() => (lo - 0.5, lo + 0.5),
+        false => (0.0, 1.0),
+    }
+}
+
+fn frame(x: (f64, f64), y: (f64, f64)) -> (Axis, Axis) {
+    let x = Axis {
+        lo: x.0,
+        hi: x.1,
+        from: LEFT,
+        to: WIDTH - RIGHT,
+    };
+    let y = Axis {
+        lo: y.0,
+        hi: y.1,
+        from: HEIGHT - BOTTOM,
+        to: TOP,
+    };
+    (x, y)
+}
+
+/// The picture of a chart.
+pub(super) fn chart(chart: &Chart) -> Markup {
+    let points = || chart.curves.iter().flat_map(|curve| &curve.points);
+    let xs = points().map(|p| p.0);
+    let at_y = chart.at_y.iter().map(|mark| mark.at);
+    let wanted = chart.y_span.into_iter().flat_map(|(lo, hi)| [lo, hi]);
+    let ys = span(points().map(|p| p.1).chain(at_y).chain(wanted));
+    let pad = 0.04 * (ys.1 - ys.0);
+    let (x, y) = frame(span(xs), (ys.0 - pad, ys.1 + pad));
+    svg(
+        &chart.title,
+        html! {
+            @for region in &chart.regions { (shaded(region, &x, &y)) }
+            (grid(&x, &y, &chart.x_label, &chart.y_label))
+            @for mark in &chart.at_y {
+                line class="rule" x1=(px(LEFT)) x2=(px(WIDTH - RIGHT)) y1=(px(y.at(mark.at))) y2=(px(y.at(mark.at))) {}
+                text class="word" x=(px(LEFT + 4.0)) y=(px(y.at(mark.at) - 3.0)) { (mark.word) }
+            }
+            @for (nth, mark) in chart.at_x.iter().enumerate() {
+                line class="rule" x1=(px(x.at(mark.at))) x2=(px(x.at(mark.at))) y1=(px(TOP)) y2=(px(HEIGHT - BOTTOM)) {}
+                text class="word" x=(px(x.at(mark.at) - 3.0)) y=(px(TOP + 10.0 + 11.0 * nth as f64)) text-anchor="end" { (mark.word) }
+            }
+            @for curve in &chart.curves {
+                polyline class={ "curve " (curve.class) } points=(path(&curve.points, &x, &y)) {}
+            }
+            (legend(&chart.curves))
+        },
+    )
+}
+
+fn path(points: &[(f64, f64)], x: &Axis, y: &Axis) -> String {
+    let every = points.len().div_ceil(MAX_POINTS).max(1);
+    let last = points.len().saturating_sub(1);
+    let kept = points
+        .iter()
+        .enumerate()
+        .filter(|(i, p)| (i % every == 0 || *i == last) && p.0.is_finite() && p.1.is_finite());
+    let places = kept.map(|(_, p)| format!("{},{}", px(x.at(p.0)), px(y.at(p.1))));
+    places.collect::<Vec<_>>().join(" ")
+}
+
+fn shaded(region: &Region, x: &Axis, y: &Axis) -> Markup {
+    let clip = |value: f64, axis: &Axis| axis.at(value.clamp(axis.lo, axis.hi));
+    let (left, right) = (clip(region.x.0, x), clip(region.x.1, x));
+    let (bottom, top) = (clip(region.y.0, y), clip(region.y.1, y));
+    html! {
+        rect class="region" x=(px(left)) y=(px(top)) width=(px(right - left)) height=(px(bottom - top)) {}
+        text class="word bad" x=(px(right - 4.0)) y=(px((top + bottom) / 2.0 + 4.0)) text-anchor="end" { (region.word) }
+    }
+}
+
+fn grid(x: &Axis, y: &Axis, x_label: &str, y_label: &str) -> Markup {
+    let (bottom, right) = (HEIGHT - BOTTOM, WIDTH - RIGHT);
+    let (x_ticks, x_places) = x.ticks();
+    let (y_ticks, y_places) = y.ticks();
+    html! {
+        @for tick in &y_ticks {
+            line class="grid" x1=(px(LEFT)) x2=(px(right)) y1=(px(y.at(*tick))) y2=(px(y.at(*tick))) {}
+            text class="tick" x=(px(LEFT - 5.0)) y=(px(y.at(*tick) + 3.5)) text-anchor="end" { (format!("{tick:.y_places$}")) }
+        }
+        @for tick in &x_ticks {
+            line class="grid" x1=(px(x.at(*tick))) x2=(px(x.at(*tick))) y1=(px(TOP)) y2=(px(bottom)) {}
+            text class="tick" x=(px(x.at(*tick))) y=(px(bottom + 13.0)) text-anchor="middle" { (format!("{tick:.x_places$}")) }
+        }
+        line class="axis" x1=(px(LEFT)) x2=(px(right)) y1=(px(bottom)) y2=(px(bottom)) {}
+        line class="axis" x1=(px(LEFT)) x2=(px(LEFT)) y1=(px(TOP)) y2=(px(bottom)) {}
+        text class="label" x=(px((LEFT + right) / 2.0)) y=(px(bottom + 28.0)) text-anchor="middle" { (x_label) }
+        text class="label" transform=(format!("translate(12 {}) rotate(-90)", px((TOP + bottom) / 2.0))) text-anchor="middle" { (y_label) }
+    }
+}
+
+/// Names of the curves, in a row under the picture.
+fn legend(curves: &[Curve]) -> Markup {
+    let named: Vec<&Curve> = curves.iter().filter(|c| !c.name.is_empty()).collect();
+    let mut left = LEFT;
+    let places: Vec<(f64, &Curve)> = named
+        .into_iter()
+        .map(|curve| {
+            let at = left;
+            left += 26.0 + 5.8 * curve.name.chars().count() as f64;
+            (at, curve)
+        })
+        .collect();
+    let y = HEIGHT - 9.0;
+    html! {
+        @for (at, curve) in places {
+            line class={ "curve " (curve.class) } x1=(px(at)) x2=(px(at + 14.0)) y1=(px(y)) y2=(px(y)) {}
+            text class="word" x=(px(at + 18.0)) y=(px(y + 3.5)) { (curve.name) }
+        }
+    }
+}
+
+/// One cell of a heat map.
+pub(super) struct Cell {
+    /// Column and row, from the lower left.
+    pub at: (usize, usize),
+    /// Share that is shown, in 0 ..= 1.
+    pub share: f64,
+    /// A second share, shown as a dot.
+    pub dot: f64,
+    /// What is said when pointed at.
+    pub about: String,
+}
+
+/// Shares over two quantities.
+pub(super) struct HeatMap {
+    /// Above the picture.
+    pub title: String,
+    /// Name, unit and range of the horizontal quantity.
+    pub x: (String, f64, f64),
+    /// The same of the vertical one.
+    pub y: (String, f64, f64),
+    /// Columns and rows.
+    pub size: (usize, usize),
+    /// Cells that hold something.
+    pub cells: Vec<Cell>,
+}
+
+/// The picture of a heat map.
+pub(super) fn heat_map(map: &HeatMap) -> Markup {
+    let (x, y) = frame((map.x.1, map.x.2), (map.y.1, map.y.2));
+    let width = (x.to - x.from) / map.size.0 as f64;
+    let height = (y.from - y.to) / map.size.1 as f64;
+    svg(
+        &map.title,
+        html! {
+            rect class="empty" x=(px(LEFT)) y=(px(TOP)) width=(px(x.to - x.from)) height=(px(y.from - y.to)) {}
+            (grid(&x, &y, &map.x.0, &map.y.0))
+            @for cell in &map.cells {
+                @let (left, top) = (x.from + width * cell.at.0 as f64, y.from - height * (cell.at.1 + 1) as f64);
+                g {
+                    title { (cell.about) }
+                    rect class="held" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) {}
+                    rect class="hot" x=(px(left)) y=(px(top)) width=(px(width - 0.6)) height=(px(height - 0.6)) fill-opacity=(format!("{:.2}", cell.share)) {}
+                    @if 0.0 < cell.dot {
+                        circle class="foul" cx=(px(left + width / 2.0)) cy=(px(top + height / 2.0)) r=(px(0.45 * width.min(height) * cell.dot.sqrt())) {}
+                    }
+                }
+            }
+        },
+    )
+}
+
+/// How often values fall where.
+pub(super) struct Histogram {
+    /// Above the picture.
+    pub title: String,
+    /// Quantity and unit.
+    pub x_label: String,
+    /// What is counted.
+    pub y_label: String,
+    /// The values.
+    pub values: Vec<f64>,
+    /// Wanted number of bars.
+    pub bars: usize,
+}
+
+/// The picture of a histogram; what lies below 0 is coloured as a failure.
+pub(super) fn histogram(histogram: &Histogram) -> Markup {
+    let finite = || histogram.values.iter().copied().filter(|v| v.is_finite());
+    let (lo, hi) = span(finite());
+    // Zero is an edge, so that no bar holds both signs.
+    let step = (hi - lo) / histogram.bars.max(1) as f64;
+    let (first, last) = (libm::floor(lo / step) as i64, libm::floor(hi / step) as i64);
+    let mut counts = vec![0usize; (last - first + 1).max(1) as usize];
+    for value in finite() {
+        let bar = (libm::floor(value / step) as i64 - first).clamp(0, last - first);
+        counts[bar as usize] += 1;
+    }
+    let most = counts.iter().copied().max().unwrap_or(1).max(1);
+    let ends = (first as f64 * step, (last + 1) as f64 * step);
+    let (x, y) = frame(ends, (0.0, 1.05 * most as f64));
+    let bar = |i: usize| (first + i as i64) as f64 * step;
+    svg(
+        &histogram.title,
+        html! {
+            (grid(&x, &y, &histogram.x_label, &histogram.y_label))
+            @for (i, count) in counts.iter().enumerate().filter(|(_, count)| 0 < **count) {
+                @let (left, right) = (x.at(bar(i)), x.at(bar(i + 1)));
+                rect class=(if bar(i) < 0.0 { "bar bad" } else { "bar good" }) x=(px(left)) y=(px(y.at(*count as f64))) width=(px((right - left - 0.5).max(0.5))) height=(px(y.from - y.at(*count as f64))) {
+                    title { (format!("{:.3} to {:.3}: {count}", bar(i), bar(i + 1))) }
+                }
+            }
+        },
+    )
+}
+
+fn svg(title: &str, inside: Markup) -> Markup {
+    html! {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {WIDTH} {HEIGHT}")) role="img" aria-label=(title) {
+            text class="title" x=(px(LEFT)) y="15" { (title) }
+            (inside)
+        }
+    }
+}
+
+/// A place on the canvas, with one decimal.
+fn px(value: f64) -> String {
+    let rounded = (10.0 * value).round() / 10.0;
+    format!("{}", rounded + 0.0)
+}

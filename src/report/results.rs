@@ -1,0 +1,253 @@
+//! Results as pictures and tables: training, starts, robustness, rows, costs.
+
+use maud::{Markup, html};
+
+use super::plot::{Cell, Chart, Curve, HeatMap, Histogram, Mark, chart, heat_map, histogram};
+use super::{Cost, Nominal, Tested, Training};
+use crate::rulebook::Verdict;
+use crate::run::Row;
+use crate::scene::Axis;
+
+/// Columns and rows of a heat map at most.
+const BINS: usize = 10;
+/// Starts per cell that are wanted on average.
+const PER_CELL: f64 = 4.0;
+/// Axes of X_init that are paired.
+const PAIRED_AXES: usize = 3;
+/// Bars of a histogram.
+const BARS: usize = 30;
+/// Costs are drawn to this many times the last break-even.
+const BEYOND: f64 = 2.0;
+
+pub(super) fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+/// Share of training episodes that were solved, and the mean return.
+pub(super) fn training(trainings: &[Training]) -> Markup {
+    let curve = |nth: usize, training: &Training, y: fn(&crate::run::Progress) -> f64| {
+        let points = training.progress.iter();
+        Curve {
+            name: format!("seed {}", training.manifest.seed),
+            class: format!("c-{}", nth % 6),
+            points: points.map(|p| (p.decisions as f64 / 1e3, y(p))).collect(),
+        }
+    };
+    let picture = |title: &str, label: &str, y: fn(&crate::run::Progress) -> f64| {
+        let curves = trainings.iter().enumerate();
+        chart(&Chart {
+            title: title.to_owned(),
+            x_label: "decisions [thousands]".to_owned(),
+            y_label: label.to_owned(),
+            curves: curves.map(|(nth, t)| curve(nth, t, y)).collect(),
+            ..Chart::default()
+        })
+    };
+    let any = trainings.iter().any(|t| !t.progress.is_empty());
+    html! {
+        @if any {
+            div class="cards" {
+                div class="card" { (picture("Episodes solved while training", "share", |p| p.solved_share)) }
+                div class="card" { (picture("Mean return while training", "return", |p| p.mean_return)) }
+            }
+            p class="dim" { "With exploration, and from starts of which many failed before: not the success rate of the finished ado." }
+        } @else {
+            p { "No progress is recorded." }
+        }
+        div class="wide" { table {
+            thead { tr { th { "run" } th class="n" { "seed" } th class="n" { "decisions" } th class="n" { "episodes" } th class="n" { "CPU s" } th class="n" { "closing evaluation" } th { "95 %" } } }
+            tbody { @for training in trainings {
+                @let m = &training.manifest;
+                tr {
+                    td { code { (training.run) } } td class="n" { (m.seed) }
+                    td class="n" { (m.decisions_done) @if m.decisions_done < m.decisions { " of " (m.decisions) } }
+                    td class="n" { (m.episodes) } td class="n" { (format!("{:.0}", m.cpu_s)) }
+                    @match training.closing.first() {
+                        Some(row) => { td class="n" { (percent(row.success_rate)) " of " (row.starts) } td { (interval(row)) } }
+                        None => { td class="n" { "–" } td {} }
+                    }
+                }
+            } }
+        } }
+    }
+}
+
+fn interval(row: &Row) -> String {
+    format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1])
+}
+
+/// Success by start, for the first pairs of axes, and the robustness.
+pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
+    let wide: Vec<usize> = (0..axes.len())
+        .filter(|i| axes[*i].lo < axes[*i].hi)
+        .take(PAIRED_AXES)
+        .collect();
+    let pairs = wide.iter().enumerate().flat_map(|(n, x)| {
+        let later = wide[n + 1..].iter();
+        later.map(move |y| (*x, *y))
+    });
+    let maps: Vec<HeatMap> = pairs.map(|(x, y)| by_start(nominal, axes, x, y)).collect();
+    let values = nominal.starts.iter().filter_map(|(_, v)| rho(v));
+    let (violated, held): (Vec<f64>, Vec<f64>) = values.partition(|rho| *rho < 0.0);
+    html! {
+        div class="cards" {
+            @for map in &maps { div class="card" { (heat_map(map)) } }
+            @for (title, values) in [("Depth of the violations", violated), ("Margin where ψ_ego held", held)] {
+                @if !values.is_empty() {
+                    div class="card" { (histogram(&Histogram {
+                        title: title.to_owned(),
+                        x_label: "ρ(ψ_ego)".to_owned(),
+                        y_label: "episodes".to_owned(),
+                        values,
+                        bars: BARS,
+                    })) }
+                }
+            }
+        }
+        @if maps.is_empty() {
+            p { "The starts differ in fewer than two quantities: there is no map of them." }
+        } @else {
+            p class="dim" { "Colour: share of the starts in a cell from which the ado makes the ego fail, from none to all. Ring: share on which it broke a rule. Blank: no start, or only starts from which the ego fails by itself. Robustness is of episodes without fouls." }
+        }
+    }
+}
+
+fn rho(verdict: &Option<Verdict>) -> Option<f64> {
+    match verdict {
+        Some(Verdict::Counterexample { by }) => Some(-by),
+        Some(Verdict::Held { margin }) => Some(*margin),
+        _ => None,
+    }
+}
+
+fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
+    let wanted = (nominal.starts.len() as f64 / PER_CELL).sqrt() as usize;
+    let bins = wanted.clamp(2, BINS);
+    let bin = |axis: &Axis, value: f64| {
+        let share = (value - axis.lo) / (axis.hi - axis.lo);
+        ((share * bins as f64) as usize).min(bins - 1)
+    };
+    let mut counts = vec![[0usize; 3]; bins * bins];
+    for (start, verdict) in &nominal.starts {
+        let (Some(verdict), Some(a), Some(b)) = (verdict, start.0.get(x), start.0.get(y)) else {
+            continue;
+        };
+        let cell = &mut counts[bin(&axes[y], *b) * bins + bin(&axes[x], *a)];
+        cell[0] += 1;
+        cell[1] += usize::from(verdict.is_success());
+        cell[2] += usize::from(matches!(verdict, Verdict::Foul { .. }));
+    }
+    let named = |axis: &Axis| match axis.unit.is_empty() {
+        true => (axis.name.clone(), axis.lo, axis.hi),
+        false => (format!("{} [{}]", axis.name, axis.unit), axis.lo, axis.hi),
+    };
+    let filled = counts.iter().enumerate().filter(|(_, c)| 0 < c[0]);
+    let cells = filled.map(|(i, [all, solved, fouls])| Cell {
+        at: (i % bins, i / bins),
+        share: *solved as f64 / *all as f64,
+        dot: *fouls as f64 / *all as f64,
+        about: format!("{solved} of {all} starts fail; {fouls} fouls"),
+    });
+    HeatMap {
+        title: format!("{} and {}", axes[x].name, axes[y].name),
+        x: named(&axes[x]),
+        y: named(&axes[y]),
+        size: (bins, bins),
+        cells: cells.collect(),
+    }
+}
+
+/// All rows, ego by ego.
+pub(super) fn rows(tested: &[Tested]) -> Markup {
+    html! {
+        div class="wide" { table {
+            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "contact" } th class="n" { "closing m/s" } th class="n" { "sims / start" } } }
+            tbody { @for Tested { row, .. } in tested { tr {
+                td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(told) = &row.told { ", told: " (told) } }
+                td class="n" { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
+                td class="bar" { span class="share" style=(format!("width:{:.1}rem", 5.0 * row.success_rate)) {} }
+                td { (interval(row)) }
+                td class="n" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
+                td class="n" { (percent(row.foul_rate)) } td class="n" { (percent(row.contact_rate)) }
+                td class="n" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1}", c.median))) }
+                td class="n" { (format!("{:.1}", row.sims_per_start)) }
+            } } }
+        } }
+    }
+}
+
+/// Simulations for n new starts, and where the trained ado becomes cheaper.
+pub(super) fn costs(costs: &[Cost]) -> Markup {
+    let even: Vec<(f64, &Cost)> = costs
+        .iter()
+        .skip(1)
+        .filter_map(|other| Some((break_even(costs.first()?, other)?, other)))
+        .collect();
+    let furthest = even.iter().map(|(n, _)| *n).fold(10.0, f64::max);
+    let end = BEYOND * furthest;
+    let top = costs.first().map_or(1.0, |first| 2.0 * first.at(end));
+    let curves = costs.iter().enumerate().map(|(nth, cost)| {
+        let until = ((top - cost.fixed) / cost.per_start.max(1e-9)).clamp(0.0, end);
+        Curve {
+            name: cost.name.clone(),
+            class: format!("c-{}", nth % 6),
+            points: [0.0, until].map(|n| (n, cost.at(n))).into(),
+        }
+    });
+    let marks = even.iter().map(|(n, other)| Mark {
+        at: *n,
+        word: format!("{n:.0} ({})", other.name),
+    });
+    let reached = costs.iter().enumerate().map(|(nth, cost)| Curve {
+        name: cost.name.clone(),
+        class: format!("c-{}", nth % 6),
+        points: cost.anytime.clone(),
+    });
+    let reached = reached.filter(|curve| !curve.points.is_empty());
+    let by_ado = costs.first().map(|first| Mark {
+        at: first.solves,
+        word: format!("{}, 1 simulation", first.name),
+    });
+    html! {
+        div class="cards" {
+            div class="card" { (chart(&Chart {
+                title: "Simulations for n new starts".to_owned(),
+                x_label: "new starts".to_owned(),
+                y_label: "simulations".to_owned(),
+                curves: curves.collect(),
+                at_x: marks.collect(),
+                ..Chart::default()
+            })) }
+            div class="card" { (chart(&Chart {
+                title: "Success by simulations per start".to_owned(),
+                x_label: "simulations per start, at most".to_owned(),
+                y_label: "share solved".to_owned(),
+                curves: reached.collect(),
+                at_y: by_ado.into_iter().collect(),
+                y_span: Some((0.0, 1.0)),
+                ..Chart::default()
+            })) }
+        }
+        div class="wide" { table {
+            thead { tr { th { "way" } th class="n" { "once" } th class="n" { "per start" } th class="n" { "solves" } th class="n" { "break-even [starts]" } } }
+            tbody { @for cost in costs { tr {
+                td { (cost.name) } td class="n" { (format!("{:.0}", cost.fixed)) }
+                td class="n" { (format!("{:.1}", cost.per_start)) } td class="n" { (percent(cost.solves)) }
+                td class="n" { (costs.first().and_then(|first| break_even(first, cost)).map_or("–".to_owned(), |n| format!("{n:.0}"))) }
+            } } }
+        } }
+    }
+}
+
+impl Cost {
+    /// Simulations for `n` starts.
+    fn at(&self, n: f64) -> f64 {
+        self.fixed + n * self.per_start
+    }
+}
+
+/// From how many starts on the first way is cheaper than the other.
+fn break_even(first: &Cost, other: &Cost) -> Option<f64> {
+    let saved = other.per_start - first.per_start;
+    (0.0 < saved).then(|| ((first.fixed - other.fixed) / saved).max(0.0))
+}

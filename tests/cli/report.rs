@@ -1,0 +1,230 @@
+//! Reports: whole, well-formed, escaped, and honest about what is missing.
+
+use std::path::Path;
+
+use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
+
+/// Elements of HTML that have no end.
+const VOID: [&str; 3] = ["meta", "br", "!DOCTYPE"];
+
+/// Asserts that every element ends where it should; returns their names.
+fn well_formed(text: &str) -> Vec<String> {
+    let mut open: Vec<&str> = Vec::new();
+    let mut names = Vec::new();
+    let mut rest = text;
+    while let Some(at) = rest.find('<') {
+        assert!(!rest[..at].contains("\u{0}"));
+        rest = &rest[at + 1..];
+        let end = rest.find('>').expect("a tag ends");
+        let tag = &rest[..end];
+        assert_eq!(tag.matches('"').count() % 2, 0, "quotes in <{tag}>");
+        assert!(!tag.contains('<'), "<{tag}>");
+        rest = &rest[end + 1..];
+        if let Some(name) = tag.strip_prefix('/') {
+            assert_eq!(open.pop(), Some(name), "</{name}>");
+        } else if !tag.starts_with('?') {
+            let name = tag.split_whitespace().next().expect("a name");
+            names.push(name.to_owned());
+            if !VOID.contains(&name) && !tag.ends_with('/') {
+                open.push(name);
+            }
+            if name == "style" {
+                let end = rest.find("</style>").expect("styles end");
+                rest = &rest[end..];
+            }
+        }
+    }
+    assert!(open.is_empty(), "never ended: {open:?}");
+    names
+}
+
+fn read(file: &str) -> String {
+    std::fs::read_to_string(file).unwrap_or_else(|error| panic!("{file}: {error}"))
+}
+
+fn count(names: &[String], name: &str) -> usize {
+    names.iter().filter(|other| *other == name).count()
+}
+
+#[test]
+fn a_report_is_one_page_that_needs_nothing_else() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let page = path(&dir, "page.html");
+    let (other, _) = small_run(&dir, "other", &["--seed", "1"]);
+    let output = brakecheck(&[
+        "report", &run, "-o", &page, "--starts", "80", "--with", &other, "--json",
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(json(&output)["report"], page);
+    let html = read(&page);
+    let names = well_formed(&html);
+    assert_eq!(
+        count(&names, "script") + count(&names, "link") + count(&names, "img"),
+        0
+    );
+    assert!(!html.contains("@import") && !html.contains("url("));
+    let addresses = html.matches("http").count();
+    assert_eq!(
+        addresses,
+        html.matches("http://www.w3.org/2000/svg").count()
+    );
+    for word in [
+        "Which starts fail",
+        "Counterexamples that tell most",
+        "always[0, T] (headway &gt;= d_safe)",
+        "softer brakes",
+        "seed 1",
+        "--expect recorded",
+    ] {
+        assert!(html.contains(word), "{word}");
+    }
+    // Three axes of starts give three maps; then histogram, two of training.
+    assert!(6 <= count(&names, "svg"), "{}", count(&names, "svg"));
+    let junit = read(&path(&dir, "page.junit.xml"));
+    let names = well_formed(&junit);
+    // Two ados on every ego.
+    let listing = json(&brakecheck(&["check", "worlds/acc.ron", "--json"]));
+    let egos = listing["egos"].as_array().expect("egos").len();
+    assert_eq!(count(&names, "testcase"), 2 * egos);
+    assert!(junit.contains("headway &gt;= d_safe") && 0 < count(&names, "failure"));
+}
+
+#[test]
+fn whatever_a_world_says_is_escaped() {
+    let dir = scratch();
+    let world = path(&dir, "hostile.ron");
+    let text = read(&root().join("worlds/acc.ron").display().to_string());
+    let hostile = text
+        .replace(
+            "question: \"Can",
+            "question: \"<script>alert('&')</script> \\\"x\\\" Can",
+        )
+        .replace(
+            "keeps the speed limit",
+            "</pre></main><u onclick=\\\"x\\\">&",
+        )
+        .replace("\"wet road\"", "\"<i>]]> wet\\u{1} & road\"")
+        .replace("decisions: 300_000", "decisions: 4_000");
+    std::fs::write(&world, hostile).expect("written");
+    let run = path(&dir, "run");
+    let output = brakecheck(&[
+        "train",
+        &world,
+        "-o",
+        &run,
+        "--plant",
+        "kinematic",
+        "--starts",
+        "20",
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = brakecheck(&["report", &run, "--starts", "30", "--reuse-starts", "10"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let html = read(&format!("{run}/report.html"));
+    let names = well_formed(&html);
+    assert_eq!(
+        (
+            count(&names, "script"),
+            count(&names, "u"),
+            count(&names, "i")
+        ),
+        (0, 0, 0)
+    );
+    assert!(html.contains("&lt;script&gt;alert("));
+    let junit = read(&format!("{run}/report.junit.xml"));
+    well_formed(&junit);
+    assert!(junit.contains("&lt;i&gt;") && !junit.contains('\u{1}'));
+}
+
+#[test]
+fn what_is_missing_is_said() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &[]);
+    // As if training had been interrupted: no policy, a line cut short.
+    let manifest = Path::new(&run).join("manifest.json");
+    let finished = read(&manifest.display().to_string());
+    let at = finished.find("\"policy_sha256\"").expect("a hash");
+    let cut = format!("{}\"policy_sha256\": null\n}}", &finished[..at]);
+    std::fs::write(&manifest, cut).expect("written");
+    std::fs::write(Path::new(&run).join("progress.jsonl"), "{\"decisions\":1").expect("written");
+    std::fs::remove_file(Path::new(&run).join("report.json")).expect("removed");
+    let output = brakecheck(&["report", &run]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let html = read(&format!("{run}/report.html"));
+    well_formed(&html);
+    assert!(html.contains("is not finished") && html.contains("No progress is recorded"));
+    well_formed(&read(&format!("{run}/report.junit.xml")));
+
+    // An ado that never succeeds, and rows from elsewhere.
+    std::fs::write(&manifest, &finished).expect("written");
+    let rows = path(&dir, "rows.json");
+    std::fs::write(&rows, "{\"rows\": []}").expect("written");
+    let output = brakecheck(&[
+        "report", &run, "--starts", "1", "--seed", "5", "--rows", &rows,
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    std::fs::write(&rows, "[1, 2]").expect("written");
+    let output = brakecheck(&["report", &run, "--rows", &rows]);
+    assert_eq!(code(&output), 2);
+    assert!(
+        stderr(&output).contains("holds no rows"),
+        "{}",
+        stderr(&output)
+    );
+    let output = brakecheck(&["report", &run, "--with", &path(&dir, "none")]);
+    assert_eq!(code(&output), 2);
+}
+
+#[test]
+fn a_grid_is_reported_too() {
+    let dir = scratch();
+    let run = path(&dir, "grid");
+    let output = brakecheck(&[
+        "train",
+        "worlds/grid.ron",
+        "-o",
+        &run,
+        "--decisions",
+        "6000",
+        "--starts",
+        "60",
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let page = path(&dir, "grid.html");
+    let output = brakecheck(&[
+        "report",
+        &run,
+        "-o",
+        &page,
+        "--starts",
+        "240",
+        "--reuse-starts",
+        "30",
+    ]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let html = read(&page);
+    well_formed(&html);
+    assert!(html.contains("d_man") && html.contains("10 x 10"));
+}
+
+#[test]
+fn the_figures_of_the_paper_are_drawn_from_our_worlds() {
+    let dir = scratch();
+    let out = path(&dir, "figures");
+    let output = brakecheck(&["reproduce", "figures", "-o", &out, "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(json(&output)["figures"].as_array().expect("files").len(), 3);
+    for (name, panels) in [("figure-2", 4), ("figure-3", 6), ("figure-5", 2)] {
+        let svg = read(&format!("{out}/{name}.svg"));
+        let names = well_formed(&svg);
+        // The picture, and for each panel a place and the panel in it.
+        assert_eq!(count(&names, "svg"), 1 + 2 * panels, "{name}");
+        assert!(svg.contains("found by search"), "{name}");
+    }
+    assert!(read(&format!("{out}/figure-5.svg")).contains("runs the red light"));
+    assert!(
+        read(&format!("{out}/figure-3.svg")).contains("breaks `stays ahead until it overlaps`")
+    );
+}
