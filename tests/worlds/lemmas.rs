@@ -78,7 +78,7 @@ fn the_numbers_of_the_default_transform() {
     close(reward.lawful(-10.0), -0.5 - 0.5 * 1f64.tanh());
     close(reward.lawful(0.0), -0.5);
     close(reward.foul(1, 2), -1.0);
-    close(reward.foul(2, 2), -1.5);
+    close(reward.foul(2, 2), -1.05);
     assert_eq!(reward.of(&Verdict::Invalid, 2), None);
 }
 
