@@ -6,6 +6,8 @@ mod family;
 mod report;
 #[path = "cli/reuse.rs"]
 mod reuse;
+#[path = "cli/rivals.rs"]
+mod rivals;
 #[path = "cli/stl.rs"]
 mod stl;
 

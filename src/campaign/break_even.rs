@@ -70,7 +70,7 @@ pub struct BreakEven {
     ///
     /// `None`, here and below: it never is, because one start costs it no less.
     pub starts: Option<f64>,
-    /// The same by physics steps.
+    /// The same by physics steps; `None` also where the training counted none.
     pub starts_by_physics_steps: Option<f64>,
     /// The same by processor time.
     pub starts_by_cpu_s: Option<f64>,
@@ -112,6 +112,13 @@ pub fn break_even(
         let saved = searched - each;
         (0.0 < saved).then(|| once / saved)
     };
+    // Earlier versions did not count the physics steps of a training.
+    let uncounted = once.physics_steps == 0 && 0 < once.simulations;
+    let by_physics_steps = saved(
+        once.physics_steps as f64,
+        ado.physics_steps,
+        search.physics_steps,
+    );
     let curve = curve_budgets(budget, enough).into_iter();
     Some(BreakEven {
         ego: trained.ego.clone(),
@@ -123,11 +130,7 @@ pub fn break_even(
         matched,
         search,
         starts: saved(once.simulations as f64, ado.simulations, search.simulations),
-        starts_by_physics_steps: saved(
-            once.physics_steps as f64,
-            ado.physics_steps,
-            search.physics_steps,
-        ),
+        starts_by_physics_steps: by_physics_steps.filter(|_| !uncounted),
         starts_by_cpu_s: saved(once.cpu_s, ado.cpu_s, search.cpu_s),
         curve: curve
             .map(|budget| anytime(&searched.found, budget))

@@ -14,7 +14,7 @@ use crate::campaign::{
     break_even, eval, search, test_starts,
 };
 use crate::rl::Policy;
-use crate::run::{Manifest, Row, RunDir, Stored};
+use crate::run::{Manifest, Row, RunDir, RunError, Stored};
 use crate::scenario::Scenario;
 
 /// Switches of `--method switches`, unless told otherwise.
@@ -91,7 +91,15 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         _ => None,
     };
     let trained = match &run {
-        Some(run) if run.manifest().is_finished() => Some((run.policy()?, run.manifest())),
+        Some(run) if run.manifest().is_finished() => match run.policy() {
+            Ok(policy) => Some((policy, run.manifest())),
+            // A conditional ado plays only where it is told the ego's parameters.
+            Err(error @ RunError::Untold { .. }) => {
+                talk::say(&format!("{error}; searching without it"));
+                None
+            }
+            Err(error) => return Err(error.into()),
+        },
         _ => None,
     };
     let bar = talk::bar("searching", args.starts as u64);
@@ -274,32 +282,40 @@ fn anytime_lines(rows: &[Row]) -> String {
 }
 
 fn in_words(even: &BreakEven) -> String {
-    let count = |starts: Option<f64>| match starts {
-        Some(starts) => format!("{:.0}", starts.ceil()),
-        None => "no number of".to_owned(),
-    };
+    let (ado, search) = (&even.ado, &even.search);
     let reached = match even.matched {
         true => format!(
             "reaches the ado's {:.1} % with a budget of {}",
-            100.0 * even.ado.success_rate,
+            100.0 * ado.success_rate,
             even.budget
         ),
         false => format!(
-            "does not reach the ado's {:.1} % with {} simulations per start (it has {:.1} %), so that equal success would cost it more",
-            100.0 * even.ado.success_rate,
+            "does not reach the ado's {:.1} % with {} simulations per start (it has {:.1} %)",
+            100.0 * ado.success_rate,
             even.budget,
-            100.0 * even.search.success_rate
+            100.0 * search.success_rate
         ),
     };
+    let spent = format!(
+        "\n{}: the search {reached}; it takes {:.1} simulations per start on average, the ado {:.1}",
+        even.ego, search.simulations, ado.simulations
+    );
+    if even.once.simulations == 0 {
+        return format!("{spent}.\nBoth live on a training.");
+    }
+    let at_most = match even.matched {
+        true => "",
+        false => "at most ",
+    };
+    let from = |starts: Option<f64>| match starts {
+        Some(starts) => format!("from {at_most}{:.0} starts on", starts.ceil()),
+        None => "never, or unknown,".to_owned(),
+    };
     format!(
-        "\n{}: the search {reached}: {:.1} simulations per start on average, the ado {:.1} after a training of {}.\n\
-         The ado is cheaper from {} starts on, counted in simulations; {} in physics steps; {} in processor time.",
-        even.ego,
-        even.search.simulations,
-        even.ado.simulations,
+        "{spent} after {} in training.\nThe ado is cheaper {} by simulations, {} by physics steps, {} by processor time.",
         even.once.simulations,
-        count(even.starts),
-        count(even.starts_by_physics_steps),
-        count(even.starts_by_cpu_s),
+        from(even.starts),
+        from(even.starts_by_physics_steps),
+        from(even.starts_by_cpu_s),
     )
 }
