@@ -6,7 +6,7 @@ use super::{Failure, Made, ReproduceArgs, talk, world};
 use crate::campaign::{CaseStudies, Watch, case_studies_markdown, case_study};
 
 /// The driving worlds of the table, in its order.
-const WORLDS: [&str; 9] = [
+const WORLDS: [&str; 10] = [
     "acc",
     "merge_fair",
     "merge",
@@ -16,6 +16,7 @@ const WORLDS: [&str; 9] = [
     "cut_in",
     "sandwich",
     "light_ado",
+    "bend",
 ];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {

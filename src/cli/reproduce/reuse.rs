@@ -7,7 +7,7 @@ use crate::campaign::{ReuseStudy, Watch, reuse_markdown, reuse_study};
 use crate::scenario::{Change, Scenario};
 
 /// The worlds that name a family.
-const WORLDS: [&str; 1] = ["acc"];
+const WORLDS: [&str; 2] = ["acc", "yellow_light"];
 
 /// Runs per start of the ado that may explore.
 const TRIES: u64 = 30;
