@@ -22,6 +22,8 @@ mod near;
 mod paper;
 #[path = "worlds/process.rs"]
 mod process;
+#[path = "worlds/reusing.rs"]
+mod reusing;
 #[path = "worlds/rivals.rs"]
 mod rivals;
 #[path = "worlds/searching.rs"]

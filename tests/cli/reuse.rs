@@ -64,3 +64,52 @@ fn the_table_of_many_egos_is_summed_up_from_its_rows() {
     let difference = difference.as_f64().expect("a difference");
     assert!(interval[0].as_f64() <= Some(difference) && Some(difference) <= interval[1].as_f64());
 }
+
+#[test]
+fn an_ado_is_trained_anew_for_a_changed_ego_once() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let mut args = vec!["eval", &run, "--starts", "30", "--ego", "softer brakes"];
+    args.extend(["--ado", "trained", "--ado", "retrained", "--json"]);
+    let first = brakecheck(&args);
+    assert_eq!(code(&first), 0, "{}", stderr(&first));
+    let rows = json(&first)["rows"].clone();
+    assert_eq!(rows[1]["ado"], "retrained");
+    assert_ne!(rows[0]["solved"], rows[1]["solved"]);
+
+    // It is kept, and the second evaluation trains nothing.
+    let own = std::path::Path::new(&run).join("retrained/softer-brakes-kinematic");
+    let policy = || std::fs::metadata(own.join("policy.safetensors")).expect("a policy");
+    let written = policy().modified().expect("a time");
+    let again = json(&brakecheck(&args));
+    assert_eq!(again["rows"][1]["solved"], rows[1]["solved"]);
+    assert_eq!(policy().modified().expect("a time"), written);
+
+    // The nominal ego has the trained ado itself.
+    let nominal = brakecheck(&[
+        "eval",
+        &run,
+        "--starts",
+        "5",
+        "--ado",
+        "retrained",
+        "--json",
+    ]);
+    let nominal = json(&nominal);
+    assert_eq!(nominal["rows"].as_array().map(Vec::len), Some(0));
+}
+
+#[test]
+fn all_ados_are_the_trained_one_the_baselines_and_the_rivals() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &[]);
+    let output = brakecheck(&["eval", &run, "--starts", "8", "--ado", "all", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let rows = json(&output)["rows"].clone();
+    let rows = rows.as_array().expect("rows");
+    let ados: Vec<&str> = rows.iter().filter_map(|row| row["ado"].as_str()).collect();
+    let baselines = ["trained", "hold", "random", "constant"];
+    let rivals = ["heuristic", "replay", "replays"];
+    assert_eq!(ados, [&baselines[..], &rivals[..]].concat());
+}

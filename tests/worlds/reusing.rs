@@ -1,0 +1,116 @@
+//! The reuse study: three ados on changed egos beside their rivals.
+
+use std::sync::atomic::AtomicBool;
+
+use brakecheck::campaign::{
+    CONDITIONAL, CONDITIONAL_TRIES, Relation, ReuseError, ReuseStudy, Watch, reuse_markdown,
+    reuse_study,
+};
+use brakecheck::scenario::Scenario;
+
+static GO: AtomicBool = AtomicBool::new(false);
+
+fn quiet() -> Watch<'static> {
+    Watch {
+        progress: &|_, _| {},
+        stop: &GO,
+    }
+}
+
+/// ACC on the kinematic plant with trainings of some seconds.
+fn brief() -> Scenario {
+    let text = include_str!("../../worlds/acc.ron")
+        .replace("plant: Rigid", "plant: Kinematic")
+        .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 6_000)")
+        .replace(
+            "plants: { Kinematic: 9, Rigid: 1 }",
+            "plants: { Kinematic: 1 }",
+        )
+        .replace(
+            "conditional: Dqn(decisions: 1_500_000, update_every: 3)",
+            "wide: Dqn(decisions: 6_000), conditional: Dqn(decisions: 6_000)",
+        );
+    Scenario::parse("acc.ron", &text).expect("a world")
+}
+
+#[test]
+fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let world = brief();
+    let egos: Vec<_> = ["softer brakes", "van"]
+        .map(|name| {
+            let change = world.reuse[name].clone();
+            let changed = world.with(&change).expect("it fits");
+            (name.to_owned(), change, changed)
+        })
+        .into();
+    let request = ReuseStudy {
+        seeds: 1,
+        starts: 16,
+        tries: 3,
+        runs: dir.path(),
+    };
+    let study = reuse_study(&world, &egos, &request, &quiet())
+        .expect("a study")
+        .expect("not stopped");
+    let relations: Vec<Relation> = study.egos.iter().map(|ego| ego.relation).collect();
+    let expected = [Relation::Trained, Relation::Inside, Relation::Outside];
+    assert_eq!(relations, expected);
+    for ego in &study.egos {
+        let of = |ado: &str| {
+            let row = ego.rows.iter().find(|row| row.ado == ado);
+            row.unwrap_or_else(|| panic!("no row of {ado}"))
+        };
+        let starts = of(CONDITIONAL).solved.len();
+        assert!(ego.rows.iter().all(|row| row.solved.len() == starts));
+        // More tries, and more simulations, never solve less.
+        let no_worse = |less: &str, more: &str| {
+            let pairs = of(less).solved.bytes().zip(of(more).solved.bytes());
+            pairs
+                .into_iter()
+                .all(|(less, more)| less != b'1' || more == b'1')
+        };
+        assert!(no_worse(CONDITIONAL, CONDITIONAL_TRIES));
+        assert!(no_worse("search, held, 10", "search, held, 30"));
+        assert!(no_worse("search, held, 30", "search, held, 100"));
+        assert!(no_worse("replay", "replays"));
+        assert_eq!(of(CONDITIONAL).told.as_deref(), Some("identified"));
+        assert!(of("search, held, 10").sims_per_start <= 10.0);
+    }
+    // The own ego is identified as itself; blocks and all changed egos are summed up.
+    assert!(study.known[0].explained, "{:?}", study.known[0]);
+    let blocks = |relation| {
+        study
+            .summary
+            .iter()
+            .filter(move |sum| sum.relation == relation)
+    };
+    assert!(0 < blocks(Relation::Changed).count());
+    let changed = blocks(Relation::Changed).find(|sum| sum.ado == CONDITIONAL);
+    assert_eq!(changed.map(|sum| sum.egos), Some(2));
+    assert!(changed.is_some_and(|sum| sum.reference_minus.is_none()));
+    let table = reuse_markdown(std::slice::from_ref(&study));
+    assert!(table.contains("| softer brakes | Inside |"), "{table}");
+
+    // Finished trainings are used as they are.
+    let again = reuse_study(&world, &egos[..0], &request, &quiet())
+        .expect("a study")
+        .expect("not stopped");
+    assert_eq!(again.rows[0].solved, study.rows[0].solved);
+    assert_eq!(again.train_cpu_s, study.train_cpu_s);
+}
+
+#[test]
+fn a_world_without_a_family_is_refused() {
+    let world = Scenario::parse("cut_in.ron", include_str!("../../worlds/cut_in.ron"));
+    let world = world.expect("a world");
+    let dir = tempfile::tempdir().expect("scratch");
+    let request = ReuseStudy {
+        seeds: 1,
+        starts: 4,
+        tries: 2,
+        runs: dir.path(),
+    };
+    let refused = reuse_study(&world, &[], &request, &quiet());
+    assert!(matches!(refused, Err(ReuseError::NoFamily { .. })));
+}
