@@ -357,32 +357,22 @@ impl Family {
 
     /// How many numbers a conditional ado is told.
     pub fn told_width(&self) -> usize {
-        self.quantities.len() + usize::from(self.tells_plant())
+        self.quantities.len()
     }
 
-    /// What a conditional ado is told: every quantity scaled to −1 ..= 1, and
-    /// the plant (1 rigid, −1 kinematic) where the family has both.
+    /// What a conditional ado is told: every quantity scaled to −1 ..= 1.
+    ///
+    /// The plant is not told: an ado that knows it learns each of them from
+    /// its own episodes only.
     pub fn told(&self, member: &Member) -> Vec<f32> {
         let pairs = self.quantities.iter().zip(&member.values);
-        let mut told: Vec<f32> = pairs.map(|(q, value)| q.scaled(*value) as f32).collect();
-        if self.tells_plant() {
-            told.push(match member.plant {
-                PlantKind::Rigid => 1.0,
-                PlantKind::Kinematic => -1.0,
-            });
-        }
-        told
+        pairs.map(|(q, value)| q.scaled(*value) as f32).collect()
     }
 
     /// Names of what a conditional ado is told, in order.
     pub fn told_names(&self) -> Vec<String> {
-        let names = self.quantities.iter().map(|q| q.varied.name().to_owned());
-        let plant = self.tells_plant().then(|| "plant".to_owned());
-        names.chain(plant).collect()
-    }
-
-    fn tells_plant(&self) -> bool {
-        1 < self.plants.len()
+        let quantities = self.quantities.iter();
+        quantities.map(|q| q.varied.name().to_owned()).collect()
     }
 
     /// What a scene must change to play against a member.
