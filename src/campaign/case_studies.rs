@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::eval::{Ado, EvalRequest, best_constant, eval, test_starts};
 use super::search::{Method, SearchRequest, search};
@@ -29,7 +29,7 @@ pub struct CaseStudies<'a> {
 }
 
 /// One world's results.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CaseStudy {
     /// Name of the world.
     pub world: String,

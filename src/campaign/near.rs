@@ -5,7 +5,7 @@
 //! of them never met in training. Near means near in the ado's own value V.
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{TestStarts, Watch};
 use crate::rl::Policy;
@@ -31,7 +31,7 @@ pub struct Alumnus<'a> {
 }
 
 /// The neighbourhood of one failing start.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NearFailing {
     /// Name of the world.
     pub world: String,
@@ -48,7 +48,7 @@ pub struct NearFailing {
 }
 
 /// Starts x with |V(x) − V(x0)| < δ.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NearRow {
     /// δ.
     pub delta: f64,

@@ -5,7 +5,7 @@
 //! episodes, and after more.
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Watch;
 use super::eval::{TestStarts, test_starts};
@@ -24,7 +24,7 @@ pub struct PaperRow<'a> {
 }
 
 /// What several trainings came to at one number of episodes.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Reached {
     /// Mean episodes of training.
     pub episodes: f64,
@@ -39,7 +39,7 @@ pub struct Reached {
 }
 
 /// One of the paper's rows, measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Measured {
     /// What it is in the paper, and what the paper says of it.
     pub paper: String,

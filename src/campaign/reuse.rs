@@ -4,7 +4,7 @@
 //! and compared ado by ado: mean success, mean recall where an adversary can
 //! do something at all, and the paired difference to one ado of reference.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Watch;
 use super::eval::{Ado, EvalRequest, TestStarts, eval};
@@ -16,7 +16,7 @@ use crate::scenario::Scenario;
 pub const LEAST_REACHABLE: f64 = 0.10;
 
 /// What an ego was to the ado when it was trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Relation {
     /// The very ego it was trained against.
@@ -45,7 +45,7 @@ impl Relation {
 }
 
 /// One ego of a reuse table.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ReusedOn {
     /// Its name.
     pub ego: String,

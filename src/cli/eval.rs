@@ -110,14 +110,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             "add `--ado trained`",
         ));
     }
-    let bar = talk::bar("evaluating", 0);
-    let watch = Watch {
-        progress: &|done, total| {
-            bar.set_length(total);
-            bar.set_position(done);
-        },
-        stop: talk::stop(),
-    };
+    let bar = talk::bar("evaluating");
+    let watch = bar.watch();
     let Some(starts) = test_starts(&run.world()?, args.common.seed, args.starts, &watch) else {
         return Ok(interrupted_early());
     };
@@ -134,7 +128,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let mut reused = Vec::new();
     let mut reasons = Vec::new();
     for ego in &egos {
-        bar.set_message(format!("evaluating: {}", ego.name));
+        bar.now(format!("evaluating: {}", ego.name));
         // On a map of another size the starts are others: drawn, or listed, anew.
         let own = match ego.scenario.axes() == nominal.axes() {
             true => None,
@@ -173,7 +167,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     }
     let mut checked = None;
     if args.theorems && !talk::stopped() {
-        bar.set_message("theorems");
+        bar.now("theorems".to_owned());
         let changed = match args.ego.as_str() {
             "nominal" => super::egos(&nominal, "all")?,
             _ => egos,
@@ -183,7 +177,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         let playing = playing(&run, params.as_ref(), &own, args.common.seed, &watch)?;
         checked = theorems::check(&nominal, changed, &*playing.policy, &starts, &watch)?;
     }
-    bar.finish_and_clear();
+    drop(bar);
     let rows: Vec<Row> = reused.iter().flat_map(|ego| ego.rows.clone()).collect();
     let summary = summarise(&reused, "trained");
     if args.common.json {

@@ -11,7 +11,7 @@ use super::{
     Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
     table_of, talk,
 };
-use crate::campaign::{Identified, IdentifyRequest, Watch, identify};
+use crate::campaign::{Identified, IdentifyRequest, identify};
 use crate::run::{IdentifiedEgo, IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family};
 
@@ -60,16 +60,10 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     };
     let seed = args.common.seed;
     let mut file = IdentifiedEgos::new(&manifest.world, &manifest.world_sha256, seed);
-    let bar = talk::bar("identifying", 0);
+    let bar = talk::bar("identifying");
     for ego in &egos(&world, &args.ego)? {
-        bar.set_message(format!("identifying: {}", ego.name));
-        let watch = Watch {
-            progress: &|done, total| {
-                bar.set_length(total);
-                bar.set_position(done);
-            },
-            stop: talk::stop(),
-        };
+        bar.now(format!("identifying: {}", ego.name));
+        let watch = bar.watch();
         let request = IdentifyRequest {
             world: &world,
             ego: &ego.scenario,
@@ -80,10 +74,10 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
         let Some(found) = identify(&request, &watch)? else {
             break;
         };
-        bar.suspend(|| show(args, family, ego, &found))?;
+        bar.aside(|| show(args, family, ego, &found))?;
         file.egos.insert(ego.name.clone(), kept(family, &found));
     }
-    bar.finish_and_clear();
+    drop(bar);
     if file.egos.is_empty() {
         return Ok(interrupted_early());
     }

@@ -69,14 +69,8 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
         given.rows.extend(printed.rows);
         given.break_even.extend(printed.break_even);
     }
-    let bar = talk::bar("playing", 0);
-    let watch = Watch {
-        progress: &|done, total| {
-            bar.set_length(total);
-            bar.set_position(done);
-        },
-        stop: talk::stop(),
-    };
+    let bar = talk::bar("playing");
+    let watch = bar.watch();
     let mut report = Report {
         scenario: &scenario,
         run: shown(&args.run),
@@ -100,7 +94,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
             return Ok(interrupted_early());
         }
     }
-    bar.finish_and_clear();
+    drop(bar);
     let html = args.output.clone();
     let html = html.unwrap_or_else(|| run.path().join("report.html"));
     let junit = html.with_extension("junit.xml");

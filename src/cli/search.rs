@@ -102,18 +102,15 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         },
         _ => None,
     };
-    let bar = talk::bar("searching", args.starts as u64);
-    let watch = Watch {
-        progress: &|done, _| bar.set_position(done),
-        stop: talk::stop(),
-    };
+    let bar = talk::bar("searching");
+    let watch = bar.watch();
     let Some(starts) = test_starts(&world, args.common.seed, args.starts, &watch) else {
         return Ok(interrupted_early());
     };
     let mut rows = Vec::new();
     let mut evens = Vec::new();
     for ego in &egos {
-        bar.set_message(format!("searching: {}", ego.name));
+        bar.now(format!("searching: {}", ego.name));
         let request = SearchRequest {
             scenario: &ego.scenario,
             ego: &ego.name,
@@ -134,7 +131,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         }
         rows.push(searched.row);
     }
-    bar.finish_and_clear();
+    drop(bar);
     match args.common.json {
         true => print_json(&json!({ "rows": rows, "break_even": evens })),
         false => talk::data(&format!(

@@ -7,13 +7,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::GraphicalTheme;
 
 use super::Failure;
-
-static STOP: AtomicBool = AtomicBool::new(false);
+use crate::campaign::Watch;
 
 /// Set once Ctrl-C was pressed.
-pub(super) fn stop() -> &'static AtomicBool {
-    &STOP
-}
+static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Whether Ctrl-C was pressed.
 pub(super) fn stopped() -> bool {
@@ -48,17 +45,54 @@ pub(super) fn data(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// A progress bar that shows on terminals only.
-pub(super) fn bar(what: &str, total: u64) -> ProgressBar {
-    let bar = ProgressBar::new(total);
+/// A progress bar that shows on terminals only, and goes when it is dropped.
+pub(super) struct Bar {
+    shown: ProgressBar,
+    progress: Box<dyn Fn(u64, u64) + Send + Sync>,
+}
+
+/// A bar over work whose amount the work itself tells.
+pub(super) fn bar(what: &str) -> Bar {
+    let shown = ProgressBar::new(0);
     let style = ProgressStyle::with_template(
         "{msg:<24} {wide_bar} {human_pos}/{human_len}  {elapsed} (eta {eta})",
     );
     if let Ok(style) = style {
-        bar.set_style(style);
+        shown.set_style(style);
     }
-    bar.set_message(what.to_owned());
-    bar
+    shown.set_message(what.to_owned());
+    let moved = shown.clone();
+    let progress = Box::new(move |done, total| {
+        moved.set_length(total);
+        moved.set_position(done);
+    });
+    Bar { shown, progress }
+}
+
+impl Bar {
+    /// Shows progress on this bar; stops at Ctrl-C.
+    pub(super) fn watch(&self) -> Watch<'_> {
+        Watch {
+            progress: &*self.progress,
+            stop: &STOP,
+        }
+    }
+
+    /// Says what is done now.
+    pub(super) fn now(&self, what: String) {
+        self.shown.set_message(what);
+    }
+
+    /// Does something that prints, with the bar out of the way.
+    pub(super) fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
+        self.shown.suspend(print)
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.shown.finish_and_clear();
+    }
 }
 
 /// Colours on a terminal, plain text elsewhere.

@@ -10,7 +10,7 @@ use super::{
     start_count, table, talk,
 };
 use crate::campaign::{
-    Ado, EvalRequest, TrainError, Watch, best_constant, eval, keep, test_starts, train,
+    Ado, EvalRequest, TrainError, best_constant, eval, keep, test_starts, train,
 };
 use crate::rl::Policy;
 use crate::run::{ChangedEgo, Row, RunDir};
@@ -102,14 +102,11 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         true => resume(args, &path, &mut scenario)?,
         false => begin(args, &path, &scenario)?,
     };
-    let bar = talk::bar("training (decisions)", scenario.learner.decisions());
-    let watch = Watch {
-        progress: &|done, _| bar.set_position(done),
-        stop: talk::stop(),
-    };
+    let bar = talk::bar("training (decisions)");
+    let watch = bar.watch();
     let tested = tested(&scenario, &run)?;
     let trained = train(&tested.scenario, &mut run, &watch)?;
-    bar.finish_and_clear();
+    drop(bar);
     if trained.interrupted {
         talk::say(&format!(
             "stopped after {} of {} decisions; go on with `brakecheck train {} -o {} --resume`",
@@ -333,14 +330,8 @@ fn closing_evaluation(
 ) -> Result<Option<Vec<Row>>, Failure> {
     let scenario = &ego.scenario;
     let policy = closing_policy(scenario, run)?;
-    let bar = talk::bar("evaluating", 0);
-    let watch = Watch {
-        progress: &|done, total| {
-            bar.set_length(total);
-            bar.set_position(done);
-        },
-        stop: talk::stop(),
-    };
+    let bar = talk::bar("evaluating");
+    let watch = bar.watch();
     let Some(starts) = test_starts(&run.world()?, 0, args.starts, &watch) else {
         return Ok(None);
     };
@@ -363,7 +354,7 @@ fn closing_evaluation(
         eval(&request(Ado::Random), &watch).row,
         best_constant(scenario, &ego.name, &starts, &watch).row,
     ];
-    bar.finish_and_clear();
+    drop(bar);
     Ok(Some(rows))
 }
 

@@ -16,7 +16,9 @@
 //! Files are written beside their place and renamed, so a full disk or a
 //! killed process never leaves a half-written one behind.
 
+mod disk;
 mod error;
+mod finished;
 mod identified;
 mod interval;
 mod kept;
@@ -31,9 +33,10 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
+pub use disk::write_file;
 pub use error::RunError;
+pub use finished::Finished;
 pub use identified::{IdentifiedEgo, IdentifiedEgos, IdentifiedError};
 pub use interval::{mean_difference, paired_difference, two_level_bootstrap, wilson};
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
@@ -45,6 +48,7 @@ pub use stored::{MAX_STORED, Stored, StoredCount};
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
 use crate::scenario::{Against, Change, LoadError, Member, Scenario};
 use crate::scene::Dynamics;
+use disk::{io_error, is_taken, lock, sha256};
 use told::Told;
 
 /// Version of the layout; another one is refused.
@@ -545,71 +549,4 @@ pub struct Done {
     pub physics_steps: u64,
     /// Processor time spent.
     pub cpu_s: f64,
-}
-
-/// Writes a file whole or not at all.
-///
-/// # Errors
-/// The disk refuses; an older file of that name is then untouched.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
-    let dir = match path.parent() {
-        Some(dir) if !dir.as_os_str().is_empty() => dir,
-        _ => Path::new("."),
-    };
-    let failed = io_error("writing", path);
-    let mut file = tempfile::Builder::new()
-        .prefix(".brakecheck-")
-        .tempfile_in(dir)
-        .map_err(&failed)?;
-    file.write_all(bytes).map_err(&failed)?;
-    file.as_file().sync_all().map_err(&failed)?;
-    readable(file.as_file()).map_err(&failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
-    Ok(())
-}
-
-/// Temporary files begin private; what is kept gets ordinary permissions.
-#[cfg(unix)]
-fn readable(file: &File) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn readable(_file: &File) -> io::Result<()> {
-    Ok(())
-}
-
-/// Whether a directory holds anything but the beginnings of a run.
-fn is_taken(path: &Path) -> bool {
-    let Ok(entries) = fs::read_dir(path) else {
-        return false;
-    };
-    let begun =
-        |name: &str| ["lock", "world.ron"].contains(&name) || name.starts_with(".brakecheck-");
-    let mut names = entries.flatten().map(|entry| entry.file_name());
-    names.any(|name| !begun(&name.to_string_lossy()))
-}
-
-fn lock(path: &Path) -> Result<File, RunError> {
-    let file_path = path.join("lock");
-    let file = File::create(&file_path).map_err(io_error("creating", &file_path))?;
-    match fs4::FileExt::try_lock(&file) {
-        Ok(()) => Ok(file),
-        Err(_) => Err(RunError::Locked { path: path.into() }),
-    }
-}
-
-fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
-    let path = path.to_owned();
-    move |source| RunError::Io {
-        verb,
-        path: path.clone(),
-        source,
-    }
-}
-
-fn sha256(bytes: &[u8]) -> String {
-    let digest = Sha256::digest(bytes);
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -3,10 +3,10 @@
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::campaign::{
-    CONDITIONAL, CONDITIONAL_TRIES, Relation, ReuseError, ReuseStudy, Watch, reuse_markdown,
-    reuse_study,
+    CONDITIONAL, CONDITIONAL_TRIES, Met, Relation, ReuseAsked, ReuseError, ReuseStudy, Watch,
+    reuse_markdown,
 };
-use brakecheck::scenario::Scenario;
+use brakecheck::scenario::{Change, Scenario};
 
 static GO: AtomicBool = AtomicBool::new(false);
 
@@ -37,22 +37,32 @@ fn brief() -> Scenario {
 fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     let dir = tempfile::tempdir().expect("scratch");
     let world = brief();
-    let egos: Vec<_> = ["softer brakes", "van"]
-        .map(|name| {
-            let change = world.reuse[name].clone();
-            let changed = world.with(&change).expect("it fits");
-            (name.to_owned(), change, changed)
-        })
-        .into();
-    let request = ReuseStudy {
+    let asked = ReuseAsked {
         seeds: 1,
         starts: 16,
         tries: 3,
         runs: dir.path(),
     };
-    let study = reuse_study(&world, &egos, &request, &quiet())
-        .expect("a study")
-        .expect("not stopped");
+    let begun = ReuseStudy::begin(&world, asked, &quiet());
+    let begun = begun.expect("trainings").expect("not stopped");
+    let meet = |name: &str, change: &Change| -> Met {
+        let changed = world.with(change).expect("it fits");
+        let met = begun.meet((name, change, &changed), &quiet());
+        met.expect("rows").expect("not stopped")
+    };
+    let mut met = vec![meet("nominal", &Change::default())];
+    for name in ["softer brakes", "van"] {
+        met.push(meet(name, &world.reuse[name]));
+    }
+    let kept = serde_json::to_string(&met).expect("JSON");
+    let study = begun.conclude(met);
+    // What was kept of every ego says the same.
+    let read: Vec<Met> = serde_json::from_str(&kept).expect("what was written");
+    let again = begun.conclude(read);
+    assert_eq!(
+        reuse_markdown(&[again]),
+        reuse_markdown(std::slice::from_ref(&study))
+    );
     let relations: Vec<Relation> = study.egos.iter().map(|ego| ego.relation).collect();
     let expected = [Relation::Trained, Relation::Inside, Relation::Outside];
     assert_eq!(relations, expected);
@@ -93,11 +103,12 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     assert!(table.contains("| softer brakes | Inside |"), "{table}");
 
     // Finished trainings are used as they are.
-    let again = reuse_study(&world, &egos[..0], &request, &quiet())
-        .expect("a study")
-        .expect("not stopped");
-    assert_eq!(again.rows[0].solved, study.rows[0].solved);
-    assert_eq!(again.train_cpu_s, study.train_cpu_s);
+    let again = ReuseStudy::begin(&world, asked, &quiet());
+    let again = again.expect("trainings").expect("not stopped");
+    let same = again.meet(("nominal", &Change::default(), &world), &quiet());
+    let same = same.expect("rows").expect("not stopped");
+    assert_eq!(same.rows[0].solved, study.rows[0].solved);
+    assert_eq!(again.conclude(vec![same]).train_cpu_s, study.train_cpu_s);
 }
 
 #[test]
@@ -105,12 +116,15 @@ fn a_world_without_a_family_is_refused() {
     let world = Scenario::parse("cut_in.ron", include_str!("../../worlds/cut_in.ron"));
     let world = world.expect("a world");
     let dir = tempfile::tempdir().expect("scratch");
-    let request = ReuseStudy {
+    let asked = ReuseAsked {
         seeds: 1,
         starts: 4,
         tries: 2,
         runs: dir.path(),
     };
-    let refused = reuse_study(&world, &[], &request, &quiet());
-    assert!(matches!(refused, Err(ReuseError::NoFamily { .. })));
+    let refused = ReuseStudy::begin(&world, asked, &quiet());
+    assert!(matches!(
+        refused.map(|_| ()),
+        Err(ReuseError::NoFamily { .. })
+    ));
 }

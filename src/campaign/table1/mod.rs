@@ -3,6 +3,7 @@
 //! RQ1 to RQ5 on one grid world: the learners of its file, each with several
 //! seeds, random ados, a two-line chaser, and the exact optimum.
 
+mod maps;
 mod text;
 mod transfer;
 mod value;
@@ -10,20 +11,22 @@ mod value;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use text::table1_markdown;
 pub use transfer::OpenLoop;
 pub use value::{DeltaNear, NearStarts};
 
+use maps::{Map, maps};
+
 use super::eval::{Ado, EvalRequest, TestStarts, eval};
 use super::{TrainError, Watch};
 use crate::rl::{Control, Dice, LearnerConfig, Policy};
 use crate::run::{Row, two_level_bootstrap, wilson};
-use crate::scenario::{ChangeError, GridChange, Scenario};
+use crate::scenario::{ChangeError, Scenario};
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, chase};
-use crate::scene::grid::{AtWall, Starts, position_of};
+use crate::scene::grid::{AtWall, position_of};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::Gym;
 
@@ -59,7 +62,7 @@ pub enum Table1Error {
 }
 
 /// Table I on one grid world.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GridStudy {
     /// Name of the world.
     pub world: String,
@@ -86,7 +89,7 @@ pub struct GridStudy {
 }
 
 /// RQ1: several random ados.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RandomAdos {
     /// How many.
     pub ados: usize,
@@ -100,10 +103,10 @@ pub struct RandomAdos {
 }
 
 /// Captures on one map.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MapResult {
     /// RQ1, RQ2, RQ3 or RQ5.
-    pub question: &'static str,
+    pub question: String,
     /// The map in words.
     pub map: String,
     /// Starts evaluated.
@@ -127,7 +130,7 @@ pub struct MapResult {
 }
 
 /// One learner on one map.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Trained {
     /// Median over seeds of the share of captured starts.
     pub median: f64,
@@ -145,68 +148,6 @@ pub(super) struct Learned {
     pub(super) seed: u64,
     pub(super) policy: Box<dyn Policy>,
     cpu_s: f64,
-}
-
-/// A map of the table: change, question, words, what the paper reports.
-struct Map {
-    question: &'static str,
-    words: String,
-    change: GridChange,
-    paper: f64,
-    paper_random: Option<f64>,
-}
-
-fn maps() -> Vec<Map> {
-    let size = |size, paper, random| Map {
-        question: "RQ2",
-        words: format!("n = {size}, k = 2"),
-        change: GridChange {
-            size: Some(size),
-            ..GridChange::default()
-        },
-        paper,
-        paper_random: Some(random),
-    };
-    let step = |step, paper, random| Map {
-        question: "RQ3",
-        words: format!("n = 4, k = {step}"),
-        change: GridChange {
-            ego_step: Some(step),
-            ..GridChange::default()
-        },
-        paper,
-        paper_random: Some(random),
-    };
-    let fine = |refine, paper| Map {
-        question: "RQ5",
-        words: format!("n = 4, k = 2, cells cut {refine} × {refine}"),
-        change: GridChange {
-            refine: Some(refine),
-            ego_step: Some(2 * refine),
-            starts: Some(Starts::Uniform),
-            ..GridChange::default()
-        },
-        paper,
-        paper_random: None,
-    };
-    let trained_on = Map {
-        question: "RQ1",
-        paper_random: Some(0.0983),
-        ..size(4, 0.6792, 0.0)
-    };
-    vec![
-        trained_on,
-        size(2, 0.6667, 0.3333),
-        size(4, 0.6792, 0.0291),
-        size(5, 0.7033, 0.01),
-        size(10, 0.0926, 0.0033),
-        step(4, 0.725, 0.0292),
-        step(3, 0.725, 0.0292),
-        step(2, 0.6792, 0.0292),
-        step(1, 0.6792, 0.0708),
-        fine(3, 0.89),
-        fine(5, 0.78),
-    ]
 }
 
 /// Trains on the world's own map and measures everywhere else.
@@ -418,7 +359,7 @@ fn measure(
         tables += share(&|both| caught(game.captures(*both, |at| table[game.pair(at)])));
     }
     Ok(Some(MapResult {
-        question: map.question,
+        question: map.question.to_owned(),
         map: map.words.clone(),
         starts: positions.len(),
         all_starts,

@@ -1,6 +1,6 @@
 //! Fig. 1: a sequence of actions works from its own start, a policy from others.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1Error};
 use crate::scenario::{GridChange, Scenario};
@@ -11,7 +11,7 @@ use crate::scene::grid::position_of;
 use crate::testbench::{Aftermath, PolicyActor, play};
 
 /// The sequences of one learner's policies, played back open loop.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OpenLoop {
     /// Position of the learner in the study's list.
     pub learner: usize,

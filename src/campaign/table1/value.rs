@@ -1,7 +1,7 @@
 //! RQ4: do starts of nearly the same value fail alike? (Theorems 1 and 2)
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Learned, Progress, Table1, Table1Error, learn};
 use crate::rl::{Dice, LearnerConfig};
@@ -21,7 +21,7 @@ pub(super) const LONGER: u64 = 2;
 const DELTAS: [(f64, f64); 4] = [(1.0, 0.9735), (0.5, 0.9742), (0.1, 0.9883), (0.01, 1.0)];
 
 /// RQ4 for one δ.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct DeltaNear {
     /// |V(x0) − V(x0')| stays below this.
     pub delta: f64,
@@ -34,7 +34,7 @@ pub struct DeltaNear {
 }
 
 /// One learner's share.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NearStarts {
     /// Median over seeds.
     pub median: f64,

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, talk, world};
-use crate::campaign::{CaseStudies, Watch, case_studies_markdown, case_study};
+use super::{Failure, Made, ReproduceArgs, once, world};
+use crate::campaign::{CaseStudies, case_studies_markdown, case_study};
 
 /// The driving worlds of the table, in its order.
 const WORLDS: [&str; 10] = [
@@ -33,18 +33,12 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     };
     for name in &names {
         let scenario = world(args, name)?;
-        let bar = talk::bar(name, 0);
-        let watch = Watch {
-            progress: &|done, total| {
-                bar.set_length(total);
-                bar.set_position(done);
-            },
-            stop: talk::stop(),
-        };
-        let study = case_study(&scenario, &request, &watch)?;
-        bar.finish_and_clear();
-        let Some(study) = study else {
-            talk::say("interrupted: finished trainings are kept; run the same command to go on");
+        let settings = json!({ "seeds": args.seeds, "starts": args.starts });
+        let piece = format!("{name}, case study");
+        let made = once(args, (&piece, &scenario), settings, |watch| {
+            Ok(case_study(&scenario, &request, watch)?)
+        })?;
+        let Some(study) = made else {
             return Ok(None);
         };
         studies.push(study);

@@ -11,18 +11,13 @@ use crate::testbench::Episode;
 
 /// Writes the three figures as SVG files.
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let watch = Watch {
-        progress: &|_, _| {},
-        stop: talk::stop(),
-    };
+    let bar = talk::bar("figures");
+    let watch = bar.watch();
     let acc = world(args, "acc")?;
     let merge = world(args, "merge")?;
     let light = world(args, "yellow_light")?;
     let figures = match drawn(&acc, &merge, &light, &watch) {
-        _ if talk::stopped() => {
-            talk::say("interrupted: no figure is written");
-            return Ok(None);
-        }
+        _ if watch.stopped() => return Ok(None),
         Ok(figures) => figures,
         Err(error) => {
             let help = "the figures need the shipped worlds: name their directory with `--worlds`";

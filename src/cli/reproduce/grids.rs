@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, talk, world};
-use crate::campaign::{Table1, Watch, table1, table1_markdown};
+use super::{Failure, Made, ReproduceArgs, once, world};
+use crate::campaign::{Table1, table1, table1_markdown};
 
 /// The grid worlds of Table I, the headline first.
 const WORLDS: [&str; 2] = ["grid_hard", "grid"];
@@ -19,18 +19,12 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let mut studies = Vec::new();
     for name in WORLDS {
         let scenario = world(args, name)?;
-        let bar = talk::bar(&format!("{name} (decisions)"), 0);
-        let watch = Watch {
-            progress: &|done, total| {
-                bar.set_length(total);
-                bar.set_position(done);
-            },
-            stop: talk::stop(),
-        };
-        let study = table1(&scenario, &request, &watch)?;
-        bar.finish_and_clear();
-        let Some(study) = study else {
-            talk::say("interrupted: nothing is written");
+        let settings = json!({ "seeds": request.seeds, "first_seed": request.first_seed });
+        let piece = format!("{name}, Table I");
+        let made = once(args, (&piece, &scenario), settings, |watch| {
+            Ok(table1(&scenario, &request, watch)?)
+        })?;
+        let Some(study) = made else {
             return Ok(None);
         };
         studies.push(study);

@@ -10,10 +10,13 @@ mod reuse;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::{Common, Exit, Failure, print_json, talk};
-use crate::run::{RunError, write_file};
+use crate::campaign::Watch;
+use crate::run::{Finished, RunError, write_file};
 use crate::scenario::Scenario;
 
 #[derive(Args, Debug)]
@@ -78,6 +81,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     let mut results = serde_json::Map::new();
     for part in parts {
         let Some(made) = part(args)? else {
+            talk::say("interrupted: what is finished is kept; run the same command to go on");
             return Ok(Exit::Interrupted);
         };
         save(
@@ -104,7 +108,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// One part of the tables; `None`: interrupted, and said so.
+/// One part of the tables; `None`: interrupted.
 type Part = fn(&ReproduceArgs) -> Result<Option<Made>, Failure>;
 
 /// A finished table.
@@ -114,6 +118,27 @@ struct Made {
     markdown: String,
     /// An object; its keys differ from those of every other part.
     json: Value,
+}
+
+/// Makes a piece of a part, or takes what an earlier command kept of it.
+///
+/// `None`: interrupted.
+fn once<T: Serialize + DeserializeOwned>(
+    args: &ReproduceArgs,
+    (piece, scenario): (&str, &Scenario),
+    settings: Value,
+    make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
+) -> Result<Option<T>, Failure> {
+    let kept = Finished::new(&args.output.join("parts"), piece, scenario, settings);
+    if let Some(made) = kept.read()? {
+        return Ok(Some(made));
+    }
+    let bar = talk::bar(piece);
+    let made = make(&bar.watch())?;
+    if let Some(made) = &made {
+        kept.write(made)?;
+    }
+    Ok(made)
 }
 
 /// Loads a shipped world.

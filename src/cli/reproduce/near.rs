@@ -2,9 +2,9 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, talk, world};
+use super::{Failure, Made, ReproduceArgs, once, world};
 use crate::campaign::{
-    Alumnus, Watch, near_starts, near_starts_markdown, start_with, test_starts, trained_run,
+    Alumnus, near_starts, near_starts_markdown, start_with, test_starts, trained_run,
 };
 use crate::run::RunDir;
 
@@ -43,31 +43,26 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
                 "use the worlds that came with this version",
             )
         })?;
-        let bar = talk::bar(name, 0);
-        let watch = Watch {
-            progress: &|done, total| {
-                bar.set_length(total);
-                bar.set_position(done);
-            },
-            stop: talk::stop(),
-        };
-        let (path, _) = trained_run(&scenario, SEED, &args.output.join("runs"), &watch)?;
-        let starts = test_starts(&scenario, 0, args.starts, &watch);
-        let (Some(starts), false) = (starts, talk::stopped()) else {
-            talk::say("interrupted: finished trainings are kept; run the same command to go on");
-            return Ok(None);
-        };
-        let run = RunDir::open(&path)?;
-        let policy = run.policy()?;
-        let alumnus = Alumnus {
-            policy: &*policy,
-            seed: run.manifest().seed,
-            episodes: run.manifest().episodes,
-        };
-        let near = near_starts(&scenario, alumnus, &around, &starts, &DELTAS, &watch);
-        bar.finish_and_clear();
-        let Some(near) = near else {
-            talk::say("interrupted: nothing is written");
+        let settings = json!({ "seed": SEED, "starts": args.starts, "deltas": DELTAS });
+        let piece = format!("{name}, near starts");
+        let made = once(args, (&piece, &scenario), settings, |watch| {
+            let (path, _) = trained_run(&scenario, SEED, &args.output.join("runs"), watch)?;
+            let starts = test_starts(&scenario, 0, args.starts, watch);
+            let (Some(starts), false) = (starts, watch.stopped()) else {
+                return Ok(None);
+            };
+            let run = RunDir::open(&path)?;
+            let policy = run.policy()?;
+            let alumnus = Alumnus {
+                policy: &*policy,
+                seed: run.manifest().seed,
+                episodes: run.manifest().episodes,
+            };
+            Ok(near_starts(
+                &scenario, alumnus, &around, &starts, &DELTAS, watch,
+            ))
+        })?;
+        let Some(near) = made else {
             return Ok(None);
         };
         all.push(near);

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, talk, world};
-use crate::campaign::{PaperRow, Watch, measure_paper_row, paper_rows_markdown};
+use super::{Failure, Made, ReproduceArgs, once, world};
+use crate::campaign::{PaperRow, measure_paper_row, paper_rows_markdown};
 
 /// Beyond the paper's numbers of episodes: where the curves still rise.
 const MORE: [u64; 4] = [1_000, 2_000, 4_000, 8_000];
@@ -61,18 +61,14 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             scenario: &scenario,
             episodes: &episodes,
         };
-        let bar = talk::bar(name, 0);
-        let watch = Watch {
-            progress: &|done, total| {
-                bar.set_length(total);
-                bar.set_position(done);
-            },
-            stop: talk::stop(),
-        };
-        let done = measure_paper_row(&row, (args.seeds, args.starts), &watch);
-        bar.finish_and_clear();
-        let Some(done) = done else {
-            talk::say("interrupted: nothing is written");
+        let settings = json!({
+            "seeds": args.seeds, "starts": args.starts, "learner": learner, "episodes": episodes,
+        });
+        let piece = format!("{name}, {}", scenario.learner.name());
+        let made = once(args, (&piece, &scenario), settings, |watch| {
+            Ok(measure_paper_row(&row, (args.seeds, args.starts), watch))
+        })?;
+        let Some(done) = made else {
             return Ok(None);
         };
         measured.push(done);

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, talk, world};
-use crate::campaign::{ReuseStudy, Watch, reuse_markdown, reuse_study};
+use super::{Failure, Made, ReproduceArgs, once, talk, world};
+use crate::campaign::{ReuseAsked, ReuseStudy, reuse_markdown};
 use crate::scenario::{Change, Scenario};
 
 /// The worlds that name a family.
@@ -16,34 +16,35 @@ const SEEDS: u64 = 3;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let runs = args.output.join("runs");
-    let request = ReuseStudy {
+    let asked = ReuseAsked {
         seeds: args.seeds.min(SEEDS),
         starts: args.starts,
         tries: TRIES,
         runs: &runs,
     };
     let mut studies = Vec::new();
-    let asked = WORLDS
+    let names = WORLDS
         .iter()
         .filter(|name| args.world.is_empty() || args.world.iter().any(|world| world == *name));
-    for name in asked {
+    for name in names {
         let scenario = world(args, name)?;
-        let egos = changed(&scenario)?;
-        let bar = talk::bar(&format!("{name}, reuse"), 0);
-        let watch = Watch {
-            progress: &|done, total| {
-                bar.set_length(total);
-                bar.set_position(done);
-            },
-            stop: talk::stop(),
-        };
-        let study = reuse_study(&scenario, &egos, &request, &watch)?;
-        bar.finish_and_clear();
-        let Some(study) = study else {
-            talk::say("interrupted: finished trainings are kept; run the same command to go on");
+        let Some(study) = begin(name, &scenario, asked)? else {
             return Ok(None);
         };
-        studies.push(study);
+        let mut met = Vec::new();
+        for (ego, change, changed) in &egos(&scenario)? {
+            let settings =
+                json!({ "seeds": asked.seeds, "starts": asked.starts, "tries": asked.tries });
+            let piece = format!("{name}, reuse on {ego}");
+            let made = once(args, (&piece, &scenario), settings, |watch| {
+                Ok(study.meet((ego, change, changed), watch)?)
+            })?;
+            let Some(made) = made else {
+                return Ok(None);
+            };
+            met.push(made);
+        }
+        studies.push(study.conclude(met));
     }
     Ok(Some(Made {
         name: "reuse",
@@ -52,13 +53,26 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// The world's `reuse`, each ego in its world.
-fn changed(scenario: &Scenario) -> Result<Vec<(String, Change, Scenario)>, Failure> {
+/// Trains what is not trained yet.
+fn begin<'a>(
+    name: &str,
+    scenario: &'a Scenario,
+    asked: ReuseAsked<'a>,
+) -> Result<Option<ReuseStudy<'a>>, Failure> {
+    let bar = talk::bar(&format!("{name}, training"));
+    Ok(ReuseStudy::begin(scenario, asked, &bar.watch())?)
+}
+
+/// The nominal ego and the world's `reuse`, each in its world.
+fn egos(scenario: &Scenario) -> Result<Vec<(String, Change, Scenario)>, Failure> {
     let with = |(name, change): (&String, &Change)| {
         let changed = scenario
             .with(change)
             .map_err(|error| Failure::input(error.to_string(), "mend the world's `reuse`"))?;
         Ok((name.clone(), change.clone(), changed))
     };
-    scenario.reuse.iter().map(with).collect()
+    let nominal = ("nominal".to_owned(), Change::default(), scenario.clone());
+    std::iter::once(Ok(nominal))
+        .chain(scenario.reuse.iter().map(with))
+        .collect()
 }

@@ -1,0 +1,318 @@
+//! The paper's central claim, measured: one trained ado on changed egos.
+//!
+//! Three ados per training seed, untouched after training: trained on the
+//! nominal ego, trained on the family without being told (wide), and told the
+//! parameters that were identified from recorded runs (conditional). Beside
+//! them on the same starts: what a falsifier would have kept from the same
+//! training, a tuned rule, random ados, and searches per start.
+
+mod players;
+mod text;
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+pub use text::reuse_markdown;
+
+use super::Watch;
+use super::case_studies::trained_run;
+use super::eval::{TestStarts, test_starts};
+use super::heuristic::{Heuristic, tune_heuristic};
+use super::identify::{IdentifyError, IdentifyRequest, identify};
+use super::reuse::{Relation, ReusedOn, Summary, reused_on, summarise};
+use super::train::TrainError;
+use crate::run::{Row, RunDir, RunError};
+use crate::scenario::{Against, Change, Family, Scenario};
+use players::Player;
+
+/// Runs of an ego that are recorded to identify it.
+const RECORDED_RUNS: usize = 10;
+/// Switches of the search that defines the reachable share.
+const SWITCHES: usize = 2;
+/// Simulations per start of held-random search; the smaller ones are cut from it.
+const HELD_BUDGETS: [u64; 3] = [10, 30, 100];
+
+/// The conditional ado, one simulation per start.
+pub const CONDITIONAL: &str = "conditional";
+/// The conditional ado with a few tries.
+pub const CONDITIONAL_TRIES: &str = "conditional, tries";
+
+/// What to study.
+#[derive(Clone, Copy)]
+pub struct ReuseAsked<'a> {
+    /// Training seeds 1 ..= `seeds`.
+    pub seeds: u64,
+    /// Test starts to draw, of stream seed 0.
+    pub starts: usize,
+    /// Runs per start of the ado that may explore, the greedy one included.
+    pub tries: u64,
+    /// Where the run directories go.
+    pub runs: &'a Path,
+}
+
+/// How an ego was identified.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Known {
+    /// The ego.
+    pub ego: String,
+    /// The member it was taken for.
+    pub taken_for: String,
+    /// Whether that member explains the recorded runs.
+    pub explained: bool,
+    /// Root mean square distance to the recorded runs, of member and nominal.
+    pub residual_m: f64,
+    /// The same of the nominal ego.
+    pub nominal_residual_m: f64,
+    /// Runs simulated and recorded for it.
+    pub simulations: u64,
+}
+
+/// What the study came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReuseStudied {
+    /// Name of the world.
+    pub world: String,
+    /// Starts evaluated.
+    pub starts: usize,
+    /// Starts left out because the nominal ego fails without an adversary.
+    pub trivial: usize,
+    /// Training seeds.
+    pub seeds: u64,
+    /// Mean processor time of a training, by ado.
+    pub train_cpu_s: Vec<(&'static str, f64)>,
+    /// The egos, the nominal one first.
+    pub egos: Vec<ReusedOn>,
+    /// How each was identified.
+    pub known: Vec<Known>,
+    /// Blocks and all changed egos; differences are to the conditional ado.
+    pub summary: Vec<Summary>,
+    /// The same; differences are to the conditional ado with a few tries.
+    pub summary_of_tries: Vec<Summary>,
+    /// All rows.
+    pub rows: Vec<Row>,
+}
+
+/// The study could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ReuseError {
+    /// The world names no family.
+    #[error("`{world}` names no family of egos")]
+    NoFamily {
+        /// The world.
+        world: String,
+    },
+    /// A training or a run directory.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// A run directory.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// An ego could not be identified.
+    #[error("identifying `{ego}`: {source}")]
+    Identify {
+        /// The ego.
+        ego: String,
+        /// Why.
+        source: IdentifyError,
+    },
+}
+
+/// The ados of one training seed.
+struct Trio {
+    nominal: RunDir,
+    wide: RunDir,
+    conditional: RunDir,
+}
+
+/// What one ego of the study came to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Met {
+    /// Its rows and what they come to.
+    pub reused: ReusedOn,
+    /// Its rows; they are listed beside the egos in the study.
+    pub rows: Vec<Row>,
+    /// How it was identified.
+    pub known: Known,
+}
+
+/// A study under way: trained ados and the starts they meet every ego on.
+pub struct ReuseStudy<'a> {
+    scenario: &'a Scenario,
+    family: &'a Family,
+    asked: ReuseAsked<'a>,
+    trios: Vec<Trio>,
+    train_cpu_s: CpuByAdo,
+    starts: TestStarts,
+    heuristic: OnceLock<Option<Heuristic>>,
+}
+
+impl<'a> ReuseStudy<'a> {
+    /// Trains the ados of a world; finished trainings are used as they are.
+    /// `None`: stopped.
+    ///
+    /// # Errors
+    /// There is no family, a training fails, or the disk refuses.
+    pub fn begin(
+        scenario: &'a Scenario,
+        asked: ReuseAsked<'a>,
+        watch: &Watch<'_>,
+    ) -> Result<Option<ReuseStudy<'a>>, ReuseError> {
+        let Some(family) = scenario.family() else {
+            return Err(ReuseError::NoFamily {
+                world: scenario.name.clone(),
+            });
+        };
+        let Some((trios, train_cpu_s)) = trios(scenario, &asked, watch)? else {
+            return Ok(None);
+        };
+        let starts = test_starts(scenario, 0, asked.starts, watch);
+        Ok(starts.map(|starts| ReuseStudy {
+            scenario,
+            family,
+            asked,
+            trios,
+            train_cpu_s,
+            starts,
+            heuristic: OnceLock::new(),
+        }))
+    }
+
+    /// Lets everybody meet one ego: its name, how it was changed, and its
+    /// world. `None`: stopped.
+    ///
+    /// # Errors
+    /// It cannot be identified, or a run directory is damaged.
+    pub fn meet(
+        &self,
+        (ego, change, changed): (&str, &Change, &Scenario),
+        watch: &Watch<'_>,
+    ) -> Result<Option<Met>, ReuseError> {
+        let relation = match (*change == Change::default(), self.family.covers(change)) {
+            (true, _) => Relation::Trained,
+            (_, true) => Relation::Inside,
+            (_, false) => Relation::Outside,
+        };
+        let request = IdentifyRequest {
+            world: self.scenario,
+            ego: changed,
+            runs: RECORDED_RUNS,
+            seed: 0,
+            fixed: &[],
+        };
+        let identified = identify(&request, watch).map_err(|source| ReuseError::Identify {
+            ego: ego.to_owned(),
+            source,
+        })?;
+        let Some(identified) = identified else {
+            return Ok(None);
+        };
+        let known = Known {
+            ego: ego.to_owned(),
+            taken_for: self.family.in_words(&identified.member),
+            explained: identified.explains(),
+            residual_m: identified.residual_m,
+            nominal_residual_m: identified.nominal_residual_m,
+            simulations: identified.simulations + identified.recorded,
+        };
+        let player = Player {
+            scenario: changed,
+            ego,
+            starts: &self.starts,
+            watch,
+        };
+        let mut rows = Vec::new();
+        for trio in &self.trios {
+            rows.extend(player.ados(trio, self.family, &identified.member, self.asked.tries)?);
+        }
+        let tune = || tune_heuristic(self.scenario, 1, watch);
+        let heuristic = self.heuristic.get_or_init(tune).as_ref();
+        rows.extend(player.rivals(&self.trios[0].nominal, heuristic, self.asked.tries)?);
+        if let Some((reachable, others)) = rows.split_last_mut() {
+            for row in others {
+                row.compare_with_search(&reachable.solved);
+            }
+        }
+        let reused = reused_on(changed, (ego, relation), &self.starts, rows.clone(), watch);
+        Ok((!watch.stopped()).then_some(Met {
+            reused,
+            rows,
+            known,
+        }))
+    }
+
+    /// Sums up the egos that were met, the nominal one first.
+    pub fn conclude(&self, met: Vec<Met>) -> ReuseStudied {
+        let known = met.iter().map(|met| met.known.clone()).collect();
+        let egos: Vec<ReusedOn> = met
+            .into_iter()
+            .map(|met| ReusedOn {
+                rows: met.rows,
+                ..met.reused
+            })
+            .collect();
+        let first = egos.first().and_then(|ego| ego.rows.first());
+        ReuseStudied {
+            world: self.scenario.name.clone(),
+            starts: first.map_or(0, |row| row.starts),
+            trivial: first.map_or(0, |row| row.trivial),
+            seeds: self.asked.seeds,
+            train_cpu_s: self.train_cpu_s.clone(),
+            summary: summarise(&egos, CONDITIONAL),
+            summary_of_tries: summarise(&egos, CONDITIONAL_TRIES),
+            rows: egos.iter().flat_map(|ego| ego.rows.clone()).collect(),
+            egos,
+            known,
+        }
+    }
+}
+
+type CpuByAdo = Vec<(&'static str, f64)>;
+
+/// Trains what is not trained yet, in parallel.
+fn trios(
+    scenario: &Scenario,
+    request: &ReuseAsked<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<(Vec<Trio>, CpuByAdo)>, ReuseError> {
+    let kinds = [Against::Nominal, Against::Wide, Against::Conditional];
+    let jobs: Vec<(Against, u64)> = kinds
+        .into_iter()
+        .flat_map(|against| (1..=request.seeds).map(move |seed| (against, seed)))
+        .collect();
+    let runs: Vec<(PathBuf, f64)> = jobs
+        .par_iter()
+        .map(|&(against, seed)| {
+            let trained = scenario.training_against(against);
+            let trained = trained.as_ref().unwrap_or(scenario);
+            trained_run(trained, seed, request.runs, watch)
+        })
+        .collect::<Result<_, _>>()?;
+    if watch.stopped() {
+        return Ok(None);
+    }
+    let of = |against: Against| {
+        let all = jobs.iter().zip(&runs);
+        all.filter(move |((kind, _), _)| *kind == against)
+            .map(|(_, run)| run)
+    };
+    let cpu_s = kinds.map(|kind| {
+        let sum: f64 = of(kind).map(|(_, cpu_s)| cpu_s).sum();
+        (kind.word(), sum / request.seeds.max(1) as f64)
+    });
+    let open = |against: Against| of(against).map(|(path, _)| RunDir::open(path));
+    let trios = open(Against::Nominal)
+        .zip(open(Against::Wide))
+        .zip(open(Against::Conditional))
+        .map(|((nominal, wide), conditional)| {
+            Ok(Trio {
+                nominal: nominal?,
+                wide: wide?,
+                conditional: conditional?,
+            })
+        })
+        .collect::<Result<_, RunError>>()?;
+    Ok(Some((trios, cpu_s.to_vec())))
+}

@@ -1,0 +1,132 @@
+//! Who plays against one ego of the study of reuse.
+
+use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SWITCHES, Trio};
+use crate::campaign::Watch;
+use crate::campaign::eval::{Ado, EvalRequest, TestStarts, best_constant, count_solved, eval};
+use crate::campaign::heuristic::Heuristic;
+use crate::campaign::search::{Found, Method, SearchRequest, Searched, search};
+use crate::campaign::tries::{Tries, other_members};
+use crate::rl::Policy;
+use crate::run::{Row, RunDir, RunError, Stored};
+use crate::scenario::{Family, Member, Scenario};
+
+/// One ego and the starts on which everybody meets it.
+pub(super) struct Player<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) ego: &'a str,
+    pub(super) starts: &'a TestStarts,
+    pub(super) watch: &'a Watch<'a>,
+}
+
+impl Player<'_> {
+    /// The rows of one training seed.
+    pub(super) fn ados(
+        &self,
+        trio: &Trio,
+        family: &Family,
+        member: &Member,
+        tries: u64,
+    ) -> Result<Vec<Row>, RunError> {
+        let seed = trio.conditional.manifest().seed;
+        let told = trio.conditional.policy_told(member)?;
+        let others = other_members(&trio.conditional, family, member.plant)?;
+        let tried = Tries {
+            request: self.request(Ado::Trained(&*told, seed)),
+            policy: &*told,
+            others: &others,
+            tries,
+        };
+        let mut rows = vec![
+            self.trained("nominal ado", &*trio.nominal.policy()?, seed),
+            self.trained("wide", &*trio.wide.policy()?, seed),
+            self.trained(CONDITIONAL, &*told, seed),
+            called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row),
+        ];
+        rows[1].method = "dqn, wide".to_owned();
+        for row in &mut rows[2..] {
+            row.told = Some("identified".to_owned());
+        }
+        Ok(rows)
+    }
+
+    /// The rows of everybody who was not trained.
+    pub(super) fn rivals(
+        &self,
+        run: &RunDir,
+        heuristic: Option<&Heuristic>,
+        tries: u64,
+    ) -> Result<Vec<Row>, RunError> {
+        let stored: Stored = run.counterexamples()?;
+        let mut ados = vec![Ado::Replays(&stored, 1), Ado::Replays(&stored, 10)];
+        ados.extend(heuristic.map(Ado::Heuristic));
+        ados.extend([Ado::Held, Ado::Random]);
+        let rows = ados.into_iter();
+        let mut rows: Vec<Row> = rows
+            .map(|ado| eval(&self.request(ado), self.watch).row)
+            .collect();
+        rows.push(best_constant(self.scenario, self.ego, self.starts, self.watch).row);
+        let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
+        let held = self.searched(Method::Hold, most);
+        for budget in HELD_BUDGETS {
+            rows.push(called(
+                &format!("search, held, {budget}"),
+                cut(&held, budget),
+            ));
+        }
+        let mutated = self.searched(Method::Mutate(&stored), tries);
+        rows.push(called(&format!("mutate, {tries}"), mutated.row));
+        rows.push(self.searched(Method::Switches(SWITCHES), 0).row);
+        Ok(rows)
+    }
+
+    fn request<'b>(&'b self, ado: Ado<'b>) -> EvalRequest<'b> {
+        EvalRequest {
+            scenario: self.scenario,
+            ego: self.ego,
+            ado,
+            starts: self.starts,
+        }
+    }
+
+    fn trained(&self, word: &str, policy: &dyn Policy, seed: u64) -> Row {
+        let request = self.request(Ado::Trained(policy, seed));
+        called(word, eval(&request, self.watch).row)
+    }
+
+    fn searched(&self, method: Method<'_>, budget: u64) -> Searched {
+        let request = SearchRequest {
+            scenario: self.scenario,
+            ego: self.ego,
+            method,
+            budget,
+            starts: self.starts,
+        };
+        search(&request, self.watch)
+    }
+}
+
+/// A row under another word.
+fn called(word: &str, row: Row) -> Row {
+    Row {
+        ado: word.to_owned(),
+        ..row
+    }
+}
+
+/// The row of a search that stopped after fewer simulations per start.
+fn cut(searched: &Searched, budget: u64) -> Row {
+    let marks = searched.row.solved.bytes().zip(&searched.found);
+    let within = |found: &Found| found.within(budget);
+    let solved = marks.map(|(mark, found)| match (mark, found) {
+        (b'1', Some(found)) if !within(found).1 => '0',
+        (mark, _) => char::from(mark),
+    });
+    let mut row = searched.row.clone();
+    row.solved = solved.collect();
+    count_solved(&mut row);
+    let spent: u64 = searched.found.iter().flatten().map(|f| within(f).0).sum();
+    row.sims_per_start = spent as f64 / row.starts.max(1) as f64;
+    row.method = format!("hold, {budget} simulations");
+    row.anytime.clear();
+    row
+}

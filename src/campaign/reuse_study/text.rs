@@ -1,0 +1,110 @@
+//! The study of reuse as Markdown.
+
+use super::{CONDITIONAL, CONDITIONAL_TRIES, ReuseStudied};
+use crate::campaign::reuse::{ReusedOn, Summary};
+use crate::run::Row;
+
+/// The study as Markdown: every ego, then the means of every block.
+pub fn reuse_markdown(studies: &[ReuseStudied]) -> String {
+    studies.iter().map(one_markdown).collect()
+}
+
+/// Ados of the table of egos, and how its header calls them.
+const SHOWN: [(&str, &str); 8] = [
+    ("nominal ado", "nominal ado"),
+    ("wide", "wide"),
+    (CONDITIONAL, "conditional"),
+    (CONDITIONAL_TRIES, "conditional, tries"),
+    ("replays", "10 replays"),
+    ("heuristic", "heuristic"),
+    ("search, held, 100", "held search, 100"),
+    ("constant", "best constant"),
+];
+
+fn one_markdown(study: &ReuseStudied) -> String {
+    let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+    let trained: Vec<String> = study
+        .train_cpu_s
+        .iter()
+        .map(|(ado, cpu_s)| format!("{ado} {cpu_s:.0} s"))
+        .collect();
+    let mut text = format!(
+        "## {}\n\n{} starts ({} trivial), {} training seeds; training, processor time each: {}.\n\n\
+         | ego | relation | fails without an adversary | reachable |",
+        study.world,
+        study.starts,
+        study.trivial,
+        study.seeds,
+        trained.join(", ")
+    );
+    for (_, header) in SHOWN {
+        text.push_str(&format!(" {header} |"));
+    }
+    text.push_str(" recall of conditional |\n|");
+    text.push_str(&" --- |".repeat(SHOWN.len() + 5));
+    text.push('\n');
+    for ego in &study.egos {
+        let reachable = ego.reachable.map_or("–".to_owned(), percent);
+        text.push_str(&format!(
+            "| {} | {:?} | {} | {reachable} |",
+            ego.ego,
+            ego.relation,
+            percent(ego.fails_without_adversary),
+        ));
+        for (word, _) in SHOWN {
+            let rate = mean_of(ego, word, |row| Some(row.success_rate));
+            text.push_str(&format!(" {} |", rate.map_or("–".to_owned(), percent)));
+        }
+        let recall = mean_of(ego, CONDITIONAL, |row| row.recall);
+        let recall = recall.map_or("–".to_owned(), |recall| format!("{recall:.3}"));
+        text.push_str(&format!(" {recall} |\n"));
+    }
+    for (reference, summaries) in [
+        (CONDITIONAL, &study.summary),
+        (CONDITIONAL_TRIES, &study.summary_of_tries),
+    ] {
+        text.push_str(&format!(
+            "\n| block | ado | egos | mean success | `{reference}` − it [95 %] | \
+             mean recall (egos) | least recall | simulations per start |\n\
+             | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+        ));
+        for sum in summaries {
+            text.push_str(&summary_line(sum));
+        }
+    }
+    text.push('\n');
+    text
+}
+
+/// Mean over the training seeds of an ado's rows on one ego.
+fn mean_of(ego: &ReusedOn, ado: &str, of: fn(&Row) -> Option<f64>) -> Option<f64> {
+    let rows = ego.rows.iter().filter(|row| row.ado == ado);
+    let values: Vec<f64> = rows.filter_map(of).collect();
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+fn summary_line(sum: &Summary) -> String {
+    let difference = sum.reference_minus.map(|(mean, [lo, hi])| {
+        let [mean, lo, hi] = [mean, lo, hi].map(|share| 100.0 * share);
+        format!("{mean:+.1} [{lo:+.1}, {hi:+.1}]")
+    });
+    let recall = sum
+        .recall_mean
+        .map(|recall| format!("{recall:.3} ({})", sum.egos_with_recall));
+    let least = sum
+        .recall_min
+        .as_ref()
+        .map(|(recall, ego)| format!("{recall:.3} ({ego})"));
+    let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+    format!(
+        "| {} | {} | {} | {:.1} % | {} | {} | {} | {:.1} |\n",
+        sum.relation.heading(),
+        sum.ado,
+        sum.egos,
+        100.0 * sum.success_rate,
+        or_dash(difference),
+        or_dash(recall),
+        or_dash(least),
+        sum.sims_per_start,
+    )
+}

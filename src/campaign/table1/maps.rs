@@ -1,0 +1,67 @@
+//! The maps on which Table I asks its questions, and what the paper answers.
+
+use crate::scenario::GridChange;
+use crate::scene::grid::Starts;
+
+/// A map of the table: change, question, words, what the paper reports.
+pub(super) struct Map {
+    pub(super) question: &'static str,
+    pub(super) words: String,
+    pub(super) change: GridChange,
+    pub(super) paper: f64,
+    pub(super) paper_random: Option<f64>,
+}
+
+/// The maps of Table I, in its order.
+pub(super) fn maps() -> Vec<Map> {
+    let size = |size, paper, random| Map {
+        question: "RQ2",
+        words: format!("n = {size}, k = 2"),
+        change: GridChange {
+            size: Some(size),
+            ..GridChange::default()
+        },
+        paper,
+        paper_random: Some(random),
+    };
+    let step = |step, paper, random| Map {
+        question: "RQ3",
+        words: format!("n = 4, k = {step}"),
+        change: GridChange {
+            ego_step: Some(step),
+            ..GridChange::default()
+        },
+        paper,
+        paper_random: Some(random),
+    };
+    let fine = |refine, paper| Map {
+        question: "RQ5",
+        words: format!("n = 4, k = 2, cells cut {refine} × {refine}"),
+        change: GridChange {
+            refine: Some(refine),
+            ego_step: Some(2 * refine),
+            starts: Some(Starts::Uniform),
+            ..GridChange::default()
+        },
+        paper,
+        paper_random: None,
+    };
+    let trained_on = Map {
+        question: "RQ1",
+        paper_random: Some(0.0983),
+        ..size(4, 0.6792, 0.0)
+    };
+    vec![
+        trained_on,
+        size(2, 0.6667, 0.3333),
+        size(4, 0.6792, 0.0291),
+        size(5, 0.7033, 0.01),
+        size(10, 0.0926, 0.0033),
+        step(4, 0.725, 0.0292),
+        step(3, 0.725, 0.0292),
+        step(2, 0.6792, 0.0292),
+        step(1, 0.6792, 0.0708),
+        fine(3, 0.89),
+        fine(5, 0.78),
+    ]
+}

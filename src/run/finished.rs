@@ -1,0 +1,116 @@
+//! Finished work that is kept, so that an interrupted campaign goes on.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+use super::RunError;
+use super::disk::{io_error, sha256, write_file};
+use crate::scenario::Scenario;
+
+/// One piece of work: a file, and what it is the answer to.
+///
+/// The file is used again only for the very question, of the same world file
+/// and the same version of the program.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    path: PathBuf,
+    asked: Value,
+}
+
+impl Finished {
+    /// The work of a name in a directory, on a world, with its settings.
+    pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> Finished {
+        let plain = |c: char| match c.is_ascii_alphanumeric() {
+            true => c,
+            false => '-',
+        };
+        let file: String = name.chars().map(plain).collect();
+        Finished {
+            path: dir.join(format!("{file}.json")),
+            asked: json!({
+                "brakecheck": env!("CARGO_PKG_VERSION"),
+                "world_sha256": sha256(scenario.text.as_bytes()),
+                "name": name,
+                "settings": settings,
+            }),
+        }
+    }
+
+    /// What was made, if it is there; work for another question is not.
+    ///
+    /// # Errors
+    /// The disk refuses, or the file is damaged.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<Option<T>, RunError> {
+        let bytes = match fs::read(&self.path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            read => read.map_err(io_error("reading", &self.path))?,
+        };
+        let damaged = |error: serde_json::Error| RunError::Damaged {
+            path: self.path.clone(),
+            why: error.to_string(),
+        };
+        let mut kept: Value = serde_json::from_slice(&bytes).map_err(damaged)?;
+        match kept["asked"] == self.asked {
+            true => serde_json::from_value(kept["made"].take())
+                .map(Some)
+                .map_err(damaged),
+            false => Ok(None),
+        }
+    }
+
+    /// Keeps what was made, in the place of older work of that name.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write<T: Serialize>(&self, made: &T) -> Result<(), RunError> {
+        if let Some(dir) = self.path.parent() {
+            fs::create_dir_all(dir).map_err(io_error("creating", dir))?;
+        }
+        let kept = json!({ "asked": self.asked, "made": made });
+        write_file(&self.path, kept.to_string().as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WORLD: &str = include_str!("../../worlds/acc.ron");
+
+    fn of(dir: &Path, text: &str, seeds: u64) -> Finished {
+        let scenario = Scenario::parse("acc.ron", text).expect("a world");
+        Finished::new(dir, "acc, a table", &scenario, json!({ "seeds": seeds }))
+    }
+
+    #[test]
+    fn work_is_found_again_by_the_very_question_only() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let work = of(dir.path(), WORLD, 3);
+        assert_eq!(work.read::<Vec<f64>>().expect("no file yet"), None);
+        work.write(&vec![0.1, 2.0 / 3.0]).expect("written");
+        let read = work.read::<Vec<f64>>().expect("readable");
+        assert_eq!(read, Some(vec![0.1, 2.0 / 3.0]));
+        let other = of(dir.path(), WORLD, 4).read::<Vec<f64>>();
+        assert_eq!(other.expect("readable"), None);
+        let changed = WORLD.replace("kp_per_s2: 0.3,", "kp_per_s2: 0.31,");
+        let other = of(dir.path(), &changed, 3).read::<Vec<f64>>();
+        assert_eq!(other.expect("readable"), None);
+    }
+
+    #[test]
+    fn a_damaged_file_is_named() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let work = of(dir.path(), WORLD, 3);
+        work.write(&1.0).expect("written");
+        let path = dir.path().join("acc--a-table.json");
+        let text = fs::read_to_string(&path).expect("kept");
+        fs::write(&path, &text[..text.len() - 4]).expect("cut");
+        let error = work.read::<f64>().expect_err("cut off");
+        assert!(error.to_string().contains("acc--a-table.json"), "{error}");
+    }
+}
