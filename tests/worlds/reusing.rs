@@ -87,6 +87,23 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         assert_eq!(of(CONDITIONAL).told.as_deref(), Some("identified"));
         assert!(of("search, held, 10").sims_per_start <= 10.0);
     }
+    // Softer brakes that identification does not know of, and quantities in
+    // which that ego is nominal.
+    let inside = &study.egos[1].rows;
+    let without = |name: &str| {
+        let ado = format!("{CONDITIONAL}, without {name}");
+        let row = inside.iter().find(|row| row.ado == ado);
+        &row.unwrap_or_else(|| panic!("no row of {ado}")).solved
+    };
+    let told = inside.iter().find(|row| row.ado == CONDITIONAL);
+    assert_eq!(told.map(|row| &row.solved), Some(without("delay_s")));
+    without("max_brake_mps2");
+    assert!(
+        !study.egos[2]
+            .rows
+            .iter()
+            .any(|row| row.ado.contains("without"))
+    );
     // The own ego is identified as itself; blocks and all changed egos are summed up.
     assert!(study.known[0].explained, "{:?}", study.known[0]);
     let blocks = |relation| {

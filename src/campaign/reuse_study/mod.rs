@@ -21,11 +21,11 @@ use super::Watch;
 use super::case_studies::trained_run;
 use super::eval::{TestStarts, test_starts};
 use super::heuristic::{Heuristic, tune_heuristic};
-use super::identify::{IdentifyError, IdentifyRequest, identify};
+use super::identify::{Identified, IdentifyError, IdentifyRequest, identify};
 use super::reuse::{Relation, ReusedOn, Summary, reused_on, summarise};
 use super::train::TrainError;
 use crate::run::{Row, RunDir, RunError};
-use crate::scenario::{Against, Change, Family, Scenario};
+use crate::scenario::{Against, Change, Family, Member, Scenario};
 use players::Player;
 
 /// Runs of an ego that are recorded to identify it.
@@ -34,6 +34,10 @@ const RECORDED_RUNS: usize = 10;
 const SWITCHES: usize = 2;
 /// Simulations per start of held-random search; the smaller ones are cut from it.
 const HELD_BUDGETS: [u64; 3] = [10, 30, 100];
+
+/// A quantity that is identified within this share of its range from its
+/// nominal value is nominal.
+const NEARLY: f64 = 0.005;
 
 /// The conditional ado, one simulation per start.
 pub const CONDITIONAL: &str = "conditional";
@@ -195,18 +199,7 @@ impl<'a> ReuseStudy<'a> {
             (_, true) => Relation::Inside,
             (_, false) => Relation::Outside,
         };
-        let request = IdentifyRequest {
-            world: self.scenario,
-            ego: changed,
-            runs: RECORDED_RUNS,
-            seed: 0,
-            fixed: &[],
-        };
-        let identified = identify(&request, watch).map_err(|source| ReuseError::Identify {
-            ego: ego.to_owned(),
-            source,
-        })?;
-        let Some(identified) = identified else {
+        let Some(identified) = self.identified((ego, changed), &[], watch)? else {
             return Ok(None);
         };
         let known = Known {
@@ -227,6 +220,12 @@ impl<'a> ReuseStudy<'a> {
         for trio in &self.trios {
             rows.extend(player.ados(trio, self.family, &identified.member, self.asked.tries)?);
         }
+        if relation == Relation::Inside {
+            let Some(left_out) = self.left_out(&player, &identified.member)? else {
+                return Ok(None);
+            };
+            rows.extend(left_out);
+        }
         let tune = || tune_heuristic(self.scenario, 1, watch);
         let heuristic = self.heuristic.get_or_init(tune).as_ref();
         rows.extend(player.rivals(&self.trios[0].nominal, heuristic, self.asked.tries)?);
@@ -241,6 +240,59 @@ impl<'a> ReuseStudy<'a> {
             rows,
             known,
         }))
+    }
+
+    /// The member that an ego is taken for, if `fixed` quantities are not varied.
+    fn identified(
+        &self,
+        (ego, changed): (&str, &Scenario),
+        fixed: &[String],
+        watch: &Watch<'_>,
+    ) -> Result<Option<Identified>, ReuseError> {
+        let request = IdentifyRequest {
+            world: self.scenario,
+            ego: changed,
+            runs: RECORDED_RUNS,
+            seed: 0,
+            fixed,
+        };
+        identify(&request, watch).map_err(|source| ReuseError::Identify {
+            ego: ego.to_owned(),
+            source,
+        })
+    }
+
+    /// The conditional ados where identification knows all of the family's
+    /// quantities but one, for each of them in turn.
+    ///
+    /// Where the ego is nominal in the one, nothing is lost with it: then they
+    /// are told the same as ever.
+    fn left_out(
+        &self,
+        player: &Player<'_>,
+        known: &Member,
+    ) -> Result<Option<Vec<Row>>, ReuseError> {
+        let mut rows = Vec::new();
+        for (quantity, value) in self.family.quantities.iter().zip(&known.values) {
+            let name = quantity.varied.name();
+            let nominal = (value - quantity.nominal).abs() <= NEARLY * (quantity.hi - quantity.lo);
+            let member = match nominal {
+                true => known.clone(),
+                false => {
+                    let fixed = [name.to_owned()];
+                    let ego = (player.ego, player.scenario);
+                    match self.identified(ego, &fixed, player.watch)? {
+                        Some(identified) => identified.member,
+                        None => return Ok(None),
+                    }
+                }
+            };
+            let ado = format!("{CONDITIONAL}, without {name}");
+            for trio in &self.trios {
+                rows.push(player.conditional(&ado, trio, &member)?);
+            }
+        }
+        Ok(Some(rows))
     }
 
     /// Sums up the egos that were met, the nominal one first.

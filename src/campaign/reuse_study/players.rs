@@ -39,14 +39,26 @@ impl Player<'_> {
         let mut rows = vec![
             self.trained("nominal ado", &*trio.nominal.policy()?, seed),
             self.trained("wide", &*trio.wide.policy()?, seed),
-            self.trained(CONDITIONAL, &*told, seed),
-            called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row),
+            self.conditional(CONDITIONAL, trio, member)?,
+            identified(called(
+                CONDITIONAL_TRIES,
+                tried.run(self.watch).evaluated.row,
+            )),
         ];
         rows[1].method = "dqn, wide".to_owned();
-        for row in &mut rows[2..] {
-            row.told = Some("identified".to_owned());
-        }
         Ok(rows)
+    }
+
+    /// The row of a conditional ado that takes the ego for a member.
+    pub(super) fn conditional(
+        &self,
+        word: &str,
+        trio: &Trio,
+        member: &Member,
+    ) -> Result<Row, RunError> {
+        let seed = trio.conditional.manifest().seed;
+        let told = trio.conditional.policy_told(member)?;
+        Ok(identified(self.trained(word, &*told, seed)))
     }
 
     /// The rows of everybody who was not trained.
@@ -102,6 +114,14 @@ impl Player<'_> {
             starts: self.starts,
         };
         search(&request, self.watch)
+    }
+}
+
+/// The row of an ado that was told what identification found.
+fn identified(row: Row) -> Row {
+    Row {
+        told: Some("identified".to_owned()),
+        ..row
     }
 }
 
