@@ -15,11 +15,11 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::{Bundle, BundleError};
 use super::dice::Dice;
-use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, linear, within};
+use super::learner::{ConfigError, Learner, Tally, expect_kind, expect_sizes, linear, within};
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, Lived, Replay, Tail};
 use super::starts::Starts;
-use super::{Control, End, Env, Policy, Progress, Spaces};
+use super::{End, Env, Policy, Spaces};
 
 /// The kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck dqn policy 1";
@@ -162,9 +162,7 @@ pub struct Dqn {
     replay: Replay,
     starts: Starts,
     dice: Dice,
-    decisions: u64,
-    episodes: u64,
-    aborted: u64,
+    tally: Tally,
     room: Room,
 }
 
@@ -227,8 +225,7 @@ impl Dqn {
         dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
         dqn.replay.restore(bundle, spaces.actions)?;
         dqn.starts.restore(bundle)?;
-        let counters = bundle.get::<u64>("counters", &[3])?;
-        (dqn.decisions, dqn.episodes, dqn.aborted) = (counters[0], counters[1], counters[2]);
+        dqn.tally.restore(bundle)?;
         Ok(dqn)
     }
 
@@ -241,9 +238,7 @@ impl Dqn {
             replay: Replay::new(spaces.observation, capacity, config.priority),
             starts: Starts::new(config.restart, config.restart_pool, config.restart_tries),
             dice,
-            decisions: 0,
-            episodes: 0,
-            aborted: 0,
+            tally: Tally::new(config.decisions),
             room: Room {
                 batch: Batch::default(),
                 here: online.tape(config.batch),
@@ -254,55 +249,6 @@ impl Dqn {
             config: config.clone(),
             online,
         }
-    }
-
-    /// Plays one episode, learning on the way; returns its return.
-    fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        let start = self.starts.pick(&mut self.dice);
-        let width = self.online.inputs();
-        let actions = self.online.outputs();
-        let mut lived = std::mem::take(&mut self.room.lived);
-        lived.clear();
-        let mut obs = vec![0.0; width];
-        env.reset(start.index, &mut obs);
-        lived.observations.extend_from_slice(&obs);
-        let (mut held, mut holding) = (0, 0);
-        let end = loop {
-            let greedy = self.online.evaluate(&obs, argmax);
-            if holding == 0 && self.dice.unit() < self.exploration() {
-                held = self.dice.below(actions);
-                holding = 1 + self.dice.below(self.config.hold);
-            }
-            let action = if 0 < holding { held } else { greedy };
-            holding = holding.saturating_sub(1);
-            let step = env.step(action, &mut obs);
-            lived.observations.extend_from_slice(&obs);
-            lived.actions.push(action);
-            lived.greedy.push(action == greedy);
-            lived.rewards.push(step.reward);
-            self.decisions += 1;
-            if self.decisions.is_multiple_of(self.config.update_every)
-                && self.config.learning_starts <= self.replay.len()
-            {
-                self.update();
-            }
-            if let Some(end) = step.end {
-                break end;
-            }
-        };
-        let total: f32 = lived.rewards.iter().sum();
-        match end {
-            End::Aborted => self.aborted += 1,
-            End::Terminated | End::Truncated => {
-                self.episodes += 1;
-                self.remember(&lived, end);
-                if total <= 0.0 {
-                    self.starts.failed(start);
-                }
-            }
-        }
-        self.room.lived = lived;
-        total
     }
 
     fn remember(&mut self, lived: &Lived, end: End) {
@@ -334,7 +280,7 @@ impl Dqn {
         } = &mut self.room;
         let size = self.config.batch;
         let span = self.config.decisions as f64;
-        let beta = linear(self.config.correction, 1.0, self.decisions, span);
+        let beta = linear(self.config.correction, 1.0, self.tally.decisions, span);
         self.replay.sample(size, beta, &mut self.dice, batch);
 
         // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')).
@@ -361,7 +307,7 @@ impl Dqn {
         self.online
             .backward(&batch.observations, size, here, gradient);
         let rates = (self.config.learning_rate, self.config.final_learning_rate);
-        let rate = linear(rates.0, rates.1, self.decisions, span) as f32;
+        let rate = linear(rates.0, rates.1, self.tally.decisions, span) as f32;
         self.adam.step(self.online.parameters_mut(), gradient, rate);
 
         let polyak = self.config.polyak as f32;
@@ -374,37 +320,68 @@ impl Dqn {
             *target += polyak * (online - *target);
         }
     }
+}
+
+impl Learner for Dqn {
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        let start = self.starts.pick(&mut self.dice);
+        let width = self.online.inputs();
+        let actions = self.online.outputs();
+        let mut lived = std::mem::take(&mut self.room.lived);
+        lived.clear();
+        let mut obs = vec![0.0; width];
+        env.reset(start.index, &mut obs);
+        lived.observations.extend_from_slice(&obs);
+        let (mut held, mut holding) = (0, 0);
+        let end = loop {
+            let greedy = self.online.evaluate(&obs, argmax);
+            if holding == 0 && self.dice.unit() < self.exploration() {
+                held = self.dice.below(actions);
+                holding = 1 + self.dice.below(self.config.hold);
+            }
+            let action = if 0 < holding { held } else { greedy };
+            holding = holding.saturating_sub(1);
+            let step = env.step(action, &mut obs);
+            lived.observations.extend_from_slice(&obs);
+            lived.actions.push(action);
+            lived.greedy.push(action == greedy);
+            lived.rewards.push(step.reward);
+            self.tally.decisions += 1;
+            if self
+                .tally
+                .decisions
+                .is_multiple_of(self.config.update_every)
+                && self.config.learning_starts <= self.replay.len()
+            {
+                self.update();
+            }
+            if let Some(end) = step.end {
+                break end;
+            }
+        };
+        let total: f32 = lived.rewards.iter().sum();
+        match end {
+            End::Aborted => self.tally.aborted += 1,
+            End::Terminated | End::Truncated => {
+                self.tally.episodes += 1;
+                self.remember(&lived, end);
+                if total <= 0.0 {
+                    self.starts.failed(start);
+                }
+            }
+        }
+        self.room.lived = lived;
+        total
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.tally
+    }
 
     fn exploration(&self) -> f64 {
         let fall = self.config.exploration_fraction * self.config.decisions as f64;
         let (start, end) = (self.config.exploration, self.config.final_exploration);
-        linear(start, end, self.decisions, fall)
-    }
-}
-
-impl Learner for Dqn {
-    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
-        while !self.finished() {
-            let episode_return = self.episode(env);
-            let progress = Progress {
-                decisions: self.decisions,
-                episodes: self.episodes,
-                aborted: self.aborted,
-                episode_return,
-                exploration: self.exploration() as f32,
-            };
-            if observer(&progress) == Control::Stop {
-                return;
-            }
-        }
-    }
-
-    fn decisions(&self) -> u64 {
-        self.decisions
-    }
-
-    fn finished(&self) -> bool {
-        self.config.decisions <= self.decisions
+        linear(start, end, self.tally.decisions, fall)
     }
 
     fn policy(&self) -> Box<dyn Policy> {
@@ -427,11 +404,7 @@ impl Learner for Dqn {
         self.replay.save(&mut bundle);
         self.dice.save(&mut bundle);
         self.starts.save(&mut bundle);
-        bundle.put(
-            "counters",
-            &[3],
-            vec![self.decisions, self.episodes, self.aborted],
-        );
+        self.tally.save(&mut bundle);
         bundle
     }
 }

@@ -8,21 +8,91 @@ use super::ppo::{self, Ppo, PpoConfig};
 use super::q_table::{self, QTable, QTableConfig};
 use super::{Control, Env, Policy, Progress, Spaces};
 
+/// How much of what a learner was asked to do is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tally {
+    /// Decisions to train for.
+    asked: u64,
+    /// Decisions taken.
+    pub(super) decisions: u64,
+    /// Episodes finished.
+    pub(super) episodes: u64,
+    /// Episodes dropped for faults of the environment.
+    pub(super) aborted: u64,
+}
+
+impl Tally {
+    /// Nothing done yet.
+    pub(super) fn new(asked: u64) -> Tally {
+        Tally {
+            asked,
+            decisions: 0,
+            episodes: 0,
+            aborted: 0,
+        }
+    }
+
+    /// Episodes begun: the index of the next start.
+    pub(super) fn begun(&self) -> u64 {
+        self.episodes + self.aborted
+    }
+
+    pub(super) fn save(&self, bundle: &mut Bundle) {
+        let counters = vec![self.decisions, self.episodes, self.aborted];
+        bundle.put("counters", &[3], counters);
+    }
+
+    /// What [`Tally::save`] wrote, of a training for as many decisions.
+    pub(super) fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
+        let counters = bundle.get::<u64>("counters", &[3])?;
+        (self.decisions, self.episodes, self.aborted) = (counters[0], counters[1], counters[2]);
+        Ok(())
+    }
+}
+
 /// A learner at work: a configuration turned into state.
 pub trait Learner: Send {
+    /// Plays one episode, learning on the way; returns its return.
+    fn episode(&mut self, env: &mut dyn Env) -> f32;
+
+    /// What is done so far.
+    fn tally(&self) -> &Tally;
+
+    /// How likely an action is exploratory now.
+    fn exploration(&self) -> f64;
+
     /// Trains until the configured decisions are taken or `observer` says
     /// [`Control::Stop`].
     ///
     /// `observer` is called after every episode; the episode in which the last
     /// decision falls is played to its end. `env` must be the same problem at
     /// every call.
-    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control);
+    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
+        while !self.finished() {
+            let episode_return = self.episode(env);
+            let tally = self.tally();
+            let progress = Progress {
+                decisions: tally.decisions,
+                episodes: tally.episodes,
+                aborted: tally.aborted,
+                episode_return,
+                exploration: self.exploration() as f32,
+            };
+            if observer(&progress) == Control::Stop {
+                return;
+            }
+        }
+    }
 
     /// Decisions taken so far.
-    fn decisions(&self) -> u64;
+    fn decisions(&self) -> u64 {
+        self.tally().decisions
+    }
 
     /// Whether the configured decisions are taken.
-    fn finished(&self) -> bool;
+    fn finished(&self) -> bool {
+        self.tally().asked <= self.tally().decisions
+    }
 
     /// The greedy policy learned so far.
     fn policy(&self) -> Box<dyn Policy>;

@@ -33,7 +33,7 @@ mod starts;
 pub use bundle::{Bundle, BundleError, Data, Element};
 pub use dice::Dice;
 pub use dqn::DqnConfig;
-pub use learner::{ConfigError, Learner, LearnerConfig, load_policy, load_policy_for};
+pub use learner::{ConfigError, Learner, LearnerConfig, Tally, load_policy, load_policy_for};
 pub use ppo::PpoConfig;
 pub use q_table::{Bins, LearningRate, QTableConfig};
 

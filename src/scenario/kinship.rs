@@ -2,8 +2,9 @@
 
 use super::check::{self, Problems};
 use super::error::{did_you_mean, known_names};
-use super::family::{Base, Family, FamilyFile, Quantity, Varied, controller};
+use super::family::{Base, Family, FamilyFile, controller};
 use super::locate::Path;
+use super::quantity::{Quantity, Varied};
 use crate::ego::Parameter;
 use crate::scene::drive::DriveSpec;
 use crate::sim::PlantKind;

@@ -14,6 +14,7 @@
 
 mod build;
 mod cast;
+mod changed;
 mod check;
 mod error;
 mod family;
@@ -22,6 +23,7 @@ mod grid;
 mod kinship;
 mod language;
 mod locate;
+mod quantity;
 mod read;
 mod starts;
 mod trained;
@@ -34,9 +36,10 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 
 pub use error::{Problem, ScenarioError};
-pub use family::{Against, Family, Member, MisfitMember, NoMember, Quantity, Varied};
+pub use family::{Against, Family, Member, MisfitMember, NoMember};
 pub use file::{Change, GridChange, Patch};
 pub use locate::Path;
+pub use quantity::{Quantity, Varied};
 
 use crate::ego::ControllerSpec;
 use crate::rl::{LearnerConfig, Spaces};
@@ -262,7 +265,7 @@ impl Scenario {
         match &self.world {
             World::Drive(world) => {
                 let mut spec = world.spec().clone();
-                check::apply(&mut spec, change)?;
+                changed::apply(&mut spec, change)?;
                 check::still_apart(&spec)?;
                 Ok(self.remade(spec))
             }

@@ -10,16 +10,16 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::error::{StlError, suggest};
-use super::syntax::{
-    Arithmetic, Bounds, Comparison, Function, Kind, Node, Span, Term, TermKind, Unary,
-};
+use super::syntax::{Arithmetic, Comparison, Function, Kind, Node, Term, TermKind, Unary};
 use super::token::{Spanned, Token, tokenize};
 
 mod bounds;
 mod complaints;
+mod parsed;
 mod words;
 
-use complaints::{checked, checked_term, describe, too_deep};
+use complaints::{describe, too_deep};
+use parsed::{Parsed, join};
 pub(crate) use words::is_keyword;
 use words::{
     Infix, Logic, Prefix, infix_of, is_prefix_letter, is_word_operator, prefix_of, starts_operand,
@@ -60,53 +60,6 @@ pub(crate) fn parse_term(text: &str) -> Result<Box<Term>, StlError> {
     let parsed = parser.expression(strength::LOOSEST)?;
     parser.finish()?;
     parsed.into_term("a number is expected here")
-}
-
-/// What has been read: its sort is settled by the operator that takes it.
-enum Parsed {
-    Formula(Box<Node>),
-    Term(Box<Term>),
-    Name(Arc<str>, Range<usize>),
-}
-
-impl Parsed {
-    fn formula(kind: Kind, span: Range<usize>) -> Result<Parsed, StlError> {
-        checked(Node::new(kind, span)).map(|node| Parsed::Formula(Box::new(node)))
-    }
-
-    fn term(kind: TermKind, span: Range<usize>) -> Result<Parsed, StlError> {
-        checked_term(Term::new(kind, span)).map(|term| Parsed::Term(Box::new(term)))
-    }
-
-    fn with_span(mut self, new: Range<usize>) -> Parsed {
-        match &mut self {
-            Parsed::Formula(node) => node.span = Span(new),
-            Parsed::Term(term) => term.span = Span(new),
-            Parsed::Name(_, span) => *span = new,
-        }
-        self
-    }
-
-    fn into_formula(self, what: &str) -> Result<Box<Node>, StlError> {
-        match self {
-            Parsed::Formula(node) => Ok(node),
-            Parsed::Name(name, span) => Ok(Box::new(Node::new(Kind::Name(name), span))),
-            Parsed::Term(term) => Err(StlError::new(what, term.span.0.clone(), "this is a number")
-                .with_help(format!("compare it with something, such as `{term} > 0`"))),
-        }
-    }
-
-    fn into_term(self, what: &str) -> Result<Box<Term>, StlError> {
-        match self {
-            Parsed::Term(term) => Ok(term),
-            Parsed::Name(name, span) => Ok(Box::new(Term::new(TermKind::Name(name), span))),
-            Parsed::Formula(node) => Err(StlError::new(
-                what,
-                node.span.0.clone(),
-                "this is true or false, not a number",
-            )),
-        }
-    }
 }
 
 struct Parser<'a> {
@@ -461,50 +414,5 @@ impl<'a> Parser<'a> {
             Token::End => Ok(()),
             _ => Err(self.unexpected("an operator or the end")),
         }
-    }
-}
-
-fn join(logic: Logic, bounds: Option<Bounds>, left: Node, right: Node) -> Result<Parsed, StlError> {
-    let span = left.span.0.start..right.span.0.end;
-    let node = match logic {
-        Logic::And => flat(left, right, span, Kind::And),
-        Logic::Or => flat(left, right, span, Kind::Or),
-        _ => {
-            let (left, right) = (Arc::new(left), Arc::new(right));
-            let kind = match logic {
-                Logic::Implies => Kind::Implies(left, right),
-                Logic::Iff => Kind::Iff(left, right),
-                Logic::Temporal(op) => Kind::Binary(op, bounds, left, right),
-                Logic::Xor | Logic::And | Logic::Or => Kind::Xor(left, right),
-            };
-            Node::new(kind, span)
-        }
-    };
-    checked(node).map(|node| Parsed::Formula(Box::new(node)))
-}
-
-/// Conjunctions and disjunctions are kept flat, whatever their parentheses.
-fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) -> Kind) -> Node {
-    let same = |node: &Node| {
-        std::mem::discriminant(&node.kind) == std::mem::discriminant(&join(Vec::new()))
-    };
-    let depth_of = |node: &Node| node.depth + usize::from(!same(node));
-    let depth = depth_of(&left).max(depth_of(&right));
-    let parts = |node: Node| match (same(&node), node) {
-        (
-            true,
-            Node {
-                kind: Kind::And(all) | Kind::Or(all),
-                ..
-            },
-        ) => all,
-        (_, node) => vec![Arc::new(node)],
-    };
-    let mut all = parts(left);
-    all.append(&mut parts(right));
-    Node {
-        kind: join(all),
-        span: Span(span),
-        depth,
     }
 }

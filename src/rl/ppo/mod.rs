@@ -7,99 +7,23 @@
 //!
 //! Deviations: docs/learners.md.
 
-use serde::{Deserialize, Serialize};
+mod config;
+mod policy;
 
-use super::bundle::{Bundle, BundleError};
-use super::dice::Dice;
-use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, linear, within};
-use super::nn::{Adam, Mlp, Tape, argmax};
-use super::replay::check;
-use super::{Control, End, Env, Policy, Progress, Spaces};
+pub use config::PpoConfig;
+pub use policy::ActorCritic;
+
+use crate::rl::bundle::{Bundle, BundleError};
+use crate::rl::dice::Dice;
+use crate::rl::learner::{Learner, Tally, expect_kind, expect_sizes, linear};
+use crate::rl::nn::{Adam, Mlp, Tape, argmax};
+use crate::rl::replay::check;
+use crate::rl::{End, Env, Policy, Spaces};
 
 /// The kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck ppo policy 1";
 /// The kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck ppo checkpoint 1";
-
-/// Hyperparameters of [`Ppo`].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PpoConfig {
-    /// Decisions to train for (300000): as many as the DQN's.
-    pub decisions: u64,
-    /// Widths of the hidden ReLU layers of actor and critic ([64, 64]).
-    pub hidden: Vec<usize>,
-    /// Decisions between updates, rounded up to whole episodes (2048).
-    pub horizon: usize,
-    /// Passes over them (10): as in the paper's Table 3.
-    pub epochs: usize,
-    /// Decisions per gradient step (64): as in the paper's Table 3.
-    pub batch: usize,
-    /// Adam's step at the start (1e-3): small networks bear it.
-    pub learning_rate: f64,
-    /// Adam's step at the end, linear between (0): lets the policy settle.
-    pub final_learning_rate: f64,
-    /// γ (1): the reward comes once, at the end.
-    pub discount: f64,
-    /// λ of the advantages (0.95): between one-step (0) and whole returns (1).
-    pub trace: f64,
-    /// The ratio of probabilities counts up to 1 ± this (0.2).
-    pub clip: f64,
-    /// Weight of the entropy (0.003): 0.01 leaves more fouls behind.
-    pub entropy: f64,
-    /// Gradients longer than this are shortened to it (0.5), net by net.
-    pub max_gradient: f64,
-}
-
-impl Default for PpoConfig {
-    fn default() -> Self {
-        PpoConfig {
-            decisions: 300_000,
-            hidden: vec![64, 64],
-            horizon: 2048,
-            epochs: 10,
-            batch: 64,
-            learning_rate: 1e-3,
-            final_learning_rate: 0.0,
-            discount: 1.0,
-            trace: 0.95,
-            clip: 0.2,
-            entropy: 0.003,
-            max_gradient: 0.5,
-        }
-    }
-}
-
-impl PpoConfig {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// Names the first field that is out of range, and what would be right.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        within("decisions", self.decisions as f64, 1.0, 1e12)?;
-        within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
-        for width in &self.hidden {
-            within("hidden", *width as f64, 1.0, 4096.0)?;
-        }
-        within("horizon", self.horizon as f64, 1.0, 1e9)?;
-        within("epochs", self.epochs as f64, 1.0, 1e4)?;
-        within("batch", self.batch as f64, 1.0, 65536.0)?;
-        within("learning_rate", self.learning_rate, 1e-9, 1.0)?;
-        within("final_learning_rate", self.final_learning_rate, 0.0, 1.0)?;
-        within("discount", self.discount, 0.0, 1.0)?;
-        within("trace", self.trace, 0.0, 1.0)?;
-        within("clip", self.clip, 1e-3, 1.0)?;
-        within("entropy", self.entropy, 0.0, 10.0)?;
-        within("max_gradient", self.max_gradient, 1e-6, 1e6)
-    }
-
-    fn sizes(&self, spaces: &Spaces, outputs: usize) -> Vec<usize> {
-        let mut sizes = vec![spaces.observation];
-        sizes.extend(&self.hidden);
-        sizes.push(outputs);
-        sizes
-    }
-}
 
 /// What was lived since the last update, with the advantages.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -165,9 +89,7 @@ pub struct Ppo {
     critic_adam: Adam,
     rollout: Rollout,
     dice: Dice,
-    decisions: u64,
-    episodes: u64,
-    aborted: u64,
+    tally: Tally,
     /// Share of the last episode's actions that were not the likeliest.
     explored: f32,
     room: Room,
@@ -221,8 +143,7 @@ impl Ppo {
         let mut ppo = Ppo::with_nets(config, spaces, bundle, Dice::restore(bundle)?)?;
         ppo.actor_adam = Adam::load(&ppo.actor, "actor_adam", bundle)?;
         ppo.critic_adam = Adam::load(&ppo.critic, "critic_adam", bundle)?;
-        let counters = bundle.get::<u64>("counters", &[3])?;
-        (ppo.decisions, ppo.episodes, ppo.aborted) = (counters[0], counters[1], counters[2]);
+        ppo.tally.restore(bundle)?;
         let actions = bundle.rows::<u32>("rollout/actions", &[])?;
         let n = actions.len();
         for action in actions {
@@ -265,9 +186,7 @@ impl Ppo {
             critic_adam: Adam::new(critic.parameters().len()),
             rollout: Rollout::default(),
             dice,
-            decisions: 0,
-            episodes: 0,
-            aborted: 0,
+            tally: Tally::new(config.decisions),
             explored: 1.0,
             room: Room {
                 order: Vec::new(),
@@ -281,53 +200,6 @@ impl Ppo {
             actor,
             critic,
         }
-    }
-
-    /// Plays one episode with the stochastic policy; returns its return.
-    fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        let mut obs = vec![0.0; self.actor.inputs()];
-        let mut probabilities = std::mem::take(&mut self.room.probabilities);
-        env.reset(self.episodes + self.aborted, &mut obs);
-        let mut explored = 0;
-        let end = loop {
-            self.actor
-                .evaluate(&obs, |logits| softmax(logits, &mut probabilities));
-            let action = draw(&probabilities, self.dice.unit());
-            explored += usize::from(action != argmax(&probabilities));
-            self.rollout.observations.extend_from_slice(&obs);
-            self.rollout.actions.push(action as u32);
-            let log = libm::logf(probabilities[action]);
-            self.rollout.log_probabilities.push(log);
-            self.rollout
-                .values
-                .push(self.critic.evaluate(&obs, |value| value[0]));
-            let step = env.step(action, &mut obs);
-            self.rollout.rewards.push(step.reward);
-            self.decisions += 1;
-            if let Some(end) = step.end {
-                break end;
-            }
-        };
-        self.room.probabilities = probabilities;
-        self.explored = explored as f32 / self.rollout.rewards.len() as f32;
-        let total = self.rollout.rewards.iter().sum();
-        let after = match end {
-            End::Terminated => 0.0,
-            End::Truncated => self.critic.evaluate(&obs, |value| value[0]),
-            End::Aborted => {
-                self.aborted += 1;
-                self.rollout.drop_episode(obs.len());
-                return total;
-            }
-        };
-        self.episodes += 1;
-        let (discount, trace) = (self.config.discount as f32, self.config.trace as f32);
-        self.rollout.close_episode(after, discount, trace);
-        if self.config.horizon <= self.rollout.actions.len() {
-            self.update();
-            self.rollout.clear();
-        }
-        total
     }
 
     /// Several passes over the rollout in shuffled minibatches.
@@ -410,7 +282,7 @@ impl Ppo {
 
         let rates = (self.config.learning_rate, self.config.final_learning_rate);
         let span = self.config.decisions as f64;
-        let rate = linear(rates.0, rates.1, self.decisions, span) as f32;
+        let rate = linear(rates.0, rates.1, self.tally.decisions, span) as f32;
         let longest = self.config.max_gradient;
         shorten(actor_gradient, longest);
         shorten(critic_gradient, longest);
@@ -422,28 +294,58 @@ impl Ppo {
 }
 
 impl Learner for Ppo {
-    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
-        while !self.finished() {
-            let episode_return = self.episode(env);
-            let progress = Progress {
-                decisions: self.decisions,
-                episodes: self.episodes,
-                aborted: self.aborted,
-                episode_return,
-                exploration: self.explored,
-            };
-            if observer(&progress) == Control::Stop {
-                return;
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        let mut obs = vec![0.0; self.actor.inputs()];
+        let mut probabilities = std::mem::take(&mut self.room.probabilities);
+        env.reset(self.tally.begun(), &mut obs);
+        let mut explored = 0;
+        let end = loop {
+            self.actor
+                .evaluate(&obs, |logits| softmax(logits, &mut probabilities));
+            let action = draw(&probabilities, self.dice.unit());
+            explored += usize::from(action != argmax(&probabilities));
+            self.rollout.observations.extend_from_slice(&obs);
+            self.rollout.actions.push(action as u32);
+            let log = libm::logf(probabilities[action]);
+            self.rollout.log_probabilities.push(log);
+            self.rollout
+                .values
+                .push(self.critic.evaluate(&obs, |value| value[0]));
+            let step = env.step(action, &mut obs);
+            self.rollout.rewards.push(step.reward);
+            self.tally.decisions += 1;
+            if let Some(end) = step.end {
+                break end;
             }
+        };
+        self.room.probabilities = probabilities;
+        self.explored = explored as f32 / self.rollout.rewards.len() as f32;
+        let total = self.rollout.rewards.iter().sum();
+        let after = match end {
+            End::Terminated => 0.0,
+            End::Truncated => self.critic.evaluate(&obs, |value| value[0]),
+            End::Aborted => {
+                self.tally.aborted += 1;
+                self.rollout.drop_episode(obs.len());
+                return total;
+            }
+        };
+        self.tally.episodes += 1;
+        let (discount, trace) = (self.config.discount as f32, self.config.trace as f32);
+        self.rollout.close_episode(after, discount, trace);
+        if self.config.horizon <= self.rollout.actions.len() {
+            self.update();
+            self.rollout.clear();
         }
+        total
     }
 
-    fn decisions(&self) -> u64 {
-        self.decisions
+    fn tally(&self) -> &Tally {
+        &self.tally
     }
 
-    fn finished(&self) -> bool {
-        self.config.decisions <= self.decisions
+    fn exploration(&self) -> f64 {
+        f64::from(self.explored)
     }
 
     fn policy(&self) -> Box<dyn Policy> {
@@ -468,11 +370,7 @@ impl Learner for Ppo {
         self.critic_adam
             .save(&self.critic, "critic_adam", &mut bundle);
         self.dice.save(&mut bundle);
-        bundle.put(
-            "counters",
-            &[3],
-            vec![self.decisions, self.episodes, self.aborted],
-        );
+        self.tally.save(&mut bundle);
         let rollout = &self.rollout;
         let n = rollout.actions.len();
         let wide = [n, self.actor.inputs()];
@@ -486,46 +384,6 @@ impl Learner for Ppo {
         bundle.put("rollout/advantages", &[n], rollout.advantages.clone());
         bundle.put("rollout/returns", &[n], rollout.returns.clone());
         bundle
-    }
-}
-
-/// The actor's likeliest action, and the critic's value.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ActorCritic {
-    actor: Mlp,
-    critic: Mlp,
-}
-
-impl ActorCritic {
-    /// Reads what [`Learner::policy_bundle`] of a [`Ppo`] gave.
-    ///
-    /// # Errors
-    /// When the bundle is no policy of this kind, or misshapen.
-    pub fn load(bundle: &Bundle) -> Result<ActorCritic, BundleError> {
-        expect_kind(bundle, POLICY)?;
-        let (actor, critic) = (Mlp::load("actor", bundle)?, Mlp::load("critic", bundle)?);
-        let found = [critic.inputs(), critic.outputs()];
-        expect_sizes(
-            "the critic's inputs and outputs",
-            &found,
-            &[actor.inputs(), 1],
-        )?;
-        Ok(ActorCritic { actor, critic })
-    }
-
-    /// Observation length and number of actions.
-    pub fn shape(&self) -> [usize; 2] {
-        [self.actor.inputs(), self.actor.outputs()]
-    }
-}
-
-impl Policy for ActorCritic {
-    fn act(&self, obs: &[f32]) -> usize {
-        self.actor.evaluate(obs, argmax)
-    }
-
-    fn value(&self, obs: &[f32]) -> f32 {
-        self.critic.evaluate(obs, |value| value[0])
     }
 }
 

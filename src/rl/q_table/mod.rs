@@ -7,16 +7,18 @@
 //!
 //! Deviations: docs/learners.md.
 
-use std::collections::BTreeMap;
+mod table;
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::{Bundle, BundleError};
-use super::dice::Dice;
-use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, linear, within};
-use super::nn::argmax;
-use super::replay::{Lived, check};
-use super::{Control, End, Env, Policy, Progress, Spaces};
+pub use table::Table;
+
+use crate::rl::bundle::{Bundle, BundleError};
+use crate::rl::dice::Dice;
+use crate::rl::learner::{ConfigError, Learner, Tally, expect_kind, expect_sizes, linear, within};
+use crate::rl::nn::argmax;
+use crate::rl::replay::Lived;
+use crate::rl::{End, Env, Policy, Spaces};
 
 /// The kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck q-table policy 1";
@@ -130,111 +132,6 @@ impl QTableConfig {
     }
 }
 
-/// Cells in alphabetical order of their indices, with a row for each.
-type Rows = BTreeMap<Box<[u32]>, usize>;
-
-/// The table: action values of every cell visited.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Table {
-    observation: usize,
-    actions: usize,
-    neutral: usize,
-    bins: Vec<Bins>,
-    rows: Rows,
-    values: Vec<f32>,
-}
-
-impl Table {
-    /// The cell of an observation.
-    fn cell(&self, obs: &[f32], cell: &mut Vec<u32>) {
-        cell.clear();
-        for (i, value) in obs.iter().enumerate() {
-            let bins = self.bins[i.min(self.bins.len() - 1)];
-            let share = (f64::from(*value) - bins.low) / (bins.high - bins.low);
-            // A cast from float saturates, so below the range is cell 0.
-            let index = (share * f64::from(bins.count)) as u32;
-            cell.push(index.min(bins.count - 1));
-        }
-    }
-
-    fn values(&self, obs: &[f32]) -> Option<&[f32]> {
-        let mut cell = Vec::with_capacity(obs.len());
-        self.cell(obs, &mut cell);
-        let row = *self.rows.get(cell.as_slice())?;
-        Some(&self.values[row * self.actions..(row + 1) * self.actions])
-    }
-
-    /// Writes rows in the order of their cells, whatever order they came in.
-    fn save(&self, bundle: &mut Bundle) {
-        let cells: Vec<u32> = self.rows.keys().flatten().copied().collect();
-        bundle.put("cells", &[self.rows.len(), self.observation], cells);
-        let values = self.in_order(&self.values);
-        bundle.put("values", &[self.rows.len(), self.actions], values);
-        bundle.put("neutral", &[1], vec![self.neutral as u64]);
-        let bins = self
-            .bins
-            .iter()
-            .flat_map(|b| [b.low, b.high, f64::from(b.count)])
-            .collect();
-        bundle.put("bins", &[self.bins.len(), 3], bins);
-    }
-
-    fn in_order<T: Copy>(&self, flat: &[T]) -> Vec<T> {
-        let rows = self.rows.values();
-        rows.flat_map(|row| &flat[row * self.actions..(row + 1) * self.actions])
-            .copied()
-            .collect()
-    }
-
-    fn load(bundle: &Bundle) -> Result<Table, BundleError> {
-        let shape = |name: &str| bundle.shape(name).unwrap_or(&[]).to_vec();
-        let (n, width) = match shape("cells")[..] {
-            [n, width] => (n, width),
-            _ => (0, 0),
-        };
-        let actions = shape("values").get(1).copied().unwrap_or(0);
-        let cells = bundle.get::<u32>("cells", &[n, width])?;
-        let values = bundle.get::<f32>("values", &[n, actions])?.to_vec();
-        let neutral = bundle.one::<u64>("neutral")? as usize;
-        check("the neutral action", neutral, actions)?;
-        let bins: Vec<Bins> = bundle
-            .rows::<f64>("bins", &[3])?
-            .chunks_exact(3)
-            .map(|b| Bins {
-                low: b[0],
-                high: b[1],
-                count: b[2] as u32,
-            })
-            .collect();
-        let config = QTableConfig {
-            bins,
-            ..QTableConfig::default()
-        };
-        config.validate().map_err(|error| BundleError::Mismatch {
-            what: "a bin of the table",
-            expected: error.help.clone(),
-            found: error.to_string(),
-        })?;
-        let keys = cells.chunks_exact(width.max(1)).map(Box::from);
-        let rows: Rows = keys.zip(0..n).collect();
-        if rows.len() != n {
-            return Err(BundleError::Mismatch {
-                what: "number of different cells",
-                expected: n.to_string(),
-                found: rows.len().to_string(),
-            });
-        }
-        Ok(Table {
-            observation: width,
-            actions,
-            neutral,
-            bins: config.bins,
-            rows,
-            values,
-        })
-    }
-}
-
 /// The learner: everything that changes while it trains.
 pub struct QTable {
     config: QTableConfig,
@@ -242,9 +139,7 @@ pub struct QTable {
     table: Table,
     visits: Vec<u32>,
     dice: Dice,
-    decisions: u64,
-    episodes: u64,
-    aborted: u64,
+    tally: Tally,
     cell: Vec<u32>,
     lived: Lived,
     /// The row of every observation of the episode.
@@ -259,7 +154,7 @@ impl QTable {
             actions: spaces.actions,
             neutral: spaces.neutral,
             bins: config.bins.clone(),
-            rows: Rows::new(),
+            rows: Default::default(),
             values: Vec::new(),
         };
         QTable::around(config, spaces, table, Dice::new(seed))
@@ -294,9 +189,7 @@ impl QTable {
         let mut learner = QTable::around(config, spaces, table, Dice::restore(bundle)?);
         let shape = [learner.table.rows.len(), spaces.actions];
         learner.visits = bundle.get::<u32>("visits", &shape)?.to_vec();
-        let counters = bundle.get::<u64>("counters", &[3])?;
-        (learner.decisions, learner.episodes) = (counters[0], counters[1]);
-        learner.aborted = counters[2];
+        learner.tally.restore(bundle)?;
         Ok(learner)
     }
 
@@ -328,56 +221,11 @@ impl QTable {
             visits: vec![0; table.values.len()],
             table,
             dice,
-            decisions: 0,
-            episodes: 0,
-            aborted: 0,
+            tally: Tally::new(config.decisions),
             cell: Vec::new(),
             lived: Lived::default(),
             trail: Vec::new(),
         }
-    }
-
-    /// Plays one episode, then learns from it, last decision first.
-    fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        self.lived.clear();
-        self.trail.clear();
-        let mut obs = vec![0.0; self.spaces.observation];
-        env.reset(self.episodes + self.aborted, &mut obs);
-        let (mut held, mut holding) = (0, 0);
-        let end = loop {
-            let row = self.row(&obs);
-            self.trail.push(row);
-            if holding == 0 && self.dice.unit() < self.exploration() {
-                held = self.dice.below(self.spaces.actions);
-                holding = 1 + self.dice.below(self.config.hold);
-            }
-            let action = match holding {
-                0 => argmax(self.values(row)),
-                _ => held,
-            };
-            holding = holding.saturating_sub(1);
-            let step = env.step(action, &mut obs);
-            self.lived.actions.push(action);
-            self.lived.rewards.push(step.reward);
-            self.decisions += 1;
-            if let Some(end) = step.end {
-                break end;
-            }
-        };
-        if end == End::Aborted {
-            self.aborted += 1;
-        } else {
-            self.episodes += 1;
-            let bootstrap = match end {
-                End::Truncated => {
-                    let row = self.row(&obs);
-                    self.best(row)
-                }
-                End::Terminated | End::Aborted => 0.0,
-            };
-            self.learn(bootstrap);
-        }
-        self.lived.rewards.iter().sum()
     }
 
     /// One-step updates from the end of the episode to its beginning, so that
@@ -427,37 +275,59 @@ impl QTable {
         let values = self.values(row);
         values[argmax(values)]
     }
+}
+
+impl Learner for QTable {
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        self.lived.clear();
+        self.trail.clear();
+        let mut obs = vec![0.0; self.spaces.observation];
+        env.reset(self.tally.begun(), &mut obs);
+        let (mut held, mut holding) = (0, 0);
+        let end = loop {
+            let row = self.row(&obs);
+            self.trail.push(row);
+            if holding == 0 && self.dice.unit() < self.exploration() {
+                held = self.dice.below(self.spaces.actions);
+                holding = 1 + self.dice.below(self.config.hold);
+            }
+            let action = match holding {
+                0 => argmax(self.values(row)),
+                _ => held,
+            };
+            holding = holding.saturating_sub(1);
+            let step = env.step(action, &mut obs);
+            self.lived.actions.push(action);
+            self.lived.rewards.push(step.reward);
+            self.tally.decisions += 1;
+            if let Some(end) = step.end {
+                break end;
+            }
+        };
+        if end == End::Aborted {
+            self.tally.aborted += 1;
+        } else {
+            self.tally.episodes += 1;
+            let bootstrap = match end {
+                End::Truncated => {
+                    let row = self.row(&obs);
+                    self.best(row)
+                }
+                End::Terminated | End::Aborted => 0.0,
+            };
+            self.learn(bootstrap);
+        }
+        self.lived.rewards.iter().sum()
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.tally
+    }
 
     fn exploration(&self) -> f64 {
         let fall = self.config.exploration_fraction * self.config.decisions as f64;
         let (start, end) = (self.config.exploration, self.config.final_exploration);
-        linear(start, end, self.decisions, fall)
-    }
-}
-
-impl Learner for QTable {
-    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
-        while !self.finished() {
-            let episode_return = self.episode(env);
-            let progress = Progress {
-                decisions: self.decisions,
-                episodes: self.episodes,
-                aborted: self.aborted,
-                episode_return,
-                exploration: self.exploration() as f32,
-            };
-            if observer(&progress) == Control::Stop {
-                return;
-            }
-        }
-    }
-
-    fn decisions(&self) -> u64 {
-        self.decisions
-    }
-
-    fn finished(&self) -> bool {
-        self.config.decisions <= self.decisions
+        linear(start, end, self.tally.decisions, fall)
     }
 
     fn policy(&self) -> Box<dyn Policy> {
@@ -482,11 +352,7 @@ impl Learner for QTable {
             visits,
         );
         self.dice.save(&mut bundle);
-        bundle.put(
-            "counters",
-            &[3],
-            vec![self.decisions, self.episodes, self.aborted],
-        );
+        self.tally.save(&mut bundle);
         bundle
     }
 }

@@ -1,0 +1,86 @@
+//! Hyperparameters of proximal policy optimisation.
+
+use serde::{Deserialize, Serialize};
+
+use crate::rl::Spaces;
+use crate::rl::learner::{ConfigError, within};
+
+/// Hyperparameters of [`Ppo`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PpoConfig {
+    /// Decisions to train for (300000): as many as the DQN's.
+    pub decisions: u64,
+    /// Widths of the hidden ReLU layers of actor and critic ([64, 64]).
+    pub hidden: Vec<usize>,
+    /// Decisions between updates, rounded up to whole episodes (2048).
+    pub horizon: usize,
+    /// Passes over them (10): as in the paper's Table 3.
+    pub epochs: usize,
+    /// Decisions per gradient step (64): as in the paper's Table 3.
+    pub batch: usize,
+    /// Adam's step at the start (1e-3): small networks bear it.
+    pub learning_rate: f64,
+    /// Adam's step at the end, linear between (0): lets the policy settle.
+    pub final_learning_rate: f64,
+    /// γ (1): the reward comes once, at the end.
+    pub discount: f64,
+    /// λ of the advantages (0.95): between one-step (0) and whole returns (1).
+    pub trace: f64,
+    /// The ratio of probabilities counts up to 1 ± this (0.2).
+    pub clip: f64,
+    /// Weight of the entropy (0.003): 0.01 leaves more fouls behind.
+    pub entropy: f64,
+    /// Gradients longer than this are shortened to it (0.5), net by net.
+    pub max_gradient: f64,
+}
+
+impl Default for PpoConfig {
+    fn default() -> Self {
+        PpoConfig {
+            decisions: 300_000,
+            hidden: vec![64, 64],
+            horizon: 2048,
+            epochs: 10,
+            batch: 64,
+            learning_rate: 1e-3,
+            final_learning_rate: 0.0,
+            discount: 1.0,
+            trace: 0.95,
+            clip: 0.2,
+            entropy: 0.003,
+            max_gradient: 0.5,
+        }
+    }
+}
+
+impl PpoConfig {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// Names the first field that is out of range, and what would be right.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        within("decisions", self.decisions as f64, 1.0, 1e12)?;
+        within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
+        for width in &self.hidden {
+            within("hidden", *width as f64, 1.0, 4096.0)?;
+        }
+        within("horizon", self.horizon as f64, 1.0, 1e9)?;
+        within("epochs", self.epochs as f64, 1.0, 1e4)?;
+        within("batch", self.batch as f64, 1.0, 65536.0)?;
+        within("learning_rate", self.learning_rate, 1e-9, 1.0)?;
+        within("final_learning_rate", self.final_learning_rate, 0.0, 1.0)?;
+        within("discount", self.discount, 0.0, 1.0)?;
+        within("trace", self.trace, 0.0, 1.0)?;
+        within("clip", self.clip, 1e-3, 1.0)?;
+        within("entropy", self.entropy, 0.0, 10.0)?;
+        within("max_gradient", self.max_gradient, 1e-6, 1e6)
+    }
+
+    pub(super) fn sizes(&self, spaces: &Spaces, outputs: usize) -> Vec<usize> {
+        let mut sizes = vec![spaces.observation];
+        sizes.extend(&self.hidden);
+        sizes.push(outputs);
+        sizes
+    }
+}

@@ -1,0 +1,112 @@
+//! Action values by cell.
+
+use std::collections::BTreeMap;
+
+use super::{Bins, QTableConfig};
+use crate::rl::bundle::{Bundle, BundleError};
+use crate::rl::replay::check;
+
+/// Cells in alphabetical order of their indices, with a row for each.
+pub(super) type Rows = BTreeMap<Box<[u32]>, usize>;
+
+/// The table: action values of every cell visited.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    pub(super) observation: usize,
+    pub(super) actions: usize,
+    pub(super) neutral: usize,
+    pub(super) bins: Vec<Bins>,
+    pub(super) rows: Rows,
+    pub(super) values: Vec<f32>,
+}
+
+impl Table {
+    /// The cell of an observation.
+    pub(super) fn cell(&self, obs: &[f32], cell: &mut Vec<u32>) {
+        cell.clear();
+        for (i, value) in obs.iter().enumerate() {
+            let bins = self.bins[i.min(self.bins.len() - 1)];
+            let share = (f64::from(*value) - bins.low) / (bins.high - bins.low);
+            // A cast from float saturates, so below the range is cell 0.
+            let index = (share * f64::from(bins.count)) as u32;
+            cell.push(index.min(bins.count - 1));
+        }
+    }
+
+    pub(super) fn values(&self, obs: &[f32]) -> Option<&[f32]> {
+        let mut cell = Vec::with_capacity(obs.len());
+        self.cell(obs, &mut cell);
+        let row = *self.rows.get(cell.as_slice())?;
+        Some(&self.values[row * self.actions..(row + 1) * self.actions])
+    }
+
+    /// Writes rows in the order of their cells, whatever order they came in.
+    pub(super) fn save(&self, bundle: &mut Bundle) {
+        let cells: Vec<u32> = self.rows.keys().flatten().copied().collect();
+        bundle.put("cells", &[self.rows.len(), self.observation], cells);
+        let values = self.in_order(&self.values);
+        bundle.put("values", &[self.rows.len(), self.actions], values);
+        bundle.put("neutral", &[1], vec![self.neutral as u64]);
+        let bins = self
+            .bins
+            .iter()
+            .flat_map(|b| [b.low, b.high, f64::from(b.count)])
+            .collect();
+        bundle.put("bins", &[self.bins.len(), 3], bins);
+    }
+
+    pub(super) fn in_order<T: Copy>(&self, flat: &[T]) -> Vec<T> {
+        let rows = self.rows.values();
+        rows.flat_map(|row| &flat[row * self.actions..(row + 1) * self.actions])
+            .copied()
+            .collect()
+    }
+
+    pub(super) fn load(bundle: &Bundle) -> Result<Table, BundleError> {
+        let shape = |name: &str| bundle.shape(name).unwrap_or(&[]).to_vec();
+        let (n, width) = match shape("cells")[..] {
+            [n, width] => (n, width),
+            _ => (0, 0),
+        };
+        let actions = shape("values").get(1).copied().unwrap_or(0);
+        let cells = bundle.get::<u32>("cells", &[n, width])?;
+        let values = bundle.get::<f32>("values", &[n, actions])?.to_vec();
+        let neutral = bundle.one::<u64>("neutral")? as usize;
+        check("the neutral action", neutral, actions)?;
+        let bins: Vec<Bins> = bundle
+            .rows::<f64>("bins", &[3])?
+            .chunks_exact(3)
+            .map(|b| Bins {
+                low: b[0],
+                high: b[1],
+                count: b[2] as u32,
+            })
+            .collect();
+        let config = QTableConfig {
+            bins,
+            ..QTableConfig::default()
+        };
+        config.validate().map_err(|error| BundleError::Mismatch {
+            what: "a bin of the table",
+            expected: error.help.clone(),
+            found: error.to_string(),
+        })?;
+        let keys = cells.chunks_exact(width.max(1)).map(Box::from);
+        let rows: Rows = keys.zip(0..n).collect();
+        if rows.len() != n {
+            return Err(BundleError::Mismatch {
+                what: "number of different cells",
+                expected: n.to_string(),
+                found: rows.len().to_string(),
+            });
+        }
+        Ok(Table {
+            observation: width,
+            actions,
+            neutral,
+            bins: config.bins,
+            rows,
+            values,
+        })
+    }
+}

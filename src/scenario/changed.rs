@@ -1,0 +1,104 @@
+//! Applying a change of `reuse` to a driving world.
+
+use super::ChangeError;
+use super::check::sensor_flaw;
+use super::error::{did_you_mean, known_names};
+use super::file::Change;
+use crate::scene::drive::{Drive, DriveSpec, EgoDrive};
+use crate::sim::{Body, BodyKind};
+
+/// Applies a change to a spec.
+pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeError> {
+    let fail = |what: String, help: Option<String>, place: &[&str]| ChangeError {
+        what,
+        help,
+        place: place.iter().map(|name| (*name).to_owned()).collect(),
+    };
+    if change.grid.is_some() {
+        let what = "a driving world has no map of cells".to_owned();
+        let help =
+            "a change of it has: ego, controller, ego_body, friction, plant, sensors".to_owned();
+        return Err(fail(what, Some(help), &["grid"]));
+    }
+    if let Some(friction) = change.friction {
+        if !(0.01..=2.0).contains(&friction) {
+            let what = format!("friction {friction} is outside of 0.01 ..= 2");
+            return Err(fail(what, None, &["friction"]));
+        }
+        spec.road.set_friction(friction);
+    }
+    if let Some(plant) = change.plant {
+        spec.plant = plant;
+    }
+    if let Some(sensors) = change.sensors {
+        if let Some((field, what, help)) = sensor_flaw(&sensors, &spec.clock) {
+            return Err(fail(what, Some(help), &["sensors", field]));
+        }
+        spec.sensors = sensors;
+    }
+    let ego_body = match &change.ego_body {
+        Some(name) => Some(ego_body(spec, name)?),
+        None => None,
+    };
+    for agent in &mut spec.agents {
+        let Drive::Ego(drive) = &mut agent.drive else {
+            continue;
+        };
+        if let Some(body) = &ego_body {
+            agent.body = body.clone();
+        }
+        if let Some(controller) = &change.controller {
+            *drive = EgoDrive::Stock(controller.clone());
+        }
+        let EgoDrive::Stock(controller) = drive else {
+            continue;
+        };
+        for (name, value) in &change.ego.0 {
+            controller.set(name, *value).map_err(|error| {
+                let known = known_names("parameters", error.known.iter().copied());
+                let help = match did_you_mean(name, error.known.iter().copied()) {
+                    Some(guess) => format!("{guess} — {known}"),
+                    None => known,
+                };
+                fail(error.to_string(), Some(help), &["ego", name])
+            })?;
+        }
+        if let Some(low) = controller
+            .parameters()
+            .iter()
+            .find(|p| !(p.at_least..).contains(&p.value))
+        {
+            let what = format!("`{}` is {}, below {}", low.name, low.value, low.at_least);
+            return Err(fail(what, None, &["ego", low.name]));
+        }
+    }
+    Ok(())
+}
+
+/// A vehicle for the ego: one of the world's own bodies, or a shipped one.
+fn ego_body(spec: &DriveSpec, name: &str) -> Result<Body, ChangeError> {
+    let fail = |what: String, help: String| ChangeError {
+        what,
+        help: Some(help),
+        place: vec!["ego_body".to_owned()],
+    };
+    let mut known: Vec<&str> = Body::shipped_names().collect();
+    known.extend(spec.bodies.keys().map(String::as_str));
+    let own = spec.bodies.get(name).cloned();
+    let shipped = || Body::shipped(name).and_then(Result::ok);
+    let Some(body) = own.or_else(shipped) else {
+        let list = known_names("known", known.iter().copied());
+        let help = match did_you_mean(name, known) {
+            Some(guess) => format!("{guess} — {list}"),
+            None => list,
+        };
+        return Err(fail(format!("no body `{name}`"), help));
+    };
+    match body.kind {
+        BodyKind::Vehicle(_) => Ok(body),
+        BodyKind::Walker(_) => Err(fail(
+            format!("`{name}` is no vehicle"),
+            "controllers drive vehicles".to_owned(),
+        )),
+    }
+}

@@ -1,0 +1,158 @@
+//! The test bench as learners see it.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Aftermath, Testbench};
+use crate::rl::{self, End, Spaces, Step};
+use crate::rulebook::Verdict;
+use crate::scene::Start;
+use crate::seed::{Purpose, StartKey};
+
+/// An episode of a learner in which the ego failed with all rules kept.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Success {
+    /// Decisions that were taken in all when it ended.
+    pub decisions: u64,
+    /// Index of its start in the stream.
+    pub index: u64,
+    /// Where it began.
+    pub start: Start,
+    /// The ados' joint actions.
+    pub actions: Vec<usize>,
+    /// Depth of the violation, ρ(¬ψ_ego).
+    pub by: f64,
+}
+
+/// The test bench as learners see it: an episodic decision problem.
+///
+/// Starts come from the stream (purpose, seed); `reset(i)` begins its i-th.
+pub struct Gym {
+    bench: Testbench,
+    purpose: Purpose,
+    seed: u64,
+    /// The running episode.
+    index: u64,
+    start: Start,
+    actions: Vec<usize>,
+    spent: Spent,
+    successes: Option<Vec<Success>>,
+}
+
+/// What the episodes of a [`Gym`] cost so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Spent {
+    /// Decisions taken.
+    pub decisions: u64,
+    /// Physics steps of the episodes that have ended.
+    pub physics_steps: u64,
+}
+
+impl Gym {
+    /// Training starts of `seed` on `bench`.
+    pub fn new(bench: Testbench, purpose: Purpose, seed: u64) -> Gym {
+        // Invariant: training never sees a test start.
+        assert!(purpose != Purpose::Test, "learners get no test starts");
+        Gym {
+            bench,
+            purpose,
+            seed,
+            index: 0,
+            start: Start(Vec::new()),
+            actions: Vec::new(),
+            spent: Spent::default(),
+            successes: None,
+        }
+    }
+
+    /// Counts what it costs from `spent` on.
+    pub fn count_from(&mut self, spent: Spent) {
+        self.spent = spent;
+    }
+
+    /// Keeps successes until they are taken.
+    pub fn keep_successes(&mut self) {
+        self.successes = Some(Vec::new());
+    }
+
+    /// The successes since they were last taken, in order.
+    pub fn take_successes(&mut self) -> Vec<Success> {
+        self.successes
+            .as_mut()
+            .map(std::mem::take)
+            .unwrap_or_default()
+    }
+
+    /// What it has cost so far.
+    pub fn spent(&self) -> Spent {
+        self.spent
+    }
+
+    fn note_end(&mut self, verdict: Verdict) {
+        self.spent.physics_steps += self.bench.physics_steps();
+        if let (Some(successes), Verdict::Counterexample { by }) = (&mut self.successes, verdict) {
+            successes.push(Success {
+                decisions: self.spent.decisions,
+                index: self.index,
+                start: self.start.clone(),
+                actions: self.actions.clone(),
+                by,
+            });
+        }
+    }
+
+    /// The bench it plays on.
+    pub fn bench(&mut self) -> &mut Testbench {
+        &mut self.bench
+    }
+
+    /// Names the episode that `reset(index)` begins.
+    pub fn key(&self, index: u64) -> StartKey {
+        StartKey {
+            purpose: self.purpose,
+            seed: self.seed,
+            index,
+        }
+    }
+}
+
+impl rl::Env for Gym {
+    fn spaces(&self) -> &Spaces {
+        self.bench.spaces()
+    }
+
+    fn reset(&mut self, index: u64, obs: &mut [f32]) {
+        let key = self.key(index);
+        self.index = index;
+        self.start = self.bench.draw(key);
+        self.actions.clear();
+        let noise = self.bench.noise_of(key);
+        self.bench.begin(&self.start, noise, Aftermath::Skip);
+        self.bench.observe(obs);
+    }
+
+    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
+        self.bench.decide(action);
+        self.bench.observe(obs);
+        self.actions.push(action);
+        self.spent.decisions += 1;
+        let Some(verdict) = self.bench.verdict() else {
+            return Step {
+                reward: 0.0,
+                end: None,
+            };
+        };
+        self.note_end(verdict);
+        match self.bench.rulebook.reward_of(&verdict) {
+            // The one cast from rewards to learners.
+            Some(reward) => Step {
+                reward: reward as f32,
+                end: Some(End::Terminated),
+            },
+            None => Step {
+                reward: 0.0,
+                end: Some(End::Aborted),
+            },
+        }
+    }
+}
