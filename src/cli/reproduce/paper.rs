@@ -9,7 +9,7 @@ use crate::campaign::{PaperRow, measure_paper_row, paper_rows_markdown};
 const MORE: [u64; 4] = [1_000, 2_000, 4_000, 8_000];
 
 /// World, learner (`None`: the world's own), what the paper says, its episodes.
-const ROWS: [(&str, Option<&str>, &str, &[u64]); 6] = [
+const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     ("acc", None, "ACC, DQN: 54.8 % in 1.93 h", &[]),
     (
         "acc",
@@ -28,6 +28,12 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 6] = [
         None,
         "merge: 71 / 72.35 / 75.76 % after 106 / 206 / 371 episodes",
         &[106, 206, 371],
+    ),
+    (
+        "merge_plain",
+        None,
+        "merge, Definition 4 and state as printed",
+        &[],
     ),
     (
         "yellow_light",
