@@ -28,7 +28,7 @@ use crate::sim::PlantKind;
 const PURE: f64 = 0.15;
 /// Probability with which a quantity of any other member is nominal, unless
 /// the world says otherwise.
-const NOMINAL: f64 = 0.4;
+const NOMINAL: f64 = 0.6;
 
 /// What an ado is trained against.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -79,9 +79,9 @@ pub(super) struct FamilyFile {
     /// Probability with which a quantity is nominal.
     #[serde(default = "nominal")]
     pub(super) nominal: f64,
-    #[serde(default = "wide")]
+    #[serde(default = "patient")]
     pub(super) wide: LearnerConfig,
-    #[serde(default = "conditional")]
+    #[serde(default = "patient")]
     pub(super) conditional: LearnerConfig,
 }
 
@@ -105,20 +105,12 @@ fn nominal() -> f64 {
     NOMINAL
 }
 
-fn dqn(decisions: u64) -> LearnerConfig {
+/// How ados learn against a family, unless the world says otherwise.
+fn patient() -> LearnerConfig {
     LearnerConfig::Dqn(DqnConfig {
-        decisions,
-        update_every: 3,
+        decisions: 3_000_000,
         ..DqnConfig::default()
     })
-}
-
-fn wide() -> LearnerConfig {
-    dqn(1_500_000)
-}
-
-fn conditional() -> LearnerConfig {
-    dqn(3_000_000)
 }
 
 /// One ego on one plant: a value for every quantity of the family.

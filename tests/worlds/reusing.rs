@@ -27,7 +27,7 @@ fn brief() -> Scenario {
             "plants: { Kinematic: 1 }",
         )
         .replace(
-            "conditional: Dqn(decisions: 1_500_000, update_every: 3)",
+            "wide: Dqn(decisions: 5_000_000)",
             "wide: Dqn(decisions: 6_000), conditional: Dqn(decisions: 6_000)",
         );
     Scenario::parse("acc.ron", &text).expect("a world")

@@ -7,7 +7,7 @@ use crate::campaign::{ReuseAsked, ReuseStudy, reuse_markdown};
 use crate::scenario::{Change, Scenario};
 
 /// The worlds that name a family.
-const WORLDS: [&str; 2] = ["acc", "yellow_light"];
+const WORLDS: [&str; 3] = ["acc", "merge", "yellow_light"];
 
 /// Runs per start of the ado that may explore.
 const TRIES: u64 = 30;
