@@ -11,7 +11,9 @@ use super::heuristic::Heuristic;
 use super::replays::{NearestReplay, replay_nearest};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::run::{ClosingSpeed, Counterexample, KeptError, Row, RunError, Stored, wilson};
+use crate::run::{
+    ClosingSpeed, Counterexample, KeptError, Row, RunError, Stored, file_name, wilson,
+};
 use crate::scenario::{Against, Change, Scenario};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
@@ -419,15 +421,11 @@ pub fn keep_played(
 
 /// `WORLD-EGO-PLANT-SEED-INDEX`, with whatever could disturb a path replaced.
 fn file_stem(request: &EvalRequest<'_>, index: usize) -> String {
-    let plain = |text: &str| -> String {
-        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-        text.chars().map(plain).collect()
-    };
     let plant = format!("{:?}", request.scenario.plant()).to_lowercase();
     format!(
         "{}-{}-{plant}-{}-{index:04}",
-        plain(&request.scenario.name),
-        plain(request.ego),
+        file_name(&request.scenario.name),
+        file_name(request.ego),
         request.starts.seed
     )
 }

@@ -81,5 +81,6 @@ pub fn milestones(
             target = targets.next();
         }
     }
-    Some(reached)
+    // Stopped within the last evaluation, its row is not whole.
+    (!watch.stopped()).then_some(reached)
 }

@@ -45,8 +45,8 @@ pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, repla
 pub use retrained::retrained;
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use reuse_study::{
-    CONDITIONAL, CONDITIONAL_TRIES, Known, Met, ReuseAsked, ReuseError, ReuseStudied, ReuseStudy,
-    reuse_markdown,
+    CONDITIONAL, CONDITIONAL_TRIES, Economy, Known, Met, ReuseAsked, ReuseError, ReuseStudied,
+    ReuseStudy, reuse_markdown,
 };
 pub use search::{Cem, Found, Method, SearchRequest, Searched, anytime, search};
 pub use table1::{

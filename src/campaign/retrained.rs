@@ -2,7 +2,7 @@
 
 use super::Watch;
 use super::train::{TrainError, train};
-use crate::run::{ChangedEgo, RunDir, RunError};
+use crate::run::{ChangedEgo, RunDir, RunError, file_name};
 use crate::scenario::{Against, Scenario};
 
 /// The ado that was trained for a changed ego, under `RUN/retrained/`.
@@ -22,8 +22,7 @@ pub fn retrained(
     let plain = changed.training_against(Against::Nominal);
     let changed = plain.as_ref().unwrap_or(changed);
     let plant = format!("{:?}", changed.plant()).to_lowercase();
-    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-    let name: String = format!("{}-{plant}", ego.name).chars().map(plain).collect();
+    let name = file_name(&format!("{}-{plant}", ego.name));
     let path = run.path().join("retrained").join(name);
     let mut own = match RunDir::resume(&path) {
         Ok(own) if own.manifest().ego.as_ref() == Some(ego) => own,

@@ -12,18 +12,18 @@ use super::{Control, Env, Policy, Progress, Spaces};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tally {
     /// Decisions to train for.
-    asked: u64,
+    pub asked: u64,
     /// Decisions taken.
-    pub(super) decisions: u64,
+    pub decisions: u64,
     /// Episodes finished.
-    pub(super) episodes: u64,
+    pub episodes: u64,
     /// Episodes dropped for faults of the environment.
-    pub(super) aborted: u64,
+    pub aborted: u64,
 }
 
 impl Tally {
     /// Nothing done yet.
-    pub(super) fn new(asked: u64) -> Tally {
+    pub fn new(asked: u64) -> Tally {
         Tally {
             asked,
             decisions: 0,

@@ -7,6 +7,7 @@ use std::path::Path;
 use sha2::{Digest, Sha256};
 
 use super::RunError;
+use crate::scenario::Scenario;
 
 /// Writes a file whole or not at all.
 ///
@@ -76,4 +77,20 @@ pub(super) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) ->
 pub(super) fn sha256(bytes: &[u8]) -> String {
     let digest = Sha256::digest(bytes);
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What a world file leaves to defaults, too, of its learner and its family:
+/// another version of the program may have others.
+pub(super) fn settings_of(scenario: &Scenario) -> String {
+    let settings = format!("{:?} {:?}", scenario.learner, scenario.family());
+    sha256(settings.as_bytes())
+}
+
+/// A name as a file is called: whatever could disturb a path is replaced.
+pub fn file_name(name: &str) -> String {
+    let plain = |c: char| match c.is_ascii_alphanumeric() {
+        true => c,
+        false => '-',
+    };
+    name.chars().map(plain).collect()
 }

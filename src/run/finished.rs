@@ -9,13 +9,14 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::RunError;
-use super::disk::{io_error, sha256, write_file};
+use super::disk::{file_name, io_error, settings_of, sha256, write_file};
 use crate::scenario::Scenario;
 
 /// One piece of work: a file, and what it is the answer to.
 ///
-/// The file is used again only for the very question, of the same world file
-/// and the same version of the program.
+/// The file is used again only for the very question, of the same world file,
+/// with the same defaults and version of the program. What an external program
+/// does that drives an ego is not part of the question.
 #[derive(Clone, Debug)]
 pub struct Finished {
     path: PathBuf,
@@ -25,18 +26,14 @@ pub struct Finished {
 impl Finished {
     /// The work of a name in a directory, on a world, with its settings.
     pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> Finished {
-        let plain = |c: char| match c.is_ascii_alphanumeric() {
-            true => c,
-            false => '-',
-        };
-        let file: String = name.chars().map(plain).collect();
         Finished {
-            path: dir.join(format!("{file}.json")),
+            path: dir.join(format!("{}.json", file_name(name))),
             asked: json!({
                 "brakecheck": env!("CARGO_PKG_VERSION"),
                 "world_sha256": sha256(scenario.text.as_bytes()),
+                "settings_sha256": settings_of(scenario),
                 "name": name,
-                "settings": settings,
+                "asked": settings,
             }),
         }
     }
@@ -44,7 +41,7 @@ impl Finished {
     /// What was made, if it is there; work for another question is not.
     ///
     /// # Errors
-    /// The disk refuses, or the file is damaged.
+    /// The disk refuses, or the file is damaged ([`RunError::Damaged`]).
     pub fn read<T: DeserializeOwned>(&self) -> Result<Option<T>, RunError> {
         let bytes = match fs::read(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),

@@ -43,6 +43,10 @@ pub struct Manifest {
     /// What it was trained against.
     #[serde(default, skip_serializing_if = "Against::is_nominal")]
     pub against: Against,
+    /// Of the learner's and the family's settings, defaults included; `None`:
+    /// an earlier version did not note it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settings_sha256: Option<String>,
     /// What the ado is told besides its observation, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub told: Vec<String>,

@@ -33,7 +33,7 @@ use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-pub use disk::write_file;
+pub use disk::{file_name, write_file};
 pub use error::RunError;
 pub use finished::Finished;
 pub use identified::{IdentifiedEgo, IdentifiedEgos, IdentifiedError};
@@ -47,7 +47,7 @@ pub use stored::{MAX_STORED, Stored, StoredCount};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
 use crate::scenario::{Against, LoadError, Member, Scenario};
-use disk::{io_error, is_taken, lock, sha256};
+use disk::{io_error, is_taken, lock, settings_of, sha256};
 use told::Told;
 
 /// Version of the layout; another one is refused.
@@ -90,6 +90,7 @@ impl RunDir {
                 counterexamples: None,
                 learner: scenario.learning.clone(),
                 against: scenario.against,
+                settings_sha256: Some(settings_of(scenario)),
                 told: told_names(scenario),
                 ego: None,
                 from_sha256: None,
@@ -155,14 +156,19 @@ impl RunDir {
         &self.path
     }
 
-    /// Whether it is of this very world, on its plant, with its decisions,
-    /// against the same ego or family.
+    /// Whether it is of this very world, on its plant, with its decisions and
+    /// every other setting of its learner, against the same ego or family.
     pub fn is_of(&self, scenario: &Scenario) -> bool {
         self.manifest.world_sha256 == sha256(scenario.text.as_bytes())
             && self.manifest.plant == scenario.plant()
             && self.manifest.decisions == scenario.learner.decisions()
             && self.manifest.against == scenario.against
             && self.manifest.ego.is_none()
+            && self
+                .manifest
+                .settings_sha256
+                .as_ref()
+                .is_none_or(|hash| *hash == settings_of(scenario))
     }
 
     /// What it was.

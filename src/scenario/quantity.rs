@@ -75,7 +75,8 @@ impl Quantity {
         let value = value.clamp(self.lo, self.hi);
         match self.step == 0.0 {
             true => value,
-            false => (value / self.step).round() * self.step,
+            // 6 · 0.05 is more than 0.3.
+            false => ((value / self.step).round() * self.step).clamp(self.lo, self.hi),
         }
     }
 

@@ -50,14 +50,15 @@ fn members_are_drawn_as_documented_and_depend_on_their_key_alone() {
     assert!((rigid - 0.1).abs() < 0.015, "{rigid}");
     let nominal = family.nominal(PlantKind::Rigid).values;
     let pure = share(&|i| draws[i].values == nominal);
-    let chance = 0.4f64.powi(5) * (0.4 + 0.6 / 5.0);
+    let often = family.nominal_share;
+    let chance = often.powi(5) * (often + (1.0 - often) / 5.0);
     assert!((pure - (0.15 + 0.85 * chance)).abs() < 0.015, "{pure}");
     for (q, quantity) in family.quantities.iter().enumerate() {
         let values: Vec<f64> = draws.iter().map(|draw| draw.values[q]).collect();
         assert!(values.iter().all(|value| quantity.contains(*value)));
         // Of five delays one is the nominal one.
         let also = if quantity.step == 0.0 { 0.0 } else { 0.2 };
-        let expected = 0.15 + 0.85 * (0.4 + 0.6 * also);
+        let expected = 0.15 + 0.85 * (often + (1.0 - often) * also);
         let same = share(&|i| values[i] == quantity.nominal);
         assert!((same - expected).abs() < 0.015, "{quantity:?}: {same}");
         let others: Vec<f64> = values
@@ -449,10 +450,7 @@ fn mistakes_in_a_family_have_a_place_a_reason_and_a_cure() {
         ("a range of three", with("(4.0, 8.0)", "(4.0, 6.0, 8.0)")),
         (
             "a learner that makes no sense",
-            with(
-                "delay_s: (0.0, 0.2),",
-                "delay_s: (0.0, 0.2), wide: Dqn(decisions: 0),",
-            ),
+            with("wide: Dqn(decisions: 5_000_000)", "wide: Dqn(decisions: 0)"),
         ),
         ("a family in which nothing varies", {
             let from = ACC.find("train_against").expect("a family");

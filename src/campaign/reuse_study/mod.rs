@@ -6,6 +6,7 @@
 //! them on the same starts: what a falsifier would have kept from the same
 //! training, a tuned rule, random ados, and searches per start.
 
+mod economy;
 mod players;
 mod text;
 
@@ -15,6 +16,7 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+pub use economy::Economy;
 pub use text::reuse_markdown;
 
 use super::Watch;
@@ -26,7 +28,7 @@ use super::reuse::{Relation, ReusedOn, Summary, reused_on, summarise};
 use super::train::TrainError;
 use crate::run::{Row, RunDir, RunError};
 use crate::scenario::{Against, Change, Family, Member, Scenario};
-use players::Player;
+use players::{Player, called};
 
 /// Runs of an ego that are recorded to identify it.
 const RECORDED_RUNS: usize = 10;
@@ -38,6 +40,11 @@ const HELD_BUDGETS: [u64; 3] = [10, 30, 100];
 /// A quantity that is identified within this share of its range from its
 /// nominal value is nominal.
 const NEARLY: f64 = 0.005;
+
+/// The word in rows of held-random search with a budget.
+fn held_word(budget: u64) -> String {
+    format!("search, held, {budget}")
+}
 
 /// The conditional ado, one simulation per start.
 pub const CONDITIONAL: &str = "conditional";
@@ -91,6 +98,8 @@ pub struct ReuseStudied {
     pub egos: Vec<ReusedOn>,
     /// How each was identified.
     pub known: Vec<Known>,
+    /// From how many starts on the conditional ado is cheaper than search.
+    pub economy: Vec<Economy>,
     /// Blocks and all changed egos; differences are to the conditional ado.
     pub summary: Vec<Summary>,
     /// The same; differences are to the conditional ado with a few tries.
@@ -221,14 +230,22 @@ impl<'a> ReuseStudy<'a> {
             rows.extend(player.ados(trio, self.family, &identified.member, self.asked.tries)?);
         }
         if relation == Relation::Inside {
-            let Some(left_out) = self.left_out(&player, &identified.member)? else {
+            let Some(left_out) = self.left_out(&player, &identified.member, &rows)? else {
                 return Ok(None);
             };
             rows.extend(left_out);
         }
-        let tune = || tune_heuristic(self.scenario, 1, watch);
-        let heuristic = self.heuristic.get_or_init(tune).as_ref();
-        rows.extend(player.rivals(&self.trios[0].nominal, heuristic, self.asked.tries)?);
+        let heuristic = match self.heuristic.get() {
+            Some(tuned) => tuned,
+            None => {
+                let tuned = tune_heuristic(self.scenario, 1, watch);
+                if watch.stopped() {
+                    return Ok(None);
+                }
+                self.heuristic.get_or_init(|| tuned)
+            }
+        };
+        rows.extend(player.rivals(&self.trios[0].nominal, heuristic.as_ref(), self.asked.tries)?);
         if let Some((reachable, others)) = rows.split_last_mut() {
             for row in others {
                 row.compare_with_search(&reachable.solved);
@@ -266,28 +283,34 @@ impl<'a> ReuseStudy<'a> {
     /// quantities but one, for each of them in turn.
     ///
     /// Where the ego is nominal in the one, nothing is lost with it: then they
-    /// are told the same as ever.
+    /// are told the same as ever, and their rows among `told` are the rows.
     fn left_out(
         &self,
         player: &Player<'_>,
         known: &Member,
+        told: &[Row],
     ) -> Result<Option<Vec<Row>>, ReuseError> {
         let mut rows = Vec::new();
         for (quantity, value) in self.family.quantities.iter().zip(&known.values) {
             let name = quantity.varied.name();
-            let nominal = (value - quantity.nominal).abs() <= NEARLY * (quantity.hi - quantity.lo);
-            let member = match nominal {
-                true => known.clone(),
-                false => {
-                    let fixed = [name.to_owned()];
-                    let ego = (player.ego, player.scenario);
-                    match self.identified(ego, &fixed, player.watch)? {
-                        Some(identified) => identified.member,
-                        None => return Ok(None),
-                    }
-                }
-            };
             let ado = format!("{CONDITIONAL}, without {name}");
+            let nominal = (value - quantity.nominal).abs() <= NEARLY * (quantity.hi - quantity.lo);
+            if nominal {
+                let told = told.iter().filter(|row| row.ado == CONDITIONAL);
+                rows.extend(told.map(|row| called(&ado, row.clone())));
+                continue;
+            }
+            let ego = (player.ego, player.scenario);
+            let member = match self.identified(ego, &[name.to_owned()], player.watch) {
+                Ok(Some(identified)) => identified.member,
+                Ok(None) => return Ok(None),
+                // It was the only one.
+                Err(ReuseError::Identify {
+                    source: IdentifyError::NothingToFit,
+                    ..
+                }) => self.family.nominal(known.plant),
+                Err(error) => return Err(error),
+            };
             for trio in &self.trios {
                 rows.push(player.conditional(&ado, trio, &member)?);
             }
@@ -297,7 +320,7 @@ impl<'a> ReuseStudy<'a> {
 
     /// Sums up the egos that were met, the nominal one first.
     pub fn conclude(&self, met: Vec<Met>) -> ReuseStudied {
-        let known = met.iter().map(|met| met.known.clone()).collect();
+        let known: Vec<Known> = met.iter().map(|met| met.known.clone()).collect();
         let egos: Vec<ReusedOn> = met
             .into_iter()
             .map(|met| ReusedOn {
@@ -306,12 +329,16 @@ impl<'a> ReuseStudy<'a> {
             })
             .collect();
         let first = egos.first().and_then(|ego| ego.rows.first());
+        let trainings = self.trios.iter().map(|trio| trio.conditional.manifest());
+        let training = trainings.map(|run| run.episodes as f64).sum::<f64>();
+        let training = training / self.trios.len().max(1) as f64;
         ReuseStudied {
             world: self.scenario.name.clone(),
             starts: first.map_or(0, |row| row.starts),
             trivial: first.map_or(0, |row| row.trivial),
             seeds: self.asked.seeds,
             train_cpu_s: self.train_cpu_s.clone(),
+            economy: economy::economy(training, &egos, &known),
             summary: summarise(&egos, CONDITIONAL),
             summary_of_tries: summarise(&egos, CONDITIONAL_TRIES),
             rows: egos.iter().flat_map(|ego| ego.rows.clone()).collect(),

@@ -1,6 +1,6 @@
 //! Who plays against one ego of the study of reuse.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SWITCHES, Trio};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SWITCHES, Trio, held_word};
 use crate::campaign::Watch;
 use crate::campaign::eval::{Ado, EvalRequest, TestStarts, best_constant, count_solved, eval};
 use crate::campaign::heuristic::Heuristic;
@@ -80,10 +80,7 @@ impl Player<'_> {
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
         let held = self.searched(Method::Hold, most);
         for budget in HELD_BUDGETS {
-            rows.push(called(
-                &format!("search, held, {budget}"),
-                cut(&held, budget),
-            ));
+            rows.push(called(&held_word(budget), cut(&held, budget)));
         }
         let mutated = self.searched(Method::Mutate(&stored), tries);
         rows.push(called(&format!("mutate, {tries}"), mutated.row));
@@ -126,7 +123,7 @@ fn identified(row: Row) -> Row {
 }
 
 /// A row under another word.
-fn called(word: &str, row: Row) -> Row {
+pub(super) fn called(word: &str, row: Row) -> Row {
     Row {
         ado: word.to_owned(),
         ..row

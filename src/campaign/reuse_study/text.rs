@@ -1,6 +1,6 @@
 //! The study of reuse as Markdown.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, ReuseStudied};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
 use crate::campaign::reuse::{ReusedOn, Summary};
 use crate::run::Row;
 
@@ -72,8 +72,48 @@ fn one_markdown(study: &ReuseStudied) -> String {
             text.push_str(&summary_line(sum));
         }
     }
+    text.push_str(&known_markdown(study));
     text.push('\n');
     text
+}
+
+/// What every ego was taken for, and when that pays.
+fn known_markdown(study: &ReuseStudied) -> String {
+    let mut text = String::from(
+        "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
+         held search: simulations per start | conditional ado cheaper from |\n\
+         | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for known in &study.known {
+        let mut lines = study.economy.iter();
+        let line = lines.find(|line| line.ego.as_deref() == Some(&known.ego));
+        text.push_str(&format!(
+            "| {} | {} | {} | {:.2} ({:.2}) | {} | {} |\n",
+            known.ego,
+            known.taken_for,
+            if known.explained { "yes" } else { "no" },
+            known.residual_m,
+            known.nominal_residual_m,
+            known.simulations,
+            line.map_or("– | –".to_owned(), economy_words),
+        ));
+    }
+    if let Some(all) = study.economy.iter().find(|line| line.ego.is_none()) {
+        text.push_str(&format!(
+            "| all of them | | | | {:.0}, training included | {} on each |\n",
+            all.once,
+            economy_words(all),
+        ));
+    }
+    text
+}
+
+fn economy_words(line: &Economy) -> String {
+    let at_most = if line.matched { "" } else { "at most " };
+    let starts = line.starts.map_or("never".to_owned(), |starts| {
+        format!("{at_most}{starts:.0} starts")
+    });
+    format!("{:.1} | {starts}", line.search)
 }
 
 /// Mean over the training seeds of an ado's rows on one ego.

@@ -24,7 +24,7 @@ pub(super) struct ReproduceArgs {
     /// Which tables.
     #[arg(value_enum)]
     what: What,
-    /// Where tables and run directories go.
+    /// Where tables, run directories and finished pieces go.
     #[arg(short, long, value_name = "DIR", default_value = "reproduced")]
     output: PathBuf,
     /// Where the shipped worlds are.
@@ -130,8 +130,11 @@ fn once<T: Serialize + DeserializeOwned>(
     make: impl FnOnce(&Watch<'_>) -> Result<Option<T>, Failure>,
 ) -> Result<Option<T>, Failure> {
     let kept = Finished::new(&args.output.join("parts"), piece, scenario, settings);
-    if let Some(made) = kept.read()? {
-        return Ok(Some(made));
+    match kept.read() {
+        Ok(None) => {}
+        Ok(made) => return Ok(made),
+        Err(error @ RunError::Damaged { .. }) => talk::say(&format!("{error}; it is made anew")),
+        Err(error) => return Err(error.into()),
     }
     let bar = talk::bar(piece);
     let made = make(&bar.watch())?;

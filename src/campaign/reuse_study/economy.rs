@@ -1,0 +1,79 @@
+//! From how many starts on a reused ado is cheaper than searching every start.
+
+use serde::Serialize;
+
+use super::{CONDITIONAL, HELD_BUDGETS, Known};
+use crate::campaign::reuse::ReusedOn;
+
+/// A conditional ado against held-random search at equal success, in
+/// simulations.
+///
+/// The ado costs a training and the identification of every ego, and then one
+/// simulation per start; the search its simulations until the first success,
+/// or its budget where there is none.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Economy {
+    /// The ego; `None`: all egos together, for which one training is enough.
+    pub ego: Option<String>,
+    /// Simulations before the first start: training and identification.
+    pub once: f64,
+    /// Simulations per start of the search, summed over the egos.
+    pub search: f64,
+    /// Whether the search reaches the ado's success on every ego; if not, its
+    /// largest budget counts, and the ado is cheaper even before `starts`.
+    pub matched: bool,
+    /// Starts, on every ego, from which on the ado is cheaper; `None`: never.
+    pub starts: Option<f64>,
+}
+
+/// The comparison for every ego on which the conditional ado succeeds at all,
+/// and for all of these together. `training` is the simulations of a training.
+pub(super) fn economy(training: f64, egos: &[ReusedOn], known: &[Known]) -> Vec<Economy> {
+    let mut lines: Vec<Economy> = egos
+        .iter()
+        .zip(known)
+        .filter_map(|(ego, known)| of_ego(training, ego, known))
+        .collect();
+    if 1 < lines.len() {
+        let once = training + lines.iter().map(|line| line.once - training).sum::<f64>();
+        let search = lines.iter().map(|line| line.search).sum();
+        let all = Economy {
+            ego: None,
+            matched: lines.iter().all(|line| line.matched),
+            starts: cheaper_from(once, search, lines.len()),
+            once,
+            search,
+        };
+        lines.push(all);
+    }
+    lines
+}
+
+fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
+    let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL);
+    let told: Vec<f64> = told.map(|row| row.success_rate).collect();
+    let success = told.iter().sum::<f64>() / told.len().max(1) as f64;
+    let searched: Vec<_> = HELD_BUDGETS
+        .iter()
+        .filter_map(|budget| {
+            let word = super::held_word(*budget);
+            ego.rows.iter().find(|row| row.ado == word)
+        })
+        .collect();
+    let enough = searched.iter().find(|row| success <= row.success_rate);
+    let row = enough.or(searched.last())?;
+    let once = training + known.simulations as f64;
+    (0.0 < success).then(|| Economy {
+        ego: Some(ego.ego.clone()),
+        once,
+        search: row.sims_per_start,
+        matched: enough.is_some(),
+        starts: cheaper_from(once, row.sims_per_start, 1),
+    })
+}
+
+/// Once-only simulations over what every further start saves, on some egos.
+fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
+    let saved = search - egos as f64;
+    (0.0 < saved).then(|| once / saved)
+}
