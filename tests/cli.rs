@@ -4,6 +4,8 @@
 mod family;
 #[path = "cli/report.rs"]
 mod report;
+#[path = "cli/reproduce.rs"]
+mod reproduce;
 #[path = "cli/reuse.rs"]
 mod reuse;
 #[path = "cli/rivals.rs"]

@@ -475,3 +475,31 @@ fn a_grid_has_no_family() {
     assert!(world.family().is_none() && world.training_against(Against::Wide).is_none());
     assert_eq!(world.plant(), Dynamics::Cells);
 }
+
+#[test]
+fn every_member_of_a_shipped_family_is_within_it() {
+    let acc = include_str!("../../worlds/acc.ron");
+    let merge = include_str!("../../worlds/merge.ron");
+    let yellow = include_str!("../../worlds/yellow_light.ron");
+    for (name, text) in [("acc", acc), ("merge", merge), ("yellow_light", yellow)] {
+        let world = Scenario::parse(name, text).expect("a world");
+        let family = family(&world);
+        for quantity in &family.quantities {
+            for (unit, end) in [(-1.0, quantity.lo), (1.0, quantity.hi)] {
+                let value = quantity.at(unit);
+                assert!((value - end).abs() < 1e-12, "{name}: {quantity:?}");
+                assert!(quantity.contains(value), "{name}: {quantity:?}");
+            }
+            for unit in quantity.steps() {
+                assert!(quantity.contains(quantity.at(unit)), "{name}: {quantity:?}");
+            }
+        }
+        for index in 0..2_000 {
+            let member = family.draw(name, key(index));
+            let pairs = family.quantities.iter().zip(&member.values);
+            let named = pairs.map(|(q, value)| (q.varied.name().to_owned(), *value));
+            let again = family.member_named(&named.collect(), member.plant);
+            assert_eq!(again.as_ref(), Ok(&member), "{name}");
+        }
+    }
+}

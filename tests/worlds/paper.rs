@@ -75,3 +75,25 @@ fn a_row_of_the_paper_is_the_mean_of_its_seeds() {
     let table = paper_rows_markdown(&[measured]);
     assert!(table.contains("| a row | acc | Dqn | 2 |"), "{table}");
 }
+
+#[test]
+fn a_row_whose_last_evaluation_was_stopped_is_none() {
+    use std::sync::atomic::Ordering;
+
+    let mut world = super::acc().on(PlantKind::Kinematic);
+    world.learner = world.learner.with_decisions(500);
+    let starts = test_starts(&world, 3, 40, &quiet()).expect("not stopped");
+    let stop = AtomicBool::new(false);
+    let total = starts.starts.len() as u64;
+    let watch = Watch {
+        // Progress out of as many as there are starts is the evaluation's.
+        progress: &|done, of| {
+            if of == total && 0 < done {
+                stop.store(true, Ordering::Relaxed);
+            }
+        },
+        stop: &stop,
+    };
+    assert!(milestones(&world, 5, &[], &starts, &watch).is_none());
+    assert!(stop.load(Ordering::Relaxed));
+}

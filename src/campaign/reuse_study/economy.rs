@@ -77,3 +77,68 @@ fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
     let saved = search - egos as f64;
     (0.0 < saved).then(|| once / saved)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::reuse::Relation;
+    use crate::run::Row;
+    use serde_json::json;
+
+    fn row(ado: &str, success_rate: f64, sims_per_start: f64) -> Row {
+        let row = json!({
+            "world": "w", "plant": "Rigid", "judge": "UntilViolation", "ego": "e", "ado": ado,
+            "method": "m", "start_seed": 0, "starts": 10, "trivial": 0, "successes": 0,
+            "success_rate": success_rate, "ci95": [0.0, 1.0], "foul_rate": 0.0,
+            "contact_rate": 0.0, "invalid": 0, "sims_per_start": sims_per_start,
+            "physics_steps": 0, "cpu_s": 0.0, "solved": "",
+        });
+        serde_json::from_value(row).expect("a row")
+    }
+
+    fn ego(name: &str, told: f64) -> (ReusedOn, Known) {
+        let rows = vec![
+            row(CONDITIONAL, told, 1.0),
+            row("search, held, 10", 0.2, 9.0),
+            row("search, held, 30", 0.5, 21.0),
+            row("search, held, 100", 0.7, 41.0),
+        ];
+        let reused = ReusedOn {
+            ego: name.to_owned(),
+            relation: Relation::Inside,
+            fails_without_adversary: 0.0,
+            reachable: None,
+            union: 0.0,
+            rows,
+        };
+        let known = Known {
+            ego: name.to_owned(),
+            taken_for: String::new(),
+            explained: true,
+            residual_m: 0.0,
+            nominal_residual_m: 0.0,
+            simulations: 100,
+        };
+        (reused, known)
+    }
+
+    #[test]
+    fn the_training_is_paid_by_each_ego_alone_and_once_by_all() {
+        let all = [ego("matched", 0.4), ego("beyond", 0.9), ego("never", 0.0)];
+        let (egos, known): (Vec<_>, Vec<_>) = all.into_iter().unzip();
+        let lines = economy(1_900.0, &egos, &known);
+        let seen: Vec<_> = lines
+            .iter()
+            .map(|l| (l.ego.as_deref(), l.once, l.search, l.matched, l.starts))
+            .collect();
+        // (1900 + 100) / (21 − 1), 2000 / (41 − 1), (1900 + 200) / (62 − 2).
+        assert_eq!(
+            seen,
+            [
+                (Some("matched"), 2_000.0, 21.0, true, Some(100.0)),
+                (Some("beyond"), 2_000.0, 41.0, false, Some(50.0)),
+                (None, 2_100.0, 62.0, false, Some(35.0)),
+            ]
+        );
+    }
+}
