@@ -37,7 +37,7 @@ pub use eval::{
 };
 pub use extreme::extreme;
 pub use heuristic::{Heuristic, tune_heuristic};
-pub use identify::{Identified, IdentifyError, IdentifyRequest, identify};
+pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
 pub use milestones::{Milestone, milestones};
 pub use near::{Alumnus, NearFailing, NearRow, near_starts, near_starts_markdown};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};

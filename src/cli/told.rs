@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use super::{Failure, NamedEgo, failure, talk};
-use crate::campaign::{IdentifyRequest, Watch, identify, other_members};
+use crate::campaign::{IdentifyRequest, Watch, identify, is_telling, other_members};
 use crate::rl::Policy;
 use crate::run::{IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family, Member, Scenario};
+use crate::sim::PlantKind;
 
 /// Runs that are recorded of each ego for `--params identified`.
 pub(super) const RECORDED_RUNS: usize = 10;
@@ -106,8 +107,8 @@ pub(super) fn playing(
                 nominal()
             }
         },
-        Params::Identified => (identified(&world, ego, seed, watch)?, "identified"),
-        Params::File(file, egos) => (in_file(family, ego, file, egos)?, "identified"),
+        Params::Identified => identified(&world, family, ego, seed, watch)?,
+        Params::File(file, egos) => in_file(family, ego, file, egos)?,
     };
     Ok(Playing {
         policy: run.policy_told(&member)?,
@@ -118,10 +119,11 @@ pub(super) fn playing(
 
 fn identified(
     world: &Scenario,
+    family: &Family,
     ego: &NamedEgo,
     seed: u64,
     watch: &Watch<'_>,
-) -> Result<Member, Failure> {
+) -> Result<(Member, &'static str), Failure> {
     let request = IdentifyRequest {
         world,
         ego: &ego.scenario,
@@ -136,19 +138,11 @@ fn identified(
     let found = identify(&request, &quiet)?;
     let Some(found) = found else {
         // Stopped: no row of this ego will be finished either.
-        let plant = ego.scenario.plant().plant();
-        let nominal = world.family().zip(plant);
-        return nominal
-            .map(|(family, plant)| family.nominal(plant))
-            .ok_or_else(|| Failure::fault("a conditional ado without a family", None));
+        return Ok((family.nominal(plant_of(ego)?), "nominal"));
     };
-    if !found.explains() {
-        talk::say(&format!(
-            "`{}` is told its nearest member, {:.2} m away in {} runs: it is none of the family",
-            ego.name, found.residual_m, found.recorded
-        ));
-    }
-    Ok(found.member)
+    let (member, told) = found.told(family);
+    say_stranger(ego, told, found.explains(), found.residual_m);
+    Ok((member, told))
 }
 
 fn in_file(
@@ -156,7 +150,7 @@ fn in_file(
     ego: &NamedEgo,
     file: &str,
     egos: &IdentifiedEgos,
-) -> Result<Member, Failure> {
+) -> Result<(Member, &'static str), Failure> {
     let Some(found) = egos.egos.get(&ego.name) else {
         let known: Vec<&str> = egos.egos.keys().map(String::as_str).collect();
         return Err(Failure::input(
@@ -164,14 +158,39 @@ fn in_file(
             format!("it holds those of: {}", known.join(", ")),
         ));
     };
-    let plant = ego.scenario.plant().plant();
-    let plant = plant.ok_or_else(|| Failure::fault("an ego on no plant", None))?;
-    family
+    let plant = plant_of(ego)?;
+    let member = family
         .member_named(&found.parameters, plant)
         .map_err(|error| {
             Failure::input(
                 format!("`{file}`, ego `{}`: {error}", ego.name),
                 "it was made with another family: identify the ego again with this run",
             )
-        })
+        })?;
+    let told = match is_telling(found.explains, found.residual_m, found.nominal_residual_m) {
+        true => (member, "identified"),
+        false => (family.nominal(plant), "nominal"),
+    };
+    say_stranger(ego, told.1, found.explains, found.residual_m);
+    Ok(told)
+}
+
+fn plant_of(ego: &NamedEgo) -> Result<PlantKind, Failure> {
+    let plant = ego.scenario.plant().plant();
+    plant.ok_or_else(|| Failure::fault("an ego on no plant", None))
+}
+
+/// Says of an ego that no member explains what the ado is told instead.
+fn say_stranger(ego: &NamedEgo, told: &str, explains: bool, residual_m: f64) {
+    if explains {
+        return;
+    }
+    let what = match told {
+        "identified" => "the ado is told its nearest member",
+        _ => "which says nothing of it: the ado is told the nominal values",
+    };
+    talk::say(&format!(
+        "`{}` is none of the family, its nearest member is {residual_m:.2} m away; {what}",
+        ego.name
+    ));
 }

@@ -27,6 +27,9 @@ use crate::sim::PlantKind;
 
 /// Independent fits, to see whether they agree.
 const REFITS: u64 = 3;
+/// Share of the nominal residual up to which a member says something of an ego
+/// that it does not explain.
+const TELLING: f64 = 0.5;
 /// A member explains an ego that it follows as closely as this, on top of the
 /// ego's own noise: about the depth of a violation between two cars.
 const CLOSE_M: f64 = 0.1;
@@ -79,10 +82,29 @@ impl Identified {
         self.residual_m <= self.bound_m()
     }
 
+    /// What a conditional ado is to be told of the ego: the member, or the
+    /// nominal values if it says nothing of the ego ([`is_telling`]).
+    pub fn told(&self, family: &Family) -> (Member, &'static str) {
+        match is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
+            true => (self.member.clone(), "identified"),
+            false => (family.nominal(self.member.plant), "nominal"),
+        }
+    }
+
     /// The residual up to which a member explains the ego.
     pub fn bound_m(&self) -> f64 {
         CLOSE_M + self.noise_m
     }
+}
+
+/// Whether a member says something of an ego: it explains it, or strays from
+/// it by at most half of what the nominal ego does.
+///
+/// The nearest member of a family that an ego is none of may be far from it; an
+/// ado that is told such a one does worse than one that takes the ego for the
+/// nominal one.
+pub fn is_telling(explains: bool, residual_m: f64, nominal_residual_m: f64) -> bool {
+    explains || residual_m <= TELLING * nominal_residual_m
 }
 
 /// An ego could not be identified.

@@ -225,9 +225,10 @@ impl<'a> ReuseStudy<'a> {
             starts: &self.starts,
             watch,
         };
+        let (member, told) = identified.told(self.family);
         let mut rows = Vec::new();
         for trio in &self.trios {
-            rows.extend(player.ados(trio, self.family, &identified.member, self.asked.tries)?);
+            rows.extend(player.ados(trio, self.family, (&member, told), self.asked.tries)?);
         }
         if relation == Relation::Inside {
             let Some(left_out) = self.left_out(&player, &identified.member, &rows)? else {
@@ -282,7 +283,8 @@ impl<'a> ReuseStudy<'a> {
     /// The conditional ados where identification knows all of the family's
     /// quantities but one, for each of them in turn.
     ///
-    /// Where the ego is nominal in the one, nothing is lost with it: then they
+    /// They are told the nearest member, however far it is: the ego is of the
+    /// family. Where it is nominal in the one, nothing is lost with it: then they
     /// are told the same as ever, and their rows among `told` are the rows.
     fn left_out(
         &self,
@@ -312,7 +314,7 @@ impl<'a> ReuseStudy<'a> {
                 Err(error) => return Err(error),
             };
             for trio in &self.trios {
-                rows.push(player.conditional(&ado, trio, &member)?);
+                rows.push(player.conditional(&ado, trio, (&member, "identified"))?);
             }
         }
         Ok(Some(rows))

@@ -24,26 +24,26 @@ impl Player<'_> {
         &self,
         trio: &Trio,
         family: &Family,
-        member: &Member,
+        (member, told): (&Member, &str),
         tries: u64,
     ) -> Result<Vec<Row>, RunError> {
         let seed = trio.conditional.manifest().seed;
-        let told = trio.conditional.policy_told(member)?;
+        let policy = trio.conditional.policy_told(member)?;
         let others = other_members(&trio.conditional, family, member.plant)?;
         let tried = Tries {
-            request: self.request(Ado::Trained(&*told, seed)),
-            policy: &*told,
+            request: self.request(Ado::Trained(&*policy, seed)),
+            policy: &*policy,
             others: &others,
             tries,
         };
         let mut rows = vec![
             self.trained("nominal ado", &*trio.nominal.policy()?, seed),
             self.trained("wide", &*trio.wide.policy()?, seed),
-            self.conditional(CONDITIONAL, trio, member)?,
-            identified(called(
-                CONDITIONAL_TRIES,
-                tried.run(self.watch).evaluated.row,
-            )),
+            self.conditional(CONDITIONAL, trio, (member, told))?,
+            Row {
+                told: Some(told.to_owned()),
+                ..called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row)
+            },
         ];
         rows[1].method = "dqn, wide".to_owned();
         Ok(rows)
@@ -54,11 +54,14 @@ impl Player<'_> {
         &self,
         word: &str,
         trio: &Trio,
-        member: &Member,
+        (member, told): (&Member, &str),
     ) -> Result<Row, RunError> {
         let seed = trio.conditional.manifest().seed;
-        let told = trio.conditional.policy_told(member)?;
-        Ok(identified(self.trained(word, &*told, seed)))
+        let policy = trio.conditional.policy_told(member)?;
+        Ok(Row {
+            told: Some(told.to_owned()),
+            ..self.trained(word, &*policy, seed)
+        })
     }
 
     /// The rows of everybody who was not trained.
@@ -111,14 +114,6 @@ impl Player<'_> {
             starts: self.starts,
         };
         search(&request, self.watch)
-    }
-}
-
-/// The row of an ado that was told what identification found.
-fn identified(row: Row) -> Row {
-    Row {
-        told: Some("identified".to_owned()),
-        ..row
     }
 }
 

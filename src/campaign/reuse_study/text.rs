@@ -1,6 +1,7 @@
 //! The study of reuse as Markdown.
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
+use crate::campaign::identify::is_telling;
 use crate::campaign::reuse::{ReusedOn, Summary};
 use crate::run::Row;
 
@@ -90,7 +91,10 @@ fn known_markdown(study: &ReuseStudied) -> String {
         text.push_str(&format!(
             "| {} | {} | {} | {:.2} ({:.2}) | {} | {} |\n",
             known.ego,
-            known.taken_for,
+            match is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
+                true => &known.taken_for,
+                false => "the nominal ego",
+            },
             if known.explained { "yes" } else { "no" },
             known.residual_m,
             known.nominal_residual_m,
