@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use brakecheck::campaign::{
-    Ado, EvalRequest, IdentifyRequest, Tries, Watch, eval, identify, test_starts, train,
+    Ado, EvalRequest, Identified, IdentifyRequest, Tries, Watch, eval, identify, test_starts, train,
 };
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::rl::{Control, Policy};
@@ -312,7 +312,7 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
 #[test]
 fn an_ego_of_another_kind_is_not_explained() {
     let world = acc().on(PlantKind::Kinematic);
-    let ego = world.with(&world.reuse["idm"]).expect("it fits");
+    let ego = world.with(&world.reuse["aeb"]).expect("it fits");
     let request = IdentifyRequest {
         world: &world,
         ego: &ego.on(PlantKind::Kinematic),
@@ -324,6 +324,21 @@ fn an_ego_of_another_kind_is_not_explained() {
         .expect("sound")
         .expect("not stopped");
     assert!(!found.explains(), "{found:?}");
+    // Its nearest member says nothing of it: an ado takes it for the nominal ego.
+    let family = family(&world);
+    assert!(
+        0.5 * found.nominal_residual_m < found.residual_m,
+        "{found:?}"
+    );
+    let nominal = family.nominal(PlantKind::Kinematic);
+    assert_eq!(found.told(family), (nominal.clone(), "nominal"));
+    // One that halves the residual says something, explained or not.
+    let nearer = Identified {
+        nominal_residual_m: 2.5 * found.residual_m,
+        ..found.clone()
+    };
+    assert!(!nearer.explains() && nearer.member != nominal);
+    assert_eq!(nearer.told(family), (found.member.clone(), "identified"));
     let fixed = ["kp".to_owned()];
     let error = identify(
         &IdentifyRequest {
