@@ -225,17 +225,22 @@ fn first(starts: &TestStarts, count: usize) -> TestStarts {
 
 /// The trained ado's simulations beside those of every search of the nominal ego.
 fn costs(report: &Report<'_>, evens: Vec<BreakEven>) -> Vec<Cost> {
-    let nominal = report.nominal.as_ref();
-    let trained = nominal.map(|nominal| Cost {
+    let evens: Vec<BreakEven> = evens
+        .into_iter()
+        .filter(|even| even.ego == "nominal")
+        .collect();
+    // On the starts of the first search: a rate on others is no comparison.
+    let trained = evens.first().map(|even| Cost {
         name: "trained ado".to_owned(),
         fixed: report.manifest.episodes as f64,
         per_start: 1.0,
-        solves: nominal.row.success_rate,
+        solves: even.ado.success_rate,
+        matched: true,
         anytime: Vec::new(),
     });
-    let searches = evens.into_iter().filter(|even| even.ego == "nominal");
-    let searches = searches.map(|even| Cost {
+    let searches = evens.into_iter().map(|even| Cost {
         fixed: 0.0,
+        matched: even.matched,
         per_start: even.search.simulations,
         solves: even.search.success_rate,
         anytime: even

@@ -95,6 +95,9 @@ pub struct Cost {
     pub per_start: f64,
     /// Share of the starts that it solves so.
     pub solves: f64,
+    /// Whether that is as many as the trained ado solves; if not, equal success
+    /// would cost it more, and the break-even is a bound.
+    pub matched: bool,
     /// Share that it solves with so many simulations per start; may be empty.
     pub anytime: Vec<(f64, f64)>,
 }

@@ -196,7 +196,7 @@ pub(super) fn costs(costs: &[Cost]) -> Markup {
     });
     let marks = even.iter().map(|(n, other)| Mark {
         at: *n,
-        word: format!("{n:.0} ({})", other.name),
+        word: format!("{} ({})", in_starts(*n, other), other.name),
     });
     let reached = costs.iter().enumerate().map(|(nth, cost)| Curve {
         name: cost.name.clone(),
@@ -233,10 +233,16 @@ pub(super) fn costs(costs: &[Cost]) -> Markup {
             tbody { @for cost in costs { tr {
                 td { (cost.name) } td class="n" { (format!("{:.0}", cost.fixed)) }
                 td class="n" { (format!("{:.1}", cost.per_start)) } td class="n" { (percent(cost.solves)) }
-                td class="n" { (costs.first().and_then(|first| break_even(first, cost)).map_or("–".to_owned(), |n| format!("{n:.0}"))) }
+                td class="n" { (costs.first().and_then(|first| break_even(first, cost)).map_or("–".to_owned(), |n| in_starts(n, cost))) }
             } } }
         } }
     }
+}
+
+/// A break-even in words: a bound where the search solves less than the ado.
+fn in_starts(starts: f64, search: &Cost) -> String {
+    let bound = if search.matched { "" } else { "at most " };
+    format!("{bound}{starts:.0}")
 }
 
 impl Cost {

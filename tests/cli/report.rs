@@ -228,3 +228,32 @@ fn the_figures_of_the_paper_are_drawn_from_our_worlds() {
         read(&format!("{out}/figure-3.svg")).contains("breaks `stays ahead until it overlaps`")
     );
 }
+
+#[test]
+fn a_break_even_is_compared_on_its_own_starts_and_says_when_it_is_a_bound() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let mut search = vec!["search", &run, "--method", "hold", "--budget", "2"];
+    search.extend(["--starts", "30", "--plant", "kinematic", "--json"]);
+    let searched = brakecheck(&search);
+    assert_eq!(code(&searched), 0, "{}", stderr(&searched));
+    let even = json(&searched)["break_even"][0].clone();
+    assert_eq!(even["matched"], false, "two simulations are few: {even}");
+    let rows = path(&dir, "rows.json");
+    std::fs::write(&rows, &searched.stdout).expect("written");
+    let reported = brakecheck(&["report", &run, "--starts", "50", "--rows", &rows]);
+    assert_eq!(code(&reported), 0, "{}", stderr(&reported));
+    let page = read(&format!("{run}/report.html"));
+    well_formed(&page);
+    let costs = &page[page.find("What it costs").expect("the costs")..];
+    let percent = |of: &str| {
+        let share = even[of]["success_rate"].as_f64().expect("a rate");
+        format!("{:.1} %", 100.0 * share)
+    };
+    for of in ["ado", "search"] {
+        assert!(costs.contains(&percent(of)), "{of}: {}", percent(of));
+    }
+    let starts = even["starts"].as_f64().expect("starts");
+    assert!(costs.contains(&format!("at most {starts:.0}")), "{starts}");
+}
