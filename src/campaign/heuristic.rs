@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use super::Watch;
 use super::break_even::Cost;
+use super::entropy::normal;
 use super::eval::HOLD_DECISIONS;
 use crate::rl::Policy;
 use crate::scenario::Scenario;
@@ -338,10 +339,4 @@ pub(super) fn pick(shares: &[f64], rng: &mut ChaCha8Rng) -> usize {
         left < 0.0
     });
     below.unwrap_or(shares.len() - 1)
-}
-
-/// A standard normal number (Box and Muller 1958).
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-    libm::sqrt(-2.0 * libm::log(u)) * libm::cos(core::f64::consts::TAU * v)
 }

@@ -3,10 +3,12 @@
 //! Everything here runs in parallel per episode and gives the same rows for any
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
+mod adapt;
 mod against;
 mod behaviours;
 mod break_even;
 mod case_studies;
+mod entropy;
 mod eval;
 mod extreme;
 mod heuristic;
@@ -26,6 +28,9 @@ mod theorems;
 mod train;
 mod tries;
 
+pub use adapt::{
+    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, MOST_SIMULATIONS, adapt,
+};
 pub use behaviours::{
     FigureError, Shown, start_with, three_merges, two_at_the_light, two_behaviours,
 };
@@ -45,8 +50,8 @@ pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, repla
 pub use retrained::retrained;
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub use reuse_study::{
-    CONDITIONAL, CONDITIONAL_TRIES, Economy, Known, Met, ReuseAsked, ReuseError, ReuseStudied,
-    ReuseStudy, reuse_markdown,
+    ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, Known, Met, ReuseAsked, ReuseError,
+    ReuseStudied, ReuseStudy, reuse_markdown,
 };
 pub use search::{Cem, Found, Method, SearchRequest, Searched, anytime, search};
 pub use table1::{

@@ -45,12 +45,12 @@ pub fn other_members(
             seed: 0,
             index,
         };
-        run.policy_told(&Member {
+        Member {
             plant,
             ..family.draw(&run.manifest().world, key)
-        })
+        }
     });
-    others.collect()
+    run.policies_told(&others.collect::<Vec<_>>())
 }
 
 /// An ado that may try a start several times.

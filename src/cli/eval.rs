@@ -42,9 +42,9 @@ pub(super) struct EvalArgs {
     #[arg(long, value_name = "M")]
     search: Option<usize>,
     /// What a conditional ado is told of each ego: its nominal or its true
-    /// parameters, those identified from recorded runs, or those of a file that
-    /// `identify` wrote.
-    #[arg(long, value_name = "nominal|true|identified|P.ron")]
+    /// parameters, those identified from recorded runs, those adapted by how the
+    /// ado then fares, or those of a file that `identify` wrote.
+    #[arg(long, value_name = "nominal|true|identified|adapted|P.ron")]
     params: Option<String>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]

@@ -6,13 +6,15 @@ use clap::Args;
 use indexmap::IndexMap;
 use serde_json::json;
 
-use super::told::RECORDED_RUNS;
+use super::told::{RECORDED_RUNS, adapted};
 use super::{
     Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
     table_of, talk,
 };
-use crate::campaign::{Identified, IdentifyRequest, identify};
-use crate::run::{IdentifiedEgo, IdentifiedEgos, RunDir};
+use crate::campaign::{
+    Adapted, Identified, IdentifyRequest, LEAST_SIMULATIONS, MOST_SIMULATIONS, identify,
+};
+use crate::run::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family};
 
 #[derive(Args, Debug)]
@@ -28,6 +30,10 @@ pub(super) struct IdentifyArgs {
     /// A quantity that stays nominal, as if the family did not vary it; repeatable.
     #[arg(long, value_name = "NAME")]
     leave_out: Vec<String>,
+    /// Then look for what the ado is best told, by how it fares, with at most so
+    /// many simulations of the ego (200 to 10000; 600 are usual).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(LEAST_SIMULATIONS..=MOST_SIMULATIONS))]
+    adapt: Option<u64>,
     /// The physics to record in, instead of the run's.
     #[arg(long)]
     plant: Option<PlantArg>,
@@ -76,6 +82,39 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
         };
         bar.aside(|| show(args, family, ego, &found))?;
         file.egos.insert(ego.name.clone(), kept(family, &found));
+        let Some(simulations) = args.adapt else {
+            continue;
+        };
+        bar.now(format!("adapting: {}", ego.name));
+        let (first, told) = found.told(family);
+        let budget = (simulations, seed);
+        let Some(adapted) = adapted(&run, family, ego, &first, budget, &watch)? else {
+            talk::say(&format!(
+                "`{}` is kept as identified, not adapted",
+                ego.name
+            ));
+            break;
+        };
+        bar.aside(|| show_adapted(args, family, ego, (&adapted, told)))?;
+        if let Some(kept) = file.egos.get_mut(&ego.name) {
+            kept.adapted = Some(AdaptedEgo {
+                policy_sha256: manifest.policy_sha256.clone().unwrap_or_default(),
+                parameters: named(family, &adapted.member.values),
+                others: adapted
+                    .others
+                    .iter()
+                    .map(|member| named(family, &member.values))
+                    .collect(),
+                is_better: adapted.is_better,
+                otherwise: told.to_owned(),
+                success_rate: adapted.success_rate,
+                otherwise_success_rate: adapted.first_success_rate,
+                starts: adapted.starts,
+                tried: adapted.tried,
+                simulations: adapted.simulations,
+                invalid: adapted.invalid,
+            });
+        }
     }
     drop(bar);
     if file.egos.is_empty() {
@@ -121,7 +160,44 @@ fn kept(family: &Family, found: &Identified) -> IdentifiedEgo {
         refits_m: found.refits_m.clone(),
         recorded: found.recorded,
         simulations: found.simulations,
+        adapted: None,
     }
+}
+
+fn show_adapted(
+    args: &IdentifyArgs,
+    family: &Family,
+    ego: &NamedEgo,
+    (adapted, otherwise): (&Adapted, &str),
+) -> Result<(), Failure> {
+    if args.common.json {
+        return Ok(());
+    }
+    let rate = |share: f64| format!("{:.1} %", 100.0 * share);
+    let found = match adapted.is_better {
+        true => format!(
+            "is best told {}\n({} of the {} starts of the last race solved, {} told the \
+             {otherwise} parameters;",
+            family.in_words(&adapted.member),
+            rate(adapted.success_rate),
+            adapted.starts,
+            rate(adapted.first_success_rate)
+        ),
+        false => format!(
+            "is told the {otherwise} parameters: none is clearly better\n({} of the {} starts of \
+             the last race solved;",
+            rate(adapted.success_rate),
+            adapted.starts
+        ),
+    };
+    let invalid = match adapted.invalid {
+        0 => String::new(),
+        failed => format!(", in {failed} of which it failed to run"),
+    };
+    talk::data(&format!(
+        "{}: the ado {found} {} members tried in {} runs of the ego{invalid})\n",
+        ego.name, adapted.tried, adapted.simulations
+    ))
 }
 
 fn show(

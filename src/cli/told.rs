@@ -3,12 +3,17 @@
 use std::path::Path;
 
 use super::{Failure, NamedEgo, failure, talk};
-use crate::campaign::{IdentifyRequest, Watch, identify, is_telling, other_members};
+use crate::campaign::{
+    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, IdentifyRequest, Watch, adapt, identify, is_telling,
+    other_members,
+};
 use crate::rl::Policy;
 use crate::run::{IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family, Member, Scenario};
 use crate::sim::PlantKind;
 
+/// Other members that an ado plays as in its further tries.
+const OTHERS: usize = 15;
 /// Runs that are recorded of each ego for `--params identified`.
 pub(super) const RECORDED_RUNS: usize = 10;
 
@@ -20,6 +25,8 @@ pub(super) enum Params {
     True,
     /// Each ego is identified from recorded runs.
     Identified,
+    /// The same, and then adapted by how the ado fares.
+    Adapted,
     /// From a file that `identify` wrote.
     File(String, IdentifiedEgos),
 }
@@ -54,6 +61,7 @@ impl Params {
             "nominal" => Params::Nominal,
             "true" => Params::True,
             "identified" => Params::Identified,
+            "adapted" => Params::Adapted,
             file if file.ends_with(".ron") => {
                 let path = Path::new(file);
                 if !path.is_file() {
@@ -70,7 +78,7 @@ impl Params {
             }
             other => {
                 return Err(Failure::input(
-                    format!("`--params {other}` is none of nominal, true, identified"),
+                    format!("`--params {other}` is none of nominal, true, identified, adapted"),
                     "name one of them, or a RON file that `brakecheck identify -o` wrote",
                 ));
             }
@@ -98,23 +106,72 @@ pub(super) fn playing(
         return Err(Failure::fault("a conditional ado without a family", None));
     };
     let nominal = || (family.nominal(spec.plant), "nominal");
-    let (member, told) = match params {
-        Params::Nominal => nominal(),
-        Params::True => match family.member_of(spec) {
+    let (members, told) = match params {
+        Params::Nominal => alone(nominal()),
+        Params::True => alone(match family.member_of(spec) {
             Ok(member) => (member, "true"),
             Err(error) => {
                 talk::say(&format!("`{}`: {error}; told the nominal values", ego.name));
                 nominal()
             }
-        },
-        Params::Identified => identified(&world, family, ego, seed, watch)?,
-        Params::File(file, egos) => in_file(family, ego, file, egos)?,
+        }),
+        Params::Identified => alone(identified(&world, family, ego, seed, watch)?),
+        Params::Adapted => {
+            let (first, told) = identified(&world, family, ego, seed, watch)?;
+            let budget = (ENOUGH_SIMULATIONS, seed);
+            match adapted(run, family, ego, &first, budget, &quiet(watch))? {
+                Some(found) => {
+                    say_adapted(family, ego, &found, told);
+                    let members = std::iter::once(found.member).chain(found.others);
+                    (members.collect(), "adapted")
+                }
+                // Stopped: no row of this ego will be finished either.
+                None => (vec![first], told),
+            }
+        }
+        Params::File(file, egos) => in_file(run, family, ego, file, egos)?,
     };
+    let mut policies = run.policies_told(&members)?.into_iter();
+    let Some(policy) = policies.next() else {
+        return Err(Failure::fault(
+            "a conditional ado that is told nothing",
+            None,
+        ));
+    };
+    let mut others: Vec<_> = policies.collect();
+    others.extend(other_members(run, family, spec.plant)?);
+    others.truncate(OTHERS);
     Ok(Playing {
-        policy: run.policy_told(&member)?,
-        others: other_members(run, family, spec.plant)?,
+        policy,
+        others,
         told: Some(told),
     })
+}
+
+/// One member only.
+fn alone((member, told): (Member, &'static str)) -> (Vec<Member>, &'static str) {
+    (vec![member], told)
+}
+
+/// What the ado is best told of an ego, by how it fares with so many
+/// simulations of a seed. `None`: stopped.
+pub(super) fn adapted(
+    run: &RunDir,
+    family: &Family,
+    ego: &NamedEgo,
+    first: &Member,
+    (simulations, seed): (u64, u64),
+    watch: &Watch<'_>,
+) -> Result<Option<Adapted>, Failure> {
+    let request = AdaptRequest {
+        run,
+        family,
+        ego: &ego.scenario,
+        first,
+        simulations,
+        seed,
+    };
+    Ok(adapt(&request, watch)?)
 }
 
 fn identified(
@@ -131,11 +188,7 @@ fn identified(
         seed,
         fixed: &[],
     };
-    let quiet = Watch {
-        progress: &|_, _| {},
-        stop: watch.stop,
-    };
-    let found = identify(&request, &quiet)?;
+    let found = identify(&request, &quiet(watch))?;
     let Some(found) = found else {
         // Stopped: no row of this ego will be finished either.
         return Ok((family.nominal(plant_of(ego)?), "nominal"));
@@ -146,11 +199,12 @@ fn identified(
 }
 
 fn in_file(
+    run: &RunDir,
     family: &Family,
     ego: &NamedEgo,
     file: &str,
     egos: &IdentifiedEgos,
-) -> Result<(Member, &'static str), Failure> {
+) -> Result<(Vec<Member>, &'static str), Failure> {
     let Some(found) = egos.egos.get(&ego.name) else {
         let known: Vec<&str> = egos.egos.keys().map(String::as_str).collect();
         return Err(Failure::input(
@@ -159,25 +213,57 @@ fn in_file(
         ));
     };
     let plant = plant_of(ego)?;
-    let member = family
-        .member_named(&found.parameters, plant)
-        .map_err(|error| {
+    let named = |values| {
+        family.member_named(values, plant).map_err(|error| {
             Failure::input(
                 format!("`{file}`, ego `{}`: {error}", ego.name),
                 "it was made with another family: identify the ego again with this run",
             )
-        })?;
+        })
+    };
+    let member = named(&found.parameters)?;
+    if let Some(adapted) = &found.adapted {
+        // Another policy may be best told something else.
+        if run.manifest().policy_sha256.as_deref() == Some(&*adapted.policy_sha256) {
+            let members = std::iter::once(&adapted.parameters).chain(&adapted.others);
+            return Ok((members.map(named).collect::<Result<_, _>>()?, "adapted"));
+        }
+        talk::say(&format!(
+            "`{}` in `{file}` was adapted to another policy: here the ado is told what was identified",
+            ego.name
+        ));
+    }
     let told = match is_telling(found.explains, found.residual_m, found.nominal_residual_m) {
         true => (member, "identified"),
         false => (family.nominal(plant), "nominal"),
     };
     say_stranger(ego, told.1, found.explains, found.residual_m);
-    Ok(told)
+    Ok(alone(told))
 }
 
 fn plant_of(ego: &NamedEgo) -> Result<PlantKind, Failure> {
     let plant = ego.scenario.plant().plant();
     plant.ok_or_else(|| Failure::fault("an ego on no plant", None))
+}
+
+/// Stops with `watch`, but leaves its progress alone.
+fn quiet<'a>(watch: &Watch<'a>) -> Watch<'a> {
+    Watch {
+        progress: &|_, _| {},
+        stop: watch.stop,
+    }
+}
+
+/// Says what an ado is told of an ego, and what it cost to know.
+fn say_adapted(family: &Family, ego: &NamedEgo, found: &Adapted, otherwise: &str) {
+    let told = match found.is_better {
+        true => family.in_words(&found.member),
+        false => format!("the {otherwise} parameters, none being clearly better"),
+    };
+    talk::say(&format!(
+        "`{}`: the ado is told {told} (once, after {} simulations of the ego)",
+        ego.name, found.simulations
+    ));
 }
 
 /// Says of an ego that no member explains what the ado is told instead.

@@ -184,7 +184,8 @@ impl Dqn {
         Dqn::around(config, spaces, online, dice)
     }
 
-    /// A learner that starts from the weights of a kept policy.
+    /// A learner that starts from the network of a kept policy, whatever
+    /// `hidden` says.
     ///
     /// # Errors
     /// When the bundle is no policy of this kind and shape.
@@ -195,10 +196,11 @@ impl Dqn {
         policy: &Bundle,
     ) -> Result<Dqn, BundleError> {
         let net = QPolicy::load(policy)?.net;
+        let expected = [spaces.observation, spaces.actions];
         expect_sizes(
-            "the policy's layer sizes",
-            &net.sizes(),
-            &config.sizes(spaces),
+            "the policy's observation and actions",
+            &net.ends(),
+            &expected,
         )?;
         Ok(Dqn::around(config, spaces, net, Dice::new(seed)))
     }
@@ -214,10 +216,11 @@ impl Dqn {
     ) -> Result<Dqn, BundleError> {
         expect_kind(bundle, CHECKPOINT)?;
         let online = Mlp::load("online", bundle)?;
+        let expected = [spaces.observation, spaces.actions];
         expect_sizes(
-            "the checkpoint's layer sizes",
-            &online.sizes(),
-            &config.sizes(spaces),
+            "the checkpoint's observation and actions",
+            &online.ends(),
+            &expected,
         )?;
         let mut dqn = Dqn::around(config, spaces, online, Dice::restore(bundle)?);
         let target = dqn.online.load_as("target", bundle)?;

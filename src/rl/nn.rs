@@ -114,10 +114,10 @@ impl Mlp {
         &mut self.parameters
     }
 
-    /// Inputs, hidden widths, outputs.
-    pub fn sizes(&self) -> Vec<usize> {
-        let outputs = self.layers.iter().map(|layer| layer.outputs);
-        std::iter::once(self.inputs()).chain(outputs).collect()
+    /// Inputs and outputs.
+    pub fn ends(&self) -> [usize; 2] {
+        let outputs = self.layers.last().map_or(0, |layer| layer.outputs);
+        [self.inputs(), outputs]
     }
 
     /// Writes the parameters as `prefix/0/bias`, `prefix/0/weight`, ….

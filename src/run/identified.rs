@@ -52,6 +52,37 @@ pub struct IdentifiedEgo {
     pub recorded: u64,
     /// Runs simulated of members of the family.
     pub simulations: u64,
+    /// What the ado is better told, if that was looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub adapted: Option<AdaptedEgo>,
+}
+
+/// What a conditional ado is best told of an ego, by how it fared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdaptedEgo {
+    /// SHA-256 of the policy it was found for.
+    pub policy_sha256: String,
+    /// What the ado is best told: a value for every quantity of the family.
+    pub parameters: IndexMap<String, f64>,
+    /// What is worth a further try.
+    pub others: Vec<IndexMap<String, f64>>,
+    /// Whether these are other parameters than it would be told otherwise.
+    pub is_better: bool,
+    /// What it would be told otherwise: `identified` or `nominal` parameters.
+    pub otherwise: String,
+    /// Share of `starts` that the ado solves when it is told `parameters`.
+    pub success_rate: f64,
+    /// The same when it is told what it would be otherwise.
+    pub otherwise_success_rate: f64,
+    /// Starts of the last race, by which both were compared.
+    pub starts: u64,
+    /// Members tried.
+    pub tried: usize,
+    /// Runs of the ego simulated.
+    pub simulations: u64,
+    /// Those among them in which the ego failed to run.
+    pub invalid: u64,
 }
 
 /// A file of identified egos could not be used.
@@ -102,11 +133,17 @@ impl IdentifiedEgos {
         if read.format != FORMAT {
             return Err(format(format!("format {} is not {FORMAT}", read.format)));
         }
-        let mut values = read.egos.values().flat_map(|ego| ego.parameters.values());
-        match values.all(|value| value.is_finite()) {
-            true => Ok(read),
-            false => Err(format("a value in it is not finite".to_owned())),
+        for (name, ego) in &read.egos {
+            let adapted = ego.adapted.iter();
+            let mut values = adapted
+                .flat_map(|adapted| adapted.others.iter().chain([&adapted.parameters]))
+                .chain([&ego.parameters])
+                .flat_map(|member| member.values());
+            if values.any(|value| !value.is_finite()) {
+                return Err(format(format!("a value of `{name}` is not finite")));
+            }
         }
+        Ok(read)
     }
 
     /// Writes it.

@@ -36,7 +36,7 @@ use std::path::{Path, PathBuf};
 pub use disk::{file_name, write_file};
 pub use error::RunError;
 pub use finished::Finished;
-pub use identified::{IdentifiedEgo, IdentifiedEgos, IdentifiedError};
+pub use identified::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, IdentifiedError};
 pub use interval::{mean_difference, paired_difference, two_level_bootstrap, wilson};
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Manifest};
@@ -46,9 +46,8 @@ pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
-use crate::scenario::{Against, LoadError, Member, Scenario};
+use crate::scenario::{Against, LoadError, Scenario};
 use disk::{io_error, is_taken, lock, settings_of, sha256};
-use told::Told;
 
 /// Version of the layout; another one is refused.
 const FORMAT: u32 = 1;
@@ -234,28 +233,15 @@ impl RunDir {
                 names: self.manifest.told.clone(),
             });
         }
-        self.shaped_policy(&self.scenario()?)
+        self.shaped_policy(&self.scenario()?, &self.policy_bundle()?)
     }
 
-    /// The trained ado; a conditional one is told that it meets `member`.
-    ///
-    /// # Errors
-    /// There is none yet, or its file is damaged.
-    pub fn policy_told(&self, member: &Member) -> Result<Box<dyn Policy>, RunError> {
-        let scenario = self.scenario()?;
-        let policy = self.shaped_policy(&scenario)?;
-        Ok(match (scenario.against, scenario.family()) {
-            (Against::Conditional, Some(family)) => Box::new(Told {
-                policy,
-                told: family.told(member),
-            }),
-            _ => policy,
-        })
-    }
-
-    fn shaped_policy(&self, scenario: &Scenario) -> Result<Box<dyn Policy>, RunError> {
-        let bundle = self.policy_bundle()?;
-        load_policy_for(&scenario.spaces(), &bundle).map_err(self.damaged("policy.safetensors"))
+    fn shaped_policy(
+        &self,
+        scenario: &Scenario,
+        bundle: &Bundle,
+    ) -> Result<Box<dyn Policy>, RunError> {
+        load_policy_for(&scenario.spaces(), bundle).map_err(self.damaged("policy.safetensors"))
     }
 
     /// The trained ado as stored.

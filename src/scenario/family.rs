@@ -245,8 +245,22 @@ impl Family {
     /// The plant is not told: an ado that knows it learns each of them from
     /// its own episodes only.
     pub fn told(&self, member: &Member) -> Vec<f32> {
+        self.unit(member).iter().map(|&u| u as f32).collect()
+    }
+
+    /// A member as a point: every quantity scaled to −1 ..= 1 over its range.
+    pub fn unit(&self, member: &Member) -> Vec<f64> {
         let pairs = self.quantities.iter().zip(&member.values);
-        pairs.map(|(q, value)| q.scaled(*value) as f32).collect()
+        pairs.map(|(q, value)| q.scaled(*value)).collect()
+    }
+
+    /// The member at a point, or the one nearest to it.
+    pub fn at(&self, point: &[f64], plant: PlantKind) -> Member {
+        let pairs = self.quantities.iter().zip(point);
+        Member {
+            values: pairs.map(|(q, unit)| q.at(*unit)).collect(),
+            plant,
+        }
     }
 
     /// Names of what a conditional ado is told, in order.

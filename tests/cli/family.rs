@@ -49,7 +49,7 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     refused(&[], "must be told");
     refused(
         &["--params", "guessed"],
-        "none of nominal, true, identified",
+        "none of nominal, true, identified, adapted",
     );
     refused(&["--params", &path(&dir, "none.ron")], "there is no");
     assert_eq!(told(&["--params", "nominal"]), "nominal");
@@ -109,6 +109,58 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
         &["--params", &file, "--ego", "sporty"],
         "holds no identified egos",
     );
+
+    // An ego of no family is told what the ado fares best with.
+    let adapt = |simulations: &str| {
+        brakecheck(&[
+            "identify",
+            &run,
+            "--ego",
+            "idm",
+            "--runs",
+            "3",
+            "--adapt",
+            simulations,
+            "--plant",
+            "kinematic",
+            "-o",
+            &file,
+            "--json",
+        ])
+    };
+    let too_few = adapt("199");
+    assert_eq!(code(&too_few), 2);
+    assert!(stderr(&too_few).contains("200.."), "{}", stderr(&too_few));
+    let adapted = adapt("200");
+    assert_eq!(code(&adapted), 0, "{}", stderr(&adapted));
+    let found = &json(&adapted)["egos"]["idm"]["adapted"];
+    let spent = found["simulations"].as_u64().expect("a number");
+    assert!((160..=200).contains(&spent), "{found}");
+    let rate = |name: &str| found[name].as_f64().expect("a number");
+    assert!(
+        rate("otherwise_success_rate") - 0.2 <= rate("success_rate"),
+        "{found}"
+    );
+    let text = std::fs::read_to_string(&file).expect("the file");
+    for tries in ["1", "3"] {
+        let told = told(&["--params", &file, "--ego", "idm", "--tries", tries]);
+        assert_eq!(told, "adapted");
+    }
+    let sha = found["policy_sha256"].as_str().expect("words");
+    write(text.replace(sha, "another"));
+    let other = eval(&["--params", &file, "--ego", "idm"]);
+    assert_eq!(json(&other)["rows"][0]["told"], "nominal");
+    assert!(
+        stderr(&other).contains("another policy"),
+        "{}",
+        stderr(&other)
+    );
+    let from = text.find("others: [").expect("others");
+    let value = from + text[from..].find("\"lag_s\": ").expect("a value");
+    let end = value + text[value..].find(',').expect("its end");
+    write(format!("{}\"lag_s\": inf{}", &text[..value], &text[end..]));
+    refused(&["--params", &file, "--ego", "idm"], "not finite");
+    assert_eq!(told(&["--params", "adapted", "--ego", "idm"]), "adapted");
 
     // Fine-tuning must say the same about the family as the training.
     let tuned = path(&dir, "tuned");

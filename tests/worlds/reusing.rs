@@ -3,8 +3,8 @@
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::campaign::{
-    CONDITIONAL, CONDITIONAL_TRIES, Met, Relation, ReuseAsked, ReuseError, ReuseStudy, Watch,
-    reuse_markdown,
+    ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, Met, Relation,
+    ReuseAsked, ReuseError, ReuseStudy, Watch, reuse_markdown,
 };
 use brakecheck::scenario::{Change, Scenario};
 
@@ -27,8 +27,12 @@ fn brief() -> Scenario {
             "plants: { Kinematic: 1 }",
         )
         .replace(
-            "wide: Dqn(decisions: 5_000_000)",
-            "wide: Dqn(decisions: 6_000), conditional: Dqn(decisions: 6_000)",
+            "decisions: 5_000_000, hidden: [128, 128]",
+            "decisions: 6_000",
+        )
+        .replace(
+            "decisions: 4_000_000, hidden: [128, 128]",
+            "decisions: 6_000",
         );
     Scenario::parse("acc.ron", &text).expect("a world")
 }
@@ -90,6 +94,8 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
             false => "identified",
         };
         assert_eq!(of(CONDITIONAL).told.as_deref(), Some(told));
+        assert_eq!(of(ADAPTED).told.as_deref(), Some("adapted"));
+        assert_eq!(of(ADAPTED).sims_per_start, 1.0);
         assert!(of("search, held, 10").sims_per_start <= 10.0);
     }
     // Softer brakes that identification does not know of, and quantities in
@@ -126,6 +132,11 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
             .filter(move |sum| sum.relation == relation)
     };
     assert!(0 < blocks(Relation::Changed).count());
+    let (least, enough) = (LEAST_SIMULATIONS as f64, ENOUGH_SIMULATIONS as f64);
+    for known in &study.known {
+        assert_eq!(known.adapted.len(), 1);
+        assert!((least..=enough).contains(&known.adapting_simulations));
+    }
     let changed = blocks(Relation::Changed).find(|sum| sum.ado == CONDITIONAL);
     assert_eq!(changed.map(|sum| sum.egos), Some(2));
     assert!(changed.is_some_and(|sum| sum.reference_minus.is_none()));

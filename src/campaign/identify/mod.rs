@@ -9,7 +9,6 @@
 //! squared distance between the ego and the member, in m; a difference of
 //! 1 m/s in speed counts like 1 m.
 
-mod entropy;
 mod newton;
 mod record;
 
@@ -17,10 +16,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use self::entropy::{Fit, Search};
 use self::newton::{cost, descend};
 use self::record::{Recorded, deviations, noise_m};
 use super::Watch;
+use super::entropy::{Fit, Search};
 use crate::scenario::{Family, Member, Scenario};
 use crate::seed;
 use crate::sim::PlantKind;

@@ -3,7 +3,7 @@
 //! Cross-entropy search finds the region; a narrow valley, in which a late
 //! brake looks like a weak gain, it leaves to this.
 
-use super::entropy::Fit;
+use crate::campaign::entropy::Fit;
 
 /// Steps at most.
 const STEPS: usize = 12;

@@ -20,6 +20,7 @@ pub use economy::Economy;
 pub use text::reuse_markdown;
 
 use super::Watch;
+use super::adapt::{AdaptRequest, Adapted, ENOUGH_SIMULATIONS, adapt};
 use super::case_studies::trained_run;
 use super::eval::{TestStarts, test_starts};
 use super::heuristic::{Heuristic, tune_heuristic};
@@ -48,6 +49,9 @@ fn held_word(budget: u64) -> String {
 
 /// The conditional ado, one simulation per start.
 pub const CONDITIONAL: &str = "conditional";
+/// The conditional ado, one simulation per start, told what it fares best with
+/// on starts that are not reported.
+pub const ADAPTED: &str = "conditional, adapted";
 /// The conditional ado with a few tries.
 pub const CONDITIONAL_TRIES: &str = "conditional, tries";
 
@@ -79,6 +83,10 @@ pub struct Known {
     pub nominal_residual_m: f64,
     /// Runs simulated and recorded for it.
     pub simulations: u64,
+    /// What the conditional ado of each training seed is best told of it.
+    pub adapted: Vec<String>,
+    /// Runs of the ego simulated to learn that, mean over the training seeds.
+    pub adapting_simulations: f64,
 }
 
 /// What the study came to.
@@ -102,6 +110,8 @@ pub struct ReuseStudied {
     pub economy: Vec<Economy>,
     /// Blocks and all changed egos; differences are to the conditional ado.
     pub summary: Vec<Summary>,
+    /// The same; differences are to the adapted conditional ado.
+    pub summary_of_adapted: Vec<Summary>,
     /// The same; differences are to the conditional ado with a few tries.
     pub summary_of_tries: Vec<Summary>,
     /// All rows.
@@ -211,13 +221,15 @@ impl<'a> ReuseStudy<'a> {
         let Some(identified) = self.identified((ego, changed), &[], watch)? else {
             return Ok(None);
         };
-        let known = Known {
+        let mut known = Known {
             ego: ego.to_owned(),
             taken_for: self.family.in_words(&identified.member),
             explained: identified.explains(),
             residual_m: identified.residual_m,
             nominal_residual_m: identified.nominal_residual_m,
             simulations: identified.simulations + identified.recorded,
+            adapted: Vec::new(),
+            adapting_simulations: 0.0,
         };
         let player = Player {
             scenario: changed,
@@ -229,6 +241,12 @@ impl<'a> ReuseStudy<'a> {
         let mut rows = Vec::new();
         for trio in &self.trios {
             rows.extend(player.ados(trio, self.family, (&member, told), self.asked.tries)?);
+            let Some(found) = self.adapted(trio, changed, &member, watch)? else {
+                return Ok(None);
+            };
+            rows.push(player.conditional(ADAPTED, trio, (&found.member, "adapted"))?);
+            known.adapted.push(self.family.in_words(&found.member));
+            known.adapting_simulations += found.simulations as f64 / self.trios.len() as f64;
         }
         if relation == Relation::Inside {
             let Some(left_out) = self.left_out(&player, &identified.member, &rows)? else {
@@ -278,6 +296,25 @@ impl<'a> ReuseStudy<'a> {
             ego: ego.to_owned(),
             source,
         })
+    }
+
+    /// What a conditional ado is best told of an ego.
+    fn adapted(
+        &self,
+        trio: &Trio,
+        ego: &Scenario,
+        first: &Member,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Adapted>, ReuseError> {
+        let request = AdaptRequest {
+            run: &trio.conditional,
+            family: self.family,
+            ego,
+            first,
+            simulations: ENOUGH_SIMULATIONS,
+            seed: trio.conditional.manifest().seed,
+        };
+        Ok(adapt(&request, watch)?)
     }
 
     /// The conditional ados where identification knows all of the family's
@@ -342,6 +379,7 @@ impl<'a> ReuseStudy<'a> {
             train_cpu_s: self.train_cpu_s.clone(),
             economy: economy::economy(training, &egos, &known),
             summary: summarise(&egos, CONDITIONAL),
+            summary_of_adapted: summarise(&egos, ADAPTED),
             summary_of_tries: summarise(&egos, CONDITIONAL_TRIES),
             rows: egos.iter().flat_map(|ego| ego.rows.clone()).collect(),
             egos,

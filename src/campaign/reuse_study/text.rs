@@ -1,6 +1,6 @@
 //! The study of reuse as Markdown.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
+use super::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
 use crate::campaign::identify::is_telling;
 use crate::campaign::reuse::{ReusedOn, Summary};
 use crate::run::Row;
@@ -11,10 +11,11 @@ pub fn reuse_markdown(studies: &[ReuseStudied]) -> String {
 }
 
 /// Ados of the table of egos, and how its header calls them.
-const SHOWN: [(&str, &str); 8] = [
+const SHOWN: [(&str, &str); 9] = [
     ("nominal ado", "nominal ado"),
     ("wide", "wide"),
     (CONDITIONAL, "conditional"),
+    (ADAPTED, "adapted"),
     (CONDITIONAL_TRIES, "conditional, tries"),
     ("replays", "10 replays"),
     ("heuristic", "heuristic"),
@@ -62,6 +63,7 @@ fn one_markdown(study: &ReuseStudied) -> String {
     }
     for (reference, summaries) in [
         (CONDITIONAL, &study.summary),
+        (ADAPTED, &study.summary_of_adapted),
         (CONDITIONAL_TRIES, &study.summary_of_tries),
     ] {
         text.push_str(&format!(
@@ -82,14 +84,14 @@ fn one_markdown(study: &ReuseStudied) -> String {
 fn known_markdown(study: &ReuseStudied) -> String {
     let mut text = String::from(
         "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
-         held search: simulations per start | conditional ado cheaper from |\n\
-         | --- | --- | --- | --- | --- | --- | --- |\n",
+         adapting: simulations | best told (first training seed) | held search: simulations per start | conditional ado cheaper from |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for known in &study.known {
         let mut lines = study.economy.iter();
         let line = lines.find(|line| line.ego.as_deref() == Some(&known.ego));
         text.push_str(&format!(
-            "| {} | {} | {} | {:.2} ({:.2}) | {} | {} |\n",
+            "| {} | {} | {} | {:.2} ({:.2}) | {} | {:.0} | {} | {} |\n",
             known.ego,
             match is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
                 true => &known.taken_for,
@@ -99,12 +101,14 @@ fn known_markdown(study: &ReuseStudied) -> String {
             known.residual_m,
             known.nominal_residual_m,
             known.simulations,
+            known.adapting_simulations,
+            known.adapted.first().map_or("–", String::as_str),
             line.map_or("– | –".to_owned(), economy_words),
         ));
     }
     if let Some(all) = study.economy.iter().find(|line| line.ego.is_none()) {
         text.push_str(&format!(
-            "| all of them | | | | {:.0}, training included | {} on each |\n",
+            "| all of them | | | | {:.0}, training included | | | {} on each |\n",
             all.once,
             economy_words(all),
         ));

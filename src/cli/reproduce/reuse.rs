@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, once, talk, world};
-use crate::campaign::{ReuseAsked, ReuseStudy, reuse_markdown};
+use crate::campaign::{ENOUGH_SIMULATIONS, ReuseAsked, ReuseStudy, reuse_markdown};
 use crate::scenario::{Change, Scenario};
 
 /// The worlds that name a family.
@@ -33,8 +33,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         };
         let mut met = Vec::new();
         for (ego, change, changed) in &egos(&scenario)? {
-            let settings =
-                json!({ "seeds": asked.seeds, "starts": asked.starts, "tries": asked.tries });
+            let settings = json!({
+                "seeds": asked.seeds, "starts": asked.starts, "tries": asked.tries,
+                "adapting": ENOUGH_SIMULATIONS,
+            });
             let piece = format!("{name}, reuse on {ego}");
             let made = once(args, (&piece, &scenario), settings, |watch| {
                 Ok(study.meet((ego, change, changed), watch)?)

@@ -169,12 +169,17 @@ impl Ppo {
         dice: Dice,
     ) -> Result<Ppo, BundleError> {
         let (actor, critic) = (Mlp::load("actor", bundle)?, Mlp::load("critic", bundle)?);
-        let expected = config.sizes(spaces, spaces.actions);
-        expect_sizes("the actor's layer sizes", &actor.sizes(), &expected)?;
+        let expected = [spaces.observation, spaces.actions];
         expect_sizes(
-            "the critic's layer sizes",
-            &critic.sizes(),
-            &config.sizes(spaces, 1),
+            "the actor's observation and actions",
+            &actor.ends(),
+            &expected,
+        )?;
+        let expected = [spaces.observation, 1];
+        expect_sizes(
+            "the critic's observation and values",
+            &critic.ends(),
+            &expected,
         )?;
         Ok(Ppo::around(config, actor, critic, dice))
     }

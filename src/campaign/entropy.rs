@@ -10,6 +10,9 @@ pub(super) struct Fit {
     pub cost: f64,
 }
 
+/// Least standard deviation, of a range from −1 to 1.
+const LEAST_SPREAD: f64 = 0.005;
+
 /// How long and how wide to search.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Search {
@@ -57,19 +60,29 @@ impl Search {
                 };
             }
             let elite: Vec<&Vec<f64>> = order[..self.elite].iter().map(|&i| &points[i]).collect();
-            let count = elite.len() as f64;
-            for (d, (mean, spread)) in mean.iter_mut().zip(&mut spread).enumerate() {
-                *mean = elite.iter().map(|point| point[d]).sum::<f64>() / count;
-                let squares = elite.iter().map(|point| (point[d] - *mean).powi(2));
-                // A floor keeps the search from standing still too early.
-                *spread = (squares.sum::<f64>() / count).sqrt().max(0.005);
-            }
+            (mean, spread) = refit(&elite, LEAST_SPREAD);
         }
         best
     }
 }
 
-fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
+/// Mean and standard deviation of one or more points, per dimension; the deviation is at
+/// least `least`, which keeps a search from standing still too early.
+pub(super) fn refit(points: &[&Vec<f64>], least: f64) -> (Vec<f64>, Vec<f64>) {
+    // Invariant: there is a point.
+    debug_assert!(!points.is_empty());
+    let count = points.len() as f64;
+    let dimensions = points.first().map_or(0, |point| point.len());
+    let per_dimension = (0..dimensions).map(|d| {
+        let mean = points.iter().map(|point| point[d]).sum::<f64>() / count;
+        let squares = points.iter().map(|point| (point[d] - mean).powi(2));
+        (mean, (squares.sum::<f64>() / count).sqrt().max(least))
+    });
+    per_dimension.unzip()
+}
+
+/// A point about `mean`, in the box.
+pub(super) fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
     let pairs = mean.iter().zip(spread);
     pairs
         .map(|(mean, spread)| (mean + spread * normal(dice)).clamp(-1.0, 1.0))
@@ -77,7 +90,7 @@ fn draw(mean: &[f64], spread: &[f64], dice: &mut ChaCha8Rng) -> Vec<f64> {
 }
 
 /// A standard normal number (Box, Muller 1958).
-fn normal(dice: &mut ChaCha8Rng) -> f64 {
+pub(super) fn normal(dice: &mut ChaCha8Rng) -> f64 {
     let radius = (-2.0 * libm::log(1.0 - dice.random::<f64>())).sqrt();
     radius * libm::cos(core::f64::consts::TAU * dice.random::<f64>())
 }

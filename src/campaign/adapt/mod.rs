@@ -1,0 +1,125 @@
+//! What a conditional ado is best told of an ego: strategy optimisation.
+//!
+//! A conditional ado knows a whole family of strategies, one for every member
+//! it can be told. Which of them suits an ego need not be the one for the
+//! nearest member, least of all for an ego outside of the family. So some
+//! members are told in turn on starts that are never reported, and the one under
+//! which the ado's mean reward (Definition 4) is best is kept. The policy itself
+//! stays as it is (Yu, Liu and Turk 2019, "Policy transfer with strategy
+//! optimization").
+//!
+//! Cross-entropy search proposes the members; those that look best are raced on
+//! more starts, and the first member stays unless another beats it there by more
+//! than one standard error.
+
+mod contest;
+
+use rayon::prelude::*;
+
+use self::contest::{Contest, Outcome};
+use super::Watch;
+use crate::rl::Policy;
+use crate::run::{RunDir, RunError};
+use crate::scenario::{Family, Member, Scenario};
+use crate::seed::{Purpose, StartKey};
+use crate::testbench::{Aftermath, PolicyActor, Testbench, play};
+
+/// Simulations with which docs/reuse.md was measured: 22 members a generation.
+pub const ENOUGH_SIMULATIONS: u64 = 600;
+/// With fewer, hardly a member would be proposed.
+pub const LEAST_SIMULATIONS: u64 = 200;
+/// With more, the members of a generation would not fit in memory.
+pub const MOST_SIMULATIONS: u64 = 10_000;
+
+/// Calibration starts from here on are for this alone.
+const FIRST_START: u64 = 1 << 32;
+
+/// Whose strategy is chosen against whom.
+#[derive(Clone, Copy)]
+pub struct AdaptRequest<'a> {
+    /// The run of a conditional ado.
+    pub run: &'a RunDir,
+    /// The family it was trained against.
+    pub family: &'a Family,
+    /// The ego, which is only run.
+    pub ego: &'a Scenario,
+    /// What the ado would be told otherwise.
+    pub first: &'a Member,
+    /// Simulations of the ego, at most; meant to lie between
+    /// [`LEAST_SIMULATIONS`] and [`MOST_SIMULATIONS`].
+    pub simulations: u64,
+    /// Seed of the starts and of the search.
+    pub seed: u64,
+}
+
+/// The member found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adapted {
+    /// What the ado is best told.
+    pub member: Member,
+    /// Whether it is another than the first member.
+    pub is_better: bool,
+    /// What is worth a further try, the most promising first.
+    pub others: Vec<Member>,
+    /// Members tried.
+    pub tried: usize,
+    /// Share of the starts of the last race that the ado solves told `member`.
+    pub success_rate: f64,
+    /// The same told the first member.
+    pub first_success_rate: f64,
+    /// Starts of the last race.
+    pub starts: u64,
+    /// Simulations of the ego spent.
+    pub simulations: u64,
+    /// Those among them in which the ego itself failed to run; they say nothing.
+    pub invalid: u64,
+}
+
+/// Looks for what the ado is best told of an ego. `None`: stopped from outside.
+///
+/// Equal requests give equal answers, on any number of threads.
+///
+/// # Errors
+/// The run has no policy, or its file is damaged.
+pub fn adapt(request: &AdaptRequest<'_>, watch: &Watch<'_>) -> Result<Option<Adapted>, RunError> {
+    let contest = Contest {
+        family: request.family,
+        first: request.first,
+        simulations: request.simulations,
+        seed: request.seed,
+        tell: &|members| {
+            let policies = request.run.policies_told(members)?;
+            Ok(policies.into_iter().map(Ado).collect())
+        },
+        meet: &|pairs| meet(request, pairs, watch),
+    };
+    contest.run(&watch.progress)
+}
+
+/// An ado that was told a member.
+struct Ado(Box<dyn Policy>);
+
+/// Lets ados play one calibration start each. `None`: stopped.
+fn meet(
+    request: &AdaptRequest<'_>,
+    pairs: &[(&Ado, u64)],
+    watch: &Watch<'_>,
+) -> Option<Vec<Outcome>> {
+    let play_one = |bench: &mut Testbench, &(ado, index): &(&Ado, u64)| {
+        if watch.stopped() {
+            return None;
+        }
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed: request.seed,
+            index: FIRST_START + index,
+        };
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        let mut actor = PolicyActor(&*ado.0);
+        let verdict = play(bench, &start, noise, &mut actor, Aftermath::Skip).verdict;
+        let reward = request.ego.rulebook().reward_of(&verdict);
+        Some((reward, verdict.is_success()))
+    };
+    let played = pairs.par_iter();
+    played.map_init(|| request.ego.bench(), play_one).collect()
+}
