@@ -28,7 +28,7 @@ const RATES: [f64; 3] = [0.1, 0.2, 0.4];
 const HOLD: usize = 6;
 
 /// Other members that a conditional ado plays as.
-const OTHERS: u64 = 15;
+pub(super) const OTHERS: usize = 15;
 
 /// A conditional ado, told of other members of its family, for [`Tries`].
 ///
@@ -39,7 +39,7 @@ pub fn other_members(
     family: &Family,
     plant: PlantKind,
 ) -> Result<Vec<Box<dyn Policy>>, RunError> {
-    let others = (0..OTHERS).map(|index| {
+    let others = (0..OTHERS as u64).map(|index| {
         let key = StartKey {
             purpose: Purpose::Calibration,
             seed: 0,

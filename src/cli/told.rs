@@ -12,8 +12,6 @@ use crate::run::{IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family, Member, Scenario};
 use crate::sim::PlantKind;
 
-/// Other members that an ado plays as in its further tries.
-const OTHERS: usize = 15;
 /// Runs that are recorded of each ego for `--params identified`.
 pub(super) const RECORDED_RUNS: usize = 10;
 
@@ -139,8 +137,10 @@ pub(super) fn playing(
         ));
     };
     let mut others: Vec<_> = policies.collect();
-    others.extend(other_members(run, family, spec.plant)?);
-    others.truncate(OTHERS);
+    let drawn = other_members(run, family, spec.plant)?;
+    let most = drawn.len();
+    others.extend(drawn);
+    others.truncate(most);
     Ok(Playing {
         policy,
         others,

@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Adapted;
 use crate::campaign::entropy::{draw, refit};
+use crate::campaign::tries::OTHERS;
 use crate::run::RunError;
 use crate::scenario::{Family, Member};
 use crate::seed;
@@ -38,8 +39,7 @@ const RACES: [Race; 2] = [
 ];
 /// Standard errors, in the last race, by which a member must beat the first one.
 const CLEARLY: f64 = 1.0;
-/// Members beside the best one that are returned.
-const OTHERS: usize = 15;
+
 /// Members that play some more starts.
 struct Race {
     /// How many, beside the first member.

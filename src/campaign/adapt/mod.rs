@@ -28,7 +28,7 @@ use crate::testbench::{Aftermath, PolicyActor, Testbench, play};
 pub const ENOUGH_SIMULATIONS: u64 = 600;
 /// With fewer, hardly a member would be proposed.
 pub const LEAST_SIMULATIONS: u64 = 200;
-/// With more, the members of a generation would not fit in memory.
+/// More would keep a network in memory for each of thousands of members.
 pub const MOST_SIMULATIONS: u64 = 10_000;
 
 /// Calibration starts from here on are for this alone.

@@ -84,7 +84,8 @@ fn one_markdown(study: &ReuseStudied) -> String {
 fn known_markdown(study: &ReuseStudied) -> String {
     let mut text = String::from(
         "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
-         adapting: simulations | best told (first training seed) | held search: simulations per start | conditional ado cheaper from |\n\
+         adapting: simulations | best told (first training seed) | \
+         held search: simulations per start | conditional ado cheaper from |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for known in &study.known {
