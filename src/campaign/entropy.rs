@@ -31,6 +31,13 @@ impl Search {
         elite: 8,
         wide: 0.8,
     };
+    /// About a point that is nearly right.
+    pub const NEAR: Search = Search {
+        generations: 10,
+        population: 32,
+        elite: 6,
+        wide: 0.2,
+    };
 
     /// Searches around `mean`; `costs` measures many points at once.
     pub fn run(

@@ -15,7 +15,9 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::{Bundle, BundleError};
 use super::dice::Dice;
-use super::learner::{ConfigError, Learner, Tally, expect_kind, expect_sizes, linear, within};
+use super::learner::{
+    ConfigError, Learner, Tally, epsilon, expect_kind, expect_sizes, linear, within,
+};
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, Lived, Replay, Tail};
 use super::starts::Starts;
@@ -382,9 +384,8 @@ impl Learner for Dqn {
     }
 
     fn exploration(&self) -> f64 {
-        let fall = self.config.exploration_fraction * self.config.decisions as f64;
-        let (start, end) = (self.config.exploration, self.config.final_exploration);
-        linear(start, end, self.tally.decisions, fall)
+        let ends = (self.config.exploration, self.config.final_exploration);
+        epsilon(&self.tally, ends, self.config.exploration_fraction)
     }
 
     fn policy(&self) -> Box<dyn Policy> {

@@ -325,6 +325,11 @@ pub(super) fn expect_sizes(
     })
 }
 
+/// ε of ε-greedy exploration: falls between `ends` over a share of the training.
+pub(super) fn epsilon(tally: &Tally, ends: (f64, f64), share: f64) -> f64 {
+    linear(ends.0, ends.1, tally.decisions, share * tally.asked as f64)
+}
+
 /// From `start` to `end` in a straight line over the first `span` decisions.
 pub(super) fn linear(start: f64, end: f64, decisions: u64, span: f64) -> f64 {
     let decisions = decisions as f64;

@@ -105,10 +105,12 @@ fn nominal() -> f64 {
     NOMINAL
 }
 
-/// How ados learn against a family, unless the world says otherwise.
+/// How ados learn against a family, unless the world says otherwise: longer,
+/// but exploring for hardly more decisions than against one ego.
 fn patient() -> LearnerConfig {
     LearnerConfig::Dqn(DqnConfig {
         decisions: 3_000_000,
+        exploration_fraction: 0.05,
         ..DqnConfig::default()
     })
 }

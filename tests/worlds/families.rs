@@ -310,6 +310,27 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
 }
 
 #[test]
+fn an_ego_that_switches_is_found_where_no_slope_leads() {
+    // Its threshold shows in when it brakes: in whole samples.
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/worlds/merge.ron");
+    let text = std::fs::read_to_string(path).expect("readable");
+    let world = Scenario::parse(path, &text).expect("sound");
+    let request = IdentifyRequest {
+        world: &world,
+        ego: &world,
+        runs: 4,
+        seed: 0,
+        fixed: &[],
+    };
+    let found = identify(&request, &quiet())
+        .expect("sound")
+        .expect("not stopped");
+    assert!(found.explains(), "{found:?}");
+    let nominal = family(&world).nominal(PlantKind::Rigid);
+    assert_eq!(found.member, nominal, "{found:?}");
+}
+
+#[test]
 fn an_ego_of_another_kind_is_not_explained() {
     let world = acc().on(PlantKind::Kinematic);
     let ego = world.with(&world.reuse["aeb"]).expect("it fits");

@@ -92,8 +92,13 @@ impl Identified {
 
     /// The residual up to which a member explains the ego.
     pub fn bound_m(&self) -> f64 {
-        CLOSE_M + self.noise_m
+        bound_m(self.noise_m)
     }
+}
+
+/// The residual up to which a member explains an ego with such a noise.
+fn bound_m(noise_m: f64) -> f64 {
+    CLOSE_M + noise_m
 }
 
 /// Whether a member says something of an ego: it explains it, or strays from
@@ -206,13 +211,15 @@ impl Lab<'_> {
     /// One independent fit, from the nominal ego.
     ///
     /// The kinematic plant, which is some ten times faster, finds the region;
-    /// on another plant the search then goes on there.
+    /// on another plant the search then goes on there, and on either it begins
+    /// anew nearby if the ego is nearly explained.
     fn fit(&self, free: &[usize], plant: PlantKind, seed: u64, refit: u64) -> Fit {
         let mut dice = seed::generator("identify", &[seed, refit]);
         let coarse = |points: &[Vec<f64>]| self.measure(free, PlantKind::Kinematic, points);
         let costs = |points: &[Vec<f64>]| coarse(points).iter().map(|d| cost(d)).collect();
         let nominal = free.iter().map(|&i| self.family.quantities[i].unit());
-        let mut found = Search::WIDE.run(nominal.collect(), &mut dice, &costs);
+        let nominal: Vec<f64> = nominal.collect();
+        let mut found = Search::WIDE.run(nominal.clone(), &mut dice, &costs);
         let smooth: Vec<usize> = (0..free.len())
             .filter(|&d| self.family.quantities[free[d]].step == 0.0)
             .collect();
@@ -228,11 +235,35 @@ impl Lab<'_> {
                 }
             }
         }
-        if plant == PlantKind::Kinematic {
+        let fine = |points: &[Vec<f64>]| self.measure(free, plant, points);
+        if plant != PlantKind::Kinematic {
+            found = descend(found.point, &smooth, &fine);
+        }
+        if found.cost <= self.bound_m() {
             return found;
         }
-        let fine = |points: &[Vec<f64>]| self.measure(free, plant, points);
-        descend(found.point, &smooth, &fine)
+        // A controller that switches is moved by some quantities in whole
+        // samples only: flat steps, on which no slope leads on. So the search
+        // begins anew nearby, unless there is little to be found.
+        let costs = |points: &[Vec<f64>]| fine(points).iter().map(|d| cost(d)).collect();
+        let nominal_cost = self.residual_m(&self.family.nominal(plant));
+        let centre = if nominal_cost < found.cost {
+            nominal
+        } else if is_telling(false, found.cost, nominal_cost) {
+            found.point.clone()
+        } else {
+            return found;
+        };
+        let near = Search::NEAR.run(centre, &mut dice, &costs);
+        let near = descend(near.point, &smooth, &fine);
+        match near.cost < found.cost {
+            true => near,
+            false => found,
+        }
+    }
+
+    fn bound_m(&self) -> f64 {
+        bound_m(noise_m(&self.recorded.recordings))
     }
 
     /// Deviations of points of the free quantities, scaled to −1 ..= 1.

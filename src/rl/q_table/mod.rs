@@ -15,7 +15,7 @@ pub use table::Table;
 
 use crate::rl::bundle::{Bundle, BundleError};
 use crate::rl::dice::Dice;
-use crate::rl::learner::{ConfigError, Learner, Tally, expect_kind, expect_sizes, linear, within};
+use crate::rl::learner::{ConfigError, Learner, Tally, epsilon, expect_kind, expect_sizes, within};
 use crate::rl::nn::argmax;
 use crate::rl::replay::Lived;
 use crate::rl::{End, Env, Policy, Spaces};
@@ -325,9 +325,8 @@ impl Learner for QTable {
     }
 
     fn exploration(&self) -> f64 {
-        let fall = self.config.exploration_fraction * self.config.decisions as f64;
-        let (start, end) = (self.config.exploration, self.config.final_exploration);
-        linear(start, end, self.tally.decisions, fall)
+        let ends = (self.config.exploration, self.config.final_exploration);
+        epsilon(&self.tally, ends, self.config.exploration_fraction)
     }
 
     fn policy(&self) -> Box<dyn Policy> {
