@@ -1,5 +1,7 @@
 //! Intervals of rates: Wilson for one run, bootstrap over seeds and starts.
 
+use std::collections::BTreeMap;
+
 use rand::RngExt;
 
 use crate::seed;
@@ -60,8 +62,9 @@ pub fn paired_difference(a: &[&str], b: &[&str]) -> (f64, [f64; 2]) {
 ///
 /// One pair per ego, each side with any number of seeds, all over the same
 /// starts. Starts are drawn together for all egos and both sides, so that a
-/// start that is easy everywhere counts once; seeds are drawn per side. Egos
-/// are not drawn: the interval speaks of these egos, not of others.
+/// start that is easy everywhere counts once. Seeds are drawn per side, the same
+/// ones for all egos: it is the same trainings that meet them. Egos are not
+/// drawn: the interval speaks of these egos, not of others.
 pub fn mean_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> (f64, [f64; 2]) {
     let pairs: Vec<(Marks, Marks)> = pairs
         .iter()
@@ -70,20 +73,31 @@ pub fn mean_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> (f64, [f64; 2]) {
     let Some((first, _)) = pairs.first() else {
         return (0.0, [-1.0, 1.0]);
     };
-    let mean = |starts: &[usize], of: &mut dyn FnMut(&Marks) -> Vec<usize>| {
+    let mean = |starts: &[usize], of: &mut dyn FnMut(Side, usize) -> Vec<usize>| {
         let mut sum = 0.0;
         for (a, b) in &pairs {
-            sum += a.rate(&of(a), starts) - b.rate(&of(b), starts);
+            sum += a.rate(&of(Side::A, a.seeds.len()), starts);
+            sum -= b.rate(&of(Side::B, b.seeds.len()), starts);
         }
         sum / pairs.len() as f64
     };
-    let every = |marks: &Marks| (0..marks.seeds.len()).collect();
     let all: Vec<usize> = (0..first.starts).collect();
     let mut dice = seed::generator("bootstrap/egos", &[]);
     let interval = percentiles(first, |_, starts| {
-        mean(starts, &mut |marks| draw(marks.seeds.len(), &mut dice))
+        let mut drawn: BTreeMap<(Side, usize), Vec<usize>> = BTreeMap::new();
+        mean(starts, &mut |side, seeds| {
+            let once = drawn.entry((side, seeds));
+            once.or_insert_with(|| draw(seeds, &mut dice)).clone()
+        })
     });
-    (mean(&all, &mut { every }), interval)
+    (mean(&all, &mut |_, seeds| (0..seeds).collect()), interval)
+}
+
+/// One side of a comparison.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Side {
+    A,
+    B,
 }
 
 /// Which starts were solved, per seed.
@@ -182,6 +196,17 @@ mod tests {
         assert!((lo - lo10).abs() < 1e-12 && (hi - hi10).abs() < 1e-12);
         let mixed = [pair(), (vec![&*b], vec![&*a])];
         assert!(mean_difference(&mixed).0.abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_training_that_failed_fails_on_every_ego() {
+        // Two trainings, one good for nothing: ten egos tell no more of that
+        // than one.
+        let (good, bad) = ("1".repeat(100), "0".repeat(100));
+        let pair = || (vec![good.as_str(), bad.as_str()], vec![bad.as_str()]);
+        let ten: Vec<_> = (0..10).map(|_| pair()).collect();
+        let (mean, [lo, hi]) = mean_difference(&ten);
+        assert_eq!((mean, lo, hi), (0.5, 0.0, 1.0));
     }
 
     #[test]
