@@ -53,7 +53,7 @@ pub struct BreakEven {
     pub method: String,
     /// Seed of the training.
     pub train_seed: Option<u64>,
-    /// Training, and identification of the ego if there was any.
+    /// The training.
     pub once: Cost,
     /// The ado.
     pub ado: PerStart,

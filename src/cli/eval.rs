@@ -101,6 +101,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         nominal = on_plant(&nominal, plant)?;
     }
     let egos = egos(&nominal, &args.ego)?;
+    if let Some(params) = &params {
+        params.check(&run, &egos)?;
+    }
     let keeps_something = [AdoArg::Trained, AdoArg::All, AdoArg::Optimal]
         .iter()
         .any(|ado| args.ado.contains(ado));
@@ -152,6 +155,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             on_a_grid: nominal.grid().is_some(),
         };
         let (rows, reason) = job.one_ego(ego)?;
+        if talk::stopped() && rows.iter().all(|row| row.starts == 0) {
+            break;
+        }
         reasons.extend(reason);
         let relation = relation(&run, &nominal, ego);
         reused.push(reused_on(
@@ -348,6 +354,7 @@ impl Job<'_> {
         let request = self.request(ego, Ado::Trained(&*policy, self.train_seed));
         let mut evaluated = eval(&request, self.watch);
         evaluated.row.ado = "retrained".to_owned();
+        evaluated.row.method = own.scenario()?.learner.name().to_lowercase();
         Ok(Some(evaluated))
     }
 

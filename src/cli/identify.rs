@@ -1,6 +1,6 @@
 //! `brakecheck identify`: a family's parameters of an ego seen from outside.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use indexmap::IndexMap;
@@ -64,6 +64,12 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     let Some(family) = world.family() else {
         return Err(Failure::fault("a conditional ado without a family", None));
     };
+    if let Some(path) = &args.output {
+        can_be_written(path)?;
+    }
+    if args.adapt.is_some() {
+        run.policy_bundle()?;
+    }
     let seed = args.common.seed;
     let mut file = IdentifiedEgos::new(&manifest.world, &manifest.world_sha256, seed);
     let bar = talk::bar("identifying");
@@ -81,7 +87,9 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
             break;
         };
         bar.aside(|| show(args, family, ego, &found))?;
-        file.egos.insert(ego.name.clone(), kept(family, &found));
+        let kept = kept(args, family, ego, &found);
+        file.egos.insert(ego.name.clone(), kept);
+        save(args, &file)?;
         let Some(simulations) = args.adapt else {
             continue;
         };
@@ -115,13 +123,13 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
                 invalid: adapted.invalid,
             });
         }
+        save(args, &file)?;
     }
     drop(bar);
     if file.egos.is_empty() {
         return Ok(interrupted_early());
     }
     if let Some(path) = &args.output {
-        file.save(path)?;
         talk::say(&format!(
             "kept in {}; play it with `brakecheck eval {} --ego … --params {}`",
             path.display(),
@@ -138,19 +146,39 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     })
 }
 
+/// A place that is none is found out before anything is run.
+fn can_be_written(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    match folder.as_os_str().is_empty() || folder.is_dir() {
+        true => Ok(()),
+        false => Err(Failure::input(
+            format!("`{}` is no directory", folder.display()),
+            "make it, or name another file with `-o`",
+        )),
+    }
+}
+
+/// What is known so far, so that nothing is lost later.
+fn save(args: &IdentifyArgs, file: &IdentifiedEgos) -> Result<(), Failure> {
+    match &args.output {
+        Some(path) => Ok(file.save(path)?),
+        None => Ok(()),
+    }
+}
+
 /// By name, in the order of the family.
 fn named<T: Copy>(family: &Family, values: &[T]) -> IndexMap<String, T> {
     let names = family.quantities.iter().map(|q| q.varied.name().to_owned());
     names.zip(values.iter().copied()).collect()
 }
 
-fn kept(family: &Family, found: &Identified) -> IdentifiedEgo {
+fn kept(args: &IdentifyArgs, family: &Family, ego: &NamedEgo, found: &Identified) -> IdentifiedEgo {
     let hidden = named(family, &found.hidden).into_iter();
     IdentifiedEgo {
         parameters: named(family, &found.member.values),
         spread: named(family, &found.spread),
         hidden: hidden
-            .filter(|(_, hidden)| *hidden)
+            .filter(|(name, hidden)| *hidden && !args.leave_out.contains(name))
             .map(|(name, _)| name)
             .collect(),
         explains: found.explains(),
@@ -160,6 +188,7 @@ fn kept(family: &Family, found: &Identified) -> IdentifiedEgo {
         refits_m: found.refits_m.clone(),
         recorded: found.recorded,
         simulations: found.simulations,
+        change: Some(ego.change.clone()),
         adapted: None,
     }
 }
@@ -224,12 +253,14 @@ fn show(
     };
     let refits: Vec<String> = found.refits_m.iter().map(|r| format!("{r:.3}")).collect();
     let lines = family.quantities.iter().enumerate().map(|(i, quantity)| {
+        let name = quantity.varied.name();
         let note = match found.hidden[i] {
+            true if args.leave_out.iter().any(|left| left == name) => "left out: nominal",
             true => "does not show in these runs: nominal",
             false => "",
         };
         [
-            quantity.varied.name().to_owned(),
+            name.to_owned(),
             format!("{:.3}", found.member.values[i]),
             format!("{:.3}", found.spread[i]),
             format!("{:.3}", quantity.nominal),

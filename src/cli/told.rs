@@ -8,7 +8,7 @@ use crate::campaign::{
     other_members,
 };
 use crate::rl::Policy;
-use crate::run::{IdentifiedEgos, RunDir};
+use crate::run::{IdentifiedEgo, IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family, Member, Scenario};
 use crate::sim::PlantKind;
 
@@ -72,6 +72,13 @@ impl Params {
                         "identify the ego with this run: `brakecheck identify RUN --ego … -o P.ron`",
                     ));
                 }
+                if egos.world_sha256 != run.manifest().world_sha256 {
+                    talk::say(&format!(
+                        "`{file}` was made with another version of the world `{}`: if its ego or \
+                         its family changed, identify the egos again",
+                        egos.world
+                    ));
+                }
                 Params::File(file.to_owned(), egos)
             }
             other => {
@@ -81,6 +88,21 @@ impl Params {
                 ));
             }
         }))
+    }
+}
+
+impl Params {
+    /// Sees to it that the parameters of all egos are there, before the first
+    /// one is played.
+    pub(super) fn check(&self, run: &RunDir, egos: &[NamedEgo]) -> Result<(), Failure> {
+        let (Params::File(file, known), world) = (self, run.world()?) else {
+            return Ok(());
+        };
+        let Some(family) = world.family() else {
+            return Ok(());
+        };
+        egos.iter()
+            .try_for_each(|ego| held(family, ego, file, known).map(drop))
     }
 }
 
@@ -205,28 +227,12 @@ fn in_file(
     file: &str,
     egos: &IdentifiedEgos,
 ) -> Result<(Vec<Member>, &'static str), Failure> {
-    let Some(found) = egos.egos.get(&ego.name) else {
-        let known: Vec<&str> = egos.egos.keys().map(String::as_str).collect();
-        return Err(Failure::input(
-            format!("`{file}` does not hold the parameters of `{}`", ego.name),
-            format!("it holds those of: {}", known.join(", ")),
-        ));
-    };
-    let plant = plant_of(ego)?;
-    let named = |values| {
-        family.member_named(values, plant).map_err(|error| {
-            Failure::input(
-                format!("`{file}`, ego `{}`: {error}", ego.name),
-                "it was made with another family: identify the ego again with this run",
-            )
-        })
-    };
-    let member = named(&found.parameters)?;
+    let (found, member, adapted_members) = held(family, ego, file, egos)?;
+    let plant = member.plant;
     if let Some(adapted) = &found.adapted {
         // Another policy may be best told something else.
         if run.manifest().policy_sha256.as_deref() == Some(&*adapted.policy_sha256) {
-            let members = std::iter::once(&adapted.parameters).chain(&adapted.others);
-            return Ok((members.map(named).collect::<Result<_, _>>()?, "adapted"));
+            return Ok((adapted_members, "adapted"));
         }
         talk::say(&format!(
             "`{}` in `{file}` was adapted to another policy: here the ado is told what was identified",
@@ -239,6 +245,46 @@ fn in_file(
     };
     say_stranger(ego, told.1, found.explains, found.residual_m);
     Ok(alone(told))
+}
+
+/// What a file holds of an ego: the entry, the member identified, and those
+/// that the ado is best told, if they were looked for.
+fn held<'a>(
+    family: &Family,
+    ego: &NamedEgo,
+    file: &str,
+    egos: &'a IdentifiedEgos,
+) -> Result<(&'a IdentifiedEgo, Member, Vec<Member>), Failure> {
+    let Some(found) = egos.egos.get(&ego.name) else {
+        let known: Vec<&str> = egos.egos.keys().map(String::as_str).collect();
+        return Err(Failure::input(
+            format!("`{file}` does not hold the parameters of `{}`", ego.name),
+            format!("it holds those of: {}", known.join(", ")),
+        ));
+    };
+    if found
+        .change
+        .as_ref()
+        .is_some_and(|then| *then != ego.change)
+    {
+        return Err(Failure::input(
+            format!("`{}` is another ego than the one in `{file}`", ego.name),
+            "it was changed since it was identified: identify it again",
+        ));
+    }
+    let plant = plant_of(ego)?;
+    let named = |values| {
+        family.member_named(values, plant).map_err(|error| {
+            Failure::input(
+                format!("`{file}`, ego `{}`: {error}", ego.name),
+                "it was made with another family: identify the ego again with this run",
+            )
+        })
+    };
+    let adapted = found.adapted.iter();
+    let adapted = adapted.flat_map(|it| std::iter::once(&it.parameters).chain(&it.others));
+    let adapted = adapted.map(named).collect::<Result<_, _>>()?;
+    Ok((found, named(&found.parameters)?, adapted))
 }
 
 fn plant_of(ego: &NamedEgo) -> Result<PlantKind, Failure> {

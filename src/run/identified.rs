@@ -6,6 +6,7 @@ use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::{RunError, write_file};
+use crate::scenario::Change;
 
 /// Version of the file; another one is refused.
 const FORMAT: u32 = 1;
@@ -36,7 +37,7 @@ pub struct IdentifiedEgo {
     pub parameters: IndexMap<String, f64>,
     /// Standard deviation of each over independent fits.
     pub spread: IndexMap<String, f64>,
-    /// Quantities that do not show in the runs; their values are the nominal ones.
+    /// Quantities that were fitted but do not show in the runs: nominal.
     pub hidden: Vec<String>,
     /// Whether the parameters explain the ego.
     pub explains: bool,
@@ -52,6 +53,9 @@ pub struct IdentifiedEgo {
     pub recorded: u64,
     /// Runs simulated of members of the family.
     pub simulations: u64,
+    /// How it differs from the world's own; `None` in files of old.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub change: Option<Change>,
     /// What the ado is better told, if that was looked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub adapted: Option<AdaptedEgo>,

@@ -23,8 +23,8 @@ pub struct Row {
     /// Seed of the training, for trained ados.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub train_seed: Option<u64>,
-    /// What a conditional ado was told of the ego: `true`, `identified` or
-    /// `nominal` parameters.
+    /// What a conditional ado was told of the ego: `true`, `identified`,
+    /// `adapted` or `nominal` parameters.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub told: Option<String>,
     /// Seed of the test starts.

@@ -84,8 +84,21 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     assert!((kp - 0.4).abs() < 0.08, "{found}");
     assert_eq!(told(&["--params", &file, "--ego", "sporty"]), "identified");
     refused(&["--params", &file, "--ego", "tired"], "does not hold");
+    // Found out before the first ego is played.
+    let partly = eval(&["--params", &file, "--ego", "all"]);
+    assert_eq!(code(&partly), 2);
+    assert!(partly.stdout.is_empty(), "{}", stderr(&partly));
     let text = std::fs::read_to_string(&file).expect("the file");
     let write = |text: String| std::fs::write(&file, text).expect("written");
+    write(text.replace("max_brake_mps2\": 7.5,", "max_brake_mps2\": 7.0,"));
+    refused(&["--params", &file, "--ego", "sporty"], "another ego");
+    let hash = text.find("world_sha256: \"").expect("a hash") + "world_sha256: \"".len();
+    write(format!("{}0{}", &text[..hash], &text[hash + 1..]));
+    let other = eval(&["--params", &file, "--ego", "sporty"]);
+    assert_eq!(code(&other), 0, "{}", stderr(&other));
+    let flipped = text.as_bytes()[hash] != b'0';
+    let said = stderr(&other).contains("another version of the world");
+    assert_eq!(said, flipped, "{}", stderr(&other));
     write(text.replace("\"delay_s\"", "\"delays_s\""));
     refused(&["--params", &file, "--ego", "sporty"], "delays_s");
     let from = text.find("\"kp_per_s2\":").expect("a value");
@@ -108,6 +121,16 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     refused(
         &["--params", &file, "--ego", "sporty"],
         "holds no identified egos",
+    );
+
+    // A place that is none is found out before anything is run.
+    let nowhere = path(&dir, "none/p.ron");
+    let lost = brakecheck(&["identify", &run, "--ego", "all", "-o", &nowhere]);
+    assert_eq!(code(&lost), 2);
+    assert!(
+        stderr(&lost).contains("is no directory"),
+        "{}",
+        stderr(&lost)
     );
 
     // An ego of no family is told what the ado fares best with.

@@ -156,7 +156,10 @@ pub fn identify(
     let family = world.family().ok_or_else(no_family)?;
     let free = free(family, request.fixed)?;
     let spec = request.ego.drive().ok_or_else(no_family)?;
-    let recorded = record::record(request.ego, request.runs, request.seed);
+    let recorded = record::record(request, watch);
+    if watch.stopped() {
+        return Ok(None);
+    }
     if recorded.recordings.is_empty() {
         let runs = request.runs;
         return Err(IdentifyError::NoRuns { runs });
@@ -165,16 +168,17 @@ pub fn identify(
         world,
         family,
         recorded: &recorded,
+        watch,
         simulations: AtomicU64::new(0),
     };
     let total = REFITS;
     let mut fits: Vec<Fit> = Vec::new();
     for refit in 0..total {
-        if watch.stopped() {
-            return Ok(None);
-        }
         fits.push(lab.fit(&free, spec.plant, request.seed, refit));
         (watch.progress)(refit + 1, total);
+    }
+    if watch.stopped() {
+        return Ok(None);
     }
     Ok(Some(lab.conclude(&free, spec.plant, &fits)))
 }
@@ -204,6 +208,7 @@ struct Lab<'a> {
     world: &'a Scenario,
     family: &'a Family,
     recorded: &'a Recorded,
+    watch: &'a Watch<'a>,
     simulations: AtomicU64,
 }
 
@@ -212,7 +217,8 @@ impl Lab<'_> {
     ///
     /// The kinematic plant, which is some ten times faster, finds the region;
     /// on another plant the search then goes on there, and on either it begins
-    /// anew nearby if the ego is nearly explained.
+    /// anew nearby if the ego is not explained, but the fit strays by at most
+    /// half as much as the nominal ego, or by more.
     fn fit(&self, free: &[usize], plant: PlantKind, seed: u64, refit: u64) -> Fit {
         let mut dice = seed::generator("identify", &[seed, refit]);
         let coarse = |points: &[Vec<f64>]| self.measure(free, PlantKind::Kinematic, points);
@@ -292,6 +298,10 @@ impl Lab<'_> {
         // Members drive as they would on average.
         tuning.sensors.position_sd_m = 0.0;
         tuning.sensors.speed_sd_mps = 0.0;
+        if self.watch.stopped() {
+            // Nobody looks at the fit any more.
+            return Vec::new();
+        }
         let recordings = &self.recorded.recordings;
         let runs = recordings.len() as u64;
         self.simulations.fetch_add(runs, Ordering::Relaxed);
@@ -334,7 +344,13 @@ impl Lab<'_> {
     /// Makes a quantity nominal if its whole range would do about as well.
     fn hide(&self, member: &mut Member, i: usize, cost_m: f64) -> bool {
         let quantity = &self.family.quantities[i];
+        let bound_m = self.bound_m();
         let allowed_m = cost_m + SHOWS_M.max(SHOWS_SHARE * cost_m);
+        // What explains the ego does so afterwards.
+        let allowed_m = match cost_m <= bound_m {
+            true => allowed_m.min(bound_m),
+            false => allowed_m,
+        };
         let mut other = member.clone();
         // The nominal value last, to be kept.
         let hidden = [quantity.lo, quantity.hi, quantity.nominal]

@@ -1,5 +1,7 @@
 //! Runs of an ego as seen from outside, and how far a model strays from them.
 
+use super::IdentifyRequest;
+use crate::campaign::Watch;
 use crate::campaign::eval::HOLD_DECISIONS;
 use crate::scenario::Scenario;
 use crate::scene::{Flow, Scene, Start};
@@ -31,7 +33,8 @@ pub(super) struct Recorded {
 /// first start is run twice under different noise; if that makes a difference
 /// every start is, and the two runs are averaged. Starts on which the ego fails
 /// at once are left out.
-pub(super) fn record(ego: &Scenario, starts: usize, seed: u64) -> Recorded {
+pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Recorded {
+    let (ego, starts, seed) = (request.ego, request.runs, request.seed);
     let mut scene = ego.world().scene();
     let bench = ego.bench();
     let columns = columns(ego);
@@ -41,6 +44,9 @@ pub(super) fn record(ego: &Scenario, starts: usize, seed: u64) -> Recorded {
     };
     let mut noisy = false;
     for index in 0..starts as u64 {
+        if watch.stopped() {
+            break;
+        }
         let key = StartKey {
             purpose: Purpose::Calibration,
             seed,

@@ -77,7 +77,7 @@ pub struct Known {
     pub taken_for: String,
     /// Whether that member explains the recorded runs.
     pub explained: bool,
-    /// Root mean square distance to the recorded runs, of member and nominal.
+    /// Root mean square distance of that member to the recorded runs, m.
     pub residual_m: f64,
     /// The same of the nominal ego.
     pub nominal_residual_m: f64,
