@@ -106,7 +106,7 @@ fn nominal() -> f64 {
 }
 
 /// How ados learn against a family, unless the world says otherwise: longer,
-/// but exploring for hardly more decisions than against one ego.
+/// but for a smaller share of it exploring.
 fn patient() -> LearnerConfig {
     LearnerConfig::Dqn(DqnConfig {
         decisions: 3_000_000,

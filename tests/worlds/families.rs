@@ -486,7 +486,7 @@ fn mistakes_in_a_family_have_a_place_a_reason_and_a_cure() {
         ("a range of three", with("(4.0, 8.0)", "(4.0, 6.0, 8.0)")),
         (
             "a learner that makes no sense",
-            with("wide: Dqn(decisions: 5_000_000,", "wide: Dqn(decisions: 0,"),
+            with("decisions: 8_000_000,", "decisions: 0,"),
         ),
         ("a family in which nothing varies", {
             let from = ACC.find("train_against").expect("a family");

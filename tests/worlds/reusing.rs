@@ -26,10 +26,7 @@ fn brief() -> Scenario {
             "plants: { Kinematic: 9, Rigid: 1 }",
             "plants: { Kinematic: 1 }",
         )
-        .replace(
-            "decisions: 5_000_000, hidden: [128, 128]",
-            "decisions: 6_000",
-        )
+        .replace("decisions: 8_000_000", "decisions: 6_000")
         .replace(
             "decisions: 4_000_000, hidden: [128, 128]",
             "decisions: 6_000",
