@@ -106,11 +106,12 @@ fn nominal() -> f64 {
 }
 
 /// How ados learn against a family, unless the world says otherwise: longer,
-/// but for a smaller share of it exploring.
+/// but for a smaller share of it exploring, and in smaller steps.
 fn patient() -> LearnerConfig {
     LearnerConfig::Dqn(DqnConfig {
         decisions: 3_000_000,
         exploration_fraction: 0.05,
+        learning_rate: 5e-4,
         ..DqnConfig::default()
     })
 }
