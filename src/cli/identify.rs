@@ -68,6 +68,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
         can_be_written(path)?;
     }
     if args.adapt.is_some() {
+        // Adapting plays the ado: an unfinished run is found out now.
         run.policy_bundle()?;
     }
     let seed = args.common.seed;

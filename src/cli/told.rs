@@ -89,20 +89,19 @@ impl Params {
             }
         }))
     }
-}
 
-impl Params {
     /// Sees to it that the parameters of all egos are there, before the first
     /// one is played.
     pub(super) fn check(&self, run: &RunDir, egos: &[NamedEgo]) -> Result<(), Failure> {
-        let (Params::File(file, known), world) = (self, run.world()?) else {
+        let Params::File(file, known) = self else {
             return Ok(());
         };
+        let world = run.world()?;
         let Some(family) = world.family() else {
             return Ok(());
         };
-        egos.iter()
-            .try_for_each(|ego| held(family, ego, file, known).map(drop))
+        let mut egos = egos.iter();
+        egos.try_for_each(|ego| held(family, ego, file, known).map(drop))
     }
 }
 

@@ -72,7 +72,7 @@ pub struct DqnConfig {
     pub priority: f64,
     /// β of the prioritised replay at the start, 1 at the end (0.4).
     pub correction: f64,
-    /// Transitions kept (None: all): forgetting helps against egos unseen only.
+    /// Transitions kept (None: all): forgetting helps wide ados at most.
     pub capacity: Option<usize>,
     /// Gain of the last layer's weights at the start (0.01): values near zero.
     pub last_gain: f64,

@@ -25,6 +25,11 @@ fn quiet() -> Watch<'static> {
     }
 }
 
+fn identified(request: &IdentifyRequest<'_>) -> Identified {
+    let found = identify(request, &quiet()).expect("sound");
+    found.expect("not stopped")
+}
+
 fn key(index: u64) -> StartKey {
     StartKey {
         purpose: Purpose::Train,
@@ -275,9 +280,7 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
         seed: 4,
         fixed: &[],
     };
-    let found = identify(&request, &quiet())
-        .expect("sound")
-        .expect("not stopped");
+    let found = identified(&request);
     assert!(found.explains(), "{found:?}");
     assert!(
         10.0 * found.residual_m < found.nominal_residual_m,
@@ -297,24 +300,41 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
     assert_eq!(again, Some(found.clone()), "equal requests, equal answers");
     // Without one of its quantities the family explains this ego less well.
     let fixed = ["time_gap_s".to_owned()];
-    let poorer = identify(
-        &IdentifyRequest {
-            fixed: &fixed,
-            ..request
-        },
-        &quiet(),
-    );
-    let poorer = poorer.expect("sound").expect("not stopped");
+    let poorer = identified(&IdentifyRequest {
+        fixed: &fixed,
+        ..request
+    });
     assert!(2.0 * found.residual_m < poorer.residual_m, "{poorer:?}");
     assert_eq!(poorer.member.values[2], 0.5, "left out: nominal");
 }
 
 #[test]
+fn whoever_is_stopped_identifies_nothing() {
+    let world = acc().on(PlantKind::Kinematic);
+    let request = IdentifyRequest {
+        world: &world,
+        ego: &world,
+        runs: 2,
+        seed: 0,
+        fixed: &[],
+    };
+    for after in 1..=3 {
+        let stop = AtomicBool::new(false);
+        let progress = |done, _| stop.store(after <= done, Ordering::Relaxed);
+        let watch = Watch {
+            progress: &progress,
+            stop: &stop,
+        };
+        let found = identify(&request, &watch).expect("sound");
+        assert_eq!(found, None, "after {after} fits");
+    }
+}
+
+#[test]
 fn an_ego_that_switches_is_found_where_no_slope_leads() {
     // Its threshold shows in when it brakes: in whole samples.
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/worlds/merge.ron");
-    let text = std::fs::read_to_string(path).expect("readable");
-    let world = Scenario::parse(path, &text).expect("sound");
+    let text = include_str!("../../worlds/merge.ron");
+    let world = Scenario::parse("merge.ron", text).expect("sound");
     let request = IdentifyRequest {
         world: &world,
         ego: &world,
@@ -322,9 +342,7 @@ fn an_ego_that_switches_is_found_where_no_slope_leads() {
         seed: 0,
         fixed: &[],
     };
-    let found = identify(&request, &quiet())
-        .expect("sound")
-        .expect("not stopped");
+    let found = identified(&request);
     assert!(found.explains(), "{found:?}");
     let nominal = family(&world).nominal(PlantKind::Rigid);
     assert_eq!(found.member, nominal, "{found:?}");
@@ -341,9 +359,7 @@ fn an_ego_of_another_kind_is_not_explained() {
         seed: 4,
         fixed: &[],
     };
-    let found = identify(&request, &quiet())
-        .expect("sound")
-        .expect("not stopped");
+    let found = identified(&request);
     assert!(!found.explains(), "{found:?}");
     // Its nearest member says nothing of it: an ado takes it for the nominal ego.
     let family = family(&world);

@@ -177,10 +177,9 @@ pub fn identify(
         fits.push(lab.fit(&free, spec.plant, request.seed, refit));
         (watch.progress)(refit + 1, total);
     }
-    if watch.stopped() {
-        return Ok(None);
-    }
-    Ok(Some(lab.conclude(&free, spec.plant, &fits)))
+    let concluded = lab.conclude(&free, spec.plant, &fits);
+    // Once stopped, nothing is measured: what was concluded then says nothing.
+    Ok((!watch.stopped()).then_some(concluded))
 }
 
 /// Positions of the quantities that are fitted.
@@ -299,7 +298,7 @@ impl Lab<'_> {
         tuning.sensors.position_sd_m = 0.0;
         tuning.sensors.speed_sd_mps = 0.0;
         if self.watch.stopped() {
-            // Nobody looks at the fit any more.
+            // `identify` throws away whatever comes of it.
             return Vec::new();
         }
         let recordings = &self.recorded.recordings;
