@@ -2,6 +2,8 @@
 
 #[path = "cli/family.rs"]
 mod family;
+#[path = "cli/faults.rs"]
+mod faults;
 #[path = "cli/report.rs"]
 mod report;
 #[path = "cli/reproduce.rs"]

@@ -1,6 +1,7 @@
 //! Evaluating an ado: frozen policy or baseline × ego × test starts → a row.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cpu_time::ThreadTime;
@@ -9,17 +10,19 @@ use rayon::prelude::*;
 use super::Watch;
 use super::heuristic::Heuristic;
 use super::replays::{NearestReplay, replay_nearest};
+use crate::ego::{Command, Fault};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run::{
-    ClosingSpeed, Counterexample, KeptError, Row, RunError, Stored, file_name, wilson,
+    ClosingSpeed, Counterexample, KeptError, Repeated, Row, RunError, StartRepeated, Stored,
+    file_name, wilson,
 };
-use crate::scenario::{Against, Change, Scenario};
+use crate::scenario::{Against, Change, Repeats, Scenario};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::stl::Explanation;
 use crate::testbench::{
-    Actor, Aftermath, Constant, Episode, Held, PolicyActor, Random, Testbench, play,
+    Actor, Aftermath, Constant, Episode, Held, PolicyActor, Random, Testbench, count_faults, play,
 };
 
 /// Decisions for which the held-random baseline keeps an action.
@@ -33,6 +36,9 @@ pub struct TestStarts {
     /// Each start with the seed of its noise.
     pub starts: Vec<(Start, u64)>,
     /// Whether the nominal ego fails without an adversary, all rules kept.
+    ///
+    /// Where it did not run at all nobody knows: such a start is not trivial,
+    /// and the watch's log of faults has it.
     pub trivial: Vec<bool>,
 }
 
@@ -71,16 +77,17 @@ pub fn test_starts(
     let neutral = bench.spaces().neutral;
     let trivial = starts
         .par_iter()
+        .enumerate()
         .map_init(
             || scenario.bench(),
-            |bench, (start, noise)| {
+            |bench, (index, (start, noise))| {
                 if watch.stopped() {
                     return false;
                 }
                 let mut coasting = Constant(neutral);
-                play(bench, start, *noise, &mut coasting, Aftermath::Skip)
-                    .verdict
-                    .is_success()
+                let from = (start, *noise);
+                let episode = watch.play(bench, from, index, &mut coasting, Aftermath::Skip);
+                episode.verdict.is_success()
             },
         )
         .collect();
@@ -181,6 +188,16 @@ pub struct Outcome {
     pub cpu_s: f64,
 }
 
+/// An outcome, and what it takes to tell of it and to repeat it.
+#[derive(Clone, Debug)]
+pub(super) struct Played {
+    pub(super) outcome: Outcome,
+    pub(super) fault: Option<Fault>,
+    pub(super) repeated: Option<StartRepeated>,
+    /// What an ego that nobody here wrote commanded in a success.
+    pub(super) commands: Option<Arc<[Command]>>,
+}
+
 /// A row and the outcomes behind it.
 #[derive(Clone, Debug)]
 pub struct Evaluated {
@@ -188,6 +205,55 @@ pub struct Evaluated {
     pub row: Row,
     /// Per start; `None` for trivial ones and for those not reached.
     pub outcomes: Vec<Option<Outcome>>,
+    /// Per start; what the ego commanded in a success, if nobody here wrote it.
+    pub(super) commands: Vec<Option<Arc<[Command]>>>,
+}
+
+impl Evaluated {
+    /// A row over what was played, noted in the log of faults.
+    pub(super) fn of(
+        request: &EvalRequest<'_>,
+        played: Vec<Option<Played>>,
+        watch: &Watch<'_>,
+    ) -> Evaluated {
+        let row = request.row(&played);
+        note_row(watch, &row);
+        let outcomes = played.iter().map(|p| p.as_ref().map(|p| p.outcome));
+        Evaluated {
+            row,
+            outcomes: outcomes.collect(),
+            commands: played.into_iter().map(|p| p?.commands).collect(),
+        }
+    }
+
+    /// The world in which a success is played again bit for bit.
+    ///
+    /// An ego that nobody here wrote may answer otherwise the next time: then
+    /// its commands are repeated instead.
+    fn world_of(&self, request: &EvalRequest<'_>, index: usize) -> Option<Scenario> {
+        let commands = self.commands.get(index)?.as_ref()?;
+        Some(request.scenario.with_commands(commands))
+    }
+
+    /// Plays a success again, as it was.
+    pub(super) fn again(
+        &self,
+        request: &EvalRequest<'_>,
+        bench: &mut Testbench,
+        index: usize,
+        play: &mut dyn FnMut(&mut Testbench, usize) -> Episode,
+    ) -> Episode {
+        match self.world_of(request, index) {
+            Some(world) => play(&mut world.bench(), index),
+            None => play(bench, index),
+        }
+    }
+}
+
+/// Tells the log of faults of a finished row.
+pub(super) fn note_row(watch: &Watch<'_>, row: &Row) {
+    let name = || format!("ego {}, {}", row.ego, row.ado);
+    watch.faults.note_row(name, row.invalid_share());
 }
 
 /// Plays every start once and counts.
@@ -195,7 +261,7 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
     let starts = request.starts;
     let done = AtomicU64::new(0);
     let total = starts.starts.len() as u64;
-    let outcomes: Vec<Option<Outcome>> = (0..starts.starts.len())
+    let played: Vec<Option<Played>> = (0..starts.starts.len())
         .into_par_iter()
         .map_init(
             || request.scenario.bench(),
@@ -205,20 +271,42 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
                     return None;
                 }
                 let clock = ThreadTime::now();
-                let (episode, simulations, physics_steps) = request.attempt(bench, index);
-                Some(Outcome {
-                    verdict: episode.verdict,
-                    closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
-                    simulations,
-                    physics_steps,
-                    cpu_s: clock.elapsed().as_secs_f64(),
-                })
+                let attempt = request.repeat(bench, index);
+                watch
+                    .faults
+                    .note(index as u64, attempt.episode.fault.as_ref());
+                Some(attempt.played(clock.elapsed().as_secs_f64()))
             },
         )
         .collect();
-    Evaluated {
-        row: request.row(&outcomes),
-        outcomes,
+    Evaluated::of(request, played, watch)
+}
+
+/// One start, played as often as the world asks.
+struct Attempt {
+    /// The run that stands for all of them.
+    episode: Episode,
+    repeated: Option<StartRepeated>,
+    simulations: u64,
+    physics_steps: u64,
+}
+
+impl Attempt {
+    fn played(self, cpu_s: f64) -> Played {
+        let episode = self.episode;
+        let repeatable = episode.verdict.is_success() && !episode.commands.is_empty();
+        Played {
+            outcome: Outcome {
+                verdict: episode.verdict,
+                closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
+                simulations: self.simulations,
+                physics_steps: self.physics_steps,
+                cpu_s,
+            },
+            fault: episode.fault,
+            repeated: self.repeated,
+            commands: repeatable.then(|| episode.commands.into()),
+        }
     }
 }
 
@@ -228,7 +316,28 @@ impl EvalRequest<'_> {
         self.attempt(bench, index).0
     }
 
-    /// The same with the simulations and physics steps it took.
+    /// Plays one start as often as the world asks, for egos that do not answer
+    /// twice alike.
+    fn repeat(&self, bench: &mut Testbench, index: usize) -> Attempt {
+        let Repeats { runs, gate } = self.scenario.repeats;
+        let (mut simulations, mut physics_steps) = (0, 0);
+        let mut episodes = Vec::with_capacity(runs as usize);
+        for _ in 0..runs.max(1) {
+            let (episode, more_simulations, more_steps) = self.attempt(bench, index);
+            simulations += more_simulations;
+            physics_steps += more_steps;
+            episodes.push(episode);
+        }
+        let (repeated, standing) = StartRepeated::of(&episodes, gate);
+        Attempt {
+            episode: episodes.swap_remove(standing),
+            repeated: (1 < runs).then_some(repeated),
+            simulations,
+            physics_steps,
+        }
+    }
+
+    /// One run, with the simulations and physics steps it took.
     fn attempt(&self, bench: &mut Testbench, index: usize) -> (Episode, u64, u64) {
         let (start, noise) = &self.starts.starts[index];
         if let Ado::Replays(stored, nearest) = self.ado {
@@ -240,34 +349,39 @@ impl EvalRequest<'_> {
         (episode, 1, physics_steps)
     }
 
-    pub(super) fn row(&self, outcomes: &[Option<Outcome>]) -> Row {
+    pub(super) fn row(&self, played: &[Option<Played>]) -> Row {
         let mut row = blank_row(self.scenario, self.ego, self.starts);
         row.ado = self.ado.word().to_owned();
         row.method = self.ado.method(self.scenario);
         if let Ado::Trained(_, seed) = self.ado {
             row.train_seed = Some(seed);
         }
-        let played = outcomes.iter().flatten();
-        let simulations: u64 = played.clone().map(|outcome| outcome.simulations).sum();
-        let count = |test: fn(&Verdict) -> bool| {
-            let verdicts = played.clone().map(|outcome| &outcome.verdict);
-            verdicts.filter(|verdict| test(verdict)).count()
-        };
-        let fouls = count(|verdict| matches!(verdict, Verdict::Foul { .. }));
-        row.invalid = count(|verdict| matches!(verdict, Verdict::Invalid));
-        row.physics_steps = played.clone().map(|outcome| outcome.physics_steps).sum();
-        row.cpu_s = played.clone().map(|outcome| outcome.cpu_s).sum();
-        let contacts: Vec<f64> = played.filter_map(|o| o.closing_speed_mps).collect();
-        let solved = outcomes.iter().zip(&self.starts.trivial);
-        row.solved = solved
-            .map(|(outcome, trivial)| match (outcome, trivial) {
+        let all = played.iter().flatten().map(|played| &played.outcome);
+        row.physics_steps = all.clone().map(|outcome| outcome.physics_steps).sum();
+        row.cpu_s = all.clone().map(|outcome| outcome.cpu_s).sum();
+        // From here on only what tells something of the ego.
+        let valid = all.filter(|outcome| outcome.verdict != Verdict::Invalid);
+        let simulations: u64 = valid.clone().map(|outcome| outcome.simulations).sum();
+        let fouls = valid.clone();
+        let fouls = fouls.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
+        let fouls = fouls.count();
+        let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
+        let marks = played.iter().zip(&self.starts.trivial);
+        row.solved = marks
+            .map(|(played, trivial)| match (played.as_ref(), trivial) {
                 (_, true) => 't',
-                (Some(outcome), _) if outcome.verdict.is_success() => '1',
-                (Some(_), _) => '0',
+                (Some(played), _) => mark(&played.outcome.verdict),
                 (None, _) => '-',
             })
             .collect();
         count_solved(&mut row);
+        let faults = played
+            .iter()
+            .enumerate()
+            .filter_map(|(start, played)| Some((start as u64, played.as_ref()?.fault.as_ref()?)));
+        row.faults = count_faults(faults);
+        let repeated = played.iter().map(|p| p.as_ref()?.repeated.as_ref());
+        row.repeats = Repeated::of(self.scenario.repeats, repeated);
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         row.foul_rate = share(fouls, row.starts);
         row.contact_rate = share(contacts.len(), row.starts);
@@ -299,6 +413,8 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         contact_rate: 0.0,
         closing_speed_mps: None,
         invalid: 0,
+        faults: Vec::new(),
+        repeats: None,
         sims_per_start: 0.0,
         physics_steps: 0,
         cpu_s: 0.0,
@@ -308,12 +424,22 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
     }
 }
 
+/// How a verdict is marked in `solved`.
+fn mark(verdict: &Verdict) -> char {
+    match verdict {
+        Verdict::Counterexample { .. } => '1',
+        Verdict::Held { .. } | Verdict::Foul { .. } => '0',
+        Verdict::Invalid => 'x',
+    }
+}
+
 /// Fills the counts of a row from its `solved`.
 pub(super) fn count_solved(row: &mut Row) {
     let count = |mark: u8| row.solved.bytes().filter(|b| *b == mark).count();
     row.successes = count(b'1');
     row.starts = row.successes + count(b'0');
     row.trivial = count(b't');
+    row.invalid = count(b'x');
     row.success_rate = share(row.successes, row.starts);
     row.ci95 = wilson(row.successes, row.starts);
 }
@@ -362,7 +488,9 @@ pub fn explain_first(
     evaluated: &Evaluated,
 ) -> Option<(usize, Explanation)> {
     let index = evaluated.row.solved.bytes().position(|mark| mark == b'1')?;
-    let episode = request.play(&mut request.scenario.bench(), index);
+    let bench = &mut request.scenario.bench();
+    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
+    let episode = evaluated.again(request, bench, index, &mut again);
     let mut judged = episode.trace;
     judged.truncate(episode.judged);
     Some((index, request.scenario.rulebook().spec.explain(&judged)))
@@ -410,7 +538,7 @@ pub fn keep_played(
         .take(most);
     let mut files = Vec::new();
     for (index, _) in solved {
-        let episode = again(&mut bench, index);
+        let episode = evaluated.again(request, &mut bench, index, again);
         let ado = request.ado.word();
         let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
         let stem = file_stem(request, index);

@@ -6,7 +6,7 @@ use super::Watch;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::sim::PlantKind;
-use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
+use crate::testbench::{Aftermath, Episode, Replay, Testbench};
 
 /// Sequences that are tried on the world's own plant at most.
 const MAX_CONFIRMED: usize = 50;
@@ -30,7 +30,7 @@ pub fn extreme(
     let sequences = sequences(space, cheap.bench().clock().decisions(), switches);
     let act = |bench: &mut Testbench, actions: &[usize]| {
         let mut ado = Replay::holding(actions);
-        play(bench, start, noise, &mut ado, Aftermath::Play)
+        watch.play(bench, (start, noise), 0, &mut ado, Aftermath::Play)
     };
     let mut ranked: Vec<(f64, usize)> = sequences
         .par_iter()

@@ -21,7 +21,7 @@ use crate::rl::Policy;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{self, Purpose, StartKey};
-use crate::testbench::{Actor, Aftermath, Held, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Held, Testbench};
 
 /// Training starts on which every rule is tried.
 const STARTS: u64 = 32;
@@ -98,7 +98,7 @@ impl Actor for Zones {
 /// observes nothing.
 pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Option<Heuristic> {
     let clock = ThreadTime::now();
-    let (values, mut cost) = usual_values(scenario, seed);
+    let (values, mut cost) = usual_values(scenario, seed, watch);
     if values.iter().any(Vec::is_empty) || values.is_empty() {
         return None;
     }
@@ -114,7 +114,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
             .par_iter()
             .map_init(
                 || scenario.bench(),
-                |bench, rule| try_out(bench, rule, &values, seed),
+                |bench, rule| try_out(bench, rule, &values, (seed, watch)),
             )
             .collect();
         if watch.stopped() {
@@ -153,7 +153,7 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
 }
 
 /// Observed values of each signal under held-random actions, in order.
-fn usual_values(scenario: &Scenario, seed: u64) -> (Vec<Vec<f32>>, Cost) {
+fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f32>>, Cost) {
     let mut bench = scenario.bench();
     let spaces = bench.spaces().clone();
     let mut seen = Seen {
@@ -164,7 +164,8 @@ fn usual_values(scenario: &Scenario, seed: u64) -> (Vec<Vec<f32>>, Cost) {
     for index in 0..STARTS {
         let key = key(seed, index);
         let (start, noise) = (bench.draw(key), bench.noise_of(key));
-        let episode = play(&mut bench, &start, noise, &mut seen, Aftermath::Skip);
+        let (from, at) = ((&start, noise), index as usize);
+        let episode = watch.play(&mut bench, from, at, &mut seen, Aftermath::Skip);
         cost.simulations += 1;
         cost.physics_steps += episode.physics_steps;
     }
@@ -255,14 +256,20 @@ struct Tried {
     cpu_s: f64,
 }
 
-fn try_out(bench: &mut Testbench, rule: &Rule, values: &[Vec<f32>], seed: u64) -> Tried {
+fn try_out(
+    bench: &mut Testbench,
+    rule: &Rule,
+    values: &[Vec<f32>],
+    (seed, watch): (u64, &Watch<'_>),
+) -> Tried {
     let clock = ThreadTime::now();
     let mut zones = rule.zones(values);
     let (mut score, mut physics_steps) = (Score::default(), 0);
     for index in 0..STARTS {
         let key = key(seed, index);
         let (start, noise) = (bench.draw(key), bench.noise_of(key));
-        let episode = play(bench, &start, noise, &mut zones, Aftermath::Skip);
+        let (from, at) = ((&start, noise), index as usize);
+        let episode = watch.play(bench, from, at, &mut zones, Aftermath::Skip);
         // An invalid episode is worth nothing to either side.
         let reward = bench.rulebook().reward_of(&episode.verdict);
         score.reward += reward.unwrap_or(0.0) / STARTS as f64;

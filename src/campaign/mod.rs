@@ -68,17 +68,55 @@ pub use tries::{Tried, Tries, other_members};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::scene::Start;
+use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Testbench, play};
+
 /// How a campaign reports and is asked to stop; it never changes a result.
 pub struct Watch<'a> {
     /// Called when `done` of `total` units of work are finished, from any thread.
     pub progress: &'a (dyn Fn(u64, u64) + Sync),
     /// Set from outside to stop early; what was computed is kept.
     pub stop: &'a AtomicBool,
+    /// Is told of every episode, and gives up on an ego that does not run.
+    pub faults: FaultLog,
 }
 
-impl Watch<'_> {
-    /// Whether somebody asked to stop.
+impl<'a> Watch<'a> {
+    /// Reports to `progress` and stops when `stop` is set or the ego is given up.
+    pub fn new(progress: &'a (dyn Fn(u64, u64) + Sync), stop: &'a AtomicBool) -> Watch<'a> {
+        Watch {
+            progress,
+            stop,
+            faults: FaultLog::default(),
+        }
+    }
+
+    /// The same without progress: for work that is part of some other.
+    pub fn quiet(&self) -> Watch<'a> {
+        Watch {
+            progress: &|_, _| {},
+            stop: self.stop,
+            faults: self.faults.clone(),
+        }
+    }
+
+    /// Whether there is no point in going on: somebody asked to stop, or the
+    /// ego does not run.
     pub fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+        self.stop.load(Ordering::Relaxed) || self.faults.has_given_up()
+    }
+
+    /// Plays an episode and tells the log of faults about it.
+    fn play(
+        &self,
+        bench: &mut Testbench,
+        (start, noise): (&Start, u64),
+        index: usize,
+        actor: &mut dyn Actor,
+        aftermath: Aftermath,
+    ) -> Episode {
+        let episode = play(bench, start, noise, actor, aftermath);
+        self.faults.note(index as u64, episode.fault.as_ref());
+        episode
     }
 }

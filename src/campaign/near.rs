@@ -13,7 +13,7 @@ use crate::run::wilson;
 use crate::scenario::Scenario;
 use crate::scene::{Axis, Start};
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Aftermath, PolicyActor, Testbench, play};
+use crate::testbench::{Aftermath, PolicyActor, Testbench};
 
 /// Two starts are as good as the same if no quantity differs by more than this
 /// share of its range.
@@ -83,7 +83,7 @@ pub fn near_starts(
         bench.observe(&mut obs);
         let value = f64::from(alumnus.policy.value(&obs));
         let mut ado = PolicyActor(alumnus.policy);
-        let episode = play(bench, start, noise, &mut ado, Aftermath::Skip);
+        let episode = watch.play(bench, (start, noise), 0, &mut ado, Aftermath::Skip);
         (value, episode.verdict.is_success())
     };
     let mut bench = scenario.bench();

@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::run::{Counterexample, KeptError, RunError, digests_of, trace_of_csv};
-use crate::scenario::{Change, ChangeError, Scenario};
+use crate::ego::Fault;
+use crate::rulebook::Verdict;
+use crate::run::{Counterexample, KeptError, RunError, StartRepeated, digests_of, trace_of_csv};
+use crate::scenario::{Change, ChangeError, Repeats, Scenario};
 use crate::scene::drive::ControllerFactory;
-use crate::testbench::{Aftermath, Episode, Replay, play};
+use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
 
 /// Where a replay first differs from what was recorded.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,18 +46,32 @@ pub struct Replayed {
     pub path: PathBuf,
     /// The world, as it was replayed.
     pub scenario: Scenario,
-    /// The episode.
+    /// The episode; of several runs the one that stands for all.
     pub episode: Episode,
     /// Whether verdict, robustness, contact and every sample are as recorded.
+    ///
+    /// Where the file holds the ego's commands this is about the world's side
+    /// alone: those commands are repeated.
     pub identical: bool,
     /// Where they first differ.
     pub first_difference: Option<Difference>,
+    /// Whether an ego that nobody here wrote commanded as recorded; `None`:
+    /// the file does not say how it commanded, or it was not asked.
+    pub ego_as_recorded: Option<bool>,
+    /// The runs, where the world asks for several.
+    pub repeated: Option<StartRepeated>,
 }
 
 impl Replayed {
     /// Whether the ego still fails.
     pub fn still_fails(&self) -> bool {
         self.episode.verdict.is_success()
+    }
+
+    /// Why it says nothing of the ego, if it does not.
+    pub fn fault(&self) -> Option<&Fault> {
+        let invalid = self.episode.verdict == Verdict::Invalid;
+        self.episode.fault.as_ref().filter(|_| invalid)
     }
 }
 
@@ -64,31 +80,49 @@ impl Replayed {
 /// # Errors
 /// The start does not fit the world.
 pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
+    let Repeats { runs, gate } = scenario.repeats;
+    let episodes = (0..runs.max(1)).map(|_| once(kept, &scenario));
+    let mut episodes = episodes.collect::<Result<Vec<_>, _>>()?;
+    let (repeated, standing) = StartRepeated::of(&episodes, gate);
+    let episode = episodes.swap_remove(standing);
     let recorded = &kept.counterexample;
-    let start = recorded.start(&scenario, &kept.path)?;
+    let commands = recorded.commands();
+    let again = match &commands {
+        Some(commands) => Some(once(
+            kept,
+            &recorded.scenario(&kept.path)?.with_commands(commands),
+        )?),
+        None => None,
+    };
+    let first_difference = first_difference(kept, again.as_ref().unwrap_or(&episode));
+    Ok(Replayed {
+        path: kept.path.clone(),
+        identical: first_difference.is_none()
+            && is_as_recorded(recorded, again.as_ref().unwrap_or(&episode)),
+        first_difference,
+        ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
+        repeated: (1 < runs).then_some(repeated),
+        scenario,
+        episode,
+    })
+}
+
+/// One run of a kept counterexample.
+fn once(kept: &Kept, scenario: &Scenario) -> Result<Episode, KeptError> {
+    let recorded = &kept.counterexample;
+    let start = recorded.start(scenario, &kept.path)?;
     let mut bench = scenario.bench();
     // Against a changed ego the episode may outlast the recording: coast then.
     let mut actor = Replay::then(&recorded.actions, bench.spaces().neutral);
-    let episode = play(
-        &mut bench,
-        &start,
-        recorded.noise,
-        &mut actor,
-        Aftermath::Play,
-    );
-    let first_difference = first_difference(kept, &episode);
-    let identical = first_difference.is_none()
-        && episode.verdict == recorded.verdict
+    let noise = recorded.noise;
+    Ok(play(&mut bench, &start, noise, &mut actor, Aftermath::Play))
+}
+
+fn is_as_recorded(recorded: &Counterexample, episode: &Episode) -> bool {
+    episode.verdict == recorded.verdict
         && episode.robustness.to_bits() == recorded.robustness.to_bits()
         && episode.contact == recorded.contact
-        && episode.judged == recorded.judged;
-    Ok(Replayed {
-        path: kept.path.clone(),
-        scenario,
-        episode,
-        identical,
-        first_difference,
-    })
+        && episode.judged == recorded.judged
 }
 
 fn first_difference(kept: &Kept, episode: &Episode) -> Option<Difference> {
@@ -126,6 +160,8 @@ fn first_difference(kept: &Kept, episode: &Episode) -> Option<Difference> {
 pub struct Regressions {
     kept: Vec<Kept>,
     ego: EgoUnderTest,
+    programs_allowed: bool,
+    allow_invalid: f64,
 }
 
 #[derive(Clone)]
@@ -162,6 +198,24 @@ pub enum RegressionError {
         differ: Vec<String>,
         /// Replays in all.
         total: usize,
+    },
+    /// The ego failed to run: nobody knows whether it would have passed.
+    #[error("the ego failed to run in {} of {replayed} replays, of {total} asked for:\n{}", .invalid.len(), .invalid.join("\n"))]
+    Invalid {
+        /// One line per replay that says nothing.
+        invalid: Vec<String>,
+        /// Replays that were begun.
+        replayed: usize,
+        /// Replays asked for.
+        total: usize,
+    },
+    /// A file names a program, and nobody consented to start it.
+    #[error("`{path}` names the program `{}` as the ego: nothing was started", .command.join(" "))]
+    NotAllowed {
+        /// The file.
+        path: PathBuf,
+        /// The program and its arguments.
+        command: Vec<String>,
     },
     /// The ego still fails.
     #[error("the ego still fails {} of {total} kept counterexamples:\n{}", .failing.len(), .failing.join("\n"))]
@@ -206,7 +260,31 @@ impl Regressions {
         Ok(Regressions {
             kept: kept.collect::<Result<_, _>>()?,
             ego: EgoUnderTest::Recorded,
+            programs_allowed: false,
+            allow_invalid: 0.0,
         })
+    }
+
+    /// Consents to start the programs that the kept files and changes name.
+    ///
+    /// Without it nothing is started: a kept file whose ego is a program is an
+    /// error, before the first one is replayed.
+    #[must_use]
+    pub fn allow_programs(self, allowed: bool) -> Regressions {
+        Regressions {
+            programs_allowed: allowed,
+            ..self
+        }
+    }
+
+    /// Allows a share of the replays to say nothing because the ego failed to
+    /// run; none unless this is called.
+    #[must_use]
+    pub fn allow_invalid(self, share: f64) -> Regressions {
+        Regressions {
+            allow_invalid: share,
+            ..self
+        }
     }
 
     /// Replays them against the user's own controller.
@@ -248,11 +326,88 @@ impl Regressions {
 
     /// Replays all of them.
     ///
+    /// An ego that does not run is given up, as [`FaultLog`] says: what it was
+    /// not asked is missing then.
+    ///
     /// # Errors
-    /// A world or a changed ego is not usable.
+    /// A world or a changed ego is not usable, or is a program and nobody
+    /// [consented](Regressions::allow_programs) to start it.
     pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
-        let all = self.kept.iter();
-        all.map(|kept| Ok(replay(kept, self.scenario(kept)?)?))
+        let scenarios = self.kept.iter().map(|kept| self.scenario(kept));
+        let scenarios = scenarios.collect::<Result<Vec<_>, _>>()?;
+        self.consent(&scenarios)?;
+        // Kept files of one program share one that is running.
+        let log = FaultLog::allowing(self.allow_invalid);
+        let mut all = Vec::with_capacity(scenarios.len());
+        for (index, (kept, scenario)) in self.kept.iter().zip(scenarios).enumerate() {
+            let replayed = replay(kept, scenario)?;
+            log.note(index as u64, replayed.fault());
+            all.push(replayed);
+            if log.has_given_up() {
+                break;
+            }
+        }
+        Ok(all)
+    }
+
+    /// Whether so many faults are more than allowed.
+    ///
+    /// # Errors
+    /// They are; the message names the files and the reasons.
+    pub fn check_faults(&self, replayed: &[Replayed]) -> Result<(), RegressionError> {
+        let faults = replayed.iter().filter_map(|one| Some((one, one.fault()?)));
+        let invalid: Vec<String> = faults
+            .map(|(one, fault)| format!("  {}: {}", one.path.display(), in_words(fault)))
+            .collect();
+        let cut = replayed.len() < self.kept.len();
+        let allowed = self.allow_invalid * replayed.len() as f64;
+        match !cut && invalid.len() as f64 <= allowed {
+            true => Ok(()),
+            false => Err(RegressionError::Invalid {
+                invalid,
+                replayed: replayed.len(),
+                total: self.kept.len(),
+            }),
+        }
+    }
+
+    /// Names the first program that nobody consented to start.
+    fn consent(&self, scenarios: &[Scenario]) -> Result<(), RegressionError> {
+        let mut pairs = self.kept.iter().zip(scenarios);
+        let named = pairs.find_map(|(kept, scenario)| {
+            let command = scenario.program()?.command.clone();
+            Some((kept.path.clone(), command))
+        });
+        match named {
+            Some((path, command)) if !self.programs_allowed => {
+                Err(RegressionError::NotAllowed { path, command })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Replays all of them with the egos they were recorded with.
+    ///
+    /// Where a file holds what the ego commanded those commands are repeated:
+    /// no program is started, and none is needed.
+    ///
+    /// # Errors
+    /// A world is not usable; its ego is a program whose commands were not
+    /// recorded, and nobody consented to start it.
+    pub fn replay_recorded(&self) -> Result<Vec<Replayed>, RegressionError> {
+        let worlds = self.kept.iter().map(|kept| {
+            let recorded = &kept.counterexample;
+            let world = recorded.scenario(&kept.path)?;
+            Ok(match recorded.commands() {
+                Some(commands) => world.with_commands(&commands),
+                None => world.allow_programs(self.programs_allowed),
+            })
+        });
+        let worlds = worlds.collect::<Result<Vec<_>, RegressionError>>()?;
+        self.consent(&worlds)?;
+        let pairs = self.kept.iter().zip(worlds);
+        pairs
+            .map(|(kept, world)| Ok(replay(kept, world)?))
             .collect()
     }
 
@@ -261,7 +416,7 @@ impl Regressions {
     /// # Errors
     /// A replay differs; the message names the first sample and signal.
     pub fn reproduce(&self) -> Result<(), RegressionError> {
-        let replayed = self.replay()?;
+        let replayed = self.replay_recorded()?;
         let differing = replayed.iter().filter(|replayed| !replayed.identical);
         let differ: Vec<String> = differing
             .map(|replayed| {
@@ -284,9 +439,11 @@ impl Regressions {
     /// Replays all of them and asks that the ego no longer fails any.
     ///
     /// # Errors
-    /// The ego still fails; the message names the files.
+    /// The ego did not run in one of them, or still fails; the message names
+    /// the files.
     pub fn pass(&self) -> Result<(), RegressionError> {
         let replayed = self.replay()?;
+        self.check_faults(&replayed)?;
         let still = replayed.iter().filter(|replayed| replayed.still_fails());
         let failing: Vec<String> = still
             .map(|replayed| {
@@ -305,9 +462,12 @@ impl Regressions {
 
     fn scenario(&self, kept: &Kept) -> Result<Scenario, RegressionError> {
         let recorded = &kept.counterexample;
-        let nominal = || recorded.nominal(&kept.path);
+        let allowed = self.programs_allowed;
+        let nominal = || -> Result<Scenario, KeptError> {
+            Ok(recorded.nominal(&kept.path)?.allow_programs(allowed))
+        };
         Ok(match &self.ego {
-            EgoUnderTest::Recorded => recorded.scenario(&kept.path)?,
+            EgoUnderTest::Recorded => recorded.scenario(&kept.path)?.allow_programs(allowed),
             EgoUnderTest::Own(name, factory) => {
                 let world = recorded.scenario(&kept.path)?;
                 world.with_ego(name, factory.clone())
@@ -327,5 +487,14 @@ impl Regressions {
                 world.with(change)?
             }
         })
+    }
+}
+
+/// A fault in one line, with the end of its stderr.
+fn in_words(fault: &Fault) -> String {
+    let kind = fault.kind.word();
+    match fault.stderr.lines().next_back() {
+        Some(last) => format!("{kind}: {} (stderr ends: {last})", fault.message),
+        None => format!("{kind}: {}", fault.message),
     }
 }

@@ -56,7 +56,7 @@ pub(super) fn replay_nearest(
         let mut actor = NearestReplay::new(stored, rank);
         play(bench, start, noise, &mut actor, Aftermath::Play)
     };
-    let first = one(0);
+    let mut first = one(0);
     let (mut simulations, mut physics_steps) = (1, first.physics_steps);
     if first.verdict.is_success() {
         return (first, simulations, physics_steps);
@@ -67,6 +67,10 @@ pub(super) fn replay_nearest(
         physics_steps += episode.physics_steps;
         if episode.verdict.is_success() {
             return (episode, simulations, physics_steps);
+        }
+        // Nobody knows what a replay would have come to whose ego did not run.
+        if episode.fault.is_some() && first.fault.is_none() {
+            first = episode;
         }
     }
     (first, simulations, physics_steps)

@@ -6,7 +6,7 @@ use super::eval::{EvalRequest, Evaluated};
 use crate::rulebook::Verdict;
 use crate::scene::Axis;
 use crate::stl::Scratch;
-use crate::testbench::Episode;
+use crate::testbench::{Episode, Testbench};
 
 /// A counterexample and what it was chosen for.
 #[derive(Clone, Debug)]
@@ -44,11 +44,15 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
         .filter_map(|(start, mark)| (mark == b'1').then_some(start))
         .collect();
     let axes = request.scenario.axes();
+    let again = |bench: &mut Testbench, start: usize| {
+        let mut play = |bench: &mut Testbench, start| request.play(bench, start);
+        evaluated.again(request, bench, start, &mut play)
+    };
     let facts: Vec<Facts> = solved
         .par_iter()
         .map_init(
             || request.scenario.bench(),
-            |bench, start| facts_of(*start, &request.play(bench, *start), request, &axes),
+            |bench, start| facts_of(*start, &again(bench, *start), request, &axes),
         )
         .collect();
     let dt_s = request.scenario.bench().clock().sample_s;
@@ -102,7 +106,7 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
     let played = chosen.into_iter().map(|(chosen_for, facts)| Telling {
         chosen_for,
         start: facts.start,
-        episode: request.play(&mut bench, facts.start),
+        episode: again(&mut bench, facts.start),
     });
     played.collect()
 }

@@ -8,14 +8,12 @@ use crate::rl::{BundleError, Control, Learner, Progress};
 use crate::run::{Done, RunDir, RunError};
 use crate::scenario::Scenario;
 use crate::seed::Purpose;
-use crate::testbench::Spent;
+use crate::testbench::{Complaint, Spent};
 
 /// Decisions between two checkpoints.
 const CHECKPOINT_DECISIONS: u64 = 50_000;
 /// Episodes per line of `progress.jsonl`.
 const REPORT_EPISODES: u64 = 250;
-/// Training gives up after so many faults, if they outnumber good episodes tenfold.
-const MAX_FAULTS: u64 = 50;
 
 /// What training came to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,13 +35,13 @@ pub enum TrainError {
     /// A checkpoint or a policy to begin with does not fit.
     #[error("the stored learner does not fit this world: {0}")]
     Bundle(#[from] BundleError),
-    /// The ego fails in (nearly) every episode.
-    #[error("the ego or the physics failed in {aborted} episodes and worked in {episodes}")]
+    /// The ego does not run.
+    #[error("training was ended after {decisions} decisions: {complaint}")]
     Faults {
-        /// Dropped episodes.
-        aborted: u64,
-        /// Good ones.
-        episodes: u64,
+        /// Decisions taken so far; a checkpoint holds them.
+        decisions: u64,
+        /// What went wrong.
+        complaint: Complaint,
     },
 }
 
@@ -77,6 +75,7 @@ pub fn train(
         decisions: learner.decisions(),
         physics_steps: run.manifest().physics_steps,
     });
+    gym.inner().tell_faults(watch.faults.clone());
     // Counterexamples of a family are of egos that nobody could name later.
     let stores = scenario.against.is_nominal();
     if stores {
@@ -93,7 +92,7 @@ pub fn train(
         learner.train(&mut gym, &mut |progress| {
             ledger.note(progress);
             (watch.progress)(progress.decisions.min(asked), asked);
-            let pause = until <= progress.decisions || watch.stopped() || ledger.hopeless();
+            let pause = until <= progress.decisions || watch.stopped();
             match pause {
                 true => Control::Stop,
                 false => Control::Continue,
@@ -105,14 +104,15 @@ pub fn train(
         }
         let cpu_s = spent_s + clock.elapsed().as_secs_f64();
         let done = ledger.done(&*learner, asked, gym.inner().spent(), cpu_s);
-        if ledger.hopeless() {
-            return Err(TrainError::Faults {
-                aborted: ledger.aborted,
-                episodes: ledger.episodes,
-            });
-        }
         if !learner.finished() {
             run.save_checkpoint(&learner.checkpoint(), done)?;
+        }
+        let given_up = watch.faults.has_given_up();
+        if let Some(complaint) = watch.faults.complaint().filter(|_| given_up) {
+            return Err(TrainError::Faults {
+                decisions: learner.decisions(),
+                complaint,
+            });
         }
     }
     let cpu_s = spent_s + clock.elapsed().as_secs_f64();
@@ -178,10 +178,6 @@ impl Ledger {
             self.lines.push('\n');
         }
         (self.in_line, self.solved, self.returns) = (0, 0, 0.0);
-    }
-
-    fn hopeless(&self) -> bool {
-        MAX_FAULTS <= self.aborted && self.episodes * 10 < self.aborted
     }
 
     fn done(&self, learner: &dyn Learner, asked: u64, spent: Spent, cpu_s: f64) -> Done {

@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::Watch;
-use super::eval::{EvalRequest, Evaluated, Outcome};
+use super::eval::{EvalRequest, Evaluated, Outcome, Played};
 use crate::rl::Policy;
 use crate::run::{RunDir, RunError};
 use crate::scenario::{Family, Member};
@@ -83,7 +83,7 @@ impl Tries<'_> {
         let starts = self.request.starts;
         let done = AtomicU64::new(0);
         let total = starts.starts.len() as u64;
-        let played: Vec<Option<(Outcome, u64, Option<u64>)>> = (0..starts.starts.len())
+        let played: Vec<Option<(Played, u64, Option<u64>)>> = (0..starts.starts.len())
             .into_par_iter()
             .map_init(
                 || self.request.scenario.bench(),
@@ -96,21 +96,21 @@ impl Tries<'_> {
                 },
             )
             .collect();
-        let outcomes: Vec<_> = played
+        let valid = played
             .iter()
-            .map(|p| p.map(|(outcome, ..)| outcome))
-            .collect();
-        let simulations: u64 = played.iter().flatten().map(|(_, spent, _)| spent).sum();
-        let mut row = self.request.row(&outcomes);
+            .flatten()
+            .filter(|(played, ..)| played.fault.is_none());
+        let simulations: u64 = valid.map(|(_, spent, _)| spent).sum();
+        let winners = played.iter().map(|p| p.as_ref().and_then(|(.., w)| *w));
+        let winners = winners.collect();
+        let played = played.into_iter().map(|p| p.map(|(played, ..)| played));
+        let mut evaluated = Evaluated::of(&self.request, played.collect(), watch);
+        let row = &mut evaluated.row;
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         if 1 < self.tries {
             row.method = format!("{}, at most {} tries", row.method, self.tries);
         }
-        let winners = played.iter().map(|p| p.and_then(|(.., winner)| winner));
-        Tried {
-            winners: winners.collect(),
-            evaluated: Evaluated { row, outcomes },
-        }
+        Tried { winners, evaluated }
     }
 
     fn solve(
@@ -118,15 +118,19 @@ impl Tries<'_> {
         bench: &mut Testbench,
         index: usize,
         watch: &Watch<'_>,
-    ) -> Option<(Outcome, u64, Option<u64>)> {
+    ) -> Option<(Played, u64, Option<u64>)> {
         let clock = ThreadTime::now();
-        let mut first: Option<Outcome> = None;
+        let mut first: Option<Played> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
         for number in 0..self.tries {
             if watch.stopped() {
-                return None;
+                // What has shown that the ego does not run is told of.
+                return first
+                    .filter(|first| first.fault.is_some())
+                    .map(|f| (f, simulations, None));
             }
             let episode = self.play(bench, index, number);
+            watch.faults.note(index as u64, episode.fault.as_ref());
             simulations += 1;
             physics_steps += episode.physics_steps;
             let outcome = Outcome {
@@ -136,16 +140,27 @@ impl Tries<'_> {
                 physics_steps,
                 cpu_s: clock.elapsed().as_secs_f64(),
             };
-            if episode.verdict.is_success() {
-                return Some((outcome, number + 1, Some(number)));
+            let played = Played {
+                outcome,
+                fault: episode.fault,
+                repeated: None,
+                commands: (!episode.commands.is_empty()).then(|| episode.commands.into()),
+            };
+            if played.outcome.verdict.is_success() {
+                return Some((played, number + 1, Some(number)));
             }
-            first.get_or_insert(outcome);
+            // Nobody knows what an invalid try would have come to.
+            match &first {
+                Some(first) if first.fault.is_some() || played.fault.is_none() => {}
+                _ => first = Some(played),
+            }
         }
-        let unsolved = Outcome {
+        let mut unsolved = first?;
+        unsolved.outcome = Outcome {
             simulations,
             physics_steps,
             cpu_s: clock.elapsed().as_secs_f64(),
-            ..first?
+            ..unsolved.outcome
         };
         Some((unsolved, self.tries, None))
     }

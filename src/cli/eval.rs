@@ -8,8 +8,8 @@ use serde_json::json;
 use super::rivals::Rivals;
 use super::told::{Params, Playing, playing};
 use super::{
-    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
-    start_count, table, talk, theorems,
+    Common, Exit, Failure, NamedEgo, PlantArg, all_played, consent, egos_or_program,
+    interrupted_early, on_plant, open_run, print_json, start_count, table, talk, theorems,
 };
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Tries, Watch,
@@ -61,6 +61,9 @@ pub(super) struct EvalArgs {
     /// Exit with 1 if any ado makes an ego fail.
     #[arg(long)]
     fail_on_counterexample: bool,
+    /// A program that is the ego, after `--`: typing it consents to start it.
+    #[arg(last = true, value_name = "COMMAND")]
+    program: Vec<String>,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -90,7 +93,7 @@ enum AdoArg {
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
-    let run = RunDir::open(&args.run)?;
+    let run = open_run(&args.run, &args.common)?;
     let params = Params::of(&run, args.params.as_deref())?;
     if params.is_none() {
         // A conditional ado refuses here to be played untold.
@@ -100,7 +103,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     if let Some(plant) = args.plant {
         nominal = on_plant(&nominal, plant)?;
     }
-    let egos = egos(&nominal, &args.ego)?;
+    let egos = egos_or_program(&nominal, &args.ego, &args.program)?;
+    let world = run.world()?;
+    consent(all_played(&world, &egos))?;
     if let Some(params) = &params {
         params.check(&run, &egos)?;
     }
@@ -115,8 +120,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     }
     let bar = talk::bar("evaluating");
     let watch = bar.watch();
-    let Some(starts) = test_starts(&run.world()?, args.common.seed, args.starts, &watch) else {
-        return Ok(interrupted_early());
+    let Some(starts) = test_starts(&world, args.common.seed, args.starts, &watch) else {
+        return interrupted_early(&args.common);
     };
     let mut rivals = Rivals::default();
     let drives = nominal.grid().is_none();
@@ -138,7 +143,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             false => {
                 let drawn = test_starts(&ego.scenario, args.common.seed, args.starts, &watch);
                 let Some(own) = drawn else {
-                    return Ok(interrupted_early());
+                    return interrupted_early(&args.common);
                 };
                 Some(own)
             }
@@ -155,7 +160,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             on_a_grid: nominal.grid().is_some(),
         };
         let (rows, reason) = job.one_ego(ego)?;
-        if talk::stopped() && rows.iter().all(|row| row.starts == 0) {
+        if talk::stopped() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             break;
         }
         reasons.extend(reason);
@@ -167,12 +172,12 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             rows,
             &watch,
         ));
-        if talk::stopped() {
+        if watch.stopped() {
             break;
         }
     }
     let mut checked = None;
-    if args.theorems && !talk::stopped() {
+    if args.theorems && !watch.stopped() {
         bar.now("theorems".to_owned());
         let changed = match args.ego.as_str() {
             "nominal" => super::egos(&nominal, "all")?,

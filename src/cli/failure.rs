@@ -8,6 +8,7 @@ use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Na
 use crate::campaign::{IdentifyError, RegressionError, ReuseError, Table1Error, TrainError};
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError};
+use crate::testbench::Complaint;
 
 /// The documented exit codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -223,6 +224,10 @@ impl From<RegressionError> for Failure {
             RegressionError::Change(change) => {
                 Failure::plain(Exit::Input, change.to_string(), change.help.clone())
             }
+            RegressionError::NotAllowed { path, command } => {
+                let who = format!("the ego in `{}`", path.display());
+                not_allowed(&who, &command)
+            }
             other => Failure::fault(other.to_string(), None),
         }
     }
@@ -263,11 +268,52 @@ impl From<TrainError> for Failure {
                 error.to_string(),
                 "the run was made with another world or learner: train anew",
             ),
-            TrainError::Faults { .. } => Failure::fault(
-                error.to_string(),
-                Some("look at the ego: its controller errs or its commands are not finite".into()),
-            ),
+            TrainError::Faults {
+                decisions,
+                complaint,
+            } => {
+                let mut failure = Failure::from(complaint);
+                if let Some(note) = failure.notes.first_mut() {
+                    note.what = format!(
+                        "training ended after {decisions} decisions, which are kept: {}",
+                        note.what
+                    );
+                }
+                failure
+            }
         }
+    }
+}
+
+/// A file names a program, and nobody said that it may be started.
+pub fn not_allowed(who: &str, command: &[String]) -> Failure {
+    Failure::input(
+        format!(
+            "{who} is the program `{}`: nothing was started",
+            command.join(" ")
+        ),
+        "add `--allow-programs` if you trust whoever wrote that file",
+    )
+}
+
+impl From<Complaint> for Failure {
+    fn from(complaint: Complaint) -> Failure {
+        let mut help = String::new();
+        if complaint.given_up {
+            help.push_str("it was given up before the end; ");
+        }
+        if let Some(fault) = complaint
+            .faults
+            .iter()
+            .find(|fault| !fault.stderr.is_empty())
+        {
+            help.push_str(&format!("its stderr ends:\n{}\n", fault.stderr));
+        }
+        help.push_str(
+            "mend the ego (`brakecheck check -- COMMAND` tries a program against the protocol), \
+             or allow a share of such episodes with `--allow-invalid SHARE`",
+        );
+        Failure::fault(complaint.to_string(), Some(help))
     }
 }
 

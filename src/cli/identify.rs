@@ -8,13 +8,13 @@ use serde_json::json;
 
 use super::told::{RECORDED_RUNS, adapted};
 use super::{
-    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
-    table_of, talk,
+    Common, Exit, Failure, NamedEgo, PlantArg, consent, egos, finished, interrupted_early,
+    on_plant, open_run, print_json, table_of, talk,
 };
 use crate::campaign::{
     Adapted, Identified, IdentifyRequest, LEAST_SIMULATIONS, MOST_SIMULATIONS, identify,
 };
-use crate::run::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, RunDir};
+use crate::run::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos};
 use crate::scenario::{Against, Family};
 
 #[derive(Args, Debug)]
@@ -45,7 +45,7 @@ pub(super) struct IdentifyArgs {
 }
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
-    let run = RunDir::open(&args.run)?;
+    let run = open_run(&args.run, &args.common)?;
     let manifest = run.manifest();
     if manifest.against != Against::Conditional {
         return Err(Failure::input(
@@ -71,10 +71,13 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
         // Adapting plays the ado: an unfinished run is found out now.
         run.policy_bundle()?;
     }
+    let asked = egos(&world, &args.ego)?;
+    let egos = asked.iter().map(|ego| (ego.name.as_str(), &ego.scenario));
+    consent(egos)?;
     let seed = args.common.seed;
     let mut file = IdentifiedEgos::new(&manifest.world, &manifest.world_sha256, seed);
     let bar = talk::bar("identifying");
-    for ego in &egos(&world, &args.ego)? {
+    for ego in &asked {
         bar.now(format!("identifying: {}", ego.name));
         let watch = bar.watch();
         let request = IdentifyRequest {
@@ -128,7 +131,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     }
     drop(bar);
     if file.egos.is_empty() {
-        return Ok(interrupted_early());
+        return interrupted_early(&args.common);
     }
     if let Some(path) = &args.output {
         talk::say(&format!(
@@ -141,10 +144,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     if args.common.json {
         print_json(&json!(file))?;
     }
-    Ok(match talk::stopped() {
-        true => Exit::Interrupted,
-        false => Exit::Done,
-    })
+    Ok(finished(Exit::Done))
 }
 
 /// A place that is none is found out before anything is run.

@@ -7,7 +7,9 @@ use serde_json::json;
 
 use super::{Common, Exit, Failure, failure, finite_or_word, print_json, table_of, talk};
 use crate::campaign::{Regressions, Replayed};
-use crate::scenario::Scenario;
+use crate::ego::{ControllerSpec, Process};
+use crate::run::{StartRepeated, wilson};
+use crate::scenario::{Change, Scenario};
 
 #[derive(Args, Debug)]
 pub(super) struct ReplayArgs {
@@ -25,6 +27,9 @@ pub(super) struct ReplayArgs {
     /// Exit with 1 if a kept counterexample still fails (the default).
     #[arg(long)]
     fail_on_counterexample: bool,
+    /// A program that is the ego, after `--`: typing it consents to start it.
+    #[arg(last = true, value_name = "COMMAND")]
+    program: Vec<String>,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -36,15 +41,22 @@ enum Expect {
 }
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
-    let mut regressions = find(&args.what, args.episode.as_deref())?;
-    if let Some(ego) = &args.ego {
-        regressions = against(regressions, ego)?;
-    }
-    let replayed = regressions.replay()?;
+    let mut regressions = find(&args.what, args.episode.as_deref())?
+        .allow_programs(args.common.allow_programs)
+        .allow_invalid(args.common.allow_invalid);
+    let recorded = args.expect == Some(Expect::Recorded);
+    let replayed = match (&args.ego, args.program.is_empty()) {
+        (None, true) if recorded => regressions.replay_recorded()?,
+        (ego, _) => {
+            regressions = against(regressions, ego.as_deref(), &args.program)?;
+            regressions.replay()?
+        }
+    };
     match args.common.json {
         true => print_json(&json!({ "rows": replayed.iter().map(row).collect::<Vec<_>>() })),
-        false => talk::data(&table(&replayed)),
+        false => talk::data(&format!("{}{}", table(&replayed), remarks(&replayed))),
     }?;
+    regressions.check_faults(&replayed)?;
     let differs = replayed.iter().any(|replayed| !replayed.identical);
     if regressions.is_recorded_ego() && differs {
         return Ok(Exit::NotIdentical);
@@ -95,7 +107,29 @@ fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Failure> {
     Ok(Regressions::load(&file)?)
 }
 
-fn against(regressions: Regressions, ego: &str) -> Result<Regressions, Failure> {
+/// The ego asked for: the recorded one, one by name or file, or a program.
+fn against(
+    regressions: Regressions,
+    ego: Option<&str>,
+    program: &[String],
+) -> Result<Regressions, Failure> {
+    if !program.is_empty() && ego.is_some() {
+        return Err(Failure::input(
+            "`--ego` names one ego, and the program after `--` is another",
+            "leave out one of the two",
+        ));
+    }
+    if !program.is_empty() {
+        let change = Change {
+            controller: Some(ControllerSpec::Process(Process::new(program))),
+            ..Change::default()
+        };
+        // Whoever types a program means it to be started.
+        return Ok(regressions.with_change(change).allow_programs(true));
+    }
+    let Some(ego) = ego else {
+        return Ok(regressions);
+    };
     let path = Path::new(ego);
     if path.extension().is_none_or(|extension| extension != "ron") {
         return Ok(regressions.with_named_ego(ego));
@@ -114,10 +148,52 @@ fn row(replayed: &Replayed) -> serde_json::Value {
         "file": replayed.path.display().to_string(),
         "verdict": replayed.episode.verdict.word(),
         "robustness": finite_or_word(replayed.episode.robustness),
+        "fault": replayed.fault(),
+        "ego_as_recorded": replayed.ego_as_recorded,
+        "runs": replayed.repeated.as_ref().map(runs),
         "contact_s": replayed.episode.contact.as_ref().map(|touch| touch.time_s),
         "identical": replayed.identical,
         "first_difference": difference.map(ToString::to_string),
     })
+}
+
+/// Runs of an ego that does not answer twice alike.
+fn runs(repeated: &StartRepeated) -> serde_json::Value {
+    let (failing, ran) = repeated.failing();
+    json!({
+        "failing": failing,
+        "ran": ran,
+        "failing_ci95": wilson(failing, ran),
+        "differ": repeated.differs(),
+    })
+}
+
+/// What the table has no room for: faults, and egos that answer otherwise.
+fn remarks(replayed: &[Replayed]) -> String {
+    let mut text = String::new();
+    for one in replayed {
+        let file = one.path.display();
+        if let Some(fault) = one.fault() {
+            text.push_str(&format!("\n{file}: {}: {fault}", fault.kind.word()));
+        }
+        if let Some(repeated) = &one.repeated {
+            let (failing, ran) = repeated.failing();
+            let [lo, hi] = wilson(failing, ran).map(|share| 100.0 * share);
+            text.push_str(&format!(
+                "\n{file}: the ego fails in {failing} of {ran} runs [{lo:.0}–{hi:.0} %]{}",
+                match repeated.differs() {
+                    true => "; it does not answer alike in all of them",
+                    false => "",
+                }
+            ));
+        }
+        if one.ego_as_recorded == Some(false) && one.fault().is_none() {
+            text.push_str(&format!(
+                "\n{file}: the ego commands otherwise than recorded"
+            ));
+        }
+    }
+    text
 }
 
 fn table(replayed: &[Replayed]) -> String {
@@ -165,11 +241,11 @@ pub(super) struct ViewArgs {
 pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
     let single = args.what.is_file();
     let episode = (!single).then_some(args.episode.as_str());
-    let mut regressions = find(&args.what, episode)?;
-    if let Some(ego) = &args.ego {
-        regressions = against(regressions, ego)?;
-    }
-    let replayed = regressions.replay()?;
+    let regressions = find(&args.what, episode)?.allow_programs(args.common.allow_programs);
+    let replayed = match &args.ego {
+        Some(ego) => against(regressions, Some(ego), &[])?.replay()?,
+        None => regressions.replay_recorded()?,
+    };
     let Some(replayed) = replayed.first() else {
         return Err(failure::wrong_kind(&args.what, "kept counterexample"));
     };
@@ -177,6 +253,10 @@ pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
     let name = name.file_name().map(PathBuf::from).unwrap_or(name);
     let output = args.output.clone().unwrap_or(name);
     let caption = replayed.path.display().to_string();
+    if let Some(fault) = replayed.fault() {
+        let message = format!("there is nothing to see: {fault}");
+        return Err(Failure::fault(message, None));
+    }
     let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, &output)
         .map_err(|error| Failure::fault(error.to_string(), Some(error.help().to_owned())))?;
     match args.common.json {

@@ -18,14 +18,17 @@ mod theorems;
 mod told;
 mod train;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use miette::GraphicalTheme;
+use serde_json::json;
 
 pub use failure::{Exit, Failure, Note};
 
+use crate::ego::{ControllerSpec, Process};
+use crate::run::{RunDir, RunError};
 use crate::scenario::{Change, Scenario};
 use crate::sim::PlantKind;
 
@@ -49,6 +52,19 @@ struct Common {
     /// Threads to use; rows do not depend on it [default: one per core].
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
+    /// Start the programs that worlds, changes and kept files name as egos.
+    #[arg(long, global = true)]
+    allow_programs: bool,
+    /// Largest share of invalid episodes in a row that is no fault, 0 to 1.
+    #[arg(long, global = true, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    allow_invalid: f64,
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("a share is a number from 0 to 1, such as 0.05".to_owned()),
+    }
 }
 
 #[derive(Subcommand, Debug)]
@@ -77,6 +93,22 @@ enum Verb {
 }
 
 impl Verb {
+    fn common(&self) -> &Common {
+        match self {
+            Verb::Check(args) => &args.common,
+            Verb::Train(args) => &args.common,
+            Verb::Eval(args) => &args.common,
+            Verb::Search(args) => &args.common,
+            Verb::Identify(args) => &args.common,
+            Verb::Replay(args) => &args.common,
+            Verb::Stl(args) => &args.common,
+            Verb::Report(args) => &args.common,
+            Verb::Reproduce(args) => &args.common,
+            #[cfg(feature = "rerun")]
+            Verb::View(args) => &args.common,
+        }
+    }
+
     /// Whether Ctrl-C asks it to stop and keep what it has; others just end.
     fn saves_when_interrupted(&self) -> bool {
         matches!(
@@ -126,24 +158,74 @@ pub fn main() -> ExitCode {
     if cli.verb.saves_when_interrupted() {
         talk::listen_for_interrupts();
     }
-    let result = match cli.verb {
+    let common = cli.verb.common().clone();
+    talk::allow_faults(common.allow_invalid);
+    let result = with_jobs(&common, move || match cli.verb {
         Verb::Check(args) => check::run(&args),
-        Verb::Train(args) => with_jobs(&args.common.clone(), move || train::run(&args)),
-        Verb::Eval(args) => with_jobs(&args.common.clone(), move || eval::run(&args)),
-        Verb::Search(args) => with_jobs(&args.common.clone(), move || search::run(&args)),
-        Verb::Identify(args) => with_jobs(&args.common.clone(), move || identify::run(&args)),
+        Verb::Train(args) => train::run(&args),
+        Verb::Eval(args) => eval::run(&args),
+        Verb::Search(args) => search::run(&args),
+        Verb::Identify(args) => identify::run(&args),
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
-        Verb::Report(args) => with_jobs(&args.common.clone(), move || report::run(&args)),
-        Verb::Reproduce(args) => with_jobs(&args.common.clone(), move || reproduce::run(&args)),
+        Verb::Report(args) => report::run(&args),
+        Verb::Reproduce(args) => reproduce::run(&args),
         #[cfg(feature = "rerun")]
         Verb::View(args) => kept::view(&args),
-    };
-    let exit = result.unwrap_or_else(|failure| {
+    });
+    let exit = result.and_then(settled).unwrap_or_else(|failure| {
         talk::say(failure.render(talk::theme(), talk::width()).trim_end());
         failure.exit
     });
     ExitCode::from(exit as u8)
+}
+
+/// What a verb came to, once its faults are looked at: where more episodes are
+/// invalid than allowed, nothing it printed is a verdict on the ego.
+fn settled(exit: Exit) -> Result<Exit, Failure> {
+    match talk::faults().complaint() {
+        Some(complaint) if !talk::stopped() => Err(complaint.into()),
+        _ => Ok(exit),
+    }
+}
+
+/// Opens a run, with the consent that was typed.
+fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
+    let mut run = RunDir::open(path)?;
+    run.allow_programs(common.allow_programs);
+    Ok(run)
+}
+
+/// Reads a world, with the consent that was typed.
+fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
+    Ok(Scenario::load(path)?.allow_programs(common.allow_programs))
+}
+
+/// Every world that evaluating egos plays: the world's own, for the trivial
+/// starts, and theirs.
+fn all_played<'a>(
+    world: &'a Scenario,
+    egos: &'a [NamedEgo],
+) -> impl Iterator<Item = (&'a str, &'a Scenario)> {
+    let own = std::iter::once(("nominal", world));
+    own.chain(egos.iter().map(|ego| (ego.name.as_str(), &ego.scenario)))
+}
+
+/// Asks for consent before a program that a file names is started.
+fn consent<'a>(egos: impl IntoIterator<Item = (&'a str, &'a Scenario)>) -> Result<(), Failure> {
+    let programs = egos
+        .into_iter()
+        .filter_map(|(name, scenario)| Some((name, scenario.program()?)));
+    let named = programs
+        .into_iter()
+        .find(|(_, program)| !program.is_allowed());
+    match named {
+        Some((name, program)) => Err(failure::not_allowed(
+            &format!("the ego `{name}`"),
+            &program.command,
+        )),
+        None => Ok(()),
+    }
 }
 
 fn with_jobs<F>(common: &Common, verb: F) -> Result<Exit, Failure>
@@ -172,6 +254,39 @@ impl NamedEgo {
             scenario: scenario.clone(),
         }
     }
+}
+
+/// The egos that a verb was asked for: by name, or a program typed after `--`.
+fn egos_or_program(
+    scenario: &Scenario,
+    asked: &str,
+    program: &[String],
+) -> Result<Vec<NamedEgo>, Failure> {
+    if program.is_empty() {
+        return egos(scenario, asked);
+    }
+    if asked != "nominal" {
+        return Err(Failure::input(
+            "`--ego` names one ego, and the program after `--` is another",
+            "leave out one of the two",
+        ));
+    }
+    let change = Change {
+        controller: Some(ControllerSpec::Process(Process::new(program))),
+        ..Change::default()
+    };
+    let changed = scenario.with(&change).map_err(|error| {
+        Failure::input(
+            error.to_string(),
+            "a program drives the ego of a driving world",
+        )
+    })?;
+    Ok(vec![NamedEgo {
+        name: program.join(" "),
+        change,
+        // Whoever types a program means it to be started.
+        scenario: changed.allow_programs(true),
+    }])
 }
 
 /// Resolves `--ego NAME|FILE.ron|all` against a world.
@@ -246,10 +361,25 @@ fn start_count() -> clap::builder::RangedU64ValueParser<usize> {
     clap::builder::RangedU64ValueParser::new().range(1..=10_000_000)
 }
 
-/// Says that nothing was computed before the interruption.
-fn interrupted_early() -> Exit {
-    talk::say("interrupted before anything was evaluated");
-    Exit::Interrupted
+/// Nothing was computed: somebody interrupted it, or the ego did not run.
+fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
+    if talk::stopped() {
+        talk::say("interrupted before anything was evaluated");
+        return Ok(Exit::Interrupted);
+    }
+    if common.json {
+        let faults = talk::faults().complaint().map(|complaint| complaint.faults);
+        print_json(&json!({ "rows": [], "faults": faults }))?;
+    }
+    Ok(Exit::Fault)
+}
+
+/// How a verb ends that may have been interrupted.
+fn finished(otherwise: Exit) -> Exit {
+    match talk::stopped() {
+        true => Exit::Interrupted,
+        false => otherwise,
+    }
 }
 
 /// Prints one JSON object on stdout.

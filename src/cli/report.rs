@@ -8,7 +8,8 @@ use serde_json::json;
 
 use super::told::{Params, playing};
 use super::{
-    Common, Exit, Failure, NamedEgo, egos, interrupted_early, print_json, start_count, talk,
+    Common, Exit, Failure, NamedEgo, all_played, consent, egos, interrupted_early, open_run,
+    print_json, start_count, talk,
 };
 use crate::campaign::{
     Ado, BreakEven, EvalRequest, TestStarts, Watch, eval, explain_first, telling, test_starts,
@@ -50,11 +51,11 @@ pub(super) struct ReportArgs {
 }
 
 pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
-    let run = RunDir::open(&args.run)?;
+    let run = open_run(&args.run, &args.common)?;
     let scenario = run.scenario()?;
     let mut trainings = vec![training(&run)?];
     for other in &args.with {
-        let other = RunDir::open(other)?;
+        let other = open_run(other, &args.common)?;
         if other.manifest().world_sha256 != run.manifest().world_sha256 {
             return Err(Failure::input(
                 format!("`{}` is a run of another world", other.path().display()),
@@ -69,6 +70,13 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
         given.rows.extend(printed.rows);
         given.break_even.extend(printed.break_even);
     }
+    let played = match given.rows.is_empty() {
+        true => egos(&scenario, "all")?,
+        false => Vec::new(),
+    };
+    if run.manifest().is_finished() {
+        consent(all_played(&scenario, &played))?;
+    }
     let bar = talk::bar("playing");
     let watch = bar.watch();
     let mut report = Report {
@@ -81,6 +89,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
         about_tested: String::new(),
         costs: Vec::new(),
         notes: notes(&run),
+        faults: Vec::new(),
         commands: commands(args, &run, &scenario),
     };
     if run.manifest().is_finished() {
@@ -90,11 +99,28 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
             scenario: &scenario,
             watch: &watch,
         };
-        if job.fill(&mut report, given)?.is_none() {
-            return Ok(interrupted_early());
+        // An ego that does not run is what the page then tells of.
+        if job.fill(&mut report, given)?.is_none() && talk::stopped() {
+            return interrupted_early(&args.common);
         }
     }
+    let complaint = talk::faults().complaint();
+    report.faults = complaint.map(|it| it.faults).unwrap_or_default();
     drop(bar);
+    let mut unheeded = report.tested.iter().map(|tested| &tested.row);
+    let unheeded = unheeded.find(|row| args.common.allow_invalid < row.invalid_share());
+    let unheeded = unheeded.map(|row| {
+        Failure::fault(
+            format!(
+                "{} of {} starts of `{}`, {} are invalid: its ego failed to run",
+                row.invalid,
+                row.starts + row.invalid,
+                row.ego,
+                row.ado
+            ),
+            Some("the page and the JUnit file say why; `--allow-invalid SHARE` allows some".into()),
+        )
+    });
     let html = args.output.clone();
     let html = html.unwrap_or_else(|| run.path().join("report.html"));
     let junit = html.with_extension("junit.xml");
@@ -107,7 +133,11 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
         })),
         false => talk::data(&format!("{}\n{}", html.display(), junit.display())),
     }?;
-    Ok(Exit::Done)
+    match unheeded {
+        // What was played here is complained of with all its faults.
+        Some(failure) if talk::faults().complaint().is_none() => Err(failure),
+        _ => Ok(Exit::Done),
+    }
 }
 
 struct Job<'a> {

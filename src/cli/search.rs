@@ -6,8 +6,8 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{
-    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
-    start_count, table, talk,
+    Common, Exit, Failure, NamedEgo, PlantArg, all_played, consent, egos_or_program,
+    interrupted_early, load_world, on_plant, open_run, print_json, start_count, table, talk,
 };
 use crate::campaign::{
     Ado, BreakEven, Cem, Cost, EvalRequest, Method, SearchRequest, Searched, TestStarts, Watch,
@@ -51,6 +51,9 @@ pub(super) struct SearchArgs {
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]
     fail_on_counterexample: bool,
+    /// A program that is the ego, after `--`: typing it consents to start it.
+    #[arg(last = true, value_name = "COMMAND")]
+    program: Vec<String>,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -72,20 +75,21 @@ enum MethodArg {
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     fitting(args)?;
     let run = match args.world.is_dir() {
-        true => Some(RunDir::open(&args.world)?),
+        true => Some(open_run(&args.world, &args.common)?),
         false => None,
     };
     let (world, mut nominal) = match &run {
         Some(run) => (run.world()?, run.scenario()?),
         None => {
-            let world = Scenario::load(&args.world)?;
+            let world = load_world(&args.world, &args.common)?;
             (world.clone(), world)
         }
     };
     if let Some(plant) = args.plant {
         nominal = on_plant(&nominal, plant)?;
     }
-    let egos = egos(&nominal, &args.ego)?;
+    let egos = egos_or_program(&nominal, &args.ego, &args.program)?;
+    consent(all_played(&world, &egos))?;
     let stored = match args.method {
         MethodArg::Mutate => Some(stored(args, run.as_ref(), &egos)?),
         _ => None,
@@ -105,7 +109,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     let bar = talk::bar("searching");
     let watch = bar.watch();
     let Some(starts) = test_starts(&world, args.common.seed, args.starts, &watch) else {
-        return Ok(interrupted_early());
+        return interrupted_early(&args.common);
     };
     let mut rows = Vec::new();
     let mut evens = Vec::new();
@@ -130,6 +134,9 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
             rows.push(row);
         }
         rows.push(searched.row);
+        if watch.stopped() {
+            break;
+        }
     }
     drop(bar);
     match args.common.json {
@@ -192,7 +199,7 @@ fn method<'a>(args: &SearchArgs, stored: Option<&'a Stored>) -> Method<'a> {
 fn stored(args: &SearchArgs, run: Option<&RunDir>, egos: &[NamedEgo]) -> Result<Stored, Failure> {
     let (stored, source) = match (&args.from, run) {
         (Some(path), _) => {
-            let run = RunDir::open(path)?;
+            let run = open_run(path, &args.common)?;
             (run.counterexamples()?, run.scenario()?)
         }
         (None, Some(run)) => (run.counterexamples()?, run.scenario()?),

@@ -7,7 +7,36 @@ use crate::run::Row;
 
 /// All rows as one table, opened by what happens without an adversary.
 pub(super) fn rows(rows: &[Row]) -> String {
-    format!("{}\n{}", opening(rows), lines(rows))
+    format!("{}\n{}{}", opening(rows), lines(rows), remarks(rows))
+}
+
+/// What the table has no room for: faults, and several runs per start.
+fn remarks(rows: &[Row]) -> String {
+    let mut text = String::new();
+    for row in rows {
+        for fault in &row.faults {
+            text.push_str(&format!("\ninvalid: {}, {}: {fault}", row.ego, row.ado));
+        }
+        if let Some(repeats) = &row.repeats {
+            let [lo, hi] = repeats.ci95.map(|share| 100.0 * share);
+            text.push_str(&format!(
+                "\n{}, {}: {} runs per start, solved if {} fail; the ego fails in {:.1} % of all \
+                 runs [{lo:.1}, {hi:.1}]",
+                row.ego,
+                row.ado,
+                repeats.runs,
+                repeats.gate,
+                100.0 * repeats.failing_share
+            ));
+            if 0 < repeats.differing {
+                text.push_str(&format!(
+                    "; on {} starts it does not answer alike each time",
+                    repeats.differing
+                ));
+            }
+        }
+    }
+    text
 }
 
 /// The rows of several egos in blocks, each summed up; of one ego, its rows.
@@ -26,9 +55,10 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
         let rows: Vec<Row> = block.iter().flat_map(|ego| ego.rows.clone()).collect();
         let of_block = summaries.iter().filter(|sum| sum.relation == relation);
         text.push_str(&format!(
-            "\n\n# {}\n{}\n{}\n{}",
+            "\n\n# {}\n{}{}\n{}\n{}",
             relation.heading(),
             lines(&rows),
+            remarks(&rows),
             without_adversary(&block),
             summary(of_block)
         ));
@@ -118,12 +148,13 @@ fn lines(rows: &[Row]) -> String {
             format!("{:.1} / {:.1}", c.median, c.p90)
         });
         let numbers = [
-            format!(
-                "{} ({}/{})",
-                percent(row.success_rate),
-                row.successes,
-                row.starts
-            ),
+            match row.starts {
+                0 => "– (0/0)".to_owned(),
+                starts => {
+                    let rate = percent(row.success_rate);
+                    format!("{rate} ({}/{starts})", row.successes)
+                }
+            },
             format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1]),
             recall,
             percent(row.foul_rate),
@@ -147,7 +178,7 @@ fn opening(rows: &[Row]) -> String {
     let Some(row) = rows.first() else {
         return String::new();
     };
-    let all = row.starts + row.trivial;
+    let all = row.starts + row.trivial + row.invalid;
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
         "{} on the {:?} plant, {} starts of seed {}; fails without an adversary: {share:.1} % ({}), left out below",
@@ -155,7 +186,7 @@ fn opening(rows: &[Row]) -> String {
     );
     let invalid: usize = rows.iter().map(|row| row.invalid).sum();
     if 0 < invalid {
-        text.push_str(&format!("; {invalid} invalid episodes"));
+        text.push_str(&format!("; {invalid} invalid, in no rate"));
     }
     text
 }

@@ -1,6 +1,7 @@
 //! Talking to a person: stdout for data, stderr for talk, bars and Ctrl-C.
 
 use std::io::{self, IsTerminal, Write};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -8,9 +9,24 @@ use miette::GraphicalTheme;
 
 use super::Failure;
 use crate::campaign::Watch;
+use crate::testbench::FaultLog;
 
 /// Set once Ctrl-C was pressed.
 static STOP: AtomicBool = AtomicBool::new(false);
+
+/// What every episode of this command tells of its faults.
+static FAULTS: OnceLock<FaultLog> = OnceLock::new();
+
+/// Allows a share of the episodes of a row to be invalid.
+pub(super) fn allow_faults(share: f64) {
+    // Set once, before anything is played.
+    let _ = FAULTS.set(FaultLog::allowing(share));
+}
+
+/// The log of faults of this command.
+pub(super) fn faults() -> FaultLog {
+    FAULTS.get_or_init(FaultLog::default).clone()
+}
 
 /// Whether Ctrl-C was pressed.
 pub(super) fn stopped() -> bool {
@@ -75,6 +91,7 @@ impl Bar {
         Watch {
             progress: &*self.progress,
             stop: &STOP,
+            faults: faults(),
         }
     }
 

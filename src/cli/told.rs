@@ -138,7 +138,7 @@ pub(super) fn playing(
         Params::Adapted => {
             let (first, told) = identified(&world, family, ego, seed, watch)?;
             let budget = (ENOUGH_SIMULATIONS, seed);
-            match adapted(run, family, ego, &first, budget, &quiet(watch))? {
+            match adapted(run, family, ego, &first, budget, &watch.quiet())? {
                 Some(found) => {
                     say_adapted(family, ego, &found, told);
                     let members = std::iter::once(found.member).chain(found.others);
@@ -209,7 +209,7 @@ fn identified(
         seed,
         fixed: &[],
     };
-    let found = identify(&request, &quiet(watch))?;
+    let found = identify(&request, &watch.quiet())?;
     let Some(found) = found else {
         // Stopped: no row of this ego will be finished either.
         return Ok((family.nominal(plant_of(ego)?), "nominal"));
@@ -289,14 +289,6 @@ fn held<'a>(
 fn plant_of(ego: &NamedEgo) -> Result<PlantKind, Failure> {
     let plant = ego.scenario.plant().plant();
     plant.ok_or_else(|| Failure::fault("an ego on no plant", None))
-}
-
-/// Stops with `watch`, but leaves its progress alone.
-fn quiet<'a>(watch: &Watch<'a>) -> Watch<'a> {
-    Watch {
-        progress: &|_, _| {},
-        stop: watch.stop,
-    }
 }
 
 /// Says what an ado is told of an ego, and what it cost to know.

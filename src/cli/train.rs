@@ -6,8 +6,8 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{
-    Common, Exit, Failure, NamedEgo, PlantArg, egos, interrupted_early, on_plant, print_json,
-    start_count, table, talk,
+    Common, Exit, Failure, NamedEgo, PlantArg, all_played, consent, egos, finished,
+    interrupted_early, load_world, on_plant, open_run, print_json, start_count, table, talk,
 };
 use crate::campaign::{
     Ado, EvalRequest, TrainError, best_constant, eval, keep, test_starts, train,
@@ -75,7 +75,7 @@ impl From<AgainstArg> for Against {
 }
 
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
-    let mut scenario = Scenario::load(&args.world)?;
+    let mut scenario = load_world(&args.world, &args.common)?;
     if let Some(plant) = args.plant {
         scenario = on_plant(&scenario, plant)?;
     }
@@ -98,6 +98,12 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let seed = args.common.seed;
     let default = || PathBuf::from(format!("runs/{}-{seed}", scenario.name));
     let path = args.output.clone().unwrap_or_else(default);
+    // Before anything is made: what is refused leaves nothing behind.
+    let named = match &args.ego {
+        Some(name) => egos(&scenario, name)?,
+        None => Vec::new(),
+    };
+    consent(all_played(&scenario, &named))?;
     let mut run = match args.resume {
         true => resume(args, &path, &mut scenario)?,
         false => begin(args, &path, &scenario)?,
@@ -105,6 +111,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let bar = talk::bar("training (decisions)");
     let watch = bar.watch();
     let tested = tested(&scenario, &run)?;
+    consent([(tested.name.as_str(), &tested.scenario)])?;
     let trained = train(&tested.scenario, &mut run, &watch)?;
     drop(bar);
     if trained.interrupted {
@@ -129,7 +136,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         ));
     }
     let Some(rows) = closing_evaluation(args, &tested, &run)? else {
-        return Ok(interrupted_early());
+        return interrupted_early(&args.common);
     };
     run.save_report(&rows)?;
     if args.common.json {
@@ -148,10 +155,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         talk::data(&table::rows(&rows))?;
         talk::say(&format!("kept in {}", path.display()));
     }
-    Ok(match talk::stopped() {
-        true => Exit::Interrupted,
-        false => Exit::Done,
-    })
+    Ok(finished(Exit::Done))
 }
 
 /// The world, to train against its family.
@@ -208,12 +212,13 @@ fn begin(args: &TrainArgs, path: &std::path::Path, scenario: &Scenario) -> Resul
     };
     let Some(from) = &args.from else {
         let mut run = RunDir::create(path, scenario, seed)?;
+        run.allow_programs(args.common.allow_programs);
         if let Some(ego) = ego {
             run.save_ego(ego)?;
         }
         return Ok(run);
     };
-    let source = RunDir::open(from)?;
+    let source = open_run(from, &args.common)?;
     let bundle = source.policy_bundle()?;
     let was = source.manifest().against;
     if (was == Against::Conditional) != (scenario.against == Against::Conditional) {
@@ -232,6 +237,7 @@ fn begin(args: &TrainArgs, path: &std::path::Path, scenario: &Scenario) -> Resul
         .build_from(&scenario.spaces(), seed, &bundle);
     fits.map_err(TrainError::from)?;
     let mut run = RunDir::create(path, scenario, seed)?;
+    run.allow_programs(args.common.allow_programs);
     run.save_from(&bundle)?;
     if let Some(ego) = ego {
         run.save_ego(ego)?;
@@ -261,7 +267,8 @@ fn resume(
     path: &std::path::Path,
     scenario: &mut Scenario,
 ) -> Result<RunDir, Failure> {
-    let run = RunDir::resume(path)?;
+    let mut run = RunDir::resume(path)?;
+    run.allow_programs(args.common.allow_programs);
     let kept = run.scenario()?;
     if kept.text != scenario.text {
         return Err(Failure::input(

@@ -41,12 +41,14 @@
 mod acc;
 mod actuator;
 mod aeb;
+mod fault;
 mod filtered;
 mod idm;
 mod merge;
 mod parameters;
 mod polite;
 mod process;
+mod recorded;
 mod stock;
 mod yellow;
 
@@ -55,12 +57,16 @@ use serde::{Deserialize, Serialize};
 pub use acc::Acc;
 pub use actuator::Actuator;
 pub use aeb::Aeb;
+pub use fault::{Fault, FaultKind, PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use filtered::FilteredAcc;
 pub use idm::Idm;
 pub use merge::Merge;
 pub use parameters::{Parameter, UnknownParameter};
 pub use polite::PoliteAcc;
-pub use process::{Process, ProcessController};
+pub use process::{
+    DOCUMENT, Exercise, Finding, Hello, PROTOCOL, Process, ProcessController, exercise,
+};
+pub use recorded::Recorded;
 pub use stock::ControllerSpec;
 pub use yellow::{YellowLight, YellowLightFixed};
 
@@ -77,6 +83,8 @@ pub struct Own {
     pub lateral_m: f64,
     /// Lane, counted from the right, 0 first.
     pub lane: usize,
+    /// Heading relative to the road's, counter-clockwise.
+    pub heading_rad: f64,
     /// Length of the own body.
     pub length_m: f64,
     /// Width of the own body.
@@ -84,7 +92,11 @@ pub struct Own {
 }
 
 /// Another road user, as the ego's sensors see it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+///
+/// Once along the road, where the road's curves are straightened out, and once
+/// in the ego's frame: origin in the middle of its front bumper, x along its
+/// heading, y to the left (ISO 8855).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
     /// Name in the world file.
     pub name: String,
@@ -98,6 +110,20 @@ pub struct Seen {
     pub lateral_mps: f64,
     /// Its lane.
     pub lane: usize,
+    /// Position of the middle of its front, ahead in the ego's frame.
+    pub x_m: f64,
+    /// The same, to the left.
+    pub y_m: f64,
+    /// Its heading relative to the ego's, counter-clockwise.
+    pub heading_rad: f64,
+    /// Its velocity over ground, along the ego's x.
+    pub vx_mps: f64,
+    /// The same, along the ego's y.
+    pub vy_mps: f64,
+    /// Its acceleration along its own heading, along the ego's x.
+    pub ax_mps2: f64,
+    /// The same, along the ego's y.
+    pub ay_mps2: f64,
     /// Its length.
     pub length_m: f64,
     /// Its width.
@@ -185,9 +211,42 @@ impl Percept {
     }
 }
 
+/// What does not change during an episode, as the ego may know it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Briefing {
+    /// Time between two percepts.
+    pub sample_s: f64,
+    /// The law's limit on this road, where the world file names one.
+    pub speed_limit_mps: Option<f64>,
+    /// The road.
+    pub road: RoadGeometry,
+}
+
+/// Lanes along a course, as a map would have them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RoadGeometry {
+    /// Number of lanes; lane 0 is the rightmost, its middle is the course.
+    pub lanes: usize,
+    /// Width of a lane.
+    pub lane_width_m: f64,
+    /// The course piece by piece; before, behind and without them it is
+    /// straight.
+    pub pieces: Vec<RoadPiece>,
+}
+
+/// A stretch of the course with one curvature.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RoadPiece {
+    /// Where it begins, along the course.
+    pub from_s_m: f64,
+    /// Its length.
+    pub length_m: f64,
+    /// Its curvature, positive to the left.
+    pub curvature_per_m: f64,
+}
+
 /// What the ego asks its vehicle to do until the next sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Command {
     /// Net acceleration along the heading.
     pub accel_mps2: f64,
@@ -204,35 +263,40 @@ impl Command {
             lateral_mps: 0.0,
         }
     }
-}
 
-/// The ego or the physics failed: never a success of the ado.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
-pub enum Fault {
-    /// The controller answered with something that is no finite command.
-    #[error("the ego's command is not finite at {time_ms} ms")]
-    NotFinite {
-        /// When, in milliseconds.
-        time_ms: u64,
-    },
-    /// The controller reported an error or died.
-    #[error("the ego failed: {what}")]
-    Ego {
-        /// What it said.
-        what: String,
-    },
-    /// A state left the bounds within which the plant is sound.
-    #[error("the physics broke down at {time_ms} ms")]
-    Physics {
-        /// When, in milliseconds.
-        time_ms: u64,
-    },
+    /// What makes it no command that any car could follow.
+    pub fn flaw(&self) -> Option<Fault> {
+        let Command {
+            accel_mps2,
+            lateral_mps,
+        } = *self;
+        if !(accel_mps2.is_finite() && lateral_mps.is_finite()) {
+            return Some(Fault::new(
+                FaultKind::NotFinite,
+                format!("its command is not finite: {accel_mps2} m/s², {lateral_mps} m/s across"),
+            ));
+        }
+        let beyond = |what: &str, value: f64, unit: &str, most: f64| {
+            let message = format!("{what} of {value:?} {unit} is beyond ±{most} {unit}");
+            Some(Fault::new(FaultKind::Implausible, message))
+        };
+        if PLAUSIBLE_ACCEL_MPS2 < accel_mps2.abs() {
+            return beyond("an acceleration", accel_mps2, "m/s²", PLAUSIBLE_ACCEL_MPS2);
+        }
+        if PLAUSIBLE_LATERAL_MPS < lateral_mps.abs() {
+            return beyond("a lateral speed", lateral_mps, "m/s", PLAUSIBLE_LATERAL_MPS);
+        }
+        None
+    }
 }
 
 /// A system under test.
 ///
 /// `control` is called once per sample; between calls the command holds.
 pub trait Controller: Send {
+    /// Learns of the road, once before the first episode on it.
+    fn brief(&mut self, _briefing: &Briefing) {}
+
     /// Begins an episode; `seed` feeds whatever randomness it has.
     fn reset(&mut self, seed: u64);
 
@@ -241,6 +305,9 @@ pub trait Controller: Send {
     /// # Errors
     /// A [`Fault`] makes the episode invalid: neither side's success.
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault>;
+
+    /// The episode is over; until the next `reset` nothing more is asked.
+    fn finish(&mut self) {}
 
     /// An independent copy in the same state, where that is possible.
     ///

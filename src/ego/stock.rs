@@ -58,6 +58,23 @@ macro_rules! stock {
     };
 }
 
+impl ControllerSpec {
+    /// The program that it is, if it is one.
+    pub fn program(&self) -> Option<&Process> {
+        match self {
+            ControllerSpec::Process(process) => Some(process),
+            _ => None,
+        }
+    }
+
+    /// Gives or takes back the consent to start a program, if it is one.
+    pub fn allow_programs(&mut self, allowed: bool) {
+        if let ControllerSpec::Process(process) = self {
+            process.allow(allowed);
+        }
+    }
+}
+
 stock! {
     /// Adaptive cruise control, Sec. V-B.
     Acc by clone;

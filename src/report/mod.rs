@@ -17,7 +17,7 @@ use crate::rulebook::Verdict;
 use crate::run::{Manifest, Progress, Row};
 use crate::scenario::Scenario;
 use crate::scene::Start;
-use crate::testbench::Episode;
+use crate::testbench::{Episode, FaultCount};
 
 pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
 
@@ -41,6 +41,8 @@ pub struct Report<'a> {
     pub costs: Vec<Cost>,
     /// What the reader must know first, such as that training is unfinished.
     pub notes: Vec<String>,
+    /// Faults of ego or physics, more than were allowed; empty if all is well.
+    pub faults: Vec<FaultCount>,
     /// What makes the report again, command by command.
     pub commands: Vec<String>,
 }

@@ -53,6 +53,10 @@ fn opening(report: &Report<'_>) -> Markup {
         h1 { (scenario.question) }
         @if !scenario.source.is_empty() { p class="dim" { (scenario.source) } }
         @for note in &report.notes { p class="note" { (note) } }
+        @if !report.faults.is_empty() {
+            p class="note" { "The ego failed to run: what is below is no verdict on it." }
+            @for fault in &report.faults { p class="note" { (fault) } }
+        }
         @if let Some(nominal) = &report.nominal {
             @let row = &nominal.row;
             @let all = (row.starts + row.trivial).max(1);

@@ -132,6 +132,10 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         let (Some(verdict), Some(a), Some(b)) = (verdict, start.0.get(x), start.0.get(y)) else {
             continue;
         };
+        // Where the ego did not run there is nothing to show.
+        if *verdict == Verdict::Invalid {
+            continue;
+        }
         let cell = &mut counts[bin(&axes[y], *b) * bins + bin(&axes[x], *a)];
         cell[0] += 1;
         cell[1] += usize::from(verdict.is_success());
@@ -164,7 +168,10 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
             thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "contact" } th class="n" { "closing m/s" } th class="n" { "sims / start" } } }
             tbody { @for Tested { row, .. } in tested { tr {
                 td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(told) = &row.told { ", told: " (told) } }
-                td class="n" { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
+                td class="n" {
+                    @if row.starts == 0 { "–" } @else { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
+                    @if 0 < row.invalid { ", " (row.invalid) " invalid" }
+                }
                 td class="bar" { span class="share" style=(format!("width:{:.1}rem", 5.0 * row.success_rate)) {} }
                 td { (interval(row)) }
                 td class="n" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
@@ -172,6 +179,9 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
                 td class="n" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1}", c.median))) }
                 td class="n" { (format!("{:.1}", row.sims_per_start)) }
             } } }
+        } }
+        @for Tested { row, .. } in tested { @for fault in &row.faults {
+            p class="note" { (row.ego) ", " (row.ado) ": " (fault) }
         } }
     }
 }

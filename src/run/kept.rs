@@ -5,11 +5,13 @@
 //! differs can name the first signal that does.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use super::{RunError, write_file};
+use crate::ego::Command;
 use crate::rulebook::Verdict;
 use crate::scenario::{Change, ChangeError, Scenario, ScenarioError};
 use crate::scene::{Dynamics, Start, Touch};
@@ -51,6 +53,11 @@ pub struct Counterexample {
     pub judged: usize,
     /// The first contact, if the agents touched.
     pub contact: Option<Touch>,
+    /// What an ego that nobody here wrote commanded, sample by sample:
+    /// acceleration in m/s² and speed across the road in m/s. With these the
+    /// world's side is repeated bit for bit, whatever the ego answers today.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ego_commands: Vec<(f64, f64)>,
     /// One digest of eight hexadecimal digits per sample.
     pub digests: String,
     /// The world file, verbatim.
@@ -115,6 +122,11 @@ impl Counterexample {
             robustness: episode.robustness,
             judged: episode.judged,
             contact: episode.contact.clone(),
+            ego_commands: episode
+                .commands
+                .iter()
+                .map(|command| (command.accel_mps2, command.lateral_mps))
+                .collect(),
             digests: digests_of(&episode.trace),
             world_file: scenario.text.clone(),
         }
@@ -139,13 +151,11 @@ impl Counterexample {
         if kept.format != FORMAT {
             return Err(format(format!("format {} is not {FORMAT}", kept.format)));
         }
-        let changed = kept.change.ego.0.values();
-        if kept
-            .start
-            .values()
-            .chain(changed)
-            .any(|value| !value.is_finite())
-        {
+        let changed = kept.change.ego.0.values().copied();
+        let commands = kept.ego_commands.iter();
+        let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
+        let mut numbers = kept.start.values().copied().chain(changed).chain(commands);
+        if numbers.any(|value| !value.is_finite()) {
             return Err(format("a value in it is not finite".to_owned()));
         }
         Ok(kept)
@@ -196,6 +206,16 @@ impl Counterexample {
                 path: path.into(),
                 source,
             })
+    }
+
+    /// What the ego commanded, if nobody here wrote it.
+    pub fn commands(&self) -> Option<Arc<[Command]>> {
+        let commands = self.ego_commands.iter();
+        let commands = commands.map(|&(accel_mps2, lateral_mps)| Command {
+            accel_mps2,
+            lateral_mps,
+        });
+        (!self.ego_commands.is_empty()).then(|| commands.collect())
     }
 
     /// The same world on the same plant, with the ego its file names.

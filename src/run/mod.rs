@@ -24,6 +24,7 @@ mod interval;
 mod kept;
 mod manifest;
 mod progress;
+mod repeated;
 mod row;
 mod samples;
 mod stored;
@@ -41,6 +42,7 @@ pub use interval::{mean_difference, paired_difference, two_level_bootstrap, wils
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Manifest};
 pub use progress::Progress;
+pub use repeated::{Repeated, StartRepeated};
 pub use row::{Anytime, ClosingSpeed, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
@@ -57,6 +59,8 @@ const FORMAT: u32 = 1;
 pub struct RunDir {
     path: PathBuf,
     manifest: Manifest,
+    /// Consent to start the programs that its world names; never written down.
+    programs_allowed: bool,
     _lock: Option<File>,
 }
 
@@ -96,6 +100,7 @@ impl RunDir {
                 checkpoint: None,
                 policy_sha256: None,
             },
+            programs_allowed: false,
             _lock: Some(lock),
         };
         run.write("world.ron", scenario.text.as_bytes())?;
@@ -134,6 +139,7 @@ impl RunDir {
         let run = RunDir {
             path: path.into(),
             manifest,
+            programs_allowed: false,
             _lock: None,
         };
         run.read_verified("world.ron", Some(&run.manifest.world_sha256))?;
@@ -187,6 +193,11 @@ impl RunDir {
         })
     }
 
+    /// Consents to start the programs that its world and their changes name.
+    pub fn allow_programs(&mut self, allowed: bool) {
+        self.programs_allowed = allowed;
+    }
+
     /// The world as its file says: on the plant named there.
     ///
     /// # Errors
@@ -194,7 +205,7 @@ impl RunDir {
     pub fn world(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
-            Ok(scenario) => self.as_learned(scenario),
+            Ok(scenario) => self.as_learned(scenario.allow_programs(self.programs_allowed)),
             Err(LoadError::Io { source, .. }) => Err(io_error("reading", &file)(source)),
             Err(LoadError::Scenario(error)) => Err(RunError::World(error)),
         }

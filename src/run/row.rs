@@ -2,8 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::repeated::Repeated;
 use crate::rulebook::JudgeKind;
 use crate::scene::Dynamics;
+use crate::testbench::FaultCount;
 
 /// A rate over starts, as every verb prints it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,8 +54,14 @@ pub struct Row {
     /// Closing speed of the contacts, if there were any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_speed_mps: Option<ClosingSpeed>,
-    /// Episodes with a fault of ego or physics.
+    /// Starts on which the ego or the physics failed: in no rate of this row.
     pub invalid: usize,
+    /// Those faults, by kind.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultCount>,
+    /// What playing each start several times showed, where the world asks for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeats: Option<Repeated>,
     /// Mean simulations spent per start.
     pub sims_per_start: f64,
     /// Physics steps spent in all.
@@ -66,7 +74,7 @@ pub struct Row {
     /// What did not carry over from the plant that pre-screened.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unconfirmed: Option<Unconfirmed>,
-    /// Per start in order: 1 solved, 0 not, t trivial.
+    /// Per start in order: 1 solved, 0 not, t trivial, x invalid, - not reached.
     pub solved: String,
 }
 
@@ -122,6 +130,11 @@ impl ClosingSpeed {
 }
 
 impl Row {
+    /// Share of the starts asked for on which the ego or the physics failed.
+    pub fn invalid_share(&self) -> f64 {
+        self.invalid as f64 / (self.starts + self.invalid).max(1) as f64
+    }
+
     /// Fills recall and `beyond_search` from the row of a search.
     ///
     /// Both rows must be over the same starts.

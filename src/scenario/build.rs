@@ -43,6 +43,7 @@ pub(super) fn assemble(
     check::clock(&mut problems, &top.to("clock"), &file.clock);
     check::road(&mut problems, &top.to("road"), &file.road);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
+    check::repeats(&mut problems, &top.to("repeats"), file.repeats);
     check::learner(&mut problems, &top.to("learner"), &file.learner);
     for (name, learner) in &file.learners.0 {
         check::learner(&mut problems, &top.to("learners").to(name), learner);
@@ -149,8 +150,10 @@ pub(super) fn assemble(
         against: Against::Nominal,
         family: family.map(Arc::new),
         reuse: file.reuse.0,
+        repeats: file.repeats,
         warnings: Vec::new(),
         world,
         rulebook,
+        programs_allowed: false,
     })
 }

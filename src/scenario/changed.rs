@@ -4,6 +4,7 @@ use super::ChangeError;
 use super::check::sensor_flaw;
 use super::error::{did_you_mean, known_names};
 use super::file::Change;
+use crate::ego::Process;
 use crate::scene::drive::{Drive, DriveSpec, EgoDrive};
 use crate::sim::{Body, BodyKind};
 
@@ -62,6 +63,9 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
                 };
                 fail(error.to_string(), Some(help), &["ego", name])
             })?;
+        }
+        if let Some((field, what, help)) = controller.program().and_then(Process::flaw) {
+            return Err(fail(what, Some(help.to_owned()), &["controller", field]));
         }
         if let Some(low) = controller
             .parameters()

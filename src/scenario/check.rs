@@ -3,8 +3,9 @@
 use super::error::Problem;
 use super::file::AdoFile;
 use super::locate::Path;
+use super::repeats::{MAX_REPEATS, Repeats};
 use super::{ChangeError, Scenario};
-use crate::ego::{ControllerSpec, Parameter};
+use crate::ego::{ControllerSpec, Parameter, Process};
 use crate::rl::LearnerConfig;
 use crate::rulebook::Reward;
 use crate::scene::Clock;
@@ -172,6 +173,9 @@ pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
         20.0,
     );
     within(problems, &path.to("friction"), road.friction(), 0.01, 2.0);
+    if let Some(limit_mps) = road.speed_limit_mps() {
+        within(problems, &path.to("speed_limit_mps"), limit_mps, 0.1, 150.0);
+    }
     if let Err(error) = road.course() {
         let list = match road {
             Road::Polyline { .. } => path.to("points_m"),
@@ -258,7 +262,25 @@ fn is_identifier(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
+/// Several runs of each start, and how many failures among them count as one.
+pub(super) fn repeats(problems: &mut Problems, path: &Path, repeats: Repeats) {
+    let Repeats { runs, gate } = repeats;
+    if !(1..=MAX_REPEATS).contains(&runs) {
+        let what = format!("every start is played {runs} times");
+        let help = format!("1 to {MAX_REPEATS} runs are possible; 5 are usual");
+        problems.add(path, what, "here", Some(help));
+    } else if !(1..=runs).contains(&gate) {
+        let what = format!("{gate} failures in {runs} runs");
+        let help = format!("`gate` is 1 to {runs}: so many failing runs are a failure");
+        problems.add(path, what, "here", Some(help));
+    }
+}
+
 pub(super) fn controller(problems: &mut Problems, path: &Path, controller: &ControllerSpec) {
+    if let Some((field, what, help)) = controller.program().and_then(Process::flaw) {
+        problems.add(&path.to(field), what, "here", Some(help.to_owned()));
+        return;
+    }
     parameters(problems, path, &controller.parameters());
 }
 

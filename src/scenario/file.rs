@@ -8,6 +8,7 @@ use indexmap::IndexMap;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::repeats::Repeats;
 use super::trained::TrainedFile;
 use crate::ego::{ControllerSpec, Phase};
 use crate::rl::LearnerConfig;
@@ -50,6 +51,8 @@ pub(super) struct ScenarioFile {
     pub(super) learners: Ordered<LearnerConfig>,
     #[serde(default)]
     pub(super) train_against: Option<FamilyFile>,
+    #[serde(default)]
+    pub(super) repeats: Repeats,
     #[serde(default)]
     pub(super) reuse: Ordered<Change>,
 }

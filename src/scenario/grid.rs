@@ -12,7 +12,7 @@ use super::file::{GridChange, Ordered, RuleFile, SignalFile};
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
 use super::trial;
-use super::{Change, ChangeError, RuleSpec, Scenario};
+use super::{Change, ChangeError, Repeats, RuleSpec, Scenario};
 use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
@@ -182,9 +182,11 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         against: Against::Nominal,
         family: None,
         reuse,
+        repeats: Repeats::default(),
         warnings: Vec::new(),
         world,
         rulebook,
+        programs_allowed: false,
     };
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     trial::begins_well(&mut problems, &top, &scenario);

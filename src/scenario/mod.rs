@@ -25,6 +25,7 @@ mod language;
 mod locate;
 mod quantity;
 mod read;
+mod repeats;
 mod starts;
 mod trained;
 mod trial;
@@ -40,8 +41,9 @@ pub use family::{Against, Family, Member, MisfitMember, NoMember};
 pub use file::{Change, GridChange, Patch};
 pub use locate::Path;
 pub use quantity::{Quantity, Varied};
+pub use repeats::Repeats;
 
-use crate::ego::ControllerSpec;
+use crate::ego::{Command, ControllerSpec, Process, Recorded};
 use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
 use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive, Tuning};
@@ -80,11 +82,15 @@ pub struct Scenario {
     pub against: Against,
     /// What the same trained ado is reused on.
     pub reuse: IndexMap<String, Change>,
+    /// How often each start is played, for egos that do not answer twice alike.
+    pub repeats: Repeats,
     /// What looked odd but is allowed.
     pub warnings: Vec<Problem>,
     family: Option<Arc<Family>>,
     world: World,
     rulebook: Arc<Rulebook>,
+    /// Whether programs that files name may be started.
+    programs_allowed: bool,
 }
 
 impl std::fmt::Debug for Scenario {
@@ -252,9 +258,47 @@ impl Scenario {
     /// The scene of a member of the family; `None`: this world is not driven.
     pub fn scene_of(&self, tuning: &Tuning) -> Option<Box<dyn Scene>> {
         match &self.world {
-            World::Drive(world) => Some(Box::new(world.tuned(tuning).scene())),
+            World::Drive(world) => {
+                let mut tuning = tuning.clone();
+                tuning.controller.allow_programs(self.programs_allowed);
+                Some(Box::new(world.tuned(&tuning).scene()))
+            }
             World::Grid(_) => None,
         }
+    }
+
+    /// Programs that playing this world starts: its ego, if it is one.
+    pub fn program(&self) -> Option<&Process> {
+        self.controller()?.program()
+    }
+
+    /// Every program that the world's file names, with the ego's name.
+    pub fn programs(&self) -> Vec<(&str, &Process)> {
+        let own = self.program().map(|program| ("nominal", program));
+        let reused = self.reuse.iter().filter_map(|(name, change)| {
+            let controller = change.controller.as_ref()?;
+            Some((name.as_str(), controller.program()?))
+        });
+        own.into_iter().chain(reused).collect()
+    }
+
+    /// The same world, and the consent to start the programs that it and its
+    /// changes name, or no such consent.
+    ///
+    /// A world that was read has none, wherever it was read from: files cannot
+    /// consent. Without it a program as the ego is a fault in every episode.
+    #[must_use]
+    pub fn allow_programs(&self, allowed: bool) -> Scenario {
+        let mut same = match &self.world {
+            World::Drive(world) => {
+                let mut spec = world.spec().clone();
+                permit(&mut spec, allowed);
+                self.remade(spec)
+            }
+            World::Grid(_) => self.clone(),
+        };
+        same.programs_allowed = allowed;
+        same
     }
 
     /// The same world with something changed.
@@ -266,6 +310,7 @@ impl Scenario {
             World::Drive(world) => {
                 let mut spec = world.spec().clone();
                 changed::apply(&mut spec, change)?;
+                permit(&mut spec, self.programs_allowed);
                 check::still_apart(&spec)?;
                 Ok(self.remade(spec))
             }
@@ -299,6 +344,29 @@ impl Scenario {
                 *drive = EgoDrive::Own {
                     name: name.to_owned(),
                     factory: Arc::clone(&factory),
+                    lag_s: 0.0,
+                };
+            }
+        }
+        self.remade(spec)
+    }
+
+    /// The same world with an ego that repeats what this one commanded.
+    ///
+    /// Its actuator lags as the present ego's does. A world that is not driven
+    /// stays as it is.
+    pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
+        let World::Drive(world) = &self.world else {
+            return self.clone();
+        };
+        let mut spec = world.spec().clone();
+        for agent in &mut spec.agents {
+            if let Drive::Ego(drive) = &mut agent.drive {
+                let commands = Arc::clone(commands);
+                *drive = EgoDrive::Own {
+                    name: "recorded".to_owned(),
+                    factory: Arc::new(move || Box::new(Recorded::new(Arc::clone(&commands)))),
+                    lag_s: drive.lag_s(),
                 };
             }
         }
@@ -353,6 +421,15 @@ impl Scenario {
         Scenario {
             world: world.unwrap_or_else(|_| self.world.clone()),
             ..self.clone()
+        }
+    }
+}
+
+/// Gives or takes back the consent to start a program that is the ego.
+fn permit(spec: &mut DriveSpec, allowed: bool) {
+    for agent in &mut spec.agents {
+        if let Drive::Ego(EgoDrive::Stock(controller)) = &mut agent.drive {
+            controller.allow_programs(allowed);
         }
     }
 }

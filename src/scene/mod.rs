@@ -16,7 +16,7 @@ pub use world::{Derived, Dynamics, Held, Observed, World};
 
 use serde::{Deserialize, Serialize};
 
-use crate::ego::{Fault, Phase};
+use crate::ego::{Command, Fault, Phase};
 use crate::rl::Spaces;
 use crate::seed::StartKey;
 use crate::sim::Placement;
@@ -179,6 +179,13 @@ pub trait Scene: Send {
     fn stage(&self) -> Stage;
     /// Where everybody is.
     fn frame(&self) -> Frame;
+    /// The episode is over: whoever waits for another command need not.
+    fn finish(&mut self) {}
+    /// What an ego that nobody here wrote commanded in this episode, sample by
+    /// sample; empty for all others, which answer alike each time.
+    fn commands(&self) -> &[Command] {
+        &[]
+    }
     /// A copy that continues bit for bit; `None` if the ego cannot be copied.
     fn fork(&self) -> Option<Box<dyn Scene>>;
 }

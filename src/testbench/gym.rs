@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Aftermath, Testbench};
+use super::{Aftermath, FaultLog, Testbench};
 use crate::rl::{self, End, Spaces, Step};
 use crate::rulebook::Verdict;
 use crate::scene::Start;
@@ -37,6 +37,7 @@ pub struct Gym {
     actions: Vec<usize>,
     spent: Spent,
     successes: Option<Vec<Success>>,
+    faults: FaultLog,
 }
 
 /// What the episodes of a [`Gym`] cost so far.
@@ -62,7 +63,13 @@ impl Gym {
             actions: Vec::new(),
             spent: Spent::default(),
             successes: None,
+            faults: FaultLog::default(),
         }
+    }
+
+    /// Tells `faults` how every episode ends.
+    pub fn tell_faults(&mut self, faults: FaultLog) {
+        self.faults = faults;
     }
 
     /// Counts what it costs from `spent` on.
@@ -90,6 +97,7 @@ impl Gym {
 
     fn note_end(&mut self, verdict: Verdict) {
         self.spent.physics_steps += self.bench.physics_steps();
+        self.faults.note(self.index, self.bench.fault());
         if let (Some(successes), Verdict::Counterexample { by }) = (&mut self.successes, verdict) {
             successes.push(Success {
                 decisions: self.spent.decisions,

@@ -5,6 +5,7 @@
 //! any [`Actor`] act in it and records the [`Episode`].
 
 mod actors;
+mod faults;
 mod gym;
 
 use std::sync::Arc;
@@ -12,9 +13,10 @@ use std::sync::Arc;
 use rand::Rng;
 
 pub use actors::{Actor, Constant, Held, PolicyActor, Random, Replay};
+pub use faults::{Complaint, FaultCount, FaultLog, count_faults};
 pub use gym::{Gym, Spent, Success};
 
-use crate::ego::Fault;
+use crate::ego::{Command, Fault, FaultKind};
 use crate::rl::Spaces;
 use crate::rulebook::{Judge, JudgeKind, Rulebook, Stop, Verdict};
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
@@ -42,6 +44,9 @@ pub struct Episode {
     pub contact: Option<Touch>,
     /// What failed, if the verdict is invalid.
     pub fault: Option<Fault>,
+    /// What an ego that nobody here wrote commanded, sample by sample; empty
+    /// for the others, which answer alike each time.
+    pub commands: Vec<Command>,
     /// Physics steps spent.
     pub physics_steps: u64,
 }
@@ -173,10 +178,13 @@ impl Testbench {
         self.decisions += 1;
         for _ in 0..self.clock().samples_per_decision() {
             if self.is_done() {
-                return;
+                break;
             }
             self.sample();
             watch(&*self.scene);
+        }
+        if self.is_done() {
+            self.scene.finish();
         }
     }
 
@@ -220,6 +228,11 @@ impl Testbench {
     /// Writes the ados' joint observation.
     pub fn observe(&self, obs: &mut [f32]) {
         self.scene.observe(&self.row, obs);
+    }
+
+    /// What failed, if the episode is invalid.
+    pub fn fault(&self) -> Option<&Fault> {
+        self.fault.as_ref()
     }
 
     /// The first contact, if the agents touched.
@@ -288,8 +301,11 @@ impl Testbench {
     fn record(&mut self, stop: Option<Stop>) {
         self.scene.publish(&mut self.row);
         if self.trace.push(&self.row).is_err() {
-            let time_ms = (self.trace.len() as f64 * self.trace.dt_s() * 1e3).round() as u64;
-            return self.fail(Fault::Physics { time_ms });
+            let time_s = self.trace.len() as f64 * self.trace.dt_s();
+            return self.fail(Fault::new(
+                FaultKind::Physics,
+                format!("a signal is not finite at {time_s:.3} s"),
+            ));
         }
         if self.is_decided() {
             return;
@@ -362,6 +378,7 @@ impl Testbench {
             verdict,
             contact: self.contact.clone(),
             fault: self.fault.clone(),
+            commands: self.scene.commands().to_vec(),
             physics_steps: self.physics_steps(),
         }
     }

@@ -21,6 +21,7 @@ fn quiet() -> Watch<'static> {
     Watch {
         progress: &|_, _| {},
         stop: &GO,
+        faults: Default::default(),
     }
 }
 

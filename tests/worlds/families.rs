@@ -22,6 +22,7 @@ fn quiet() -> Watch<'static> {
     Watch {
         progress: &|_, _| {},
         stop: &GO,
+        faults: Default::default(),
     }
 }
 
@@ -212,6 +213,7 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
         let halfway = Watch {
             progress: &|done, _| stop.store(2500 <= done, Ordering::Relaxed),
             stop: &stop,
+            faults: Default::default(),
         };
         assert!(
             train(&world, &mut cut, &halfway)
@@ -324,6 +326,7 @@ fn whoever_is_stopped_identifies_nothing() {
         let watch = Watch {
             progress: &progress,
             stop: &stop,
+            faults: Default::default(),
         };
         let found = identify(&request, &watch).expect("sound");
         assert_eq!(found, None, "after {after} fits");

@@ -28,6 +28,7 @@ fn watch() -> Watch<'static> {
     Watch {
         progress: &|_, _| {},
         stop: &GO_ON,
+        faults: Default::default(),
     }
 }
 

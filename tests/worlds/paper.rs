@@ -17,6 +17,7 @@ fn quiet() -> Watch<'static> {
     Watch {
         progress: &|_, _| {},
         stop: &GO,
+        faults: Default::default(),
     }
 }
 
@@ -93,6 +94,7 @@ fn a_row_whose_last_evaluation_was_stopped_is_none() {
             }
         },
         stop: &stop,
+        faults: Default::default(),
     };
     assert!(milestones(&world, 5, &[], &starts, &watch).is_none());
     assert!(stop.load(Ordering::Relaxed));

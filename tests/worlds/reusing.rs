@@ -14,6 +14,7 @@ fn quiet() -> Watch<'static> {
     Watch {
         progress: &|_, _| {},
         stop: &GO,
+        faults: Default::default(),
     }
 }
 

@@ -15,6 +15,7 @@ fn quiet() -> Watch<'static> {
     Watch {
         progress: &|_, _| {},
         stop: &GO,
+        faults: Default::default(),
     }
 }
 
@@ -139,6 +140,7 @@ fn a_stopped_evaluation_says_which_starts_it_did_not_reach() {
     let watch = Watch {
         progress: &|_, _| {},
         stop: &stop,
+        faults: Default::default(),
     };
     let row = search(&request(&world, Method::Switches(2), &starts), &watch).row;
     assert_eq!(row.starts, 0);

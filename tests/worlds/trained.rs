@@ -51,6 +51,7 @@ fn trained(dir: &Path) -> RunDir {
     let watch = Watch {
         progress: &|_, _| {},
         stop: &GO,
+        faults: Default::default(),
     };
     let world = quick_acc();
     let mut run = RunDir::create(&dir.join("acc"), &world, 3).expect("a new directory");

@@ -22,7 +22,7 @@ use crate::rl::Policy;
 use crate::run::{RunDir, RunError};
 use crate::scenario::{Family, Member, Scenario};
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Aftermath, PolicyActor, Testbench, play};
+use crate::testbench::{Aftermath, PolicyActor, Testbench};
 
 /// Simulations with which docs/reuse.md was measured: 22 members a generation.
 pub const ENOUGH_SIMULATIONS: u64 = 600;
@@ -116,7 +116,10 @@ fn meet(
         };
         let (start, noise) = (bench.draw(key), bench.noise_of(key));
         let mut actor = PolicyActor(&*ado.0);
-        let verdict = play(bench, &start, noise, &mut actor, Aftermath::Skip).verdict;
+        let (from, at) = ((&start, noise), index as usize);
+        let verdict = watch
+            .play(bench, from, at, &mut actor, Aftermath::Skip)
+            .verdict;
         let reward = request.ego.rulebook().reward_of(&verdict);
         Some((reward, verdict.is_success()))
     };

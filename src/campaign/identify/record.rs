@@ -3,6 +3,7 @@
 use super::IdentifyRequest;
 use crate::campaign::Watch;
 use crate::campaign::eval::HOLD_DECISIONS;
+use crate::ego::Fault;
 use crate::scenario::Scenario;
 use crate::scene::{Flow, Scene, Start};
 use crate::seed::{Purpose, StartKey};
@@ -58,12 +59,20 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
         actor.begin(noise, &start);
         let actions = (0..bench.clock().decisions()).map(|_| actor.act(&[]));
         let actions: Vec<usize> = actions.collect();
-        let mut seen = run(&mut *scene, &start, noise, &actions, columns);
+        let first = run(&mut *scene, &start, noise, &actions, columns);
         recorded.runs += 1;
+        watch.faults.note(index, first.as_ref().err());
+        let Ok(mut seen) = first else {
+            continue;
+        };
         let mut apart = 0.0;
         if noisy || index == 0 {
             let again = run(&mut *scene, &start, !noise, &actions, columns);
             recorded.runs += 1;
+            watch.faults.note(index, again.as_ref().err());
+            let Ok(again) = again else {
+                continue;
+            };
             noisy = noisy || again != seen;
             seen.truncate(again.len());
             apart = squares(&seen, &again);
@@ -99,7 +108,9 @@ pub(super) fn deviations(
     let columns = columns(world);
     let mut all = Vec::new();
     for recording in recordings {
+        // A member that fails to run stays where it was: it is no good fit.
         let model = run(scene, &recording.start, 0, &recording.actions, columns);
+        let model = model.unwrap_or_else(|_| recording.seen[..1].to_vec());
         let pairs = pairs(&recording.seen, &model);
         all.extend(pairs.flat_map(|(seen, model)| [0, 1, 2].map(|i| model[i] - seen[i])));
     }
@@ -143,7 +154,7 @@ fn run(
     noise: u64,
     actions: &[usize],
     columns: [usize; 3],
-) -> Vec<Seen> {
+) -> Result<Vec<Seen>, Fault> {
     let clock = *scene.clock();
     let mut row = vec![0.0; scene.schema().len()];
     let mut seen = Vec::with_capacity(clock.samples());
@@ -154,18 +165,18 @@ fn run(
         scene.decide(action);
         for _ in 0..clock.samples_per_decision() {
             if seen.len() == clock.samples() {
-                return seen;
+                return Ok(seen);
             }
             let flow = scene.advance();
-            if matches!(flow, Flow::Fault(_)) {
-                return seen;
+            if let Flow::Fault(fault) = flow {
+                return Err(fault);
             }
             scene.publish(&mut row);
             seen.push(columns.map(|column| row[column]));
             if matches!(flow, Flow::Contact(_)) {
-                return seen;
+                return Ok(seen);
             }
         }
     }
-    seen
+    Ok(seen)
 }

@@ -15,12 +15,13 @@ use rayon::prelude::*;
 pub use cem::Cem;
 
 use super::Watch;
-use super::eval::{HOLD_DECISIONS, TestStarts, blank_row, count_solved};
+use super::eval::{HOLD_DECISIONS, TestStarts, blank_row, count_solved, note_row};
+use crate::ego::Fault;
 use crate::run::{Anytime, ClosingSpeed, Row, Stored, Unconfirmed, wilson};
 use crate::scenario::Scenario;
 use crate::scene::{Dynamics, Start};
 use crate::sim::PlantKind;
-use crate::testbench::Testbench;
+use crate::testbench::{Testbench, count_faults};
 use trials::Trials;
 
 /// How sequences of actions are chosen.
@@ -66,11 +67,19 @@ pub struct Found {
     pub physics_steps: u64,
     /// Sequences that succeeded when pre-screened and not on the plant asked for.
     pub unconfirmed: u64,
+    /// The first fault of ego or physics: without a solution nobody knows
+    /// whether the start has one.
+    pub fault: Option<Fault>,
     /// Processor time spent.
     pub cpu_s: f64,
 }
 
 impl Found {
+    /// Whether it says nothing: not solved, and the ego failed to run.
+    pub fn is_invalid(&self) -> bool {
+        self.actions.is_none() && self.fault.is_some()
+    }
+
     /// Simulations spent with a budget of `budget`, and whether they suffice.
     pub fn within(&self, budget: u64) -> (u64, bool) {
         let solved = self.actions.is_some() && self.simulations <= budget;
@@ -103,21 +112,20 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
                 }
                 let clock = ThreadTime::now();
                 let (start, noise) = &starts.starts[index];
-                let mut found = searcher.solve(start, *noise, watch)?;
+                let mut found = searcher.solve((start, *noise), index, watch)?;
                 found.cpu_s = clock.elapsed().as_secs_f64();
                 Some(found)
             },
         )
         .collect();
-    Searched {
-        row: request.row(&found),
-        found,
-    }
+    let row = request.row(&found);
+    note_row(watch, &row);
+    Searched { row, found }
 }
 
 /// What the searches of all starts had reached with a smaller budget.
 pub fn anytime(found: &[Option<Found>], budget: u64) -> Anytime {
-    let searched = found.iter().flatten();
+    let searched = found.iter().flatten().filter(|found| !found.is_invalid());
     let (mut starts, mut successes, mut simulations) = (0, 0, 0);
     for (spent, solved) in searched.map(|found| found.within(budget)) {
         starts += 1;
@@ -190,13 +198,20 @@ impl SearchRequest<'_> {
         row.solved = marks
             .map(|(found, trivial)| match (found, trivial) {
                 (_, true) => 't',
+                (Some(found), _) if found.is_invalid() => 'x',
                 (Some(found), _) if found.actions.is_some() => '1',
                 (Some(_), _) => '0',
                 (None, _) => '-',
             })
             .collect();
         count_solved(&mut row);
-        let simulations: u64 = searched.clone().map(|found| found.simulations).sum();
+        let invalid = found.iter().enumerate().filter_map(|(start, found)| {
+            let found = found.as_ref().filter(|found| found.is_invalid())?;
+            Some((start as u64, found.fault.as_ref()?))
+        });
+        row.faults = count_faults(invalid);
+        let valid = searched.clone().filter(|found| !found.is_invalid());
+        let simulations: u64 = valid.map(|found| found.simulations).sum();
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
         row.cpu_s = searched.clone().map(|found| found.cpu_s).sum();
@@ -229,17 +244,17 @@ impl<'a> Searcher<'a> {
     }
 
     /// `None` when stopped from outside before a result.
-    fn solve(&mut self, start: &Start, noise: u64, watch: &Watch<'_>) -> Option<Found> {
-        let from = (start, noise);
-        let mut trials = Trials::new(self.request.budget, &mut self.bench, from, watch);
+    fn solve(&mut self, from: (&Start, u64), index: usize, watch: &Watch<'_>) -> Option<Found> {
+        let (start, noise) = from;
+        let mut trials = Trials::new(self.request, &mut self.bench, from, index, watch);
         match self.request.method {
             Method::Uniform => random::solve(&mut trials, noise, 1),
             Method::Hold => random::solve(&mut trials, noise, HOLD_DECISIONS),
             Method::Cem(cem) => cem::solve(&mut trials, noise, cem),
-            Method::Mutate(stored) => mutate::solve(&mut trials, from, stored),
+            Method::Mutate(stored) => mutate::solve(&mut trials, (start, noise), stored),
             Method::Switches(most) => {
                 let cheap = self.cheap.as_ref();
-                return switches::solve(self.request, cheap, from, most, watch);
+                return switches::solve(self.request, cheap, (from, index), most, watch);
             }
         }
         trials.finish()

@@ -2,7 +2,8 @@
 
 use super::{Found, SearchRequest};
 use crate::campaign::Watch;
-use crate::scenario::Scenario;
+use crate::ego::Fault;
+use crate::scenario::{Repeats, Scenario};
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 
@@ -16,12 +17,12 @@ pub(super) const MAX_CONFIRMATIONS: u64 = 300;
 pub(super) fn solve(
     request: &SearchRequest<'_>,
     cheap: Option<&Scenario>,
-    (start, noise): (&Start, u64),
+    ((start, noise), index): ((&Start, u64), usize),
     most: usize,
     watch: &Watch<'_>,
 ) -> Option<Found> {
     let scenario = cheap.unwrap_or(request.scenario);
-    let mut confirmer = Confirmer::new(request.scenario, start, noise);
+    let mut confirmer = Confirmer::new(request.scenario, (start, noise), index, watch);
     let mut found = Found::default();
     let mut accept = |actions: &[usize]| {
         let (success, closing_speed_mps) = confirmer.confirm(actions);
@@ -38,10 +39,14 @@ pub(super) fn solve(
             false => Next::Continue,
         }
     };
+    let mut root = scenario.bench();
+    root.begin(start, noise, Aftermath::Skip);
     let mut tree = Tree {
-        scenario,
         start,
         noise,
+        index,
+        forks: root.fork().is_some(),
+        fault: None,
         actions: scenario.world().spaces().actions,
         prefix: Vec::new(),
         accept: &mut accept,
@@ -49,7 +54,6 @@ pub(super) fn solve(
         simulations: 0,
         physics_steps: 0,
     };
-    let mut root = scenario.bench();
     let mut next = Next::Continue;
     for switches in 0..=most {
         for action in 0..tree.actions {
@@ -60,7 +64,8 @@ pub(super) fn solve(
         }
     }
     let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
-    if found.actions.is_none() && watch.stopped() {
+    found.fault = tree.fault.or(confirmer.fault);
+    if found.actions.is_none() && found.fault.is_none() && watch.stopped() {
         return None;
     }
     found.simulations += simulations;
@@ -75,10 +80,16 @@ enum Next {
 }
 
 /// All sequences with a given number of switches, prefixes shared by forking.
+///
+/// An ego that cannot be copied, a program say, plays every sequence from the
+/// start, one after the other: one program is enough for that.
 struct Tree<'a> {
-    scenario: &'a Scenario,
     start: &'a Start,
     noise: u64,
+    index: usize,
+    forks: bool,
+    /// The first fault met.
+    fault: Option<Fault>,
     actions: usize,
     prefix: Vec<usize>,
     accept: &'a mut dyn FnMut(&[usize]) -> Next,
@@ -91,7 +102,10 @@ impl Tree<'_> {
     /// Goes on with `action` and exactly `switches` later changes of it.
     fn explore(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
         let depth = self.prefix.len();
-        let next = self.walk(bench, action, switches);
+        let next = match self.forks {
+            true => self.walk(bench, action, switches),
+            false => self.walk_anew(bench, action, switches),
+        };
         self.prefix.truncate(depth);
         next
     }
@@ -117,6 +131,14 @@ impl Tree<'_> {
                 }
             }
         }
+        if switches == 0 {
+            self.note(bench);
+        }
+        self.leaf(bench, switches)
+    }
+
+    /// Whether a sequence without further switches makes the ego fail.
+    fn leaf(&mut self, bench: &Testbench, switches: usize) -> Next {
         let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
         match switches == 0 && success {
             true => (self.accept)(&self.prefix),
@@ -124,21 +146,57 @@ impl Tree<'_> {
         }
     }
 
+    /// An episode is over.
+    fn note(&mut self, bench: &Testbench) {
+        self.watch.faults.note(self.index as u64, bench.fault());
+        if self.fault.is_none() {
+            self.fault = bench.fault().cloned();
+        }
+    }
+
+    /// The same where the ego cannot be copied: first to the end with `action`,
+    /// which tells where it can be changed, then each change from the start.
+    fn walk_anew(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        let depth = self.prefix.len();
+        while !bench.is_done() {
+            if self.watch.stopped() {
+                return Next::Stop;
+            }
+            bench.decide(action);
+            self.prefix.push(action);
+        }
+        self.simulations += 1;
+        self.physics_steps += bench.physics_steps();
+        self.note(bench);
+        if switches == 0 {
+            return self.leaf(bench, switches);
+        }
+        let whole = self.prefix.clone();
+        for at in depth + 1..whole.len() {
+            for other in (0..self.actions).filter(|&other| other != action) {
+                bench.begin(self.start, self.noise, Aftermath::Skip);
+                for &again in &whole[..at] {
+                    bench.decide(again);
+                }
+                self.prefix.truncate(at);
+                if self.explore(bench, other, switches - 1) == Next::Stop {
+                    return Next::Stop;
+                }
+                self.prefix.extend_from_slice(&whole[at..]);
+            }
+        }
+        Next::Continue
+    }
+
     /// Goes on from here with another action and leaves `bench` as it is.
     fn branch(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
-        if let Some(mut branch) = bench.branch() {
-            let next = self.explore(&mut branch, action, switches);
-            bench.rejoin(branch);
-            return next;
-        }
-        // The ego cannot be copied: play the prefix again.
-        let mut again = self.scenario.bench();
-        again.begin(self.start, self.noise, Aftermath::Skip);
-        for &action in &self.prefix {
-            again.decide(action);
-        }
-        self.physics_steps += again.physics_steps();
-        self.explore(&mut again, action, switches)
+        let Some(mut branch) = bench.branch() else {
+            // Invariant: an ego that was copied once can be copied again.
+            return Next::Stop;
+        };
+        let next = self.explore(&mut branch, action, switches);
+        bench.rejoin(branch);
+        next
     }
 }
 
@@ -150,6 +208,10 @@ struct Confirmer<'a> {
     scenario: &'a Scenario,
     start: &'a Start,
     noise: u64,
+    index: usize,
+    watch: &'a Watch<'a>,
+    /// The first fault met.
+    fault: Option<Fault>,
     /// The latest sequence as far as it was played.
     actions: Vec<usize>,
     /// The benches after 0, 1, 2 … of these actions.
@@ -158,11 +220,19 @@ struct Confirmer<'a> {
 }
 
 impl Confirmer<'_> {
-    fn new<'a>(scenario: &'a Scenario, start: &'a Start, noise: u64) -> Confirmer<'a> {
+    fn new<'a>(
+        scenario: &'a Scenario,
+        (start, noise): (&'a Start, u64),
+        index: usize,
+        watch: &'a Watch<'a>,
+    ) -> Confirmer<'a> {
         Confirmer {
             scenario,
             start,
             noise,
+            index,
+            watch,
+            fault: None,
             actions: Vec::new(),
             benches: Vec::new(),
             physics_steps: 0,
@@ -187,7 +257,9 @@ impl Confirmer<'_> {
         let mut rest = rest.chain(std::iter::repeat(last));
         while let (Some(here), Some(action)) = (self.benches.last(), rest.next()) {
             if here.is_done() {
-                return outcome(here);
+                let (fault, outcome) = (here.fault().cloned(), outcome(here));
+                self.note(fault);
+                return outcome;
             }
             let Some(mut next) = here.fork() else {
                 return self.replay(actions);
@@ -201,17 +273,33 @@ impl Confirmer<'_> {
         (false, None)
     }
 
-    /// The same from the start, where the ego cannot be copied.
+    /// The same from the start, where the ego cannot be copied; as often as the
+    /// world asks, since such an ego may answer otherwise the next time.
     fn replay(&mut self, actions: &[usize]) -> (bool, Option<f64>) {
-        let Some(bench) = self.benches.first_mut() else {
-            return (false, None);
-        };
-        let mut replay = Replay::holding(actions);
-        let episode = play(bench, self.start, self.noise, &mut replay, Aftermath::Play);
-        self.physics_steps += episode.physics_steps;
-        let result = outcome(bench);
-        bench.begin(self.start, self.noise, Aftermath::Play);
-        result
+        let Repeats { runs, gate } = self.scenario.repeats;
+        let (mut failures, mut closing_speed_mps) = (0, None);
+        for _ in 0..runs.max(1) {
+            let Some(bench) = self.benches.first_mut() else {
+                return (false, None);
+            };
+            let mut replay = Replay::holding(actions);
+            let episode = play(bench, self.start, self.noise, &mut replay, Aftermath::Play);
+            self.physics_steps += episode.physics_steps;
+            let (fails, closing) = outcome(bench);
+            failures += u32::from(fails);
+            closing_speed_mps = closing_speed_mps.or(closing);
+            bench.begin(self.start, self.noise, Aftermath::Play);
+            self.note(episode.fault);
+        }
+        let fails = gate.max(1) <= failures;
+        (fails, closing_speed_mps.filter(|_| fails))
+    }
+
+    fn note(&mut self, fault: Option<Fault>) {
+        self.watch.faults.note(self.index as u64, fault.as_ref());
+        if self.fault.is_none() {
+            self.fault = fault;
+        }
     }
 }
 

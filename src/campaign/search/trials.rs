@@ -1,9 +1,10 @@
 //! Whole episodes from one start, one after the other, until one succeeds.
 
-use super::Found;
+use super::{Found, SearchRequest};
 use crate::campaign::Watch;
+use crate::scenario::Repeats;
 use crate::scene::Start;
-use crate::testbench::{Actor, Aftermath, Replay, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Episode, Replay, Testbench, play};
 
 /// The simulations spent on one start, within the budget.
 pub(super) struct Trials<'a> {
@@ -11,6 +12,8 @@ pub(super) struct Trials<'a> {
     start: &'a Start,
     noise: u64,
     budget: u64,
+    repeats: Repeats,
+    index: u64,
     watch: &'a Watch<'a>,
     stopped: bool,
     found: Found,
@@ -19,16 +22,19 @@ pub(super) struct Trials<'a> {
 impl<'a> Trials<'a> {
     /// Nothing spent yet of `budget` simulations.
     pub fn new(
-        budget: u64,
+        request: &SearchRequest<'_>,
         bench: &'a mut Testbench,
         (start, noise): (&'a Start, u64),
+        index: usize,
         watch: &'a Watch<'a>,
     ) -> Trials<'a> {
         Trials {
             bench,
             start,
             noise,
-            budget,
+            budget: request.budget,
+            repeats: request.scenario.repeats,
+            index: index as u64,
             watch,
             stopped: false,
             found: Found::default(),
@@ -61,16 +67,35 @@ impl<'a> Trials<'a> {
         if self.stopped || self.is_over() {
             return None;
         }
-        let episode = play(self.bench, self.start, self.noise, actor, Aftermath::Play);
-        self.found.simulations += 1;
-        self.found.physics_steps += episode.physics_steps;
-        if episode.verdict.is_success() {
+        let episode = self.simulate(actor);
+        if episode.verdict.is_success() && self.fails_again(&episode.actions) {
             self.found.actions = Some(episode.actions);
             self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
             return None;
         }
         let reward = self.bench.rulebook().reward_of(&episode.verdict);
         Some(reward.unwrap_or(f64::NEG_INFINITY))
+    }
+
+    fn simulate(&mut self, actor: &mut dyn Actor) -> Episode {
+        let episode = play(self.bench, self.start, self.noise, actor, Aftermath::Play);
+        self.watch.faults.note(self.index, episode.fault.as_ref());
+        self.found.simulations += 1;
+        self.found.physics_steps += episode.physics_steps;
+        if self.found.fault.is_none() {
+            self.found.fault.clone_from(&episode.fault);
+        }
+        episode
+    }
+
+    /// Whether an ego that failed once does so as often as the world asks.
+    fn fails_again(&mut self, actions: &[usize]) -> bool {
+        let Repeats { runs, gate } = self.repeats;
+        let again = (1..runs).filter(|_| {
+            let mut same = Replay::holding(actions);
+            self.simulate(&mut same).verdict.is_success()
+        });
+        gate as usize <= 1 + again.count()
     }
 
     /// The same for a sequence of actions, the last one held.
@@ -80,7 +105,8 @@ impl<'a> Trials<'a> {
 
     /// What came of it; `None` when stopped from outside before a result.
     pub fn finish(self) -> Option<Found> {
-        let unfinished = self.stopped && self.found.actions.is_none();
+        let tells = self.found.actions.is_some() || self.found.fault.is_some();
+        let unfinished = self.stopped && !tells;
         (!unfinished).then_some(self.found)
     }
 

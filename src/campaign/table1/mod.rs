@@ -309,10 +309,7 @@ fn measure(
 ) -> Result<Option<MapResult>, Table1Error> {
     let mut changed = scenario.with(&map.change.clone().into())?;
     let (starts, all_starts) = starts_of(&changed, request.first_seed, REFINED_STARTS);
-    let quiet = Watch {
-        progress: &|_, _| {},
-        stop: watch.stop,
-    };
+    let quiet = watch.quiet();
     let mut trained = Vec::new();
     for (learner, (_, config)) in learners.iter().enumerate() {
         changed.learner = config.clone();

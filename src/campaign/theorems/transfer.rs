@@ -11,7 +11,7 @@ use crate::campaign::Watch;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Actor, Aftermath, Constant, Episode, PolicyActor, Replay, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Constant, Episode, PolicyActor, Replay, Testbench};
 
 /// How the ado acts on the changed ego, in the order of the results.
 ///
@@ -222,7 +222,7 @@ impl Played<'_> {
                         Purpose::Test => starts.starts[index].clone(),
                         _ => self.calibration_start(benches, index)?,
                     };
-                    self.compared(benches, &start, noise)
+                    self.compared(benches, (&start, noise), index)
                 },
             )
             .collect();
@@ -249,23 +249,27 @@ impl Played<'_> {
         };
         let (start, noise) = (nominal.draw(key), nominal.noise_of(key));
         let mut coasting = Constant(nominal.spaces().neutral);
-        let episode = play(nominal, &start, noise, &mut coasting, Aftermath::Skip);
+        let from = (&start, noise);
+        let episode = self
+            .watch
+            .play(nominal, from, index, &mut coasting, Aftermath::Skip);
         (!episode.verdict.is_success()).then_some((start, noise))
     }
 
     fn compared(
         &self,
         (nominal, changed): &mut (Testbench, Vec<Testbench>),
-        start: &Start,
-        noise: u64,
+        (start, noise): (&Start, u64),
+        index: usize,
     ) -> Option<Compared> {
         let horizon = nominal.clock().samples();
         let mut ado = PolicyActor(self.request.policy);
-        let first = play(nominal, start, noise, &mut ado, Aftermath::Play);
+        let (watch, from) = (self.watch, (start, noise));
+        let first = watch.play(nominal, from, index, &mut ado, Aftermath::Play);
         let witness = Witness::of(nominal.rulebook(), &first, horizon)?;
         let runs = changed.iter_mut().flat_map(|bench| {
             let mut run = |ado: &mut dyn Actor| -> Run {
-                let other = play(bench, start, noise, ado, Aftermath::Play);
+                let other = watch.play(bench, from, index, ado, Aftermath::Play);
                 compare(&witness, bench, &other, horizon)
             };
             let closed = run(&mut PolicyActor(self.request.policy));

@@ -7,6 +7,7 @@ use core::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 use super::road::CourseError;
+use crate::ego::RoadPiece;
 use crate::sim::Pose;
 
 /// One piece of a curved road.
@@ -192,6 +193,19 @@ impl Course {
             cos,
             curvature_per_m,
         });
+    }
+
+    /// The pieces in order, without the straight ends; empty where there is
+    /// nothing but straight road.
+    pub fn pieces(&self) -> Vec<RoadPiece> {
+        let last = self.legs.len().saturating_sub(1);
+        let between = self.legs.iter().take(last).skip(1);
+        let piece = |leg: &Leg| RoadPiece {
+            from_s_m: leg.from_s_m,
+            length_m: leg.length_m,
+            curvature_per_m: leg.curvature_per_m,
+        };
+        between.map(piece).collect()
     }
 
     /// Where on the road a pose is: beside the nearest point of the course.

@@ -36,6 +36,7 @@ pub use trained::{Trained, TrainedError};
 pub use tuning::Tuning;
 
 use super::Axis;
+use crate::ego::{Briefing, RoadGeometry};
 use crate::rl::Spaces;
 use crate::stl::{BoundExpr, StlError};
 use crate::trace::{Schema, SchemaError};
@@ -183,6 +184,22 @@ fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
             })
     };
     spec.trained().map(bind).collect()
+}
+
+impl Layout {
+    /// What the ego is told of the road before its first episode.
+    fn briefing(&self) -> Briefing {
+        let road = &self.spec.road;
+        Briefing {
+            sample_s: self.spec.clock.sample_s,
+            speed_limit_mps: road.speed_limit_mps(),
+            road: RoadGeometry {
+                lanes: road.lanes(),
+                lane_width_m: road.lane_width_m(),
+                pieces: self.course.pieces(),
+            },
+        }
+    }
 }
 
 impl DriveWorld {

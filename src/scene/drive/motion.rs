@@ -13,7 +13,7 @@ use super::spec::{Agent, Drive, Place, Range};
 use super::steering::LaneKeeper;
 use super::trained::{Trained, Who};
 use super::{Layout, staging};
-use crate::ego::{Actuator, Controller, Fault, Percept};
+use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
@@ -25,6 +25,8 @@ pub struct DriveScene {
     pub(super) layout: Arc<Layout>,
     pub(super) plant: Box<dyn Plant>,
     controller: Box<dyn Controller>,
+    /// Of an ego that nobody here wrote: what it commanded so far.
+    commands: Vec<ego::Command>,
     pub(super) sensing: Sensing,
     /// The lag behind each agent's acceleration.
     actuators: Vec<Actuator>,
@@ -43,9 +45,12 @@ impl DriveScene {
     pub(super) fn new(layout: Arc<Layout>) -> DriveScene {
         let spec = &layout.spec;
         let agents = spec.agents.len();
+        let mut controller = layout.ego_drive.build();
+        controller.brief(&layout.briefing());
         DriveScene {
             plant: sim::plant(spec.plant, ground(&layout)),
-            controller: layout.ego_drive.build(),
+            controller,
+            commands: Vec::new(),
             sensing: Sensing::new(spec.sensors, spec.clock.sample_s),
             actuators: Vec::with_capacity(agents),
             keepers: Vec::with_capacity(agents),
@@ -63,10 +68,6 @@ impl DriveScene {
 
     pub(super) fn time_s(&self) -> f64 {
         self.sample as f64 * self.layout.spec.clock.sample_s
-    }
-
-    fn time_ms(&self) -> u64 {
-        (self.time_s() * 1e3).round() as u64
     }
 
     fn read_states(&mut self) {
@@ -122,10 +123,12 @@ impl DriveScene {
     fn command_all(&mut self) -> Result<(), Fault> {
         self.perceive();
         let command = self.controller.control(&self.percept)?;
-        if !(command.accel_mps2.is_finite() && command.lateral_mps.is_finite()) {
-            return Err(Fault::NotFinite {
-                time_ms: self.time_ms(),
-            });
+        if let Some(fault) = command.flaw() {
+            let message = format!("{} at {:.3} s", fault.message, self.time_s());
+            return Err(Fault { message, ..fault });
+        }
+        if self.layout.ego_drive.is_foreign() {
+            self.commands.push(command);
         }
         let asked = Choice::Drive {
             accel_mps2: command.accel_mps2,
@@ -267,6 +270,7 @@ impl Scene for DriveScene {
             .extend(layout.spec.lights.iter().map(Shown::first));
         self.percept = self.blank_percept();
         self.sensing.reset(noise);
+        self.commands.clear();
         self.controller.reset(noise);
     }
 
@@ -302,9 +306,10 @@ impl Scene for DriveScene {
             shown.keep_time(light, time_s, self.sample);
         }
         if !self.plant.sound() {
-            return Flow::Fault(Fault::Physics {
-                time_ms: self.time_ms(),
-            });
+            return Flow::Fault(Fault::new(
+                FaultKind::Physics,
+                format!("the physics broke down at {:.3} s", self.time_s()),
+            ));
         }
         match &self.touch {
             Some(contact) => Flow::Contact(self.touch_of(contact)),
@@ -338,11 +343,20 @@ impl Scene for DriveScene {
         }
     }
 
+    fn finish(&mut self) {
+        self.controller.finish();
+    }
+
+    fn commands(&self) -> &[ego::Command] {
+        &self.commands
+    }
+
     fn fork(&self) -> Option<Box<dyn Scene>> {
         Some(Box::new(DriveScene {
             layout: Arc::clone(&self.layout),
             plant: self.plant.fork(),
             controller: self.controller.fork()?,
+            commands: self.commands.clone(),
             sensing: self.sensing.clone(),
             actuators: self.actuators.clone(),
             keepers: self.keepers.clone(),

@@ -1,7 +1,10 @@
 //! What the ego and scripted followers see of a moving scene.
 
+use core::f64::consts::{PI, TAU};
+
 use super::motion::DriveScene;
 use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
+use crate::sim::BodyState;
 
 impl DriveScene {
     /// A percept with everybody named, to be filled sample by sample.
@@ -13,13 +16,9 @@ impl DriveScene {
             others: others
                 .map(|(_, agent)| Seen {
                     name: agent.name.clone(),
-                    headway_m: 0.0,
-                    lateral_m: 0.0,
-                    speed_mps: 0.0,
-                    lateral_mps: 0.0,
-                    lane: 0,
                     length_m: agent.body.length_m,
                     width_m: agent.body.width_m,
+                    ..Seen::default()
                 })
                 .collect(),
             lights: spec
@@ -57,6 +56,7 @@ impl DriveScene {
             s_m: at.s_m,
             lateral_m: at.lateral_m,
             lane: spec.road.lane_at(at.lateral_m),
+            heading_rad: at.heading_rad,
             length_m: body.length_m,
             width_m: body.width_m,
         };
@@ -69,6 +69,7 @@ impl DriveScene {
             seen.speed_mps = along;
             seen.lateral_mps = across;
             seen.lane = spec.road.lane_at(other.lateral_m);
+            in_ego_frame(seen, state, &self.states[i]);
         }
         for (i, seen) in percept.lights.iter_mut().enumerate() {
             seen.line_m = self.line_m(ego, i);
@@ -94,4 +95,22 @@ impl DriveScene {
             (clearance_m, self.velocity_mps(i).0)
         })
     }
+}
+
+/// Fills in where another body is and how it moves, seen from the ego's front.
+fn in_ego_frame(seen: &mut Seen, ego: &BodyState, other: &BodyState) {
+    let (sin, cos) = libm::sincos(ego.pose.heading_rad);
+    let (dx_m, dy_m) = (other.pose.x_m - ego.pose.x_m, other.pose.y_m - ego.pose.y_m);
+    seen.x_m = dx_m * cos + dy_m * sin;
+    seen.y_m = dy_m * cos - dx_m * sin;
+    let turned_rad = other.pose.heading_rad - ego.pose.heading_rad;
+    seen.heading_rad = match turned_rad.abs() <= PI {
+        true => turned_rad,
+        false => libm::remainder(turned_rad, TAU),
+    };
+    let (sin, cos) = libm::sincos(turned_rad);
+    seen.vx_mps = other.speed_mps * cos - other.lateral_mps * sin;
+    seen.vy_mps = other.speed_mps * sin + other.lateral_mps * cos;
+    seen.ax_mps2 = other.accel_mps2 * cos;
+    seen.ay_mps2 = other.accel_mps2 * sin;
 }

@@ -19,6 +19,9 @@ pub enum Road {
         lane_width_m: f64,
         /// Coefficient of friction μ of the surface.
         friction: f64,
+        /// The law's limit, which egos are told of; rules are written with constants.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_limit_mps: Option<f64>,
     },
     /// Lines and arcs one after the other, from the origin along world x.
     Curved {
@@ -28,6 +31,9 @@ pub enum Road {
         lane_width_m: f64,
         /// Coefficient of friction μ of the surface.
         friction: f64,
+        /// The law's limit, which egos are told of; rules are written with constants.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_limit_mps: Option<f64>,
         /// The course of lane 0; before and after it the road is straight.
         pieces: Vec<Piece>,
     },
@@ -39,6 +45,9 @@ pub enum Road {
         lane_width_m: f64,
         /// Coefficient of friction μ of the surface.
         friction: f64,
+        /// The law's limit, which egos are told of; rules are written with constants.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_limit_mps: Option<f64>,
         /// The course of lane 0; before and after it the road is straight.
         points_m: Vec<(f64, f64)>,
         /// Radius of the corners.
@@ -46,42 +55,63 @@ pub enum Road {
     },
 }
 
+/// What roads of all kinds have.
+struct Shape {
+    lanes: usize,
+    lane_width_m: f64,
+    friction: f64,
+    speed_limit_mps: Option<f64>,
+}
+
 impl Road {
-    fn shape(&self) -> (usize, f64, f64) {
+    fn shape(&self) -> Shape {
         match *self {
             Road::Straight {
                 lanes,
                 lane_width_m,
                 friction,
+                speed_limit_mps,
             }
             | Road::Curved {
                 lanes,
                 lane_width_m,
                 friction,
+                speed_limit_mps,
                 ..
             }
             | Road::Polyline {
                 lanes,
                 lane_width_m,
                 friction,
+                speed_limit_mps,
                 ..
-            } => (lanes, lane_width_m, friction),
+            } => Shape {
+                lanes,
+                lane_width_m,
+                friction,
+                speed_limit_mps,
+            },
         }
+    }
+
+    /// The law's limit, where the world file names one.
+    pub fn speed_limit_mps(&self) -> Option<f64> {
+        self.shape().speed_limit_mps
     }
 
     /// Number of lanes.
     pub fn lanes(&self) -> usize {
-        self.shape().0
+        self.shape().lanes
     }
 
     /// Width of a lane.
     pub fn lane_width_m(&self) -> f64 {
-        self.shape().1
+        self.shape().lane_width_m
     }
 
     /// Coefficient of friction μ.
     pub fn friction(&self) -> f64 {
-        self.shape().2
+        self.shape().friction
     }
 
     /// Lays another surface.

@@ -75,9 +75,13 @@ impl Sensing {
             let (along, across) = self.normal_pair();
             seen.headway_m += self.spec.position_sd_m * along;
             seen.lateral_m += self.spec.position_sd_m * across;
+            seen.x_m += self.spec.position_sd_m * along;
+            seen.y_m += self.spec.position_sd_m * across;
             let (along, across) = self.normal_pair();
             seen.speed_mps += self.spec.speed_sd_mps * along;
             seen.lateral_mps += self.spec.speed_sd_mps * across;
+            seen.vx_mps += self.spec.speed_sd_mps * along;
+            seen.vy_mps += self.spec.speed_sd_mps * across;
         }
     }
 

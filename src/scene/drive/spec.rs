@@ -83,6 +83,8 @@ pub enum EgoDrive {
         name: String,
         /// Makes one.
         factory: ControllerFactory,
+        /// Time constant of the lag behind its commands; 0 is none.
+        lag_s: f64,
     },
 }
 
@@ -95,11 +97,19 @@ impl EgoDrive {
         }
     }
 
+    /// Whether nobody here wrote it: equal percepts may get unequal answers.
+    pub fn is_foreign(&self) -> bool {
+        matches!(
+            self,
+            EgoDrive::Own { .. } | EgoDrive::Stock(ControllerSpec::Process(_))
+        )
+    }
+
     /// Time constant of the lag behind its commands.
     pub fn lag_s(&self) -> f64 {
         match self {
             EgoDrive::Stock(spec) => spec.lag_s(),
-            EgoDrive::Own { .. } => 0.0,
+            EgoDrive::Own { lag_s, .. } => *lag_s,
         }
     }
 }

@@ -1,6 +1,8 @@
 //! `brakecheck check`: is this world sound, and what can its formulas say?
 
-use std::path::PathBuf;
+mod programs;
+
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
@@ -11,13 +13,28 @@ use crate::scenario::{LoadError, Scenario};
 #[derive(Args, Debug)]
 pub(super) struct CheckArgs {
     /// The world file.
-    world: PathBuf,
+    #[arg(required_unless_present = "program")]
+    world: Option<PathBuf>,
+    /// A program, after `--`, to be tried against the ego protocol.
+    #[arg(last = true, value_name = "COMMAND")]
+    program: Vec<String>,
     #[command(flatten)]
     pub(super) common: Common,
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
-    let scenario = match Scenario::load(&args.world) {
+    let exit = match &args.world {
+        Some(world) => check_world(args, world)?,
+        None => Exit::Done,
+    };
+    match args.program.is_empty() {
+        true => Ok(exit),
+        false => programs::try_out(args.common.json, &args.program),
+    }
+}
+
+fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
+    let scenario = match Scenario::load(world) {
         Ok(scenario) => scenario,
         Err(error) => {
             if args.common.json {
@@ -26,12 +43,17 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
             return Err(error.into());
         }
     };
+    let scenario = scenario.allow_programs(args.common.allow_programs);
+    let named = programs::tried(&scenario, args.common.allow_programs);
     if args.common.json {
-        print_json(&listing(&scenario))?;
+        let mut listing = listing(&scenario);
+        listing["ok"] = json!(programs::first_fault(&named).is_none());
+        listing["programs"] = json!(named);
+        print_json(&listing)?;
     } else {
-        talk::data(&text(&scenario))?;
+        talk::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
     }
-    let file = args.world.display().to_string();
+    let file = world.display().to_string();
     let warnings = scenario.warnings.iter();
     let notes: Vec<_> = warnings
         .map(|warning| failure::warning(&file, &scenario.text, warning))
@@ -43,7 +65,10 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
         };
         talk::say(shown.render(talk::theme(), talk::width()).trim_end());
     }
-    Ok(Exit::Done)
+    match programs::first_fault(&named) {
+        Some(failure) => Err(failure),
+        None => Ok(Exit::Done),
+    }
 }
 
 fn problems(error: &LoadError) -> serde_json::Value {

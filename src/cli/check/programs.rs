@@ -1,0 +1,135 @@
+//! Programs as egos: those that a world names, and one that was typed.
+
+use serde::Serialize;
+use serde_json::json;
+
+use super::super::{Exit, Failure, print_json, table_of, talk};
+use crate::ego::{DOCUMENT, Exercise, Fault, Finding, Hello, Process, exercise};
+use crate::scenario::Scenario;
+
+/// A program that a world names, and what it said.
+#[derive(Serialize)]
+pub(super) struct Named {
+    ego: String,
+    command: Vec<String>,
+    started: bool,
+    hello: Option<Hello>,
+    fault: Option<Fault>,
+    /// The first requirement that it does not meet.
+    wrong: Option<Finding>,
+}
+
+/// The programs of a world; with consent each is started and tried.
+pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
+    let programs = scenario.programs().into_iter();
+    programs
+        .map(|(ego, process)| {
+            let mut process = process.clone();
+            process.allow(allowed);
+            let done = allowed.then(|| exercise(&process));
+            let mut findings = done.iter().flat_map(|done| &done.findings);
+            let wrong = findings.find(|found| !found.passed).cloned();
+            Named {
+                ego: ego.to_owned(),
+                command: process.command,
+                started: allowed,
+                hello: done.as_ref().and_then(|done| done.hello.clone()),
+                fault: done.and_then(|done| done.fault),
+                wrong,
+            }
+        })
+        .collect()
+}
+
+/// What they said, in lines; empty where the world names none.
+pub(super) fn text(named: &[Named]) -> String {
+    let mut text = String::new();
+    for one in named {
+        let (ego, command) = (&one.ego, one.command.join(" "));
+        let said = match (&one.hello, &one.fault, &one.wrong) {
+            (_, Some(fault), _) => format!("{}: {fault}", fault.kind.word()),
+            (_, None, Some(wrong)) => format!("WRONG: it {}: {}", wrong.what, wrong.note),
+            (Some(hello), None, None) => said(hello),
+            (None, None, None) => "not started: `--allow-programs` starts it".to_owned(),
+        };
+        text.push_str(&format!("\nprogram        {ego}: `{command}`: {said}"));
+    }
+    text
+}
+
+fn said(hello: &Hello) -> String {
+    let name = match hello.name.is_empty() {
+        true => "it",
+        false => &hello.name,
+    };
+    let can = match hello.capabilities.is_empty() {
+        true => String::new(),
+        false => format!(", capabilities: {}", hello.capabilities.join(", ")),
+    };
+    format!("{name} speaks ego protocol {}{can}", hello.protocol)
+}
+
+/// The first program that did not answer as it should.
+pub(super) fn first_fault(named: &[Named]) -> Option<Failure> {
+    named.iter().find_map(|one| match (&one.fault, &one.wrong) {
+        (Some(fault), _) => Some(failure(&one.command, fault)),
+        (None, Some(_)) => Some(unkept(&one.command)),
+        (None, None) => None,
+    })
+}
+
+fn failure(command: &[String], fault: &Fault) -> Failure {
+    let stderr = match fault.stderr.is_empty() {
+        true => String::new(),
+        false => format!("its stderr ends:\n{}\n", fault.stderr),
+    };
+    Failure::fault(
+        format!(
+            "the program `{}`: {}: {fault}",
+            command.join(" "),
+            fault.kind.word()
+        ),
+        Some(format!("{stderr}what it has to say is in {DOCUMENT}")),
+    )
+}
+
+/// Tries a typed program against the protocol: typing it is consent.
+pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure> {
+    let mut process = Process::new(command);
+    process.allow(true);
+    let done = exercise(&process);
+    match as_json {
+        true => print_json(&json!({
+            "ok": done.passed(),
+            "hello": done.hello,
+            "findings": done.findings,
+            "steps_per_s": done.steps_per_s,
+            "fault": done.fault,
+        })),
+        false => talk::data(&findings(&done)),
+    }?;
+    match &done.fault {
+        Some(fault) => Err(failure(command, fault)),
+        None if done.passed() => Ok(Exit::Done),
+        None => Err(unkept(command)),
+    }
+}
+
+fn unkept(command: &[String]) -> Failure {
+    Failure::fault(
+        format!("`{}` does not keep the protocol", command.join(" ")),
+        Some(format!("see {DOCUMENT}")),
+    )
+}
+
+fn findings(done: &Exercise) -> String {
+    let lines = done.findings.iter().map(|found| {
+        let mark = if found.passed { "ok" } else { "WRONG" };
+        [mark.to_owned(), found.what.clone(), found.note.clone()]
+    });
+    let table = table_of(["", "it", ""], lines);
+    match &done.hello {
+        Some(hello) => format!("{}\n{table}", said(hello)),
+        None => "it did not say hello".to_owned(),
+    }
+}

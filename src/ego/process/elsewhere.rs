@@ -1,0 +1,51 @@
+//! Where there are no process groups, programs are refused.
+
+use std::time::Duration;
+
+use super::super::{Fault, FaultKind};
+
+/// A program that was never started.
+pub(super) enum Program {}
+
+impl Program {
+    pub(super) fn start(command: &[String]) -> Result<Program, Fault> {
+        Err(Fault::new(
+            FaultKind::CannotStart,
+            format!(
+                "`{}`: programs as egos need a Unix system",
+                command.join(" ")
+            ),
+        ))
+    }
+
+    pub(super) fn name(&self) -> &str {
+        match *self {}
+    }
+
+    pub(super) fn stderr(&mut self) -> String {
+        match *self {}
+    }
+
+    pub(super) fn ask(
+        &mut self,
+        _line: &[u8],
+        _timeout: Duration,
+        _asked: &dyn Fn() -> String,
+        _answer: &mut Vec<u8>,
+    ) -> Result<(), Fault> {
+        match *self {}
+    }
+
+    pub(super) fn close(&mut self, _farewell: &[u8], _grace: Duration) -> bool {
+        match *self {}
+    }
+
+    pub(super) fn is_silent(&mut self, _for: Duration) -> bool {
+        match *self {}
+    }
+}
+
+/// The beginning of an answer, for messages.
+pub(super) fn shown(answer: &[u8]) -> String {
+    String::from_utf8_lossy(answer).chars().take(80).collect()
+}

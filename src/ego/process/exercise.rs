@@ -1,0 +1,244 @@
+//! Trying a program against the protocol, and saying what is wrong with it.
+
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use super::pool::Talk;
+use super::{Hello, Process};
+use crate::ego::{Briefing, Command, Fault, Own, Percept, Phase, Seen, SeenLight};
+
+/// Samples of each episode that is tried.
+const SAMPLES: usize = 200;
+/// The time between them.
+const SAMPLE_S: f64 = 0.05;
+/// Where nothing is asked, nothing may be said for so long.
+const SILENCE: Duration = Duration::from_millis(100);
+/// How long a program may take to end here; in tests it has less.
+const GRACE: Duration = Duration::from_secs(2);
+/// Beyond this an answer slows every campaign down.
+const SLOW: Duration = Duration::from_millis(5);
+
+/// How a program fares against the protocol.
+#[derive(Clone, Debug, Serialize)]
+pub struct Exercise {
+    /// What it said of itself, if it came to that.
+    pub hello: Option<Hello>,
+    /// What was tried, in order; what could not be tried is missing.
+    pub findings: Vec<Finding>,
+    /// Steps per second, answers included.
+    pub steps_per_s: Option<f64>,
+    /// What ended the exercise before its end.
+    pub fault: Option<Fault>,
+}
+
+impl Exercise {
+    /// Whether the program can be tested as it is.
+    pub fn passed(&self) -> bool {
+        self.fault.is_none() && self.findings.iter().all(|found| found.passed)
+    }
+
+    fn find(&mut self, what: &str, passed: bool, note: impl Into<String>) {
+        self.findings.push(Finding {
+            what: what.to_owned(),
+            passed,
+            note: note.into(),
+        });
+    }
+}
+
+/// One requirement, and how it was met.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// The requirement.
+    pub what: String,
+    /// Whether it was met.
+    pub passed: bool,
+    /// What was seen; empty where there is nothing to say.
+    pub note: String,
+}
+
+/// Starts a program and plays some episodes that no plant is needed for.
+///
+/// It must have been [allowed](Process::allow).
+pub fn exercise(process: &Process) -> Exercise {
+    let mut done = Exercise {
+        hello: None,
+        findings: Vec::new(),
+        steps_per_s: None,
+        fault: None,
+    };
+    if let Err(fault) = run(process, &mut done) {
+        done.fault = Some(fault);
+    }
+    done
+}
+
+fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
+    let timeout = process.timeout();
+    let mut talk = process.talk()?;
+    let hello = talk.hello.clone();
+    done.find("starts and says hello", true, hello.name.clone());
+    done.hello = Some(hello);
+
+    let briefing = Briefing {
+        sample_s: SAMPLE_S,
+        speed_limit_mps: Some(30.0),
+        ..Briefing::default()
+    };
+    let clock = Instant::now();
+    let first = episode(&mut talk, (7, &briefing), SAMPLES, timeout, &follow)?;
+    done.steps_per_s = Some(SAMPLES as f64 / clock.elapsed().as_secs_f64());
+    done.find("answers every question, with its number", true, "");
+    commands_are_plausible(done, &first);
+
+    episode(&mut talk, (8, &briefing), SAMPLES / 4, timeout, &follow)?;
+    done.find("begins anew in the middle of an episode", true, "");
+    let again = episode(&mut talk, (7, &briefing), SAMPLES, timeout, &follow)?;
+    is_repeatable(done, &first, &again);
+
+    episode(&mut talk, (9, &briefing), SAMPLES / 4, timeout, &|_, _| {
+        (Vec::new(), Vec::new())
+    })?;
+    done.find("drives on an empty road", true, "");
+    episode(&mut talk, (9, &briefing), SAMPLES / 4, timeout, &crowd)?;
+    done.find("drives among several others and a light", true, "");
+
+    let slowest = first.iter().map(|(_, took)| *took).max();
+    let slowest = slowest.unwrap_or_default();
+    let note = format!(
+        "slowest answer {:.1} ms, {:.0} steps/s",
+        1e3 * slowest.as_secs_f64(),
+        done.steps_per_s.unwrap_or(0.0)
+    );
+    let note = match slowest < SLOW {
+        true => note,
+        false => format!("{note}: campaigns will be slow"),
+    };
+    done.find("answers in time", true, note);
+    let silent = talk.is_silent(SILENCE);
+    let note = match silent {
+        true => "",
+        false => "one answer to each question, and prints for debugging go to stderr",
+    };
+    done.find("says nothing that it is not asked", silent, note);
+    let ended = talk.close(GRACE);
+    let note = match ended {
+        true => "",
+        false => "it was still running 2 s later, and killed: end when stdin does, or at `close`",
+    };
+    done.find("ends when it is told to", ended, note);
+    Ok(())
+}
+
+/// Everybody else at a moment, and the lights.
+type Around = (Vec<Seen>, Vec<SeenLight>);
+
+/// Plays an episode; the ego moves as it commands. Gives its commands and how
+/// long each took.
+fn episode(
+    talk: &mut Talk,
+    (seed, briefing): (u64, &Briefing),
+    samples: usize,
+    timeout: Duration,
+    around: &dyn Fn(f64, f64) -> Around,
+) -> Result<Vec<(Command, Duration)>, Fault> {
+    talk.reset(seed, briefing, timeout)?;
+    let mut own = Own {
+        speed_mps: 20.0,
+        length_m: 4.5,
+        width_m: 1.8,
+        ..Own::default()
+    };
+    let mut commands = Vec::with_capacity(samples);
+    for sample in 0..samples {
+        let time_s = sample as f64 * SAMPLE_S;
+        let (others, lights) = around(time_s, own.s_m);
+        let percept = Percept {
+            time_s,
+            sample_s: SAMPLE_S,
+            own,
+            others,
+            lights,
+        };
+        let clock = Instant::now();
+        let command = talk.step(&percept, timeout)?;
+        commands.push((command, clock.elapsed()));
+        // The plants do better; here it matters only that time goes on.
+        let accel_mps2 = match command.accel_mps2.is_finite() {
+            true => command.accel_mps2.clamp(-10.0, 10.0),
+            false => 0.0,
+        };
+        own.accel_mps2 = accel_mps2;
+        own.speed_mps = (own.speed_mps + accel_mps2 * SAMPLE_S).max(0.0);
+        own.s_m += own.speed_mps * SAMPLE_S;
+    }
+    Ok(commands)
+}
+
+fn car(name: &str, headway_m: f64, lateral_m: f64, speed_mps: f64) -> Seen {
+    Seen {
+        name: name.to_owned(),
+        headway_m,
+        lateral_m,
+        speed_mps,
+        x_m: headway_m,
+        y_m: lateral_m,
+        vx_mps: speed_mps,
+        length_m: 4.5,
+        width_m: 1.8,
+        ..Seen::default()
+    }
+}
+
+/// A leader that brakes from 20 m/s to a stop, 40 m ahead at first.
+fn follow(time_s: f64, own_s_m: f64) -> Around {
+    let braking_s = time_s.min(10.0);
+    let s_m = 40.0 + 20.0 * braking_s - braking_s * braking_s;
+    let speed_mps = 20.0 - 2.0 * braking_s;
+    let leader = car("leader", s_m - own_s_m, 0.0, speed_mps);
+    (vec![leader], Vec::new())
+}
+
+fn crowd(time_s: f64, own_s_m: f64) -> Around {
+    let others = [(60.0, 0.0), (-20.0, 0.0), (10.0, 3.5), (-5.0, -3.5)];
+    let others = others.iter().enumerate();
+    let others = others.map(|(i, &(ahead_m, lateral_m))| {
+        let s_m = ahead_m + 20.0 * time_s;
+        car(&format!("car{i}"), s_m - own_s_m, lateral_m, 20.0)
+    });
+    let light = SeenLight {
+        name: "light".to_owned(),
+        line_m: 120.0 - own_s_m,
+        phase: if time_s < 1.0 {
+            Phase::Green
+        } else {
+            Phase::Yellow
+        },
+        phase_s: time_s % 1.0,
+    };
+    (others.collect(), vec![light])
+}
+
+fn commands_are_plausible(done: &mut Exercise, commands: &[(Command, Duration)]) {
+    let odd = commands.iter().find_map(|(command, _)| command.flaw());
+    let note = odd.as_ref().map_or("", |fault| &*fault.message).to_owned();
+    done.find("commands what a car can do", odd.is_none(), note);
+}
+
+/// An ego that is not repeatable can be tested, but has to be repeated.
+fn is_repeatable(
+    done: &mut Exercise,
+    first: &[(Command, Duration)],
+    again: &[(Command, Duration)],
+) {
+    let mut pairs = first.iter().zip(again);
+    let note = match pairs.position(|((a, _), (b, _))| a != b) {
+        None => "and answers alike when it is given the same seed".to_owned(),
+        Some(sample) => format!(
+            "but answers differ from sample {sample} on with the same seed: give the world \
+             `repeats: 5`, or seed all its randomness from `reset`"
+        ),
+    };
+    done.find("begins anew when it is reset", true, note);
+}

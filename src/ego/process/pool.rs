@@ -1,0 +1,265 @@
+//! Conversations with started programs, and those that wait for an episode.
+
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::super::{Briefing, Command, Fault, FaultKind, Percept};
+#[cfg(not(unix))]
+use super::elsewhere::{Program, shown};
+#[cfg(unix)]
+use super::program::{Program, shown};
+use super::protocol::{
+    AskReset, AskStep, DOCUMENT, Empty, Greeting, Hello, HelloAnswer, Numbered, PROTOCOL,
+    ReadyAnswer, Reset, Say, StepAnswer,
+};
+
+/// How long a program may take to end after it was told to.
+const GRACE: Duration = Duration::from_millis(300);
+
+/// A started program that has said hello.
+pub(super) struct Talk {
+    program: Program,
+    pub(super) hello: Hello,
+    /// The number of the latest question.
+    id: u64,
+    question: Vec<u8>,
+    answer: Vec<u8>,
+    /// It misbehaved: there is nothing more to say to it.
+    pub(super) broken: bool,
+}
+
+impl Talk {
+    /// Starts a program and exchanges hellos.
+    pub(super) fn start(command: &[String], timeout: Duration) -> Result<Talk, Fault> {
+        let mut talk = Talk {
+            program: Program::start(command)?,
+            hello: Hello {
+                protocol: PROTOCOL,
+                name: String::new(),
+                capabilities: Vec::new(),
+                program: None,
+            },
+            id: 0,
+            question: Vec::new(),
+            answer: Vec::new(),
+            broken: false,
+        };
+        let greeting = Greeting {
+            protocol: PROTOCOL,
+            program: concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
+        };
+        let asked = || "asked for its hello".to_owned();
+        let answer: Result<HelloAnswer, Fault> = talk.ask(&Say::Hello(greeting), timeout, &asked);
+        let HelloAnswer { hello } = answer.map_err(|fault| {
+            talk.broken = true;
+            match fault.kind {
+                FaultKind::Protocol => Fault {
+                    message: format!(
+                        "{}; a program begins by saying hello: see {DOCUMENT}",
+                        fault.message
+                    ),
+                    ..fault
+                },
+                _ => fault,
+            }
+        })?;
+        if hello.program.is_some() {
+            talk.broken = true;
+            return Err(talk.protocol("repeats what it is told instead of answering"));
+        }
+        if hello.protocol != PROTOCOL {
+            talk.broken = true;
+            return Err(talk.protocol(format!(
+                "speaks version {} of the ego protocol, not {PROTOCOL}: see {DOCUMENT}",
+                hello.protocol
+            )));
+        }
+        talk.hello = hello;
+        Ok(talk)
+    }
+
+    /// Begins an episode.
+    pub(super) fn reset(
+        &mut self,
+        seed: u64,
+        briefing: &Briefing,
+        timeout: Duration,
+    ) -> Result<(), Fault> {
+        let ready = self.try_reset(seed, briefing, timeout);
+        self.noting_stderr(ready)
+    }
+
+    /// Asks for the command of one sample.
+    pub(super) fn step(&mut self, percept: &Percept, timeout: Duration) -> Result<Command, Fault> {
+        let command = self.try_step(percept, timeout);
+        self.noting_stderr(command)
+    }
+
+    /// A fault says what the program wrote to stderr, whoever found it.
+    fn noting_stderr<T>(&mut self, result: Result<T, Fault>) -> Result<T, Fault> {
+        result.map_err(|fault| match fault.stderr.is_empty() {
+            true => fault.with_stderr(self.program.stderr()),
+            false => fault,
+        })
+    }
+
+    fn try_reset(
+        &mut self,
+        seed: u64,
+        briefing: &Briefing,
+        timeout: Duration,
+    ) -> Result<(), Fault> {
+        self.id += 1;
+        let question = Numbered {
+            id: self.id,
+            question: AskReset {
+                reset: Reset { seed, briefing },
+            },
+        };
+        let asked = || "asked to reset".to_owned();
+        let answer: ReadyAnswer = self.ask(&question, timeout, &asked)?;
+        self.same_number(answer.id, &asked)?;
+        match (answer.error, answer.ready) {
+            (Some(error), _) => Err(self.reported(&error, &asked)),
+            (None, true) => Ok(()),
+            (None, false) => Err(self.protocol(format!(
+                "answered `{}` when {}: `\"ready\": true` is missing",
+                shown(&self.answer),
+                asked()
+            ))),
+        }
+    }
+
+    fn try_step(&mut self, percept: &Percept, timeout: Duration) -> Result<Command, Fault> {
+        self.id += 1;
+        let question = Numbered {
+            id: self.id,
+            question: AskStep { step: percept },
+        };
+        let asked = || format!("asked for a command at {:.3} s", percept.time_s);
+        let answer: StepAnswer = self.ask(&question, timeout, &asked)?;
+        self.same_number(answer.id, &asked)?;
+        match (answer.error, answer.accel_mps2) {
+            (Some(error), _) => Err(self.reported(&error, &asked)),
+            (None, Some(accel_mps2)) => Ok(Command {
+                accel_mps2,
+                lateral_mps: answer.lateral_mps,
+            }),
+            (None, None) => Err(self.protocol(format!(
+                "answered `{}` when {}: `accel_mps2` is missing",
+                shown(&self.answer),
+                asked()
+            ))),
+        }
+    }
+
+    /// Asks it to end, and whether it did in time.
+    pub(super) fn close(&mut self, grace: Duration) -> bool {
+        self.broken = true;
+        let farewell = serde_json::to_vec(&Say::Close(Empty {})).unwrap_or_default();
+        self.program.close(&[&farewell[..], b"\n"].concat(), grace)
+    }
+
+    /// Whether it says nothing for a while in which it is asked nothing.
+    pub(super) fn is_silent(&mut self, most: Duration) -> bool {
+        self.program.is_silent(most)
+    }
+
+    fn ask<Q: Serialize, A: DeserializeOwned>(
+        &mut self,
+        question: &Q,
+        timeout: Duration,
+        asked: &dyn Fn() -> String,
+    ) -> Result<A, Fault> {
+        self.question.clear();
+        serde_json::to_writer(&mut self.question, question).map_err(|error| {
+            Fault::error(format!("the question cannot be written as JSON: {error}"))
+        })?;
+        self.question.push(b'\n');
+        let (program, answer) = (&mut self.program, &mut self.answer);
+        program.ask(&self.question, timeout, asked, answer)?;
+        serde_json::from_slice(&self.answer).map_err(|error| {
+            self.protocol(format!(
+                "answered `{}` when {}: {error}",
+                shown(&self.answer),
+                asked()
+            ))
+        })
+    }
+
+    fn same_number(&self, id: u64, asked: &dyn Fn() -> String) -> Result<(), Fault> {
+        if id == self.id {
+            return Ok(());
+        }
+        Err(self.protocol(format!(
+            "answered question {id} when question {} was open ({}): one answer to each \
+             question, with its `id`",
+            self.id,
+            asked()
+        )))
+    }
+
+    fn reported(&self, error: &str, asked: &dyn Fn() -> String) -> Fault {
+        let shown: String = error.chars().take(200).collect();
+        let name = self.program.name();
+        Fault::error(format!(
+            "`{name}` reported an error when {}: {shown}",
+            asked()
+        ))
+    }
+
+    fn protocol(&self, what: impl std::fmt::Display) -> Fault {
+        let name = self.program.name();
+        Fault::new(FaultKind::Protocol, format!("`{name}` {what}"))
+    }
+}
+
+/// Programs that wait for an episode.
+#[derive(Clone, Default)]
+pub(super) struct Pool(Arc<Mutex<Vec<Talk>>>);
+
+impl Pool {
+    /// One that waits, or a new one.
+    pub(super) fn take(&self, command: &[String], timeout: Duration) -> Result<Talk, Fault> {
+        let waiting = self.lock().pop();
+        match waiting {
+            Some(talk) => Ok(talk),
+            None => Talk::start(command, timeout),
+        }
+    }
+
+    /// Keeps one for the next episode.
+    pub(super) fn give_back(&self, talk: Talk) {
+        self.lock().push(talk);
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Talk>> {
+        // A list of programs is never half changed.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What waits says nothing about which program it is.
+impl PartialEq for Pool {
+    fn eq(&self, _other: &Pool) -> bool {
+        true
+    }
+}
+
+impl fmt::Debug for Pool {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Pool")
+    }
+}
+
+impl Drop for Talk {
+    fn drop(&mut self) {
+        if !self.broken {
+            self.close(GRACE);
+        }
+    }
+}

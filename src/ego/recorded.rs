@@ -1,0 +1,44 @@
+//! An ego that repeats what another one commanded.
+
+use std::sync::Arc;
+
+use super::{Command, Controller, Fault, Percept};
+
+/// Commands of an episode, played again one per sample.
+///
+/// The world's side of an episode is a pure function of these, whatever ego
+/// gave them: so a run with an ego that never answers twice alike can still be
+/// repeated bit for bit.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    commands: Arc<[Command]>,
+    next: usize,
+}
+
+impl Recorded {
+    /// Repeats `commands`.
+    pub fn new(commands: Arc<[Command]>) -> Recorded {
+        Recorded { commands, next: 0 }
+    }
+}
+
+impl Controller for Recorded {
+    fn reset(&mut self, _seed: u64) {
+        self.next = 0;
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let command = self.commands.get(self.next).copied();
+        self.next += 1;
+        command.ok_or_else(|| {
+            Fault::error(format!(
+                "the recorded commands of the ego end before {:.3} s",
+                percept.time_s
+            ))
+        })
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

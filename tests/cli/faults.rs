@@ -1,0 +1,570 @@
+//! Broken egos: no verb takes one for an ego that held, or that failed.
+
+use std::time::{Duration, Instant};
+
+use brakecheck::campaign::{RegressionError, Regressions};
+use brakecheck::ego::{ControllerSpec, Process};
+use brakecheck::scenario::Change;
+use serde_json::Value;
+
+use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
+
+/// What a shell program does when it is told hello, reset or step.
+struct Fake<'a> {
+    hello: &'a str,
+    reset: &'a str,
+    step: &'a str,
+}
+
+const HELLO: &str = r#"echo '{"hello":{"protocol":1,"name":"fake"}}'"#;
+const READY: &str = r#"echo "{\"id\":$id,\"ready\":true}""#;
+const COAST: &str = r#"echo "{\"id\":$id,\"accel_mps2\":0}""#;
+
+/// A program that keeps the protocol.
+const SOUND: Fake<'_> = Fake {
+    hello: HELLO,
+    reset: READY,
+    step: COAST,
+};
+
+impl Fake<'_> {
+    fn script(&self) -> String {
+        let Fake { hello, reset, step } = self;
+        format!(
+            r#"n=0; while read -r l; do id=${{l#*'"id":'}}; id=${{id%%,*}}; n=$((n+1)); case $l in *'"hello"'*) {hello};; *'"reset"'*) {reset};; *'"step"'*) {step};; *'"close"'*) exit 0;; esac; done"#
+        )
+    }
+}
+
+fn at_hello(hello: &str) -> String {
+    Fake { hello, ..SOUND }.script()
+}
+
+fn at_reset(reset: &str) -> String {
+    Fake { reset, ..SOUND }.script()
+}
+
+fn at_step(step: &str) -> String {
+    Fake { step, ..SOUND }.script()
+}
+
+/// Everything a program can do wrong, with the words of what may be found.
+///
+/// Some do two things at once, and either may be noticed first.
+fn broken_scripts() -> Vec<(&'static str, String, &'static [&'static str])> {
+    const ENDED: &[&str] = &["ended"];
+    const LATE: &[&str] = &["timeout"];
+    const PROTOCOL: &[&str] = &["protocol"];
+    const ODD: &[&str] = &["implausible"];
+    const ERROR: &[&str] = &["error"];
+    vec![
+        ("exits", "exit 0".to_owned(), ENDED),
+        ("exits with 3", "exit 3".to_owned(), ENDED),
+        ("complains and exits", "echo boom >&2; exit 1".to_owned(), ENDED),
+        ("complains at length", "head -c 300000 /dev/zero >&2; exit 1".to_owned(), &["ended", "timeout"]),
+        ("is killed", "kill -9 $$".to_owned(), ENDED),
+        ("crashes", "kill -SEGV $$".to_owned(), ENDED),
+        ("closes its output", "exec 1>&-; exec sleep 1000".to_owned(), ENDED),
+        ("neither reads nor answers", "exec sleep 1000".to_owned(), LATE),
+        ("reads and does not answer", "while read -r l; do :; done".to_owned(), LATE),
+        ("leaves a child with its output", "sleep 1000 & exit 0".to_owned(), ENDED),
+        ("echoes", "exec cat".to_owned(), PROTOCOL),
+        ("floods with lines", "exec yes".to_owned(), PROTOCOL),
+        ("floods with hellos", format!("while :; do {HELLO}; done"), PROTOCOL),
+        ("never ends its line", "head -c 200000 /dev/zero | tr '\\0' 'x'; exec sleep 1000".to_owned(), PROTOCOL),
+        ("answers bytes", "printf '\\377\\376\\n'; exec sleep 1000".to_owned(), PROTOCOL),
+        ("answers empty lines", "while read -r l; do echo; done".to_owned(), PROTOCOL),
+        ("answers half a line", "printf '{\"hello\":'; exec sleep 1000".to_owned(), LATE),
+        ("is of the time before hellos", "while read -r l; do case $l in *reset*) echo '{\"ready\":true}';; *) echo '{\"accel_mps2\":0}';; esac; done".to_owned(), PROTOCOL),
+        ("speaks version 2", at_hello("echo '{\"hello\":{\"protocol\":2}}'"), PROTOCOL),
+        ("speaks version one", at_hello("echo '{\"hello\":{\"protocol\":\"1\"}}'"), PROTOCOL),
+        ("speaks no version", at_hello("echo '{\"hello\":{}}'"), PROTOCOL),
+        ("says hello twice", at_hello(&format!("{HELLO}; {HELLO}")), PROTOCOL),
+        ("is not ready", at_reset("echo \"{\\\"id\\\":$id,\\\"ready\\\":false}\""), PROTOCOL),
+        ("does not say ready", at_reset("echo \"{\\\"id\\\":$id}\""), PROTOCOL),
+        ("is ready for another", at_reset("echo '{\"id\":77,\"ready\":true}'"), PROTOCOL),
+        ("reports an error at reset", at_reset("echo \"{\\\"id\\\":$id,\\\"error\\\":\\\"no map\\\"}\""), ERROR),
+        ("exits at reset", at_reset("exit 4"), ENDED),
+        ("hangs at reset", at_reset("exec sleep 1000"), LATE),
+        ("answers nonsense", at_step("echo nonsense"), PROTOCOL),
+        ("answers without a command", at_step("echo \"{\\\"id\\\":$id}\""), PROTOCOL),
+        ("answers without a number", at_step("echo '{\"accel_mps2\":0}'"), PROTOCOL),
+        ("answers a word", at_step("echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":\\\"brake\\\"}\""), PROTOCOL),
+        ("answers null", at_step("echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":null}\""), PROTOCOL),
+        ("answers NaN", at_step("echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":NaN}\""), PROTOCOL),
+        ("answers 1e999", at_step("echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":1e999}\""), PROTOCOL),
+        ("answers 1e308", at_step("echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":1e308}\""), ODD),
+        ("brakes with 50 m/s²", at_step("echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":-50}\""), ODD),
+        ("jumps aside", at_step("echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":0,\\\"lateral_mps\\\":-50}\""), ODD),
+        ("answers twice", at_step(&format!("{COAST}; {COAST}")), PROTOCOL),
+        ("answers the question before", at_step("echo \"{\\\"id\\\":$((id-1)),\\\"accel_mps2\\\":0}\""), PROTOCOL),
+        ("reports an error", at_step("echo \"{\\\"id\\\":$id,\\\"error\\\":\\\"lost\\\"}\""), ERROR),
+        ("hangs at a step", at_step("exec sleep 1000"), LATE),
+        ("hangs after ten steps", at_step(&format!("[ $n -gt 12 ] && exec sleep 1000; {COAST}")), LATE),
+        ("exits after ten steps", at_step(&format!("[ $n -gt 12 ] && exit 7; {COAST}")), ENDED),
+    ]
+}
+
+/// A fake as a `Change` in a file, marked so that it is found among processes.
+fn change(dir: &tempfile::TempDir, nth: usize, script: &str, mark: &str) -> String {
+    let file = path(dir, &format!("fake{nth}.ron"));
+    let script = format!(": {mark}; {script}");
+    let text = format!(
+        "Change(controller: Some(Process(command: [\"sh\", \"-c\", r##\"{script}\"##], timeout_s: 0.4)))"
+    );
+    std::fs::write(&file, text).expect("written");
+    file
+}
+
+/// The world with a program as its own ego.
+fn world(dir: &tempfile::TempDir, script: &str) -> String {
+    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
+    let from = text.find("drive: Ego(Acc(").expect("the ego");
+    let to = from + text[from..].find(")),").expect("its end") + 3;
+    let drive = format!(
+        "drive: Ego(Process(command: [\"sh\", \"-c\", r##\"{script}\"##], timeout_s: 0.4)),"
+    );
+    let text = format!("{}{drive}{}", &text[..from], &text[to..]);
+    let rest = text.find("reuse: {").expect("reuse");
+    let file = path(dir, "fake-world.ron");
+    std::fs::write(&file, format!("{})\n", &text[..rest])).expect("written");
+    file
+}
+
+/// Processes whose command line has the mark.
+fn alive(mark: &str) -> Vec<String> {
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let lines = processes.filter_map(|p| std::fs::read_to_string(p.path().join("cmdline")).ok());
+    lines.filter(|line| line.contains(mark)).collect()
+}
+
+/// No start counts as solved or held; some are invalid, of one of the kinds.
+fn only_invalid(rows: &Value, kinds: &[&str], what: &str) {
+    let rows = rows.as_array().expect("rows");
+    let played = rows.iter().filter(|row| row["invalid"].as_u64() != Some(0));
+    assert!(0 < played.clone().count(), "{what}: nothing is invalid");
+    for row in rows {
+        assert_eq!(row["successes"], 0, "{what}");
+        assert_eq!(row["starts"], 0, "{what}: {}", row["solved"]);
+        let solved = row["solved"].as_str().expect("marks");
+        assert!(!solved.contains(['0', '1']), "{what}: {solved}");
+        for fault in row["faults"].as_array().into_iter().flatten() {
+            let kind = fault["kind"].as_str().expect("a kind");
+            assert!(kinds.contains(&kind), "{what}: {fault}");
+        }
+    }
+}
+
+#[test]
+fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let kept = root().join("tests/regressions/acc-2D-plant-0002.ron");
+    let kept = kept.display().to_string();
+    let mark = format!("brakecheck-fake-{}", std::process::id());
+    for (nth, (what, script, kinds)) in broken_scripts().into_iter().enumerate() {
+        let ego = change(&dir, nth, &script, &mark);
+        let named = |output: &std::process::Output, verb: &str| {
+            let said = stderr(output);
+            assert_eq!(code(output), 3, "{verb}, {what}: {said}");
+            assert!(
+                kinds.iter().any(|kind| said.contains(kind)),
+                "{verb}, {what}: {said}"
+            );
+        };
+        let clock = Instant::now();
+        let eval = brakecheck(&[
+            "eval",
+            &run,
+            "--starts",
+            "6",
+            "--ego",
+            &ego,
+            "--allow-programs",
+            "--json",
+        ]);
+        named(&eval, "eval");
+        only_invalid(&json(&eval)["rows"], kinds, what);
+        // Three episodes at 0.4 s each on one worker, and some to start up.
+        assert!(clock.elapsed() < Duration::from_secs(10), "{what}");
+        let search = brakecheck(&[
+            "search",
+            "worlds/acc.ron",
+            "--plant",
+            "kinematic",
+            "--starts",
+            "4",
+            "--ego",
+            &ego,
+            "--allow-programs",
+            "--json",
+        ]);
+        named(&search, "search");
+        only_invalid(&json(&search)["rows"], kinds, what);
+        let replay = brakecheck(&["replay", &kept, "--ego", &ego, "--allow-programs"]);
+        named(&replay, "replay");
+        let program = format!(": {mark}; {script}");
+        if !kinds.contains(&"timeout") {
+            // What hangs is waited for the usual ten seconds there.
+            let check = brakecheck(&["check", "--", "sh", "-c", &program]);
+            named(&check, "check");
+        }
+        let mut process = Process::new(["sh", "-c", &program]);
+        process.set("timeout_s", 0.4).expect("it has one");
+        let change = Change {
+            controller: Some(ControllerSpec::Process(process)),
+            ..Change::default()
+        };
+        let guard = Regressions::load(&kept).expect("kept").with_change(change);
+        let error = guard.allow_programs(true).pass().expect_err(what);
+        let RegressionError::Invalid { invalid, .. } = &error else {
+            panic!("{what}: {error}");
+        };
+        assert!(
+            kinds.iter().any(|kind| invalid[0].contains(kind)),
+            "{what}: {error}"
+        );
+    }
+    assert_eq!(alive(&mark), Vec::<String>::new());
+}
+
+#[test]
+fn programs_that_are_none_cannot_be_started() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &[]);
+    for program in ["/nonexistent", "/", "./Cargo.toml"] {
+        let eval = brakecheck(&["eval", &run, "--starts", "6", "--json", "--", program]);
+        assert_eq!(code(&eval), 3, "{program}");
+        let row = &json(&eval)["rows"][0];
+        let message = row["faults"][0]["message"].as_str().expect("a message");
+        assert!(message.contains("os error"), "{message}");
+        assert_eq!(row["faults"][0]["kind"], "cannot_start", "{program}");
+        assert_eq!((&row["starts"], &row["successes"]), (&0.into(), &0.into()));
+        // Not even where everything may be invalid: nothing was tested.
+        let all = [
+            "eval",
+            &run,
+            "--starts",
+            "6",
+            "--allow-invalid",
+            "1",
+            "--",
+            program,
+        ];
+        assert_eq!(code(&brakecheck(&all)), 3, "{program}");
+    }
+    let none = path(&dir, "none.ron");
+    std::fs::write(&none, "Change(controller: Some(Process(command: [])))").expect("written");
+    let refused = brakecheck(&["eval", &run, "--ego", &none, "--allow-programs"]);
+    assert_eq!(code(&refused), 2);
+    assert!(
+        stderr(&refused).contains("no program is named"),
+        "{}",
+        stderr(&refused)
+    );
+}
+
+#[test]
+fn a_world_whose_own_ego_is_broken_neither_trains_nor_reports() {
+    let dir = scratch();
+    let broken = at_step("echo boom >&2; exit 7");
+    let world = world(&dir, &broken);
+    let check = brakecheck(&["check", &world, "--allow-programs", "--json"]);
+    assert_eq!(code(&check), 3, "{}", stderr(&check));
+    assert_eq!(json(&check)["programs"][0]["fault"]["kind"], "ended");
+    assert_eq!(json(&check)["programs"][0]["hello"]["name"], "fake");
+    let run = path(&dir, "run");
+    let train = [
+        "train",
+        &world,
+        "-o",
+        &run,
+        "--plant",
+        "kinematic",
+        "--decisions",
+        "500",
+        "--allow-programs",
+    ];
+    let trained = brakecheck(&train);
+    assert_eq!(code(&trained), 3, "{}", stderr(&trained));
+    assert!(
+        stderr(&trained).contains("exit status: 7"),
+        "{}",
+        stderr(&trained)
+    );
+    assert!(stderr(&trained).contains("boom"), "{}", stderr(&trained));
+    // What was there is kept: the mended ego goes on.
+    let manifest = std::fs::read_to_string(dir.path().join("run/manifest.json"));
+    assert!(manifest.is_ok());
+
+    let (run, _) = small_run(&dir, "sound", &[]);
+    let world = dir.path().join("sound/world.ron");
+    let kept = std::fs::read_to_string(&world).expect("the world");
+    let reused = kept.replacen(
+        "reuse: {",
+        &format!("reuse: {{ \"broken\": Change(controller: Some(Process(command: [\"sh\", \"-c\", r##\"{broken}\"##]))),"),
+        1,
+    );
+    std::fs::write(&world, &reused).expect("written");
+    let manifest = dir.path().join("sound/manifest.json");
+    let text = std::fs::read_to_string(&manifest).expect("the manifest");
+    let digest = |text: &str| {
+        use sha2::Digest;
+        let bytes = sha2::Sha256::digest(text.as_bytes());
+        bytes
+            .iter()
+            .map(|byte| format!("{byte:02x}"))
+            .collect::<String>()
+    };
+    let text = text.replace(&digest(&kept), &digest(&reused));
+    std::fs::write(&manifest, text).expect("written");
+    let report = ["report", &run, "--starts", "10", "--reuse-starts", "5"];
+    assert_eq!(code(&brakecheck(&report)), 2, "nobody allowed its programs");
+    let report = brakecheck(&[&report[..], &["--allow-programs"]].concat());
+    assert_eq!(code(&report), 3, "{}", stderr(&report));
+    let junit = std::fs::read_to_string(dir.path().join("sound/report.junit.xml")).expect("it");
+    assert!(
+        junit.contains("<error type=\"ended\"") && !junit.contains("errors=\"0\""),
+        "{junit}"
+    );
+    let page = std::fs::read_to_string(dir.path().join("sound/report.html")).expect("it");
+    assert!(page.contains("exit status: 7"), "the page tells of it");
+}
+
+#[test]
+fn an_ego_that_fails_now_and_then_is_in_no_rate_and_may_be_allowed() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &[]);
+    // It dies in its third episode, and again in every third after that.
+    let third = format!("r=$((${{r:-0}}+1)); [ $r -gt 2 ] && exit 9; {READY}");
+    let ego = change(&dir, 0, &at_reset(&third), "now-and-then");
+    let eval = |allow: &str| {
+        brakecheck(&[
+            "eval",
+            &run,
+            "--starts",
+            "12",
+            "--ego",
+            &ego,
+            "--allow-programs",
+            "--json",
+            "--jobs",
+            "1",
+            "--allow-invalid",
+            allow,
+        ])
+    };
+    let strict = eval("0");
+    assert_eq!(code(&strict), 3, "{}", stderr(&strict));
+    let row = json(&strict)["rows"][0].clone();
+    let count = |key: &str| row[key].as_u64().expect(key);
+    assert!(0 < count("invalid") && 0 < count("starts"), "{row}");
+    let solved = row["solved"].as_str().expect("marks");
+    let marks = |mark: char| solved.chars().filter(|m| *m == mark).count() as u64;
+    assert_eq!(
+        (marks('x'), marks('0') + marks('1')),
+        (count("invalid"), count("starts"))
+    );
+    assert_eq!(count("starts") + count("invalid") + count("trivial"), 12);
+    assert_eq!(row["faults"][0]["count"], row["invalid"]);
+    let lenient = eval("0.5");
+    assert_eq!(code(&lenient), 0, "{}", stderr(&lenient));
+    assert_eq!(json(&lenient)["rows"][0]["solved"], row["solved"]);
+}
+
+#[test]
+fn nothing_that_a_file_names_is_started_without_consent() {
+    let dir = scratch();
+    let (run, _) = small_run(&dir, "run", &["--seed", "1"]);
+    let marker = dir.path().join("started");
+    let touch = format!("touch {}", marker.display());
+    let ego = change(&dir, 0, &touch, "consent");
+    let world = world(&dir, &touch);
+    let controller = format!("controller: Some(Process((command: [\"sh\", \"-c\", \"{touch}\"])))");
+    let kept = root().join("tests/regressions/acc-2D-plant-0002.ron");
+    let original = std::fs::read_to_string(kept).expect("kept");
+    let tampered = path(&dir, "tampered.ron");
+    let place = original.find("controller: None").expect("the change");
+    let rest = &original[place + "controller: None".len()..];
+    let with_program = format!("{}{controller}{rest}", &original[..place]);
+    std::fs::write(&tampered, with_program).expect("written");
+    let out = path(&dir, "out.rrd");
+    let trained = path(&dir, "trained");
+    let mut asked: Vec<Vec<&str>> = vec![
+        vec!["check", &world],
+        vec!["train", &world, "-o", &trained],
+        vec!["train", "worlds/acc.ron", "-o", &trained, "--ego", &ego],
+        vec!["search", &world],
+        vec!["search", "worlds/acc.ron", "--ego", &ego],
+        vec!["search", &run, "--ego", &ego],
+        vec!["eval", &run, "--ego", &ego],
+        vec!["eval", &run, "--ego", &ego, "--theorems"],
+        vec!["identify", &run, "--ego", &ego],
+        vec![
+            "replay",
+            "tests/regressions/acc-2D-plant-0002.ron",
+            "--ego",
+            &ego,
+        ],
+        vec!["replay", &tampered],
+        vec!["replay", &tampered, "--expect", "recorded"],
+    ];
+    if cfg!(feature = "rerun") {
+        asked.push(vec!["view", &tampered, "-o", &out]);
+        asked.push(vec![
+            "view",
+            "tests/regressions/acc-2D-plant-0002.ron",
+            "--ego",
+            &ego,
+            "-o",
+            &out,
+        ]);
+    }
+    for args in &asked {
+        let output = brakecheck(args);
+        let wanted = if args[0] == "check" { 0 } else { 2 };
+        assert_eq!(code(&output), wanted, "{args:?}: {}", stderr(&output));
+        assert!(!marker.exists(), "{args:?} started the program");
+    }
+    let named = brakecheck(&["replay", &tampered]);
+    assert!(stderr(&named).contains("touch") && stderr(&named).contains("--allow-programs"));
+    let listed = brakecheck(&["check", &world, "--json"]);
+    assert_eq!(json(&listed)["programs"][0]["started"], false);
+    let guard = Regressions::load(&tampered).expect("kept");
+    assert!(matches!(
+        guard.pass(),
+        Err(RegressionError::NotAllowed { .. })
+    ));
+    assert!(matches!(
+        guard.reproduce(),
+        Err(RegressionError::NotAllowed { .. })
+    ));
+    assert!(!marker.exists());
+    // And with it they are: the marker is no accident.
+    brakecheck(&["replay", &tampered, "--allow-programs"]);
+    assert!(marker.exists());
+}
+
+#[test]
+fn an_ego_that_does_not_answer_twice_alike_is_repeated_and_its_crash_kept_for_good() {
+    let dir = scratch();
+    // Every other episode it coasts, every other it brakes.
+    let moody = Fake {
+        reset: &format!("r=$((1-${{r:-0}})); {READY}"),
+        step: "echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":$((r*-6))}\"",
+        ..SOUND
+    };
+    let (run, _) = small_run(&dir, "run", &[]);
+    let ego = change(&dir, 0, &moody.script(), "moody");
+    let crashes = path(&dir, "crashes");
+    let eval = brakecheck(&[
+        "eval",
+        &run,
+        "--starts",
+        "10",
+        "--ego",
+        &ego,
+        "--allow-programs",
+        "--jobs",
+        "1",
+        "--keep",
+        &crashes,
+    ]);
+    assert_eq!(code(&eval), 0, "{}", stderr(&eval));
+    // The world's side repeats what the ego commanded, without the ego.
+    let recorded = brakecheck(&["replay", &crashes, "--expect", "recorded", "--json"]);
+    assert_eq!(code(&recorded), 0, "{}", stderr(&recorded));
+    let rows = json(&recorded)["rows"].as_array().expect("rows").clone();
+    assert!(!rows.is_empty() && rows.iter().all(|row| row["identical"] == true));
+    // One process for all files: every other replay brakes instead.
+    let live = brakecheck(&["replay", &crashes, "--allow-programs", "--json"]);
+    let rows = json(&live)["rows"].as_array().expect("rows").clone();
+    assert!(rows.iter().all(|row| row["identical"] == true), "{rows:?}");
+    if 1 < rows.len() {
+        assert!(
+            rows.iter().any(|row| row["ego_as_recorded"] == false),
+            "{rows:?}"
+        );
+    }
+}
+
+#[test]
+fn repeats_play_every_start_several_times_and_gate_on_some_of_them() {
+    let dir = scratch();
+    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
+    let moody = Fake {
+        reset: &format!("r=$((1-${{r:-0}})); {READY}"),
+        step: "echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":$((r*-6))}\"",
+        ..SOUND
+    };
+    let ego = change(&dir, 0, &moody.script(), "moody");
+    let repeated = |repeats: &str, name: &str| {
+        let world = path(&dir, &format!("{name}.ron"));
+        let text = text.replacen("plant: Rigid,", &format!("plant: Kinematic, {repeats},"), 1);
+        std::fs::write(&world, text).expect("written");
+        let search = brakecheck(&[
+            "search",
+            &world,
+            "--method",
+            "hold",
+            "--budget",
+            "8",
+            "--starts",
+            "6",
+            "--ego",
+            &ego,
+            "--allow-programs",
+            "--jobs",
+            "1",
+            "--json",
+        ]);
+        assert_eq!(code(&search), 0, "{}", stderr(&search));
+        let run = path(&dir, name);
+        let trained = brakecheck(&[
+            "train",
+            &world,
+            "-o",
+            &run,
+            "--decisions",
+            "2000",
+            "--starts",
+            "6",
+            "--json",
+        ]);
+        assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+        let eval = brakecheck(&[
+            "eval",
+            &run,
+            "--starts",
+            "12",
+            "--ado",
+            "constant",
+            "--ego",
+            &ego,
+            "--allow-programs",
+            "--jobs",
+            "1",
+            "--json",
+        ]);
+        assert_eq!(code(&eval), 0, "{}", stderr(&eval));
+        json(&eval)["rows"][0].clone()
+    };
+    // It coasts into a braking leader in every other run: a failure where one
+    // of four is enough, and where three are asked for only what fails anyway.
+    let any = repeated("repeats: 4", "any");
+    let most = repeated("repeats: (runs: 4, gate: 3)", "most");
+    for row in [&any, &most] {
+        assert_eq!(row["repeats"]["runs"], 4);
+        assert_eq!(row["sims_per_start"], 4.0);
+        assert!(
+            0 < row["repeats"]["differing"].as_u64().expect("a number"),
+            "{row}"
+        );
+        let share = row["repeats"]["failing_share"].as_f64().expect("a share");
+        assert!(0.0 < share && share < 1.0, "{row}");
+    }
+    assert!(0 < any["successes"].as_u64().expect("a number"), "{any}");
+    let (any, most) = (&any["successes"], &most["successes"]);
+    assert!(most.as_u64() < any.as_u64(), "{most} of {any}");
+}
