@@ -16,6 +16,7 @@ mod identify;
 mod milestones;
 mod near;
 mod paper_rows;
+mod repeatable;
 mod replay;
 mod replays;
 mod retrained;
@@ -46,6 +47,7 @@ pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_tell
 pub use milestones::{Milestone, milestones};
 pub use near::{Alumnus, NearFailing, NearRow, near_starts, near_starts_markdown};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
+pub use repeatable::answers_differ;
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use retrained::retrained;
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};

@@ -9,7 +9,8 @@ use super::rivals::Rivals;
 use super::told::{Params, Playing, playing};
 use super::{
     Common, Exit, Failure, NamedEgo, PlantArg, all_played, consent, egos_or_program,
-    interrupted_early, on_plant, open_run, print_json, start_count, table, talk, theorems,
+    interrupted_early, on_plant, open_run, print_json, say_if_moody, start_count, table, talk,
+    theorems,
 };
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Tries, Watch,
@@ -163,6 +164,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         if talk::stopped() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             break;
         }
+        bar.aside(|| say_if_moody(ego, job.starts, &watch));
         reasons.extend(reason);
         let relation = relation(&run, &nominal, ego);
         reused.push(reused_on(

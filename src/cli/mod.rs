@@ -27,6 +27,7 @@ use serde_json::json;
 
 pub use failure::{Exit, Failure, Note};
 
+use crate::campaign::{TestStarts, Watch, answers_differ};
 use crate::ego::{ControllerSpec, Process};
 use crate::run::{RunDir, RunError};
 use crate::scenario::{Change, Scenario};
@@ -186,6 +187,20 @@ fn settled(exit: Exit) -> Result<Exit, Failure> {
     match talk::faults().complaint() {
         Some(complaint) if !talk::stopped() => Err(complaint.into()),
         _ => Ok(exit),
+    }
+}
+
+/// Says of an ego that does not answer twice alike what to do about it.
+fn say_if_moody(ego: &NamedEgo, starts: &TestStarts, watch: &Watch<'_>) {
+    if 1 < ego.scenario.repeats.runs || watch.stopped() {
+        return;
+    }
+    if let Some(at_s) = answers_differ(&ego.scenario, starts, watch) {
+        talk::say(&format!(
+            "`{}` does not answer twice alike: with the same seed its commands differ from \
+             {at_s:.2} s on; give the world `repeats: 5`",
+            ego.name
+        ));
     }
 }
 

@@ -7,7 +7,8 @@ use serde_json::json;
 
 use super::{
     Common, Exit, Failure, NamedEgo, PlantArg, all_played, consent, egos_or_program,
-    interrupted_early, load_world, on_plant, open_run, print_json, start_count, table, talk,
+    interrupted_early, load_world, on_plant, open_run, print_json, say_if_moody, start_count,
+    table, talk,
 };
 use crate::campaign::{
     Ado, BreakEven, Cem, Cost, EvalRequest, Method, SearchRequest, Searched, TestStarts, Watch,
@@ -134,6 +135,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
             rows.push(row);
         }
         rows.push(searched.row);
+        bar.aside(|| say_if_moody(ego, &starts, &watch));
         if watch.stopped() {
             break;
         }

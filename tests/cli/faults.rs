@@ -472,6 +472,11 @@ fn an_ego_that_does_not_answer_twice_alike_is_repeated_and_its_crash_kept_for_go
         &crashes,
     ]);
     assert_eq!(code(&eval), 0, "{}", stderr(&eval));
+    assert!(
+        stderr(&eval).contains("does not answer twice alike"),
+        "{}",
+        stderr(&eval)
+    );
     // The world's side repeats what the ego commanded, without the ego.
     let recorded = brakecheck(&["replay", &crashes, "--expect", "recorded", "--json"]);
     assert_eq!(code(&recorded), 0, "{}", stderr(&recorded));

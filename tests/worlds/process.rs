@@ -191,3 +191,65 @@ fn repeats_are_checked_and_read_in_both_ways() {
         assert!(with(wrong).is_err(), "{wrong}");
     }
 }
+
+/// The keys of a JSON value, with those of everything in it.
+fn keys(value: &serde_json::Value, at: &str, found: &mut Vec<String>) {
+    match value {
+        serde_json::Value::Object(map) => map.iter().for_each(|(key, value)| {
+            let at = format!("{at}.{key}");
+            keys(value, &at, found);
+            found.push(at);
+        }),
+        serde_json::Value::Array(list) => list.iter().for_each(|value| keys(value, at, found)),
+        _ => {}
+    }
+}
+
+fn keys_of(line: &str) -> Vec<String> {
+    let value = serde_json::from_str(line).unwrap_or_else(|error| panic!("{line}: {error}"));
+    let mut found = Vec::new();
+    keys(&value, "", &mut found);
+    found.sort();
+    found
+}
+
+#[test]
+fn the_document_shows_what_is_said() {
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    let heard = file.path().display();
+    let noting = answering(BRAKES).replace(
+        "while read -r l; do",
+        &format!("while read -r l; do printf '%s\\n' \"$l\" >> {heard};"),
+    );
+    {
+        let world = world(&noting);
+        assert_eq!(coast(&world, FAR).fault, None);
+    }
+    let heard = std::fs::read_to_string(file.path()).expect("readable");
+    let document = include_str!("../../docs/ego-protocol.md");
+    let said = document.lines().filter_map(|line| line.strip_prefix("> "));
+    let said: Vec<&str> = said.collect();
+    let mut lines = heard.lines();
+    for shown in &said[..4] {
+        let line = lines.next().expect("as many lines");
+        assert_eq!(keys_of(line), keys_of(shown));
+    }
+    assert_eq!(heard.lines().next(), said.first().copied());
+    assert_eq!(heard.lines().last(), said.last().copied());
+}
+
+#[test]
+fn the_ego_in_c_keeps_the_protocol() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let program = dir.path().join("ego").display().to_string();
+    // Rust needs a C compiler to link, so there is one.
+    let built = std::process::Command::new("cc")
+        .args(["-O2", "-Wall", "-Werror", "-o", &program, "examples/ego.c"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .status();
+    assert!(built.expect("cc").success());
+    let mut process = Process::new([program]);
+    process.allow(true);
+    let done = exercise(&process);
+    assert!(done.passed(), "{:?} {:?}", done.findings, done.fault);
+}
