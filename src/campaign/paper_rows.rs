@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::Watch;
 use super::eval::{TestStarts, test_starts};
 use super::milestones::{Milestone, milestones};
-use crate::run::two_level_bootstrap;
+use crate::run::seeds_interval;
 use crate::scenario::Scenario;
 
 /// One training to be measured on the way.
@@ -34,7 +34,7 @@ pub struct Reached {
     pub cpu_s: f64,
     /// Mean success rate.
     pub success_rate: f64,
-    /// Two-level bootstrap (seeds, starts) of it.
+    /// Its interval over trainings and starts (docs/intervals.md).
     pub ci95: [f64; 2],
 }
 
@@ -97,7 +97,7 @@ fn together<'a>(seeds: impl Iterator<Item = &'a Milestone>) -> Reached {
         decisions: mean(|one| one.decisions as f64),
         cpu_s: mean(|one| one.cpu_s),
         success_rate: mean(|one| one.row.success_rate),
-        ci95: two_level_bootstrap(&solved),
+        ci95: seeds_interval(&solved),
     }
 }
 

@@ -22,7 +22,7 @@ use maps::{Map, maps};
 use super::eval::{Ado, EvalRequest, TestStarts, eval};
 use super::{TrainError, Watch};
 use crate::rl::{Control, Dice, LearnerConfig, Policy};
-use crate::run::{Row, two_level_bootstrap, wilson};
+use crate::run::{Row, seeds_interval, wilson};
 use crate::scenario::{ChangeError, Scenario};
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, chase};
@@ -136,7 +136,7 @@ pub struct Trained {
     pub median: f64,
     /// Mean over seeds.
     pub mean: f64,
-    /// Two-level bootstrap (seeds, starts) of the mean.
+    /// Interval of the mean over trainings and starts (docs/intervals.md).
     pub ci95: [f64; 2],
     /// The worst seed.
     pub min: f64,
@@ -331,7 +331,7 @@ fn measure(
         let solved: Vec<&str> = own.iter().map(|row| row.solved.as_str()).collect();
         let shares: Vec<f64> = own.iter().map(|row| row.success_rate).collect();
         trained.push(Trained {
-            ci95: two_level_bootstrap(&solved),
+            ci95: seeds_interval(&solved),
             ..spread(&shares)
         });
         rows.extend(own);
@@ -421,7 +421,7 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
             ados,
             paper,
             actions: (captured as f64 / n as f64, wilson(captured, n)),
-            tables: (ones as f64 / n as f64, two_level_bootstrap(&solved)),
+            tables: (ones as f64 / n as f64, seeds_interval(&solved)),
         }
     };
     vec![one(10, 0.0983), one(20, 0.1023)]

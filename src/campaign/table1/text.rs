@@ -36,7 +36,7 @@ fn one(study: &GridStudy, text: &mut String) {
         .collect();
     text.push_str(&format!(
         "Trained on n = 4, k = 2, all starts, training seeds {}: {}.\n\
-         Learners: median over seeds of the share of captured starts, and [95 % two-level bootstrap of the mean].\n\
+         Learners: median over seeds of the share of captured starts, and [95 % interval of the mean over trainings and starts].\n\
          Optimum, chaser and random (uniform actions, in expectation) are exact; tables are the mean of 20 fixed random tables.\n\n",
         seeds.join(", "),
         costs.join(", ")

@@ -41,7 +41,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         let Some(study) = made else {
             return Ok(None);
         };
-        studies.push(study);
+        studies.push(study.with_intervals());
     }
     Ok(Some(Made {
         name: "case-studies",
