@@ -15,7 +15,7 @@ use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run::{
     ClosingSpeed, Counterexample, KeptError, Repeated, Row, RunError, StartRepeated, Stored,
-    file_name, wilson,
+    at_most, file_name, wilson,
 };
 use crate::scenario::{Against, Change, Repeats, Scenario};
 use crate::scene::Start;
@@ -407,6 +407,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         successes: 0,
         success_rate: 0.0,
         ci95: [0.0, 1.0],
+        at_most: None,
         recall: None,
         beyond_search: None,
         foul_rate: 0.0,
@@ -442,6 +443,7 @@ pub(super) fn count_solved(row: &mut Row) {
     row.invalid = count(b'x');
     row.success_rate = share(row.successes, row.starts);
     row.ci95 = wilson(row.successes, row.starts);
+    row.at_most = (row.successes == 0 && 0 < row.starts).then(|| at_most(row.starts));
 }
 
 fn share(part: usize, whole: usize) -> f64 {

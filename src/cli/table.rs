@@ -171,7 +171,31 @@ fn lines(rows: &[Row]) -> String {
         cells.extend(numbers.iter().map(right));
         table.add_row(cells);
     }
-    table.to_string()
+    format!("{table}{}", bounds(rows))
+}
+
+/// What rows without a success say all the same; one line per number of starts.
+fn bounds(rows: &[Row]) -> String {
+    let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
+    let mut by_starts: Vec<(usize, f64, Vec<String>)> = Vec::new();
+    for row in rows {
+        let Some(bound) = row.at_most else { continue };
+        let name = match one_ego {
+            true => row.ado.clone(),
+            false => format!("{} on {}", row.ado, row.ego),
+        };
+        match by_starts.iter_mut().find(|line| line.0 == row.starts) {
+            Some((_, _, names)) => names.push(name),
+            None => by_starts.push((row.starts, bound, vec![name])),
+        }
+    }
+    let lines = by_starts.iter().map(|(starts, bound, names)| {
+        // An upper bound is rounded up.
+        let bound = (1000.0 * bound).ceil() / 10.0;
+        let names = names.join(", ");
+        format!("\n{names}: no success in {starts}, so at most {bound:.1} % at 95 %, for these starts")
+    });
+    lines.collect()
 }
 
 fn opening(rows: &[Row]) -> String {
@@ -206,4 +230,45 @@ fn right(text: &String) -> Cell {
 
 fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(ego: &str, ado: &str, (successes, starts): (usize, usize)) -> Row {
+        let at_most = (successes == 0).then(|| crate::run::at_most(starts));
+        let row = serde_json::json!({
+            "world": "w", "plant": "Kinematic", "judge": "UntilViolation", "ego": ego, "ado": ado,
+            "method": "m", "start_seed": 0, "starts": starts, "trivial": 0,
+            "successes": successes, "success_rate": 0.0, "ci95": [0.0, 1.0], "at_most": at_most,
+            "foul_rate": 0.0, "contact_rate": 0.0, "invalid": 0, "sims_per_start": 1.0,
+            "physics_steps": 0, "cpu_s": 0.0, "solved": "",
+        });
+        serde_json::from_value(row).expect("a row")
+    }
+
+    #[test]
+    fn a_row_without_success_says_how_much_there_may_be_after_all() {
+        // 1 − 0.05^(1/284) is 1.0493 %.
+        let some = [row("nominal", "trained", (250, 284))];
+        assert_eq!(bounds(&some), "");
+        let none = [
+            row("nominal", "hold", (0, 284)),
+            row("nominal", "trained", (250, 284)),
+            row("nominal", "random", (0, 284)),
+            row("nominal", "search", (0, 50)),
+        ];
+        assert_eq!(
+            bounds(&none),
+            "\nhold, random: no success in 284, so at most 1.1 % at 95 %, for these starts\
+             \nsearch: no success in 50, so at most 5.9 % at 95 %, for these starts"
+        );
+        let two_egos = [row("nominal", "hold", (0, 100)), row("van", "hold", (0, 100))];
+        assert_eq!(
+            bounds(&two_egos),
+            "\nhold on nominal, hold on van: no success in 100, so at most 3.0 % at 95 %, for these starts"
+        );
+        assert_eq!(bounds(&[]), "");
+    }
 }

@@ -41,6 +41,9 @@ pub struct Row {
     pub success_rate: f64,
     /// Wilson's 95 % interval of the success rate.
     pub ci95: [f64; 2],
+    /// Without any success: the exact 95 % upper bound of the rate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_most: Option<f64>,
     /// Share of the search-solved starts solved too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recall: Option<f64>,
