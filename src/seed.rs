@@ -3,6 +3,23 @@
 //! A start is drawn from the stream (world, purpose, seed, index); an episode's
 //! noise from another. Streams with different keys are independent, so training
 //! never meets a test start, and results never depend on the thread count.
+//!
+//! Seeds are of two kinds, apart at [`FIRST_SEALED`]: open ones, which whoever
+//! tunes a setting may look at, and sealed ones, with which numbers are reported.
+//!
+//! ```
+//! use brakecheck::seed::{FIRST_SEALED, Seeds};
+//!
+//! let reported = Seeds::sealed(3);
+//! assert!(reported.trainings().all(|seed| FIRST_SEALED <= seed));
+//! assert_eq!(
+//!     reported.to_string(),
+//!     "training seeds 100 to 102, test starts of seed 100; sealed"
+//! );
+//! ```
+
+use std::fmt;
+use std::ops::Range;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -17,6 +34,58 @@ pub enum Purpose {
     Calibration,
     /// Starts on which rates are reported.
     Test,
+}
+
+/// The first sealed seed, of trainings and of streams of test starts alike.
+///
+/// A number that a setting was chosen by is no evidence for that setting. So
+/// settings are chosen by looking at seeds below this one, as many as it takes,
+/// and reported with seeds from this one on. docs/intervals.md says which were
+/// looked at so far.
+pub const FIRST_SEALED: u64 = 100;
+
+/// The trainings and the test starts that a reported number is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seeds {
+    /// Seed of the first training; the others follow it.
+    pub first: u64,
+    /// How many trainings.
+    pub count: u64,
+    /// Seed of the stream of test starts.
+    pub starts: u64,
+}
+
+impl Seeds {
+    /// The first `count` sealed trainings, on sealed test starts.
+    pub fn sealed(count: u64) -> Seeds {
+        Seeds {
+            first: FIRST_SEALED,
+            count,
+            starts: FIRST_SEALED,
+        }
+    }
+
+    /// The training seeds, in rising order; those beyond `u64` are left out.
+    pub fn trainings(&self) -> Range<u64> {
+        self.first..self.first.saturating_add(self.count)
+    }
+
+    /// Whether nobody who tuned a setting may have seen any of it.
+    pub fn is_sealed(&self) -> bool {
+        FIRST_SEALED <= self.first && FIRST_SEALED <= self.starts
+    }
+}
+
+impl fmt::Display for Seeds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let last = self.trainings().last().unwrap_or(self.first);
+        match last == self.first {
+            true => write!(f, "training seed {last}")?,
+            false => write!(f, "training seeds {} to {last}", self.first)?,
+        }
+        let kind = if self.is_sealed() { "sealed" } else { "open" };
+        write!(f, ", test starts of seed {}; {kind}", self.starts)
+    }
 }
 
 /// Names one start, and with it the noise of its episode.
@@ -102,6 +171,31 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn open_and_sealed_seeds_never_meet() {
+        for count in [1, 5, 100] {
+            let reported = Seeds::sealed(count);
+            assert!(reported.is_sealed());
+            assert_eq!(reported.trainings().count() as u64, count);
+            assert!(reported.trainings().all(|seed| FIRST_SEALED <= seed));
+        }
+        let open = Seeds {
+            first: FIRST_SEALED - 3,
+            count: 3,
+            starts: FIRST_SEALED,
+        };
+        assert!(!open.is_sealed());
+        assert!(open.trainings().all(|seed| seed < FIRST_SEALED));
+        let seen_starts = Seeds {
+            starts: 0,
+            ..Seeds::sealed(1)
+        };
+        assert_eq!(
+            seen_starts.to_string(),
+            "training seed 100, test starts of seed 0; open"
+        );
     }
 
     #[test]

@@ -11,6 +11,7 @@ use super::train::{TrainError, train};
 use super::{TestStarts, Watch};
 use crate::run::{Row, RunDir, RunError, paired_difference, seeds_interval};
 use crate::scenario::{Against, Scenario};
+use crate::seed::Seeds;
 
 /// Switches of the search that defines the reachable share.
 const SWITCHES: usize = 2;
@@ -20,9 +21,9 @@ const MAX_ACTIONS: usize = 9;
 
 /// What to reproduce.
 pub struct CaseStudies<'a> {
-    /// Training seeds 1 ..= `seeds`.
-    pub seeds: u64,
-    /// Test starts to draw, of stream seed 0.
+    /// Trainings, and the stream of the test starts.
+    pub seeds: Seeds,
+    /// Test starts to draw.
     pub starts: usize,
     /// Where the run directories go.
     pub runs: &'a Path,
@@ -71,7 +72,7 @@ pub fn case_study(
     request: &CaseStudies<'_>,
     watch: &Watch<'_>,
 ) -> Result<Option<CaseStudy>, TrainError> {
-    let seeds: Vec<u64> = (1..=request.seeds).collect();
+    let seeds: Vec<u64> = request.seeds.trainings().collect();
     let runs: Vec<(PathBuf, f64)> = seeds
         .par_iter()
         .map(|&seed| trained_run(scenario, seed, request.runs, watch))
@@ -79,7 +80,7 @@ pub fn case_study(
     if watch.stopped() {
         return Ok(None);
     }
-    let Some(starts) = test_starts(scenario, 0, request.starts, watch) else {
+    let Some(starts) = test_starts(scenario, request.seeds.starts, request.starts, watch) else {
         return Ok(None);
     };
     let mut trained = Vec::new();

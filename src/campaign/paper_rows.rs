@@ -12,6 +12,7 @@ use super::eval::{TestStarts, test_starts};
 use super::milestones::{Milestone, milestones};
 use crate::run::seeds_interval;
 use crate::scenario::Scenario;
+use crate::seed::Seeds;
 
 /// One training to be measured on the way.
 pub struct PaperRow<'a> {
@@ -47,7 +48,7 @@ pub struct Measured {
     pub world: String,
     /// Name of the learner.
     pub learner: String,
-    /// Training seeds 1 ..= `seeds`.
+    /// Training seeds.
     pub seeds: u64,
     /// Starts evaluated: those that are not trivial.
     pub starts: usize,
@@ -55,15 +56,16 @@ pub struct Measured {
     pub reached: Vec<Reached>,
 }
 
-/// Trains `seeds` times, in parallel, and measures on `starts` test starts of
-/// stream seed 0. `None`: stopped from outside.
+/// Trains once per seed, in parallel, and measures on `starts` test starts.
+/// `None`: stopped from outside.
 pub fn measure_paper_row(
     row: &PaperRow<'_>,
-    (seeds, starts): (u64, usize),
+    (seeds, starts): (Seeds, usize),
     watch: &Watch<'_>,
 ) -> Option<Measured> {
-    let starts: TestStarts = test_starts(row.scenario, 0, starts, watch)?;
-    let trainings: Vec<Vec<Milestone>> = (1..=seeds)
+    let starts: TestStarts = test_starts(row.scenario, seeds.starts, starts, watch)?;
+    let trainings: Vec<Vec<Milestone>> = seeds
+        .trainings()
         .collect::<Vec<u64>>()
         .par_iter()
         .map(|&seed| milestones(row.scenario, seed, row.episodes, &starts, watch))
@@ -80,7 +82,7 @@ pub fn measure_paper_row(
         paper: row.paper.to_owned(),
         world: row.scenario.name.clone(),
         learner: row.scenario.learner.name().to_owned(),
-        seeds,
+        seeds: seeds.count,
         starts: last.map_or(0, |last| last.row.starts),
         reached,
     })

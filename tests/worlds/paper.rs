@@ -7,7 +7,7 @@ use brakecheck::campaign::{
     test_starts,
 };
 use brakecheck::rl::Control;
-use brakecheck::seed::Purpose;
+use brakecheck::seed::{Purpose, Seeds};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::Gym;
 
@@ -61,7 +61,12 @@ fn a_row_of_the_paper_is_the_mean_of_its_seeds() {
         scenario: &world,
         episodes: &[30],
     };
-    let measured = measure_paper_row(&row, (2, 40), &quiet()).expect("not stopped");
+    let two = Seeds {
+        first: 1,
+        count: 2,
+        starts: 0,
+    };
+    let measured = measure_paper_row(&row, (two, 40), &quiet()).expect("not stopped");
     assert_eq!(measured.reached.len(), 2);
     let starts = test_starts(&world, 0, 40, &quiet()).expect("not stopped");
     for (at, reached) in measured.reached.iter().enumerate() {

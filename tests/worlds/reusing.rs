@@ -7,6 +7,14 @@ use brakecheck::campaign::{
     ReuseAsked, ReuseError, ReuseStudy, Watch, reuse_markdown,
 };
 use brakecheck::scenario::{Change, Scenario};
+use brakecheck::seed::Seeds;
+
+/// One training of a test: of an open seed, like everything that is looked at.
+const ONE: Seeds = Seeds {
+    first: 1,
+    count: 1,
+    starts: 0,
+};
 
 static GO: AtomicBool = AtomicBool::new(false);
 
@@ -40,7 +48,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     let dir = tempfile::tempdir().expect("scratch");
     let world = brief();
     let asked = ReuseAsked {
-        seeds: 1,
+        seeds: ONE,
         starts: 16,
         tries: 3,
         runs: dir.path(),
@@ -156,7 +164,7 @@ fn a_world_without_a_family_is_refused() {
     let world = world.expect("a world");
     let dir = tempfile::tempdir().expect("scratch");
     let asked = ReuseAsked {
-        seeds: 1,
+        seeds: ONE,
         starts: 4,
         tries: 2,
         runs: dir.path(),

@@ -29,6 +29,7 @@ use super::reuse::{Relation, ReusedOn, Summary, reused_on, summarise};
 use super::train::TrainError;
 use crate::run::{Row, RunDir, RunError};
 use crate::scenario::{Against, Change, Family, Member, Scenario};
+use crate::seed::Seeds;
 use players::{Player, called};
 
 /// Runs of an ego that are recorded to identify it.
@@ -58,9 +59,9 @@ pub const CONDITIONAL_TRIES: &str = "conditional, tries";
 /// What to study.
 #[derive(Clone, Copy)]
 pub struct ReuseAsked<'a> {
-    /// Training seeds 1 ..= `seeds`.
-    pub seeds: u64,
-    /// Test starts to draw, of stream seed 0.
+    /// Trainings, and the stream of the test starts.
+    pub seeds: Seeds,
+    /// Test starts to draw.
     pub starts: usize,
     /// Runs per start of the ado that may explore, the greedy one included.
     pub tries: u64,
@@ -191,7 +192,7 @@ impl<'a> ReuseStudy<'a> {
         let Some((trios, train_cpu_s)) = trios(scenario, &asked, watch)? else {
             return Ok(None);
         };
-        let starts = test_starts(scenario, 0, asked.starts, watch);
+        let starts = test_starts(scenario, asked.seeds.starts, asked.starts, watch);
         Ok(starts.map(|starts| ReuseStudy {
             scenario,
             family,
@@ -257,7 +258,7 @@ impl<'a> ReuseStudy<'a> {
         let heuristic = match self.heuristic.get() {
             Some(tuned) => tuned,
             None => {
-                let tuned = tune_heuristic(self.scenario, 1, watch);
+                let tuned = tune_heuristic(self.scenario, self.asked.seeds.first, watch);
                 if watch.stopped() {
                     return Ok(None);
                 }
@@ -375,7 +376,7 @@ impl<'a> ReuseStudy<'a> {
             world: self.scenario.name.clone(),
             starts: first.map_or(0, |row| row.starts),
             trivial: first.map_or(0, |row| row.trivial),
-            seeds: self.asked.seeds,
+            seeds: self.asked.seeds.count,
             train_cpu_s: self.train_cpu_s.clone(),
             economy: economy::economy(training, &egos, &known),
             summary: summarise(&egos, CONDITIONAL),
@@ -399,7 +400,7 @@ fn trios(
     let kinds = [Against::Nominal, Against::Wide, Against::Conditional];
     let jobs: Vec<(Against, u64)> = kinds
         .into_iter()
-        .flat_map(|against| (1..=request.seeds).map(move |seed| (against, seed)))
+        .flat_map(|against| request.seeds.trainings().map(move |seed| (against, seed)))
         .collect();
     let runs: Vec<(PathBuf, f64)> = jobs
         .par_iter()
@@ -419,7 +420,7 @@ fn trios(
     };
     let cpu_s = kinds.map(|kind| {
         let sum: f64 = of(kind).map(|(_, cpu_s)| cpu_s).sum();
-        (kind.word(), sum / request.seeds.max(1) as f64)
+        (kind.word(), sum / request.seeds.count.max(1) as f64)
     });
     let open = |against: Against| of(against).map(|(path, _)| RunDir::open(path));
     let trios = open(Against::Nominal)

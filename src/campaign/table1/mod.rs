@@ -27,7 +27,7 @@ use crate::scenario::{ChangeError, Scenario};
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, chase};
 use crate::scene::grid::{AtWall, position_of};
-use crate::seed::{Purpose, StartKey};
+use crate::seed::{Purpose, Seeds, StartKey};
 use crate::testbench::Gym;
 
 /// Random tables behind every mean of them.
@@ -38,10 +38,9 @@ const REFINED_STARTS: usize = 900;
 /// What to reproduce.
 #[derive(Clone, Copy, Debug)]
 pub struct Table1 {
-    /// Training seeds per learner.
-    pub seeds: u64,
-    /// The first of them; also the seed of random ados and drawn starts.
-    pub first_seed: u64,
+    /// Trainings per learner; the stream of the test starts is also the seed of
+    /// random ados.
+    pub seeds: Seeds,
 }
 
 /// Table I could not be made.
@@ -167,13 +166,13 @@ pub fn table1(
         });
     };
     let learners = learners(scenario);
-    let seeds: Vec<u64> = (0..request.seeds).map(|i| request.first_seed + i).collect();
+    let seeds: Vec<u64> = request.seeds.trainings().collect();
     let near = value::Plan::new(scenario, request)?;
     let own: u64 = learners
         .iter()
         .map(|(_, learner)| learner.decisions())
         .sum();
-    let total = request.seeds * (own + own * value::LONGER);
+    let total = request.seeds.count * (own + own * value::LONGER);
     let progress = Progress {
         done: AtomicU64::new(0),
         total,
@@ -308,7 +307,7 @@ fn measure(
     watch: &Watch<'_>,
 ) -> Result<Option<MapResult>, Table1Error> {
     let mut changed = scenario.with(&map.change.clone().into())?;
-    let (starts, all_starts) = starts_of(&changed, request.first_seed, REFINED_STARTS);
+    let (starts, all_starts) = starts_of(&changed, request.seeds.starts, REFINED_STARTS);
     let quiet = watch.quiet();
     let mut trained = Vec::new();
     for (learner, (_, config)) in learners.iter().enumerate() {
@@ -352,7 +351,7 @@ fn measure(
     let caught = |yes: bool| f64::from(u8::from(yes));
     let mut tables = 0.0;
     for table in 0..TABLES {
-        let table = random_table(&game, request.first_seed, table);
+        let table = random_table(&game, request.seeds.starts, table);
         tables += share(&|both| caught(game.captures(*both, |at| table[game.pair(at)])));
     }
     Ok(Some(MapResult {
@@ -394,7 +393,7 @@ fn random_table(game: &Game, seed: u64, index: usize) -> Vec<usize> {
 fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
     let starts: Vec<_> = game.arena.starts().collect();
     let one = |ados: usize, paper: f64| {
-        let mut dice = Dice::new(request.first_seed);
+        let mut dice = Dice::new(request.seeds.starts);
         let mut captured = 0;
         for _ in 0..ados {
             let caught = |start: &&crate::scene::grid::Position| {
@@ -405,7 +404,7 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
         let n = ados * starts.len();
         let solved: Vec<String> = (0..ados)
             .map(|index| {
-                let table = random_table(game, request.first_seed, index);
+                let table = random_table(game, request.seeds.starts, index);
                 let mark = |start: &crate::scene::grid::Position| match game
                     .captures(*start, |at| table[game.pair(at)])
                 {

@@ -73,7 +73,7 @@ impl Plan {
         Ok(Plan {
             starts: map.starts().unwrap_or_default(),
             map,
-            first_seed: request.first_seed,
+            first_seed: request.seeds.first,
         })
     }
 

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, once, world};
+use super::{Failure, Made, MOST_SEEDS, ReproduceArgs, headed, once, settings, world};
 use crate::campaign::{CaseStudies, case_studies_markdown, case_study};
 
 /// The driving worlds of the table, in its order.
@@ -21,7 +21,7 @@ const WORLDS: [&str; 10] = [
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let request = CaseStudies {
-        seeds: args.seeds,
+        seeds: args.asked_seeds(MOST_SEEDS),
         starts: args.starts,
         runs: &args.output.join("runs"),
     };
@@ -33,7 +33,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     };
     for name in &names {
         let scenario = world(args, name)?;
-        let settings = json!({ "seeds": args.seeds, "starts": args.starts });
+        let settings = settings(request.seeds, json!({ "starts": args.starts }));
         let piece = format!("{name}, case study");
         let made = once(args, (&piece, &scenario), settings, |watch| {
             Ok(case_study(&scenario, &request, watch)?)
@@ -45,7 +45,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }
     Ok(Some(Made {
         name: "case-studies",
-        markdown: case_studies_markdown(&studies),
+        markdown: headed(request.seeds, &case_studies_markdown(&studies)),
         json: json!({ "case_studies": studies }),
     }))
 }

@@ -2,24 +2,23 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, once, world};
+use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, once, world};
 use crate::campaign::{Table1, table1, table1_markdown};
 
 /// The grid worlds of Table I, the headline first.
 const WORLDS: [&str; 2] = ["grid_hard", "grid"];
 
-/// First training seed of Table I: lower ones were used while it was designed.
-const FIRST_SEED: u64 = 10;
-
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let request = Table1 {
-        seeds: args.seeds,
-        first_seed: FIRST_SEED + args.common.seed,
+        seeds: args.asked_seeds(MOST_SEEDS),
     };
     let mut studies = Vec::new();
     for name in WORLDS {
         let scenario = world(args, name)?;
-        let settings = json!({ "seeds": request.seeds, "first_seed": request.first_seed });
+        let settings = json!({
+            "seeds": request.seeds.count, "first_seed": request.seeds.first,
+            "start_seed": request.seeds.starts,
+        });
         let piece = format!("{name}, Table I");
         let made = once(args, (&piece, &scenario), settings, |watch| {
             Ok(table1(&scenario, &request, watch)?)

@@ -18,6 +18,12 @@ use super::{Common, Exit, Failure, print_json, talk};
 use crate::campaign::Watch;
 use crate::run::{Finished, RunError, write_file};
 use crate::scenario::Scenario;
+use crate::seed::{FIRST_SEALED, Seeds};
+
+/// Trainings per world, at most.
+const MOST_SEEDS: u64 = 100;
+/// Seeds are named in files: no more than nine digits.
+const MOST_SEED: u64 = 999_999_999;
 
 #[derive(Args, Debug)]
 pub(super) struct ReproduceArgs {
@@ -34,13 +40,30 @@ pub(super) struct ReproduceArgs {
     #[arg(long, value_name = "NAME")]
     world: Vec<String>,
     /// Training seeds per world.
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: u64,
+    /// The first of them; from 100 on they are sealed: no setting was chosen by them.
+    #[arg(long, value_name = "N", default_value_t = FIRST_SEALED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    first_seed: u64,
+    /// Seed of the test starts; sealed from 100 on, too.
+    #[arg(long, value_name = "N", default_value_t = FIRST_SEALED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    start_seed: u64,
     /// Test starts per world.
     #[arg(long, value_name = "N", default_value_t = 500)]
     starts: usize,
     #[command(flatten)]
     pub(super) common: Common,
+}
+
+impl ReproduceArgs {
+    /// The trainings and test starts asked for, at most `most` trainings.
+    fn asked_seeds(&self, most: u64) -> Seeds {
+        Seeds {
+            first: self.first_seed,
+            count: self.seeds.min(most),
+            starts: self.start_seed,
+        }
+    }
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +85,12 @@ enum What {
 }
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
+    if args.common.seed != 0 {
+        return Err(Failure::input(
+            "`reproduce` has trainings and test starts, so `--seed` does not say whose",
+            "use `--first-seed` or `--start-seed`",
+        ));
+    }
     let parts: &[Part] = match args.what {
         What::Table1 => &[grids::run],
         What::CaseStudies => &[driving::run],
@@ -142,6 +171,26 @@ fn once<T: Serialize + DeserializeOwned>(
         kept.write(made)?;
     }
     Ok(made)
+}
+
+/// What a piece was asked for: its own settings and the seeds.
+///
+/// Pieces that are older than the choice of seeds are of trainings from 1 on and
+/// of test starts of seed 0, and do not say so.
+fn settings(seeds: Seeds, mut own: Value) -> Value {
+    own["seeds"] = seeds.count.into();
+    if seeds.first != 1 {
+        own["first_seed"] = seeds.first.into();
+    }
+    if seeds.starts != 0 {
+        own["start_seed"] = seeds.starts.into();
+    }
+    own
+}
+
+/// Which seeds a table is of, in a line above it.
+fn headed(seeds: Seeds, table: &str) -> String {
+    format!("With {seeds}.\n\n{table}")
 }
 
 /// Loads a shipped world.

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, once, world};
+use super::{Failure, Made, ReproduceArgs, headed, once, world};
 use crate::campaign::{
     Alumnus, near_starts, near_starts_markdown, start_with, test_starts, trained_run,
 };
@@ -29,11 +29,11 @@ const FAILING: [(&str, [(&str, f64); 3]); 2] = [
         ],
     ),
 ];
-/// The training whose ado is looked at.
-const SEED: u64 = 1;
 const DELTAS: [f64; 4] = [0.1, 0.03, 0.01, 0.003];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    // One trained ado is looked at: the first.
+    let seeds = args.asked_seeds(1);
     let mut all = Vec::new();
     for (name, wanted) in FAILING {
         let scenario = world(args, name)?;
@@ -43,11 +43,14 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
                 "use the worlds that came with this version",
             )
         })?;
-        let settings = json!({ "seed": SEED, "starts": args.starts, "deltas": DELTAS });
+        let settings = json!({
+            "seed": seeds.first, "start_seed": seeds.starts, "starts": args.starts,
+            "deltas": DELTAS,
+        });
         let piece = format!("{name}, near starts");
         let made = once(args, (&piece, &scenario), settings, |watch| {
-            let (path, _) = trained_run(&scenario, SEED, &args.output.join("runs"), watch)?;
-            let starts = test_starts(&scenario, 0, args.starts, watch);
+            let (path, _) = trained_run(&scenario, seeds.first, &args.output.join("runs"), watch)?;
+            let starts = test_starts(&scenario, seeds.starts, args.starts, watch);
             let (Some(starts), false) = (starts, watch.stopped()) else {
                 return Ok(None);
             };
@@ -69,7 +72,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }
     Ok(Some(Made {
         name: "near-starts",
-        markdown: near_starts_markdown(&all),
+        markdown: headed(seeds, &near_starts_markdown(&all)),
         json: json!({ "near_starts": all }),
     }))
 }

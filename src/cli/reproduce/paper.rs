@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, once, world};
+use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, world};
 use crate::campaign::{PaperRow, measure_paper_row, paper_rows_markdown};
 
 /// Beyond the paper's numbers of episodes: where the curves still rise.
@@ -50,6 +50,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
 ];
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    let seeds = args.asked_seeds(MOST_SEEDS);
     let mut measured = Vec::new();
     for (name, learner, paper, episodes) in ROWS {
         let mut scenario = world(args, name)?;
@@ -68,11 +69,12 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             episodes: &episodes,
         };
         let settings = json!({
-            "seeds": args.seeds, "starts": args.starts, "learner": learner, "episodes": episodes,
+            "seeds": seeds.count, "first_seed": seeds.first, "start_seed": seeds.starts,
+            "starts": args.starts, "learner": learner, "episodes": episodes,
         });
         let piece = format!("{name}, {}", scenario.learner.name());
         let made = once(args, (&piece, &scenario), settings, |watch| {
-            Ok(measure_paper_row(&row, (args.seeds, args.starts), watch))
+            Ok(measure_paper_row(&row, (seeds, args.starts), watch))
         })?;
         let Some(done) = made else {
             return Ok(None);
@@ -81,7 +83,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }
     Ok(Some(Made {
         name: "paper-rows",
-        markdown: paper_rows_markdown(&measured),
+        markdown: headed(seeds, &paper_rows_markdown(&measured)),
         json: json!({ "paper_rows": measured }),
     }))
 }

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, once, talk, world};
+use super::{Failure, Made, ReproduceArgs, headed, once, settings, talk, world};
 use crate::campaign::{ENOUGH_SIMULATIONS, ReuseAsked, ReuseStudy, reuse_markdown};
 use crate::scenario::{Change, Scenario};
 
@@ -17,7 +17,7 @@ const SEEDS: u64 = 3;
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let runs = args.output.join("runs");
     let asked = ReuseAsked {
-        seeds: args.seeds.min(SEEDS),
+        seeds: args.asked_seeds(SEEDS),
         starts: args.starts,
         tries: TRIES,
         runs: &runs,
@@ -33,10 +33,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         };
         let mut met = Vec::new();
         for (ego, change, changed) in &egos(&scenario)? {
-            let settings = json!({
-                "seeds": asked.seeds, "starts": asked.starts, "tries": asked.tries,
-                "adapting": ENOUGH_SIMULATIONS,
+            let own = json!({
+                "starts": asked.starts, "tries": asked.tries, "adapting": ENOUGH_SIMULATIONS,
             });
+            let settings = settings(asked.seeds, own);
             let piece = format!("{name}, reuse on {ego}");
             let made = once(args, (&piece, &scenario), settings, |watch| {
                 Ok(study.meet((ego, change, changed), watch)?)
@@ -50,7 +50,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }
     Ok(Some(Made {
         name: "reuse",
-        markdown: reuse_markdown(&studies),
+        markdown: headed(asked.seeds, &reuse_markdown(&studies)),
         json: json!({ "reuse": studies }),
     }))
 }
