@@ -16,6 +16,8 @@ mod families;
 mod judging;
 #[path = "worlds/lemmas.rs"]
 mod lemmas;
+#[path = "worlds/naming.rs"]
+mod naming;
 #[path = "worlds/near.rs"]
 mod near;
 #[path = "worlds/paper.rs"]

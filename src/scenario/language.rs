@@ -98,7 +98,7 @@ impl Language {
         self.used.extend(used);
         let unit = match &signal.unit {
             Some(unit) => unit.clone(),
-            None => unit_of(&signal.expr, &mentioned, &so_far),
+            None => unit_of(&expr, &so_far),
         };
         let range = signal.range.unwrap_or_else(|| usual_range(&unit));
         if range.1 <= range.0 {
@@ -256,14 +256,13 @@ pub(super) fn constants(
 }
 
 /// The unit of a sum or difference of signals of one unit; else none.
-fn unit_of(expr: &str, mentioned: &[impl AsRef<str>], schema: &Schema) -> String {
-    let linear = !expr.contains(['*', '/']) && !expr.contains("pow") && !expr.contains("exp");
+fn unit_of(expr: &Expr, schema: &Schema) -> String {
+    let mentioned = expr.signals().into_iter();
     let mut units = mentioned
-        .iter()
-        .filter_map(|name| schema.position(name.as_ref()))
+        .filter_map(|name| schema.position(name))
         .map(|position| schema.signals()[position].unit.as_ref());
     match units.next() {
-        Some(first) if linear && units.all(|unit| unit == first) => first.to_owned(),
+        Some(first) if expr.keeps_units() && units.all(|unit| unit == first) => first.to_owned(),
         _ => String::new(),
     }
 }

@@ -12,7 +12,7 @@ use super::leaf::Value;
 use super::monitor::Monitor;
 use super::parse::{parse_formula, parse_term};
 use super::settings::{Constants, Names, Settings};
-use super::syntax::{Node, Term, TermKind};
+use super::syntax::{Arithmetic, Function, Node, Term, TermKind};
 
 /// A formula of Signal Temporal Logic.
 ///
@@ -129,6 +129,28 @@ impl Expr {
         let mut names = Vec::new();
         visit(&self.root, &mut names);
         names
+    }
+
+    /// Whether its value has the unit of its signals, if they share one.
+    ///
+    /// So it is as long as it only adds, subtracts and picks: a product, a
+    /// quotient, a root or a power is of another unit.
+    pub(crate) fn keeps_units(&self) -> bool {
+        fn visit(term: &Term) -> bool {
+            match &term.kind {
+                TermKind::Number(_) | TermKind::Name(_) => true,
+                TermKind::Negative(a) => visit(a),
+                TermKind::Calculated(Arithmetic::Add | Arithmetic::Subtract, sides) => {
+                    visit(&sides.0) && visit(&sides.1)
+                }
+                TermKind::Calculated(Arithmetic::Multiply | Arithmetic::Divide, _) => false,
+                TermKind::Call(Function::Abs | Function::Min | Function::Max, all) => {
+                    all.iter().all(visit)
+                }
+                TermKind::Call(Function::Sqrt | Function::Pow | Function::Exp, _) => false,
+            }
+        }
+        visit(&self.root)
     }
 }
 
