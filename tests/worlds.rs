@@ -20,6 +20,8 @@ mod lemmas;
 mod naming;
 #[path = "worlds/near.rs"]
 mod near;
+#[path = "worlds/nested.rs"]
+mod nested;
 #[path = "worlds/paper.rs"]
 mod paper;
 #[path = "worlds/process.rs"]

@@ -5,6 +5,8 @@
 //! world and policy in it, so that run directories and kept counterexamples of
 //! such a world need nothing else.
 
+mod nested;
+
 use std::fmt;
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::Arc;
@@ -86,8 +88,17 @@ struct Manifest {
 /// A run, read.
 struct Run {
     from: String,
+    /// Where it was found; `None`: in the text.
+    dir: Option<PathBuf>,
     world: String,
     policy: Vec<u8>,
+}
+
+impl Run {
+    /// What its world's file is called.
+    fn world_name(&self) -> String {
+        format!("{}/world.ron", self.from)
+    }
 }
 
 /// Why a run cannot be used, and the cure.
@@ -113,11 +124,8 @@ pub(super) fn open(
     acts_as: ActsAs,
 ) -> Option<(Trained, Option<(Path, String)>)> {
     let place = path.to("run");
-    let opened = match &trained.run {
-        RunFile::Directory(name) => find(name, file).and_then(|found| from_directory(name, &found)),
-        RunFile::Kept(kept) => from_text(kept),
-    };
-    let made = opened.and_then(|run| {
+    let made = opened(&trained.run, file).and_then(|run| {
+        nested::check(&run)?;
         let drive = made_from(&run, &trained.names)?;
         Ok((run, drive))
     });
@@ -139,6 +147,14 @@ pub(super) fn open(
         RunFile::Kept(_) => None,
     };
     Some((drive, written_out))
+}
+
+/// The run that a world file names or holds.
+fn opened(run: &RunFile, file: &str) -> Result<Run, Refused> {
+    match run {
+        RunFile::Directory(name) => from_directory(name, &find(name, file)?),
+        RunFile::Kept(kept) => from_text(kept),
+    }
 }
 
 fn find(name: &str, file: &str) -> Result<PathBuf, Refused> {
@@ -197,6 +213,8 @@ fn from_directory(name: &str, dir: &FilePath) -> Result<Run, Refused> {
         .map_err(|error| damaged("world.ron", error.to_string()))?;
     Ok(Run {
         from: name.to_owned(),
+        // One directory may have several names.
+        dir: Some(dir.canonicalize().unwrap_or_else(|_| dir.to_owned())),
         world,
         policy: verified("policy.safetensors", &policy_sha256)?,
     })
@@ -211,6 +229,7 @@ fn from_text(kept: &KeptRun) -> Result<Run, Refused> {
     })?;
     Ok(Run {
         from: kept.from.clone(),
+        dir: None,
         world: kept.world.clone(),
         policy,
     })
@@ -264,7 +283,7 @@ fn lag_s(home: &DriveSpec) -> f64 {
 
 /// The run's world; it was tried when it was trained in.
 fn world_of(run: &Run) -> Result<World, Refused> {
-    let name = format!("{}/world.ron", run.from);
+    let name = run.world_name();
     let help = "this version cannot use it: train again";
     let unusable = |what: &dyn fmt::Display| refused(format!("the world of a run: {what}"), help);
     let first = |problems: Vec<super::Problem>| match problems.first() {

@@ -17,7 +17,7 @@ const SANDWICH: &str = include_str!("../../worlds/sandwich.ron");
 const GRID: &str = include_str!("../../worlds/grid.ron");
 
 /// The ado of `acc` ahead of a car; the one that learns is far behind.
-const PLACED: &str = r#"Scenario(
+pub(super) const PLACED: &str = r#"Scenario(
     name: "placed",
     question: "Does a trained ado do in another world what it did in its own?",
     clock: (horizon_s: 15.0, decision_s: 0.25, sample_s: 0.05, substeps: 4),
@@ -39,14 +39,14 @@ const PLACED: &str = r#"Scenario(
     ego_spec: "always (car.blocker.headway >= 4.7)",
 )"#;
 
-fn quick_acc() -> Scenario {
+pub(super) fn quick_acc() -> Scenario {
     let text = ACC
         .replace("plant: Rigid", "plant: Kinematic")
         .replace("decisions: 300_000", "decisions: 2_000");
     Scenario::parse("acc.ron", &text).expect("a world")
 }
 
-fn trained(dir: &Path) -> RunDir {
+pub(super) fn trained(dir: &Path) -> RunDir {
     static GO: AtomicBool = AtomicBool::new(false);
     let watch = Watch {
         progress: &|_, _| {},
@@ -178,7 +178,7 @@ fn forks_and_kept_counterexamples_go_on_bit_for_bit() {
 }
 
 /// A run directory that was never trained in: text and bytes of one's choice.
-fn fake(dir: &Path, world: &str, policy: &[u8]) {
+pub(super) fn fake(dir: &Path, world: &str, policy: &[u8]) {
     let sha256 = |bytes: &[u8]| -> String {
         let digest = Sha256::digest(bytes);
         digest.iter().map(|byte| format!("{byte:02x}")).collect()
