@@ -174,6 +174,44 @@ impl Verdict {
     }
 }
 
+/// Whether the ados' rules held between a success and the contact.
+///
+/// The verdict falls on the first violated sample; what it leaves open is
+/// whether the ado is lawful when the two touch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum RulesUntilContact {
+    /// No rule was lost for good up to the contact, that sample included.
+    Kept,
+    /// One was, so that the contact itself is no counterexample.
+    Broken {
+        /// The rule lost first; of several at once the most important one.
+        rule: String,
+        /// The ado that broke it.
+        ado: String,
+        /// When; at the latest the time of the contact.
+        time_s: f64,
+    },
+}
+
+impl RulesUntilContact {
+    /// Whether no rule was broken before the contact.
+    pub fn is_kept(&self) -> bool {
+        *self == RulesUntilContact::Kept
+    }
+}
+
+impl std::fmt::Display for RulesUntilContact {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            RulesUntilContact::Kept => write!(f, "kept"),
+            RulesUntilContact::Broken { rule, ado, time_s } => {
+                write!(f, "{ado} broke `{rule}` at {time_s:.2} s")
+            }
+        }
+    }
+}
+
 /// One rule of an ado, bound to the scene's signals.
 #[derive(Clone, Debug)]
 pub struct Rule {
@@ -302,13 +340,18 @@ impl Judge {
         }
     }
 
-    fn until_violation(
-        &mut self,
-        rulebook: &Rulebook,
-        trace: &Trace,
-        row: &[f64],
-        stop: Option<Stop>,
-    ) -> Option<Verdict> {
+    /// Reads a sample after a success: the rule that is lost for good by then.
+    ///
+    /// The verdict stands. Under [`JudgeKind::WholeRun`] nothing comes after it.
+    pub fn push_after(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
+        match rulebook.judge {
+            JudgeKind::UntilViolation => self.broken_at(rulebook, row),
+            JudgeKind::WholeRun => None,
+        }
+    }
+
+    /// The most important rule that no further sample can save.
+    fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
         let mut broken: Option<usize> = None;
         for (i, rule) in self.rules.iter_mut().enumerate() {
             let lost = rule.push(row).hi <= 0.0;
@@ -317,6 +360,17 @@ impl Judge {
                 broken = Some(i);
             }
         }
+        broken
+    }
+
+    fn until_violation(
+        &mut self,
+        rulebook: &Rulebook,
+        trace: &Trace,
+        row: &[f64],
+        stop: Option<Stop>,
+    ) -> Option<Verdict> {
+        let broken = self.broken_at(rulebook, row);
         self.spec_lost |= self.spec.push(row).hi < 0.0;
         if let Some(rule) = broken {
             return Some(rulebook.foul(rule));

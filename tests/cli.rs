@@ -207,6 +207,7 @@ fn the_same_seed_gives_the_same_policy_and_rows_for_any_number_of_jobs() {
         "success_rate",
         "ci95",
         "foul_rate",
+        "foul_before_contact_rate",
         "contact_rate",
         "invalid",
         "sims_per_start",
@@ -267,8 +268,13 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
     assert_eq!(code(&brakecheck(&["replay", &kept])), 1);
     let output = brakecheck(&["replay", &kept, "--expect", "recorded", "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert_eq!(json(&output)["rows"][0]["identical"], true);
-    assert_eq!(json(&output)["rows"].as_array().expect("rows").len(), 2);
+    let rows = json(&output)["rows"].clone();
+    for row in rows.as_array().expect("rows") {
+        assert_eq!(row["identical"], true);
+        assert_eq!(row["rules_until_contact"]["kept"], true, "{row}");
+        assert!(row["contact_s"].is_number());
+    }
+    assert_eq!(rows.as_array().expect("rows").len(), 2);
 
     // Another ego is no replay of bits; whether it fails decides.
     let gentle = path(&dir, "gentle.ron");
@@ -304,6 +310,11 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
     );
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(said.contains("sample 3, `time_left`"), "{said}");
+    assert!(said.contains("rules until it"), "{said}");
+
+    let table = brakecheck(&["eval", &run, "--starts", "10"]);
+    let table = String::from_utf8_lossy(&table.stdout).into_owned();
+    assert!(table.contains("fouls before"), "{table}");
 }
 
 #[test]

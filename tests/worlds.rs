@@ -1,5 +1,7 @@
 //! Worlds, rulebook and test bench: what holds for every world and every run.
 
+#[path = "worlds/aftermath.rs"]
+mod aftermath;
 #[path = "worlds/authoring.rs"]
 mod authoring;
 #[path = "worlds/carrying.rs"]

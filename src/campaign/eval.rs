@@ -180,6 +180,8 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Closing speed, if the agents touched.
     pub closing_speed_mps: Option<f64>,
+    /// Whether a rule was broken between a success and the contact.
+    pub foul_before_contact: bool,
     /// Episodes run; only `Ado::Replays` may take more than one.
     pub simulations: u64,
     /// Physics steps spent.
@@ -298,6 +300,7 @@ impl Attempt {
         Played {
             outcome: Outcome {
                 verdict: episode.verdict,
+                foul_before_contact: episode.is_foul_before_contact(),
                 closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
                 simulations: self.simulations,
                 physics_steps: self.physics_steps,
@@ -365,6 +368,7 @@ impl EvalRequest<'_> {
         let fouls = valid.clone();
         let fouls = fouls.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
         let fouls = fouls.count();
+        let late_fouls = valid.clone().filter(|o| o.foul_before_contact).count();
         let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
         let marks = played.iter().zip(&self.starts.trivial);
         row.solved = marks
@@ -384,6 +388,7 @@ impl EvalRequest<'_> {
         row.repeats = Repeated::of(self.scenario.repeats, repeated);
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         row.foul_rate = share(fouls, row.starts);
+        row.foul_before_contact_rate = Some(share(late_fouls, row.starts));
         row.contact_rate = share(contacts.len(), row.starts);
         row.closing_speed_mps = ClosingSpeed::of(contacts);
         row
@@ -411,6 +416,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         recall: None,
         beyond_search: None,
         foul_rate: 0.0,
+        foul_before_contact_rate: None,
         contact_rate: 0.0,
         closing_speed_mps: None,
         invalid: 0,

@@ -48,7 +48,8 @@ pub struct Replayed {
     pub scenario: Scenario,
     /// The episode; of several runs the one that stands for all.
     pub episode: Episode,
-    /// Whether verdict, robustness, contact and every sample are as recorded.
+    /// Whether verdict, robustness, contact, rules up to it and every sample
+    /// are as recorded.
     ///
     /// Where the file holds the ego's commands this is about the world's side
     /// alone: those commands are repeated.
@@ -97,8 +98,7 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
     let first_difference = first_difference(kept, again.as_ref().unwrap_or(&episode));
     Ok(Replayed {
         path: kept.path.clone(),
-        identical: first_difference.is_none()
-            && is_as_recorded(recorded, again.as_ref().unwrap_or(&episode)),
+        identical: first_difference.is_none() && recorded.is_of(again.as_ref().unwrap_or(&episode)),
         first_difference,
         ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
         repeated: (1 < runs).then_some(repeated),
@@ -116,13 +116,6 @@ fn once(kept: &Kept, scenario: &Scenario) -> Result<Episode, KeptError> {
     let mut actor = Replay::then(&recorded.actions, bench.spaces().neutral);
     let noise = recorded.noise;
     Ok(play(&mut bench, &start, noise, &mut actor, Aftermath::Play))
-}
-
-fn is_as_recorded(recorded: &Counterexample, episode: &Episode) -> bool {
-    episode.verdict == recorded.verdict
-        && episode.robustness.to_bits() == recorded.robustness.to_bits()
-        && episode.contact == recorded.contact
-        && episode.judged == recorded.judged
 }
 
 fn first_difference(kept: &Kept, episode: &Episode) -> Option<Difference> {
@@ -422,7 +415,7 @@ impl Regressions {
             .map(|replayed| {
                 let place = match &replayed.first_difference {
                     Some(difference) => difference.to_string(),
-                    None => "verdict or contact".to_owned(),
+                    None => "verdict, contact or rules until contact".to_owned(),
                 };
                 format!("  {}: {place}", replayed.path.display())
             })

@@ -135,6 +135,7 @@ impl Tries<'_> {
             physics_steps += episode.physics_steps;
             let outcome = Outcome {
                 verdict: episode.verdict,
+                foul_before_contact: episode.is_foul_before_contact(),
                 closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
                 simulations,
                 physics_steps,

@@ -8,8 +8,10 @@ use serde_json::json;
 use super::{Common, Exit, Failure, failure, finite_or_word, print_json, table_of, talk};
 use crate::campaign::{Regressions, Replayed};
 use crate::ego::{ControllerSpec, Process};
+use crate::rulebook::RulesUntilContact;
 use crate::run::{StartRepeated, wilson};
 use crate::scenario::{Change, Scenario};
+use crate::testbench::Episode;
 
 #[derive(Args, Debug)]
 pub(super) struct ReplayArgs {
@@ -36,7 +38,7 @@ pub(super) struct ReplayArgs {
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 enum Expect {
-    /// Verdict, robustness, contact and every sample as recorded.
+    /// Verdict, robustness, contact, rules until it and every sample as recorded.
     Recorded,
 }
 
@@ -151,6 +153,7 @@ fn row(replayed: &Replayed) -> serde_json::Value {
         "fault": replayed.fault(),
         "ego_as_recorded": replayed.ego_as_recorded,
         "runs": replayed.repeated.as_ref().map(runs),
+        "rules_until_contact": rules_until_contact(&replayed.episode),
         "contact_s": replayed.episode.contact.as_ref().map(|touch| touch.time_s),
         "identical": replayed.identical,
         "first_difference": difference.map(ToString::to_string),
@@ -196,6 +199,17 @@ fn remarks(replayed: &[Replayed]) -> String {
     text
 }
 
+/// `null` without a contact; else whether they were kept, or which was not.
+fn rules_until_contact(episode: &Episode) -> serde_json::Value {
+    match &episode.rules_until_contact {
+        None => serde_json::Value::Null,
+        Some(RulesUntilContact::Kept) => json!({ "kept": true }),
+        Some(RulesUntilContact::Broken { rule, ado, time_s }) => {
+            json!({ "kept": false, "rule": rule, "ado": ado, "time_s": time_s })
+        }
+    }
+}
+
 fn table(replayed: &[Replayed]) -> String {
     let lines = replayed.iter().map(|replayed| {
         let contact = replayed.episode.contact.as_ref();
@@ -205,17 +219,27 @@ fn table(replayed: &[Replayed]) -> String {
         let bits = match (&replayed.first_difference, replayed.identical) {
             (_, true) => "identical".to_owned(),
             (Some(difference), _) => format!("differs at {difference}"),
-            (None, _) => "verdict or contact differs".to_owned(),
+            (None, _) => "verdict, contact or rules until contact differ".to_owned(),
         };
+        let rules = replayed.episode.rules_until_contact.as_ref();
         [
             replayed.path.display().to_string(),
             replayed.episode.verdict.word().to_owned(),
             format!("{:.6}", replayed.episode.robustness),
             contact,
+            rules.map_or("–".to_owned(), ToString::to_string),
             bits,
         ]
     });
-    table_of(["file", "verdict", "ρ(ψ)", "contact", "bits"], lines)
+    let header = [
+        "file",
+        "verdict",
+        "ρ(ψ)",
+        "contact",
+        "rules until it",
+        "bits",
+    ];
+    table_of(header, lines)
 }
 
 #[cfg(feature = "rerun")]

@@ -165,7 +165,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
 pub(super) fn rows(tested: &[Tested]) -> Markup {
     html! {
         div class="wide" { table {
-            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "contact" } th class="n" { "closing m/s" } th class="n" { "sims / start" } } }
+            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s" } th class="n" { "sims / start" } } }
             tbody { @for Tested { row, .. } in tested { tr {
                 td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(told) = &row.told { ", told: " (told) } }
                 td class="n" {
@@ -175,7 +175,7 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
                 td class="bar" { span class="share" style=(format!("width:{:.1}rem", 5.0 * row.success_rate)) {} }
                 td { (interval(row)) }
                 td class="n" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
-                td class="n" { (percent(row.foul_rate)) } td class="n" { (percent(row.contact_rate)) }
+                td class="n" { (percent(row.foul_rate)) } td class="n" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" { (percent(row.contact_rate)) }
                 td class="n" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1}", c.median))) }
                 td class="n" { (format!("{:.1}", row.sims_per_start)) }
             } } }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{RunError, write_file};
 use crate::ego::Command;
-use crate::rulebook::Verdict;
+use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::scenario::{Change, ChangeError, Scenario, ScenarioError};
 use crate::scene::{Dynamics, Start, Touch};
 use crate::testbench::Episode;
@@ -53,6 +53,9 @@ pub struct Counterexample {
     pub judged: usize,
     /// The first contact, if the agents touched.
     pub contact: Option<Touch>,
+    /// Whether the rules held up to the contact; older files do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rules_until_contact: Option<RulesUntilContact>,
     /// What an ego that nobody here wrote commanded, sample by sample:
     /// acceleration in m/s² and speed across the road in m/s. With these the
     /// world's side is repeated bit for bit, whatever the ego answers today.
@@ -122,6 +125,7 @@ impl Counterexample {
             robustness: episode.robustness,
             judged: episode.judged,
             contact: episode.contact.clone(),
+            rules_until_contact: episode.rules_until_contact.clone(),
             ego_commands: episode
                 .commands
                 .iter()
@@ -130,6 +134,19 @@ impl Counterexample {
             digests: digests_of(&episode.trace),
             world_file: scenario.text.clone(),
         }
+    }
+
+    /// Whether verdict, robustness, contact and the rules up to it are those of
+    /// `episode`; its samples are compared elsewhere.
+    pub(crate) fn is_of(&self, episode: &Episode) -> bool {
+        // Older files do not say what became of the rules.
+        let rules = self.rules_until_contact.as_ref();
+        let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
+        episode.verdict == self.verdict
+            && episode.robustness.to_bits() == self.robustness.to_bits()
+            && episode.contact == self.contact
+            && episode.judged == self.judged
+            && rules_agree
     }
 
     /// Reads a kept counterexample.

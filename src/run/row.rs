@@ -50,8 +50,12 @@ pub struct Row {
     /// Solved, but not by search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beyond_search: Option<usize>,
-    /// Share of starts on which a rule was broken.
+    /// Share of starts on which a rule was broken, which is no success.
     pub foul_rate: f64,
+    /// Share of starts that were solved, and where a rule was then broken
+    /// between the verdict and the contact; `None`: it was not recorded.
+    #[serde(default)]
+    pub foul_before_contact_rate: Option<f64>,
     /// Share of starts that ended in contact.
     pub contact_rate: f64,
     /// Closing speed of the contacts, if there were any.

@@ -18,7 +18,7 @@ pub use gym::{Gym, Spent, Success};
 
 use crate::ego::{Command, Fault, FaultKind};
 use crate::rl::Spaces;
-use crate::rulebook::{Judge, JudgeKind, Rulebook, Stop, Verdict};
+use crate::rulebook::{Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
 use crate::trace::{Schema, Trace};
@@ -42,6 +42,8 @@ pub struct Episode {
     pub robustness: f64,
     /// The first contact, if the agents touched.
     pub contact: Option<Touch>,
+    /// After a success that ended in contact: whether the rules held up to it.
+    pub rules_until_contact: Option<RulesUntilContact>,
     /// What failed, if the verdict is invalid.
     pub fault: Option<Fault>,
     /// What an ego that nobody here wrote commanded, sample by sample; empty
@@ -49,6 +51,14 @@ pub struct Episode {
     pub commands: Vec<Command>,
     /// Physics steps spent.
     pub physics_steps: u64,
+}
+
+impl Episode {
+    /// Whether an ado broke a rule between a success and the contact.
+    pub fn is_foul_before_contact(&self) -> bool {
+        let rules = self.rules_until_contact.as_ref();
+        rules.is_some_and(|rules| !rules.is_kept())
+    }
 }
 
 /// Whether a decided episode is played on to report contact and closing speed.
@@ -70,6 +80,8 @@ pub struct Testbench {
     verdict: Option<Verdict>,
     judged: usize,
     contact: Option<Touch>,
+    /// The first rule lost after a success, and when.
+    lost: Option<(usize, f64)>,
     fault: Option<Fault>,
     decisions: usize,
     advances: u64,
@@ -87,6 +99,7 @@ impl Testbench {
             verdict: None,
             judged: 0,
             contact: None,
+            lost: None,
             fault: None,
             decisions: 0,
             advances: 0,
@@ -162,6 +175,7 @@ impl Testbench {
         self.verdict = None;
         self.judged = 0;
         self.contact = None;
+        self.lost = None;
         self.fault = None;
         self.decisions = 0;
         self.advances = 0;
@@ -240,6 +254,27 @@ impl Testbench {
         self.contact.as_ref()
     }
 
+    /// After a success that ended in contact: whether the rules held up to it.
+    ///
+    /// `None` as long as there is no contact, and without a success.
+    pub fn rules_until_contact(&self) -> Option<RulesUntilContact> {
+        let success = self.verdict.is_some_and(|verdict| verdict.is_success());
+        if !success || self.contact.is_none() {
+            return None;
+        }
+        Some(match self.lost {
+            None => RulesUntilContact::Kept,
+            Some((rule, time_s)) => {
+                let rule = &self.rulebook.rules[rule];
+                RulesUntilContact::Broken {
+                    rule: rule.name.clone(),
+                    ado: rule.ado.clone(),
+                    time_s,
+                }
+            }
+        })
+    }
+
     /// A copy that continues bit for bit; `None` if the ego cannot be copied.
     pub fn fork(&self) -> Option<Testbench> {
         Some(self.fork_around(self.trace.clone(), self.scene.fork()?))
@@ -272,6 +307,7 @@ impl Testbench {
             verdict: self.verdict,
             judged: self.judged,
             contact: self.contact.clone(),
+            lost: self.lost,
             fault: self.fault.clone(),
             decisions: self.decisions,
             advances: self.advances,
@@ -308,7 +344,7 @@ impl Testbench {
             ));
         }
         if self.is_decided() {
-            return;
+            return self.follow_rules();
         }
         if stop == Some(Stop::Contact) && self.rulebook.judge == JudgeKind::WholeRun {
             // Rigid bodies stop each other: the contact sample holds to T.
@@ -320,6 +356,22 @@ impl Testbench {
         if self.is_decided() {
             self.judged = self.trace.len();
         }
+    }
+
+    /// Notes the first rule that the newest sample of the aftermath costs.
+    fn follow_rules(&mut self) {
+        if self.lost.is_some() {
+            return;
+        }
+        let broken = self.judge.push_after(&self.rulebook, &self.row);
+        self.lost = broken.map(|rule| {
+            let sample = self.trace.len() - 1;
+            // Time is i · dt; rounding hides the dust of binary fractions.
+            let time_s = (sample as f64 * self.trace.dt_s() * 1e9).round() / 1e9;
+            // The last sample shows the instant of the contact, before its time.
+            let touch = self.contact.as_ref();
+            (rule, touch.map_or(time_s, |touch| touch.time_s))
+        });
     }
 
     fn fail(&mut self, fault: Fault) {
@@ -377,6 +429,7 @@ impl Testbench {
             judged: self.judged,
             verdict,
             contact: self.contact.clone(),
+            rules_until_contact: self.rules_until_contact(),
             fault: self.fault.clone(),
             commands: self.scene.commands().to_vec(),
             physics_steps: self.physics_steps(),

@@ -75,7 +75,11 @@ fn write_document(story: &Story<'_>, text: &mut String) -> std::fmt::Result {
             Some(sample) if sample < episode.judged => {
                 format!("**broken** at {:.2} s", story.time_s(sample))
             }
-            _ => "kept".to_owned(),
+            Some(sample) => {
+                let time_s = story.time_s(sample);
+                format!("kept until the verdict, **broken** at {time_s:.2} s")
+            }
+            None => "kept".to_owned(),
         };
         writeln!(text, "- {}: {} — {kept}", rule.ado, rule.name)?;
     }

@@ -75,6 +75,7 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         "Counterexamples that tell most",
         "always[0, T] (headway &gt;= d_safe)",
         "softer brakes",
+        "fouls before contact",
         "seed 1",
         "--expect recorded",
     ] {

@@ -153,6 +153,53 @@ fn a_violation_waits_until_every_rule_is_satisfied_on_the_prefix() {
 }
 
 #[test]
+fn after_a_success_the_first_rule_lost_for_good_is_named() {
+    // Whoever is fast must reach the goal within a second.
+    const ANSWERS: &str = "always[0, T] (v <= 6 or eventually[0, 1] g >= 1)";
+    let rules = [SLOW, STEADY, ANSWERS];
+    let success = [[5.0, 5.0, 0.0], [0.25, 5.0, 0.0]];
+    type Case<'a> = (&'a str, [[f64; 3]; 2], [Option<usize>; 2]);
+    let cases: [Case; 5] = [
+        ("all kept", [[0.0, 5.0, 0.0], [0.0, 5.0, 0.0]], [None, None]),
+        ("lost", [[0.0, 5.0, 0.0], [0.0, 1.0, 0.0]], [None, Some(1)]),
+        ("open", [[0.0, 5.0, 0.0], [0.0, 7.0, 0.0]], [None, None]),
+        (
+            "open, then lost",
+            [[0.0, 7.0, 0.0], [0.0, 5.0, 0.0]],
+            [None, Some(2)],
+        ),
+        (
+            "open, then kept",
+            [[0.0, 7.0, 0.0], [0.0, 5.0, 2.0]],
+            [None, None],
+        ),
+    ];
+    for (what, rows, expect) in cases {
+        for kind in [JudgeKind::UntilViolation, JudgeKind::WholeRun] {
+            let book = rulebook(kind, &rules);
+            let mut judge = Judge::new(&book, 5);
+            let mut trace = Trace::new(schema());
+            for row in &success {
+                trace.push(row).expect("finite");
+                judge.push(&book, &trace, row, None);
+            }
+            let lost = rows.map(|row| judge.push_after(&book, &row));
+            let expect = match kind {
+                JudgeKind::UntilViolation => expect,
+                JudgeKind::WholeRun => [None, None],
+            };
+            assert_eq!(lost, expect, "{what}");
+        }
+    }
+    // Of two at once the more important one, whatever their order.
+    let mut book = rulebook(JudgeKind::UntilViolation, &[SLOW, "always[0, T] g <= 1"]);
+    book.rules[0].priority = 1;
+    book.rules[1].priority = 0;
+    let mut judge = Judge::new(&book, 5);
+    assert_eq!(judge.push_after(&book, &[5.0, 11.0, 2.0]), Some(1));
+}
+
+#[test]
 fn rules_of_equal_priority_are_forfeited_together() {
     let mut book = rulebook(JudgeKind::UntilViolation, &[SLOW, STEADY, GOAL]);
     for (rule, priority) in book.rules.iter_mut().zip([0, 1, 1]) {

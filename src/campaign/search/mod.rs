@@ -61,6 +61,8 @@ pub struct Found {
     pub actions: Option<Vec<usize>>,
     /// Closing speed, if the agents touched after it.
     pub closing_speed_mps: Option<f64>,
+    /// Whether a rule was broken between the success and that contact.
+    pub foul_before_contact: bool,
     /// Episodes run, a part of one counted as one; the last is the success.
     pub simulations: u64,
     /// Physics steps spent, on both plants.
@@ -215,13 +217,22 @@ impl SearchRequest<'_> {
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
         row.cpu_s = searched.clone().map(|found| found.cpu_s).sum();
-        let contacts: Vec<f64> = searched.filter_map(|f| f.closing_speed_mps).collect();
-        row.contact_rate = contacts.len() as f64 / row.starts.max(1) as f64;
-        row.closing_speed_mps = ClosingSpeed::of(contacts);
+        count_contacts(&mut row, searched);
         let budgets = self.checkpoints().into_iter();
         row.anytime = budgets.map(|budget| anytime(found, budget)).collect();
         row
     }
+}
+
+/// Fills in what a row says of contacts; its starts are counted already.
+pub(super) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
+    let starts = row.starts.max(1) as f64;
+    let share = |part: usize| part as f64 / starts;
+    let late_fouls = found.clone().filter(|found| found.foul_before_contact);
+    let contacts: Vec<f64> = found.clone().filter_map(|f| f.closing_speed_mps).collect();
+    row.foul_before_contact_rate = Some(share(late_fouls.count()));
+    row.contact_rate = share(contacts.len());
+    row.closing_speed_mps = ClosingSpeed::of(contacts);
 }
 
 /// One worker: the bench asked for and, for pre-screening, a cheap one.

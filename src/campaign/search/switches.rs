@@ -25,16 +25,17 @@ pub(super) fn solve(
     let mut confirmer = Confirmer::new(request.scenario, (start, noise), index, watch);
     let mut found = Found::default();
     let mut accept = |actions: &[usize]| {
-        let (success, closing_speed_mps) = confirmer.confirm(actions);
+        let played = confirmer.confirm(actions);
         if cheap.is_some() {
             found.simulations += 1;
-            found.unconfirmed += u64::from(!success);
+            found.unconfirmed += u64::from(!played.success);
         }
-        if success {
-            found.closing_speed_mps = closing_speed_mps;
+        if played.success {
+            found.closing_speed_mps = played.closing_speed_mps;
+            found.foul_before_contact = played.foul_before_contact;
             found.actions = Some(actions.to_vec());
         }
-        match success || MAX_CONFIRMATIONS <= found.simulations {
+        match played.success || MAX_CONFIRMATIONS <= found.simulations {
             true => Next::Stop,
             false => Next::Continue,
         }
@@ -239,8 +240,8 @@ impl Confirmer<'_> {
         }
     }
 
-    /// Whether `actions`, the last one held, succeed; and the closing speed.
-    fn confirm(&mut self, actions: &[usize]) -> (bool, Option<f64>) {
+    /// Plays `actions`, the last one held, to contact or the horizon.
+    fn confirm(&mut self, actions: &[usize]) -> Confirmed {
         let pairs = self.actions.iter().zip(actions);
         let shared = pairs.take_while(|(a, b)| a == b).count();
         self.actions.truncate(shared);
@@ -251,13 +252,13 @@ impl Confirmer<'_> {
             self.benches.push(root);
         }
         let Some(&last) = actions.last() else {
-            return (false, None);
+            return Confirmed::default();
         };
         let rest = actions[shared..].iter().copied();
         let mut rest = rest.chain(std::iter::repeat(last));
         while let (Some(here), Some(action)) = (self.benches.last(), rest.next()) {
             if here.is_done() {
-                let (fault, outcome) = (here.fault().cloned(), outcome(here));
+                let (fault, outcome) = (here.fault().cloned(), Confirmed::on(here));
                 self.note(fault);
                 return outcome;
             }
@@ -270,29 +271,37 @@ impl Confirmer<'_> {
             self.benches.push(next);
         }
         // Invariant: the root is always there and `rest` never ends.
-        (false, None)
+        Confirmed::default()
     }
 
     /// The same from the start, where the ego cannot be copied; as often as the
     /// world asks, since such an ego may answer otherwise the next time.
-    fn replay(&mut self, actions: &[usize]) -> (bool, Option<f64>) {
+    fn replay(&mut self, actions: &[usize]) -> Confirmed {
         let Repeats { runs, gate } = self.scenario.repeats;
-        let (mut failures, mut closing_speed_mps) = (0, None);
+        let (mut failures, mut shown) = (0, Confirmed::default());
         for _ in 0..runs.max(1) {
             let Some(bench) = self.benches.first_mut() else {
-                return (false, None);
+                return Confirmed::default();
             };
             let mut replay = Replay::holding(actions);
             let episode = play(bench, self.start, self.noise, &mut replay, Aftermath::Play);
             self.physics_steps += episode.physics_steps;
-            let (fails, closing) = outcome(bench);
-            failures += u32::from(fails);
-            closing_speed_mps = closing_speed_mps.or(closing);
+            let played = Confirmed::on(bench);
+            failures += u32::from(played.success);
+            // The first failure that ends in contact stands for all.
+            if shown.closing_speed_mps.is_none() {
+                shown = played;
+            }
             bench.begin(self.start, self.noise, Aftermath::Play);
             self.note(episode.fault);
         }
-        let fails = gate.max(1) <= failures;
-        (fails, closing_speed_mps.filter(|_| fails))
+        match gate.max(1) <= failures {
+            true => Confirmed {
+                success: true,
+                ..shown
+            },
+            false => Confirmed::default(),
+        }
     }
 
     fn note(&mut self, fault: Option<Fault>) {
@@ -303,8 +312,23 @@ impl Confirmer<'_> {
     }
 }
 
-fn outcome(bench: &Testbench) -> (bool, Option<f64>) {
-    let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
-    let touch = bench.contact().filter(|_| success);
-    (success, touch.map(|touch| touch.closing_speed_mps))
+/// How a sequence fared on the plant asked for.
+#[derive(Default)]
+struct Confirmed {
+    success: bool,
+    closing_speed_mps: Option<f64>,
+    foul_before_contact: bool,
+}
+
+impl Confirmed {
+    fn on(bench: &Testbench) -> Confirmed {
+        let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
+        let touch = bench.contact().filter(|_| success);
+        let rules = bench.rules_until_contact();
+        Confirmed {
+            success,
+            closing_speed_mps: touch.map(|touch| touch.closing_speed_mps),
+            foul_before_contact: rules.is_some_and(|rules| !rules.is_kept()),
+        }
+    }
 }

@@ -69,6 +69,7 @@ impl<'a> Trials<'a> {
         }
         let episode = self.simulate(actor);
         if episode.verdict.is_success() && self.fails_again(&episode.actions) {
+            self.found.foul_before_contact = episode.is_foul_before_contact();
             self.found.actions = Some(episode.actions);
             self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
             return None;
