@@ -1,10 +1,21 @@
 //! Kept counterexamples replay bit for bit, on any x86-64 machine.
 
-use brakecheck::campaign::Regressions;
+use std::sync::Arc;
+
+use brakecheck::campaign::{Kept, Regressions};
+use brakecheck::run::{digests_of, trace_of_csv};
+use brakecheck::scenario::Scenario;
+use brakecheck::stl::Scratch;
+use brakecheck::trace::Trace;
 
 fn kept() -> Regressions {
     let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions");
     Regressions::load(dir).expect("kept counterexamples")
+}
+
+fn name(kept: &Kept) -> String {
+    let stem = kept.path.file_stem().expect("a file");
+    stem.to_string_lossy().into_owned()
 }
 
 #[test]
@@ -18,16 +29,112 @@ fn they_still_fail_the_ego_they_were_recorded_with() {
     assert!(error.to_string().contains("still fails"), "{error}");
 }
 
+/// The world in a file, and the samples beside it as that world's signals.
+fn recorded(kept: &Kept) -> (Scenario, Trace) {
+    let world = kept.counterexample.scenario(&kept.path).expect("a world");
+    let csv = std::fs::read_to_string(kept.path.with_extension("csv")).expect("samples");
+    let stored = trace_of_csv(&csv, None).expect("samples");
+    let schema = world.world().schema();
+    let mut trace = Trace::new(Arc::clone(schema));
+    let columns = schema.signals().iter();
+    let columns: Vec<&[f64]> = columns
+        .map(|signal| stored.signal(&signal.name).expect("recorded"))
+        .collect();
+    for sample in 0..stored.len() {
+        let row: Vec<f64> = columns.iter().map(|column| column[sample]).collect();
+        trace.push(&row).expect("finite");
+    }
+    assert_eq!(digests_of(&trace), kept.counterexample.digests);
+    (world, trace)
+}
+
 #[test]
-fn every_one_is_a_violation_with_a_contact_and_all_rules_kept() {
+fn every_one_violates_the_specification_with_every_rule_kept_until_then() {
+    let mut scratch = Scratch::new();
     for kept in kept().kept() {
-        let counterexample = &kept.counterexample;
-        assert!(
-            counterexample.verdict.is_success(),
-            "{}",
-            kept.path.display()
+        let (world, mut trace) = recorded(kept);
+        let (name, file, book) = (name(kept), &kept.counterexample, world.rulebook());
+        trace.truncate(file.judged);
+        assert_eq!(trace.len(), file.judged, "{name}");
+        assert_eq!(
+            book.judge_whole(&trace, &mut scratch),
+            file.verdict,
+            "{name}"
         );
-        assert!(counterexample.robustness < 0.0);
-        assert!(!counterexample.digests.is_empty());
+        let robustness = book.spec.robustness(&trace, &mut scratch);
+        assert!(robustness < 0.0 && robustness == file.robustness, "{name}");
+        assert!(!book.rules.is_empty(), "{name}");
+        for rule in &book.rules {
+            let margin = rule.monitor.robustness(&trace, &mut scratch);
+            assert!(0.0 < margin, "{name}: `{}` {margin}", rule.name);
+        }
+        // No sample earlier the verdict was open.
+        trace.truncate(file.judged - 1);
+        let before = book.judge_whole(&trace, &mut scratch);
+        assert!(!before.is_success(), "{name}: {before:?}");
+    }
+}
+
+/// Which of them end in contact, and whether the rules held up to it.
+const CONTACTS: &str = "\
+acc-2D-plant-0002: kept
+acc-nominal-0001: kept
+acc-nominal-0002: kept
+acc-wet-road-0001: kept
+bend-3D-plant-0001: no contact
+bend-nominal-0001: no contact
+cut_in-nominal-0000: kept
+cut_in-nominal-0001: kept
+grid-hard-nominal-cells-0-0000: kept
+grid-hard-nominal-cells-0-0001: kept
+light_ado-nominal-0000: no contact
+light_ado-nominal-0001: no contact
+merge-nominal-0000: kept
+merge-nominal-0001: no contact
+merge_fair-nominal-0000: kept
+merge_fair-nominal-0001: kept
+pedestrian-nominal-0001: no contact
+pedestrian-nominal-0004: no contact
+sandwich-nominal-0000: kept
+sandwich-nominal-0001: kept
+yellow_light-nominal-0001: no contact
+yellow_light-nominal-0003: no contact
+";
+
+#[test]
+fn those_with_a_contact_keep_or_break_their_rules_until_it_as_listed() {
+    let mut listed = String::new();
+    for replayed in kept().replay().expect("replayed") {
+        let stem = replayed.path.file_stem().expect("a file").to_string_lossy();
+        let episode = &replayed.episode;
+        let rules = episode.rules_until_contact.as_ref();
+        assert_eq!(episode.contact.is_some(), rules.is_some(), "{stem}");
+        listed.push_str(&match rules {
+            None => format!("{stem}: no contact\n"),
+            Some(rules) => format!("{stem}: {rules}\n"),
+        });
+    }
+    assert_eq!(listed, CONTACTS, "\n{listed}");
+}
+
+#[test]
+fn the_recorded_samples_say_the_same_of_the_rules_until_contact() {
+    let regressions = kept();
+    let replayed = regressions.replay().expect("replayed");
+    for (kept, replayed) in regressions.kept().iter().zip(replayed) {
+        let Some(rules) = replayed.episode.rules_until_contact else {
+            continue;
+        };
+        let (world, trace) = recorded(kept);
+        let samples = world.world().clock().samples();
+        let mut row = vec![0.0; trace.schema().len()];
+        let lost = world.rulebook().rules.iter().any(|rule| {
+            let mut monitor = rule.monitor.online_for(samples);
+            (0..trace.len()).any(|sample| {
+                trace.read_row(sample, &mut row);
+                monitor.push(&row).hi <= 0.0
+            })
+        });
+        assert_eq!(lost, !rules.is_kept(), "{}", name(kept));
     }
 }
