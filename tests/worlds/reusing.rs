@@ -102,6 +102,10 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         assert_eq!(of(CONDITIONAL).told.as_deref(), Some(told));
         assert_eq!(of(ADAPTED).told.as_deref(), Some("adapted"));
         assert_eq!(of(ADAPTED).sims_per_start, 1.0);
+        // Contacts are those of the simulations that were counted.
+        for searched in ["search, held, 10", "search, held, 30"].map(of) {
+            assert!(searched.contact_rate <= searched.success_rate);
+        }
         assert!(of("search, held, 10").sims_per_start <= 10.0);
     }
     // Softer brakes that identification does not know of, and quantities in

@@ -4,7 +4,7 @@ use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SWITCHES, Trio, held_w
 use crate::campaign::Watch;
 use crate::campaign::eval::{Ado, EvalRequest, TestStarts, best_constant, count_solved, eval};
 use crate::campaign::heuristic::Heuristic;
-use crate::campaign::search::{Found, Method, SearchRequest, Searched, search};
+use crate::campaign::search::{Found, Method, SearchRequest, Searched, count_contacts, search};
 use crate::campaign::tries::{Tries, other_members};
 use crate::rl::Policy;
 use crate::run::{Row, RunDir, RunError, Stored};
@@ -138,6 +138,8 @@ fn cut(searched: &Searched, budget: u64) -> Row {
     count_solved(&mut row);
     let spent: u64 = searched.found.iter().flatten().map(|f| within(f).0).sum();
     row.sims_per_start = spent as f64 / row.starts.max(1) as f64;
+    let found = searched.found.iter().flatten();
+    count_contacts(&mut row, found.filter(|found| within(found).1));
     row.method = format!("hold, {budget} simulations");
     row.anytime.clear();
     row
