@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::interval::two_level_bootstrap;
+use super::interval::seeds_interval;
 use crate::rulebook::Verdict;
 use crate::scenario::Repeats;
 use crate::testbench::Episode;
@@ -51,7 +51,7 @@ impl Repeated {
             runs,
             gate,
             failing_share: failing as f64 / (failing + held).max(1) as f64,
-            ci95: two_level_bootstrap(&all),
+            ci95: seeds_interval(&all),
             differing: starts.iter().filter(|start| start.differs).count(),
         })
     }
