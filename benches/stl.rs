@@ -220,7 +220,7 @@ mod online {
         bencher.bench_local(|| {
             online.reset();
             for (x, y) in x.iter().zip(y) {
-                black_box(online.push(&[*x, *y]));
+                black_box(online.push(&[*x, *y]).unwrap());
             }
         });
     }

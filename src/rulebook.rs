@@ -12,7 +12,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::stl::{Monitor, OnlineMonitor, Scratch};
-use crate::trace::Trace;
+use crate::trace::{RowError, Trace};
 
 /// When an episode ends and what is judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -327,6 +327,8 @@ impl Judge {
     /// Reads the newest sample, `row`, the last one of `trace`.
     ///
     /// `stop` says that no further sample will come; a verdict is certain then.
+    /// Judged sample by sample, a row that is none (a NaN, another length)
+    /// makes the episode invalid.
     pub fn push(
         &mut self,
         rulebook: &Rulebook,
@@ -345,22 +347,27 @@ impl Judge {
     /// The verdict stands. Under [`JudgeKind::WholeRun`] nothing comes after it.
     pub fn push_after(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
         match rulebook.judge {
-            JudgeKind::UntilViolation => self.broken_at(rulebook, row),
+            // A row that is no sample was refused by the trace: none comes here.
+            JudgeKind::UntilViolation => self.broken_at(rulebook, row).ok().flatten(),
             JudgeKind::WholeRun => None,
         }
     }
 
     /// The most important rule that no further sample can save.
-    fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
+    ///
+    /// # Errors
+    /// The row is no sample.
+    fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Result<Option<usize>, RowError> {
         let mut broken: Option<usize> = None;
         for (i, rule) in self.rules.iter_mut().enumerate() {
-            let lost = rule.push(row).hi <= 0.0;
+            let now = rule.push(row)?;
+            let lost = now.hi <= 0.0;
             let outranks = |b: usize| rulebook.rules[i].priority < rulebook.rules[b].priority;
             if lost && broken.is_none_or(outranks) {
                 broken = Some(i);
             }
         }
-        broken
+        Ok(broken)
     }
 
     fn until_violation(
@@ -370,8 +377,14 @@ impl Judge {
         row: &[f64],
         stop: Option<Stop>,
     ) -> Option<Verdict> {
-        let broken = self.broken_at(rulebook, row);
-        self.spec_lost |= self.spec.push(row).hi < 0.0;
+        // What is no sample was never driven, and is nobody's success.
+        let Ok(broken) = self.broken_at(rulebook, row) else {
+            return Some(Verdict::Invalid);
+        };
+        let Ok(now) = self.spec.push(row) else {
+            return Some(Verdict::Invalid);
+        };
+        self.spec_lost |= now.hi < 0.0;
         if let Some(rule) = broken {
             return Some(rulebook.foul(rule));
         }
@@ -399,6 +412,52 @@ impl Judge {
         let margin = rulebook.spec.robustness(trace, &mut self.scratch);
         Verdict::Held {
             margin: margin.max(0.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stl::{Constants, Formula};
+    use crate::trace::{Schema, Signal};
+
+    /// The trace refuses such a row first; should one come by all the same, a
+    /// run that had been lost is not a success, nor one that had been kept.
+    #[test]
+    fn a_row_that_is_no_sample_is_nobodys_success() {
+        let signal = Signal::real("x", "m", "where");
+        let schema = Schema::new(1.0, [signal]).expect("a schema");
+        let bind = |text: &str| {
+            let formula: Formula = text.parse().expect("a formula");
+            formula.bind(&schema, &Constants::new()).expect("bound")
+        };
+        let rule = Rule {
+            name: "stays".to_owned(),
+            ado: "ado".to_owned(),
+            priority: 0,
+            monitor: bind("always (x < 9)"),
+        };
+        let book = |rules: Vec<Rule>| Rulebook {
+            spec: bind("always[0, 3] (x >= 0)"),
+            rules,
+            judge: JudgeKind::UntilViolation,
+            reward: Reward::default(),
+        };
+        for rulebook in [book(vec![rule]), book(Vec::new())] {
+            for row in [&[f64::NAN][..], &[f64::INFINITY], &[], &[-5.0, 1.0]] {
+                let mut trace = Trace::new(schema.clone().into());
+                let mut judge = Judge::new(&rulebook, 4);
+                trace.push(&[-5.0]).expect("finite");
+                for stop in [None, Some(Stop::Horizon), Some(Stop::Contact)] {
+                    judge.reset();
+                    let verdict = judge.push(&rulebook, &trace, row, stop);
+                    assert_eq!(verdict, Some(Verdict::Invalid), "{row:?}");
+                }
+                judge.reset();
+                let verdict = judge.push(&rulebook, &trace, &[-5.0], None);
+                assert_eq!(verdict, Some(Verdict::Counterexample { by: 5.0 }));
+            }
         }
     }
 }

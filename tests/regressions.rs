@@ -132,7 +132,7 @@ fn the_recorded_samples_say_the_same_of_the_rules_until_contact() {
             let mut monitor = rule.monitor.online_for(samples);
             (0..trace.len()).any(|sample| {
                 trace.read_row(sample, &mut row);
-                monitor.push(&row).hi <= 0.0
+                monitor.push(&row).expect("a sample").hi <= 0.0
             })
         });
         assert_eq!(lost, !rules.is_kept(), "{}", name(kept));

@@ -14,6 +14,8 @@ mod laws;
 mod naive;
 #[path = "stl/online.rs"]
 mod online;
+#[path = "stl/undefined.rs"]
+mod undefined;
 #[path = "stl/vectors.rs"]
 mod vectors;
 

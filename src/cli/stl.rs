@@ -86,8 +86,8 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     let monitor = monitor.map_err(in_formula)?;
     let mut scratch = Scratch::default();
     let robustness = monitor.robustness(&trace, &mut scratch);
-    // "Satisfied" is ρ ≥ 0; a rule is "kept" only when ρ > 0.
-    let satisfied = 0.0 <= robustness;
+    // At ρ = 0 the formula itself decides; a rule is "kept" only when ρ > 0.
+    let satisfied = monitor.satisfied(&trace, &mut scratch);
     let all = args.all.then(|| monitor.robustness_all(&trace));
     let explanation = args.explain.then(|| monitor.explain(&trace));
     if args.common.json {

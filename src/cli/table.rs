@@ -195,7 +195,9 @@ fn bounds(rows: &[Row]) -> String {
         // An upper bound is rounded up.
         let bound = (1000.0 * bound).ceil() / 10.0;
         let names = names.join(", ");
-        format!("\n{names}: no success in {starts}, so at most {bound:.1} % at 95 %, for these starts")
+        format!(
+            "\n{names}: no success in {starts}, so at most {bound:.1} % at 95 %, for these starts"
+        )
     });
     lines.collect()
 }
@@ -266,7 +268,10 @@ mod tests {
             "\nhold, random: no success in 284, so at most 1.1 % at 95 %, for these starts\
              \nsearch: no success in 50, so at most 5.9 % at 95 %, for these starts"
         );
-        let two_egos = [row("nominal", "hold", (0, 100)), row("van", "hold", (0, 100))];
+        let two_egos = [
+            row("nominal", "hold", (0, 100)),
+            row("van", "hold", (0, 100)),
+        ];
         assert_eq!(
             bounds(&two_egos),
             "\nhold on nominal, hold on van: no success in 100, so at most 3.0 % at 95 %, for these starts"

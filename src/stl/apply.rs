@@ -4,7 +4,7 @@
 //! every operand has a lower and an upper bound at every sample; where all is
 //! known they are the same slice. Offline and online monitors share this file.
 
-use super::kernel::{self, Extremum, Max, Min, Tail, View, Window, merge};
+use super::kernel::{self, Extremum, Max, Min, Tail, View, Window, merge, opposite};
 use super::program::{Edge, Gate, Op, Side, Strength};
 use super::settings::Until;
 
@@ -129,7 +129,7 @@ pub(crate) fn apply(
         Op::Constant(_) | Op::Leaf(_) => {}
         Op::Not(_) => {
             for (out, value) in out.iter_mut().zip(a_there.from(from)) {
-                *out = -value;
+                *out = opposite(*value);
             }
         }
         Op::Gate(gate, ..) => {
@@ -168,19 +168,22 @@ pub(crate) fn apply(
             kernel::since(a_here, goal, window, from, out, &mut work.window);
         }
         Op::Edge(edge, _) => {
-            for (i, out) in out.iter_mut().enumerate() {
-                let now = from + i;
-                let (before, sign) = match edge {
-                    Edge::Rise => (a_there, 1.0),
-                    Edge::Fall => (a_here, -1.0),
-                };
-                let current = if edge == Edge::Rise { a_here } else { a_there };
-                let before = now
-                    .checked_sub(1)
-                    .and_then(|t| before.at(t))
-                    .map_or(f64::INFINITY, |v| -sign * v);
-                let current = current.at(now).map_or(f64::NEG_INFINITY, |v| sign * v);
-                *out = Min::pick(before, current);
+            // At a rise the operand holds now and failed before; at a fall
+            // its opposite does.
+            let (now, before) = match edge {
+                Edge::Rise => (a_here, a_there),
+                Edge::Fall => (a_there, a_here),
+            };
+            let flip = |value: f64, at: Edge| match edge == at {
+                true => opposite(value),
+                false => value,
+            };
+            for (t, out) in (from..).zip(out) {
+                let earlier = t.checked_sub(1).and_then(|t| before.at(t));
+                let earlier = earlier.map_or(f64::INFINITY, |v| flip(v, Edge::Rise));
+                let current = now.at(t);
+                let current = current.map_or(f64::NEG_INFINITY, |v| flip(v, Edge::Fall));
+                *out = Min::pick(earlier, current);
             }
         }
     }

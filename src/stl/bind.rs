@@ -13,6 +13,7 @@ use super::number::Ratio;
 use super::program::{Edge, Gate, Id, Op, Program, Side, Strength};
 use super::settings::{Names, Settings};
 use super::syntax::{Arithmetic, Binary, Comparison, Kind, Node, Term, TermKind, Unary};
+use super::undefined;
 
 mod times;
 
@@ -38,21 +39,16 @@ pub(crate) fn bind(
         );
         StlError::new(what, 0..0, "cannot be sampled")
     })?;
-    let program = Program {
-        instructions: Vec::new(),
-        width: schema.len(),
-        dt_s: schema.dt_s(),
-    };
     let mut binder = Binder {
         scope: Scope { schema, names },
         settings,
         period,
-        program,
+        program: Program::new(schema),
         open: Vec::new(),
         depth: 0,
     };
     binder.node(root)?;
-    Ok(binder.program)
+    Ok(undefined::settle(binder.program))
 }
 
 pub(crate) fn bind_term(term: &Term, schema: &Schema, names: &Names) -> Result<Value, StlError> {

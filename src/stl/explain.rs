@@ -25,6 +25,8 @@ use super::settings::Until;
 pub enum Reason {
     /// The last step is a comparison or a Boolean signal.
     Leaf,
+    /// The last step is a comparison whose value is no number, such as 0/0.
+    Undefined,
     /// The last step is `true` or `false`.
     Constant,
     /// The window of the last step holds no sample.
@@ -87,6 +89,7 @@ impl Display for Explanation {
         };
         let why = match self.reason {
             Reason::Leaf | Reason::Constant | Reason::EmptyTrace => "",
+            Reason::Undefined => ", by a comparison whose value is no number",
             Reason::EmptyWindow => ", by a window without a sample",
             Reason::BeyondTheEnd => ", by a window that reaches beyond the trace",
         };
@@ -180,6 +183,9 @@ pub(super) fn explain(monitor: &Monitor, trace: &Trace) -> Explanation {
     }
     if let Op::Leaf(leaf) = &program.get(place.id).op {
         let row = place.sample.min(trace.len() - 1);
+        if leaf.is_undefined(trace, row) {
+            explanation.reason = Reason::Undefined;
+        }
         leaf.signals(&mut |signal| {
             let name = &trace.schema().signals()[signal].name;
             if explanation.signals.iter().all(|(known, _)| known != name) {

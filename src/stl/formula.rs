@@ -182,7 +182,11 @@ impl BoundExpr {
         &self.value
     }
 
-    /// The value in one row; a division by zero gives ±inf or NaN.
+    /// The value in one row.
+    ///
+    /// Arithmetic is that of IEEE 754: a division by zero is ±inf. What is no
+    /// number (0/0, the root of a negative number) stays NaN whatever is done
+    /// with it, in `min`, `max` and `pow` too.
     ///
     /// # Panics
     /// When the row is shorter than the schema it is bound to.

@@ -2,7 +2,8 @@
 //!
 //! Every kernel is written once for both extrema; the other one of a pair is
 //! [`Extremum::Dual`]. Values are never NaN, so a comparison and a select are
-//! enough, and compile to one instruction.
+//! enough, and compile to one instruction. Nor are they ever −0, so equal
+//! values have equal bits and the order of comparisons does not show.
 
 /// Minimum or maximum.
 pub(crate) trait Extremum {
@@ -34,6 +35,12 @@ impl Extremum for Max {
     fn pick(a: f64, b: f64) -> f64 {
         if b < a { a } else { b }
     }
+}
+
+/// The value of the opposite; a plain minus would make −0 of 0.
+#[inline(always)]
+pub(crate) fn opposite(value: f64) -> f64 {
+    0.0 - value
 }
 
 /// The extremum of all values.

@@ -2,7 +2,10 @@
 //!
 //! Both ways do the same operations in the same order, so that a monitor that
 //! is fed sample by sample ends with the same bits as one that sees it all.
+//! For the same reason no margin is −0: which of 0 and −0 a minimum returns
+//! depends on the order of its operands, and orders differ.
 
+use super::kernel::opposite;
 use super::monitor::Interval;
 use super::range::{absolute, negated};
 use super::syntax::{Arithmetic, Comparison, Function};
@@ -46,15 +49,17 @@ impl Value {
             Value::Negative(a) => -a.at(row),
             Value::Calculated(op, sides) => calculate(*op, sides.0.at(row), sides.1.at(row)),
             Value::Call(Function::Min, all) => {
-                all.iter().map(|a| a.at(row)).reduce(smaller).unwrap_or(0.0)
+                all.iter().map(|a| a.at(row)).reduce(least).unwrap_or(0.0)
             }
-            Value::Call(Function::Max, all) => {
-                all.iter().map(|a| a.at(row)).reduce(larger).unwrap_or(0.0)
-            }
+            Value::Call(Function::Max, all) => all
+                .iter()
+                .map(|a| a.at(row))
+                .reduce(greatest)
+                .unwrap_or(0.0),
             Value::Call(function, all) => {
                 let argument = |i: usize| all.get(i).map_or(0.0, |a| a.at(row));
                 match function {
-                    Function::Pow => libm::pow(argument(0), argument(1)),
+                    Function::Pow => power(argument(0), argument(1)),
                     _ => apply(*function, argument(0)),
                 }
             }
@@ -90,13 +95,13 @@ impl Value {
                 }
                 match function {
                     Function::Min => {
-                        all.for_each(|a| a.with(columns, from, len, |b| zip(out, b, smaller)))
+                        all.for_each(|a| a.with(columns, from, len, |b| zip(out, b, least)))
                     }
                     Function::Max => {
-                        all.for_each(|a| a.with(columns, from, len, |b| zip(out, b, larger)))
+                        all.for_each(|a| a.with(columns, from, len, |b| zip(out, b, greatest)))
                     }
                     Function::Pow => {
-                        all.for_each(|a| a.with(columns, from, len, |b| zip(out, b, libm::pow)))
+                        all.for_each(|a| a.with(columns, from, len, |b| zip(out, b, power)))
                     }
                     _ => out.iter_mut().for_each(|v| *v = apply(*function, *v)),
                 }
@@ -140,17 +145,19 @@ impl Value {
     }
 
     /// Whether finite signals can give something that is not a number.
-    fn can_be_nan(&self) -> bool {
+    pub(crate) fn can_be_nan(&self) -> bool {
         match self {
             Value::Number(_) | Value::Signal(_) => false,
             Value::Negative(a) => a.can_be_nan(),
             Value::Call(Function::Abs | Function::Min | Function::Max, all) => {
                 all.iter().any(Value::can_be_nan)
             }
-            // A sum of two signals can be infinite, but not NaN; deeper ones can.
-            Value::Calculated(Arithmetic::Add | Arithmetic::Subtract, sides) => {
-                !(sides.0.is_finite() && sides.1.is_finite())
-            }
+            // A sum or product of two signals can be infinite, but not NaN;
+            // deeper ones can.
+            Value::Calculated(
+                Arithmetic::Add | Arithmetic::Subtract | Arithmetic::Multiply,
+                sides,
+            ) => !(sides.0.is_finite() && sides.1.is_finite()),
             _ => true,
         }
     }
@@ -197,10 +204,31 @@ fn apply(function: Function, a: f64) -> f64 {
     }
 }
 
+/// libm's, so that every machine gives the same bits; but 1 to the power of
+/// what is no number is no number here, nor is that to the power of 0.
+fn power(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() {
+        return f64::NAN;
+    }
+    libm::pow(a, b)
+}
+
+/// The smaller of two numbers; NaN if one of them is none, whichever it is.
+fn least(a: f64, b: f64) -> f64 {
+    if a < b || a.is_nan() { a } else { b }
+}
+
+/// The larger of two numbers; NaN if one of them is none, whichever it is.
+fn greatest(a: f64, b: f64) -> f64 {
+    if b < a || a.is_nan() { a } else { b }
+}
+
+/// The smaller of two margins, which are never NaN.
 pub(crate) fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
+/// The larger of two margins, which are never NaN.
 pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if b < a { a } else { b }
 }
@@ -212,6 +240,7 @@ pub(crate) struct Leaf {
     difference: Value,
     shape: Shape,
     can_be_nan: bool,
+    undefined: Undefined,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -221,6 +250,35 @@ enum Shape {
     Equal,
     NotEqual,
     Boolean,
+}
+
+/// What a comparison counts as where its difference is no number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Undefined {
+    /// The worst for a comparison that counts as it is.
+    Fails,
+    /// The worst under an odd number of negations.
+    Holds,
+}
+
+impl Undefined {
+    pub(crate) fn opposite(self) -> Undefined {
+        match self {
+            Undefined::Fails => Undefined::Holds,
+            Undefined::Holds => Undefined::Fails,
+        }
+    }
+
+    fn answer(self, question: Question) -> f64 {
+        let magnitude = match question {
+            Question::Margin => f64::INFINITY,
+            Question::Truth => 1.0,
+        };
+        match self {
+            Undefined::Fails => -magnitude,
+            Undefined::Holds => magnitude,
+        }
+    }
 }
 
 /// What a leaf is asked for.
@@ -242,13 +300,35 @@ impl Leaf {
             Comparison::Equal => (Shape::Equal, (left, right)),
             Comparison::NotEqual => (Shape::NotEqual, (left, right)),
         };
+        let sides = (unsigned(sides.0, 0.0), unsigned(sides.1, -0.0));
         let difference = Value::Calculated(Arithmetic::Subtract, Box::new(sides));
         let can_be_nan = difference.can_be_nan();
         Leaf {
             difference,
             shape,
             can_be_nan,
+            undefined: Undefined::Fails,
         }
+    }
+
+    /// The same leaf with another answer where its difference is no number.
+    pub(crate) fn counting(&self, undefined: Undefined) -> Leaf {
+        Leaf {
+            undefined,
+            ..self.clone()
+        }
+    }
+
+    /// Whether its difference can be no number for finite signals.
+    pub(crate) fn can_be_undefined(&self) -> bool {
+        self.can_be_nan
+    }
+
+    /// Whether its difference is no number at a sample of the columns.
+    pub(crate) fn is_undefined(&self, columns: &impl Columns, sample: usize) -> bool {
+        let mut difference = [0.0];
+        self.difference.fill(columns, sample, &mut difference);
+        difference[0].is_nan()
     }
 
     pub(crate) fn boolean(signal: usize) -> Leaf {
@@ -256,6 +336,7 @@ impl Leaf {
             difference: Value::Signal(signal),
             shape: Shape::Boolean,
             can_be_nan: false,
+            undefined: Undefined::Fails,
         }
     }
 
@@ -287,15 +368,14 @@ impl Leaf {
             match **sides {
                 (Value::Signal(a), Value::Number(b)) => return row[a] - b,
                 (Value::Number(a), Value::Signal(b)) => return a - row[b],
-                (Value::Signal(a), Value::Signal(b)) => return row[a] - row[b],
+                (Value::Signal(a), Value::Signal(b)) => return row[a] - row[b] + 0.0,
                 _ => {}
             }
         }
         let margin = self.shape.margin(self.difference.at(row));
-        if margin.is_nan() {
-            f64::NEG_INFINITY
-        } else {
-            margin
+        match margin.is_nan() {
+            true => self.undefined.answer(Question::Margin),
+            false => margin,
         }
     }
 
@@ -307,24 +387,31 @@ impl Leaf {
         from: usize,
         out: &mut [f64],
     ) {
+        let shape = self.shape;
         for (i, out) in out.chunks_mut(CHUNK).enumerate() {
             self.difference.fill(columns, from + i * CHUNK, out);
-            let shape = self.shape;
-            match question {
-                Question::Truth => out.iter_mut().for_each(|v| *v = shape.truth(*v)),
-                Question::Margin => match shape {
-                    Shape::AtLeast | Shape::MoreThan => {}
-                    Shape::Equal => out.iter_mut().for_each(|v| *v = -v.abs()),
-                    Shape::NotEqual => out.iter_mut().for_each(|v| *v = v.abs()),
-                    Shape::Boolean => out.iter_mut().for_each(|v| *v = Shape::Boolean.margin(*v)),
-                },
+            match (question, shape) {
+                (Question::Truth, _) => each(out, |d| shape.truth(d)),
+                (_, Shape::AtLeast | Shape::MoreThan) if self.is_its_difference() => {}
+                (_, Shape::AtLeast | Shape::MoreThan) => each(out, |d| Shape::AtLeast.margin(d)),
+                (_, Shape::Equal) => each(out, |d| Shape::Equal.margin(d)),
+                (_, Shape::NotEqual) => each(out, |d| Shape::NotEqual.margin(d)),
+                (_, Shape::Boolean) => each(out, |d| Shape::Boolean.margin(d)),
             }
-            if self.can_be_nan && question == Question::Margin {
-                // What cannot be computed does not hold.
-                out.iter_mut()
-                    .for_each(|v| *v = if v.is_nan() { f64::NEG_INFINITY } else { *v });
+            if self.can_be_nan {
+                let undefined = self.undefined.answer(question);
+                each(out, |v| if v.is_nan() { undefined } else { v });
             }
         }
+    }
+
+    /// Whether the margin is the difference, bit for bit: it is never −0.
+    fn is_its_difference(&self) -> bool {
+        let Value::Calculated(_, sides) = &self.difference else {
+            return false;
+        };
+        let one_is_number = matches!(**sides, (Value::Number(_), _) | (_, Value::Number(_)));
+        matches!(self.shape, Shape::AtLeast | Shape::MoreThan) && one_is_number
     }
 
     pub(crate) fn signals(&self, visit: &mut impl FnMut(usize)) {
@@ -332,11 +419,28 @@ impl Leaf {
     }
 }
 
+/// A side of a comparison; a constant zero gets the sign of `zero`.
+///
+/// `x − y` is −0 only for x = −0 and y = 0, so with 0 on the left and −0 on
+/// the right a difference with a constant never is, at no cost.
+fn unsigned(side: Value, zero: f64) -> Value {
+    match side {
+        Value::Number(0.0) => Value::Number(zero),
+        side => side,
+    }
+}
+
+fn each(out: &mut [f64], answer: impl Fn(f64) -> f64) {
+    out.iter_mut().for_each(|v| *v = answer(*v));
+}
+
+/// What is no number stays none; the leaf knows what it counts as.
 impl Shape {
     fn margin(self, difference: f64) -> f64 {
         match self {
-            Shape::AtLeast | Shape::MoreThan => difference,
-            Shape::Equal => -difference.abs(),
+            // Adding 0 makes 0 of −0 and leaves everything else as it is.
+            Shape::AtLeast | Shape::MoreThan => difference + 0.0,
+            Shape::Equal => opposite(difference.abs()),
             Shape::NotEqual => difference.abs(),
             Shape::Boolean if difference != 0.0 => f64::INFINITY,
             Shape::Boolean => f64::NEG_INFINITY,
@@ -344,12 +448,14 @@ impl Shape {
     }
 
     fn truth(self, difference: f64) -> f64 {
+        if difference.is_nan() {
+            return difference;
+        }
         let holds = match self {
             Shape::AtLeast => 0.0 <= difference,
             Shape::MoreThan => 0.0 < difference,
             Shape::Equal => difference == 0.0,
-            // NaN differs from everything, and still does not hold.
-            Shape::NotEqual => difference < 0.0 || 0.0 < difference,
+            Shape::NotEqual => difference != 0.0,
             Shape::Boolean => difference != 0.0,
         };
         if holds { 1.0 } else { -1.0 }

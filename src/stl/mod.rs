@@ -3,8 +3,11 @@
 //! A text is read into a [`Formula`], bound to the signals of a
 //! [`Schema`](crate::trace::Schema) and to named constants as a [`Monitor`],
 //! and then turns traces into numbers: the robustness ρ, how far the trace is
-//! from changing the verdict. Everything that can be wrong is wrong before
-//! there is a [`Monitor`]; evaluating one cannot fail.
+//! from changing the verdict. Everything that can be wrong with a formula is
+//! wrong before there is a [`Monitor`]; evaluating one on a trace of its
+//! schema cannot fail, and a NaN never gets as far as a verdict: traces and
+//! online monitors refuse one, and a comparison that has none counts for the
+//! worst.
 //!
 //! The language and its semantics are a table in `docs/stl.md`.
 //!
@@ -23,7 +26,7 @@
 //! let mut online = monitor.online();
 //! for headway in [9.0, 6.5, 5.2] {
 //!     trace.push(&[headway])?;
-//!     println!("{:?}", online.push(&[headway]));
+//!     println!("{:?}", online.push(&[headway])?);
 //! }
 //! assert_eq!(monitor.robustness(&trace, &mut Scratch::new()), 0.5);
 //! assert!(online.interval().is_final());
@@ -49,6 +52,7 @@ mod secondary;
 mod settings;
 mod syntax;
 mod token;
+mod undefined;
 
 pub use error::StlError;
 pub use explain::{Explanation, Reason, Step};

@@ -1,8 +1,9 @@
 //! Monitors: a trace to its robustness.
 
+use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
 
-use crate::trace::Trace;
+use crate::trace::{Schema, Trace};
 
 use super::apply::Reading;
 use super::explain::{Explanation, explain};
@@ -81,15 +82,17 @@ impl Monitor {
     /// its robustness is −inf (−ρ_max where clamped).
     ///
     /// # Panics
-    /// When the trace has another number of signals than the bound schema.
+    /// When the trace has other signals than the bound schema, by name or by
+    /// order, or another sampling period. Units and kinds are not compared.
     pub fn robustness(&self, trace: &Trace, scratch: &mut Scratch) -> f64 {
         self.check(trace);
         self.clamp(self.value(trace, trace.len(), Question::Margin, scratch))
     }
 
-    /// Whether the formula holds at sample 0; here `>` and `>=` differ.
+    /// Whether the formula holds at sample 0: the verdict, ties included.
     ///
-    /// An empty trace satisfies nothing.
+    /// ρ > 0 is yes and ρ < 0 is no. At ρ = 0 the comparisons decide: `x >= 2`
+    /// holds at x = 2 and `x > 2` does not. An empty trace satisfies nothing.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -273,13 +276,22 @@ impl Monitor {
     }
 
     pub(crate) fn check(&self, trace: &Trace) {
+        let bound = &self.program.schema;
         assert!(
-            trace.schema().len() == self.program.width && trace.dt_s() == self.program.dt_s,
-            "a monitor for {} signals every {} s, a trace of {} every {} s",
-            self.program.width,
-            self.program.dt_s,
-            trace.schema().len(),
-            trace.dt_s(),
+            bound.has_rows_of(trace.schema()),
+            "a monitor for {} met a trace of {}",
+            Rows(bound),
+            Rows(trace.schema()),
         );
+    }
+}
+
+/// What a monitor goes by: the signals in order and the sampling period.
+struct Rows<'a>(&'a Schema);
+
+impl Display for Rows<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let names: Vec<&str> = self.0.names().collect();
+        write!(f, "[{}] every {} s", names.join(", "), self.0.dt_s())
     }
 }

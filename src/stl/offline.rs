@@ -1,7 +1,7 @@
 //! Robustness of a whole trace: only the samples that matter, each once.
 
 use super::apply::{Bound, Operand, Reading, Work, apply, combine};
-use super::kernel::{Extremum, Max, Min, Tail, View, Window, fold};
+use super::kernel::{Extremum, Max, Min, Tail, View, Window, fold, opposite};
 use super::leaf::{CHUNK, Columns, Question};
 use super::program::{Id, Op, Program, Side};
 
@@ -69,38 +69,100 @@ pub(crate) struct Evaluation<'a, C> {
 impl<C: Columns> Evaluation<'_, C> {
     /// The bounds of `id` at the samples `from .. to`, at least one.
     pub(crate) fn run(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        match self.program.is_tree() {
+            true => self.descend(id, from, to),
+            false => self.ascend(id, from, to),
+        }
+    }
+
+    /// Every operator once, operands first: what is shared would be worked out
+    /// anew on every way down to it, and ways double from level to level.
+    fn ascend(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        let program = self.program;
+        let last = self.reading.known - 1;
+        let mut reached: Vec<Option<(usize, usize)>> = vec![None; id];
+        reached.push(Some((from, to - 1)));
+        for id in (0..=id).rev() {
+            let Some((from, to)) = reached[id] else {
+                continue;
+            };
+            let op = &program.get(id).op;
+            let (from, to) = self.reach(op, from, to, last);
+            for operand in op.operands() {
+                let (first, end) = reached[operand].unwrap_or((from, to));
+                reached[operand] = Some((first.min(from), end.max(to)));
+            }
+        }
+        let mut done: Vec<Option<Stretch>> = Vec::with_capacity(id + 1);
+        for (id, reached) in reached.into_iter().enumerate() {
+            let stretch = reached.map(|(from, to)| {
+                let mut operands = program.get(id).op.operands();
+                let mut operand = || operands.next().and_then(|id| done[id].as_ref());
+                match (operand(), operand()) {
+                    (Some(a), b) => self.operator(id, from, to + 1, (a, b.unwrap_or(a))),
+                    _ => self.pointwise(id, from, to + 1),
+                }
+            });
+            done.push(stretch);
+        }
+        let whole = done.pop().flatten();
+        done.into_iter().flatten().for_each(|s| self.give_back(s));
+        // Invariant: the last one was asked for.
+        whole.unwrap_or_else(|| self.pointwise(id, from, to))
+    }
+
+    fn pointwise(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        let mut lower = self.scratch.take(to - from);
+        for (i, out) in lower.chunks_mut(CHUNK).enumerate() {
+            self.fill(id, from + i * CHUNK, out);
+        }
+        Stretch {
+            first: from,
+            lower,
+            upper: None,
+        }
+    }
+
+    fn descend(&mut self, id: Id, from: usize, to: usize) -> Stretch {
         let program = self.program;
         let instruction = program.get(id);
-        let mut lower = self.scratch.take(to - from);
         if instruction.pointwise {
-            for (i, out) in lower.chunks_mut(CHUNK).enumerate() {
-                self.fill(id, from + i * CHUNK, out);
-            }
-            return Stretch {
-                first: from,
-                lower,
-                upper: None,
-            };
+            return self.pointwise(id, from, to);
         }
         if let (Op::Ahead(side, window, child), 1) = (&instruction.op, to - from)
             && program.get(*child).pointwise
         {
-            return self.scan(*side, *window, *child, from, lower);
+            return self.scan(*side, *window, *child, from);
         }
         let mut operands = instruction.op.operands();
         let last = self.reading.known - 1;
         let (start, end) = self.reach(&instruction.op, from, to - 1, last);
-        let a = operands.next().map(|a| self.run(a, start, end + 1));
-        let b = operands.next().map(|b| self.run(b, start, end + 1));
+        let a = operands.next().map(|a| self.descend(a, start, end + 1));
+        let b = operands.next().map(|b| self.descend(b, start, end + 1));
         // Invariant: what is not pointwise has an operand.
         let Some(a) = a else {
-            return Stretch {
-                first: from,
-                lower,
-                upper: None,
-            };
+            return self.pointwise(id, from, to);
         };
-        let pair = (a.operand(), b.as_ref().unwrap_or(&a).operand());
+        let stretch = self.operator(id, from, to, (&a, b.as_ref().unwrap_or(&a)));
+        self.give_back(a);
+        if let Some(b) = b {
+            self.give_back(b);
+        }
+        stretch
+    }
+
+    /// One operator, from its operands (both the same where it has one).
+    fn operator(
+        &mut self,
+        id: Id,
+        from: usize,
+        to: usize,
+        (a, b): (&Stretch, &Stretch),
+    ) -> Stretch {
+        let program = self.program;
+        let instruction = program.get(id);
+        let pair = (a.operand(), b.operand());
+        let mut lower = self.scratch.take(to - from);
         let mut upper = None;
         if !self.reading.is_exact() && !program.is_instant(id) {
             let mut out = self.scratch.take(to - from);
@@ -124,10 +186,6 @@ impl<C: Columns> Evaluation<'_, C> {
             &mut lower,
             &mut self.scratch.work,
         );
-        self.give_back(a);
-        if let Some(b) = b {
-            self.give_back(b);
-        }
         Stretch {
             first: from,
             lower,
@@ -175,7 +233,7 @@ impl<C: Columns> Evaluation<'_, C> {
             }
             Op::Not(a) => {
                 self.fill(*a, from, out);
-                out.iter_mut().for_each(|value| *value = -*value);
+                out.iter_mut().for_each(|value| *value = opposite(*value));
             }
             Op::Gate(gate, a, b) => {
                 let mut left = self.scratch.take(CHUNK);
@@ -200,14 +258,8 @@ impl<C: Columns> Evaluation<'_, C> {
     }
 
     /// always / eventually at one sample: a single pass without temporaries.
-    fn scan(
-        &mut self,
-        side: Side,
-        window: Window,
-        child: Id,
-        at: usize,
-        mut lower: Vec<f64>,
-    ) -> Stretch {
+    fn scan(&mut self, side: Side, window: Window, child: Id, at: usize) -> Stretch {
+        let mut lower = self.scratch.take(1);
         let reading = self.reading;
         let start = match reading.tail {
             Tail::Cut => at.saturating_add(window.from),

@@ -12,8 +12,10 @@
 
 use std::collections::VecDeque;
 
+use crate::trace::RowError;
+
 use super::apply::{Bound, Operand, Reading, Work, apply};
-use super::kernel::{Extremum, Max, Min, Tail, View};
+use super::kernel::{Extremum, Max, Min, Tail, View, opposite};
 use super::leaf::Question;
 use super::monitor::{Interval, Monitor};
 use super::offline::Scratch;
@@ -138,8 +140,8 @@ impl OnlineMonitor {
     pub(crate) fn new(monitor: &Monitor, len: Option<usize>) -> OnlineMonitor {
         let program = &monitor.program;
         let (point, needs) = plan::plan(program);
-        let held =
-            (monitor.settings.end == TraceEnd::Hold).then(|| vec![Vec::new(); program.width]);
+        let held = (monitor.settings.end == TraceEnd::Hold)
+            .then(|| vec![Vec::new(); program.schema.len()]);
         OnlineMonitor {
             monitor: monitor.clone(),
             len,
@@ -169,19 +171,17 @@ impl OnlineMonitor {
     /// Takes the next sample and returns what is still possible.
     ///
     /// Samples after the known length or after [`OnlineMonitor::finish`] are
-    /// ignored.
+    /// ignored, once they have been found to be samples at all.
     ///
-    /// # Panics
-    /// When the row is shorter than the schema it is bound to.
-    pub fn push(&mut self, row: &[f64]) -> Interval {
-        let width = self.monitor.program.width;
-        assert!(
-            width <= row.len(),
-            "a row of {} for {width} signals",
-            row.len()
-        );
+    /// # Errors
+    /// A NaN, an infinity or a row of another length than the schema's. The
+    /// monitor is then as it was before: the row is not counted, and the next
+    /// one takes its place. Whoever goes on must mean that; a run with a
+    /// missing sample is best given up.
+    pub fn push(&mut self, row: &[f64]) -> Result<Interval, RowError> {
+        self.monitor.program.schema.check_row(row, self.known)?;
         if self.ended || self.len == Some(0) {
-            return self.interval;
+            return Ok(self.interval);
         }
         self.known += 1;
         if !self.interval.is_final() {
@@ -195,7 +195,7 @@ impl OnlineMonitor {
         if self.len == Some(self.known) {
             self.finish();
         }
-        self.interval
+        Ok(self.interval)
     }
 
     /// What is possible now.
@@ -350,7 +350,7 @@ fn present(
         Op::Constant(true) => f64::INFINITY,
         Op::Constant(false) => f64::NEG_INFINITY,
         Op::Leaf(ref leaf) => leaf.at(row),
-        Op::Not(a) => -tracks[a].now,
+        Op::Not(a) => opposite(tracks[a].now),
         Op::Gate(gate, a, b) => {
             let (a, b) = (tracks[a].now, tracks[b].now);
             gate.at(a, a, b, b)
@@ -379,12 +379,12 @@ fn present(
         Op::Edge(edge, a) => {
             let current = match edge {
                 Edge::Rise => tracks[a].now,
-                Edge::Fall => -tracks[a].now,
+                Edge::Fall => opposite(tracks[a].now),
             };
             let before = track
                 .carried
                 .replace(current)
-                .map_or(f64::INFINITY, |before| -before);
+                .map_or(f64::INFINITY, opposite);
             Min::pick(before, current)
         }
         _ => {

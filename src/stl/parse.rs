@@ -163,7 +163,9 @@ impl<'a> Parser<'a> {
         let left = left.into_formula(&what).map_err(hint)?;
         let bounds = match logic {
             Logic::Temporal(_) => self.bounds()?,
-            _ => None,
+            _ => self.no_bounds(&operator.token, |word, bounds| {
+                format!("write `… {word} eventually{bounds} …` or `always{bounds} (… {word} …)`")
+            })?,
         };
         // Implication groups to the right, everything else to the left.
         let tighter = Infix::Logic(logic).strength() + u8::from(logic != Logic::Implies);
@@ -328,18 +330,18 @@ impl<'a> Parser<'a> {
         }
         let bounds = match prefix {
             Prefix::Temporal(op) if op.takes_bounds() => self.bounds()?,
-            Prefix::Temporal(op) if self.at_symbol("[") => {
-                let span = self.peek(0).span.clone();
-                let error =
-                    StlError::new(format!("{word} takes no bounds"), span, "not allowed here");
-                return Err(match op {
-                    Unary::Next | Unary::StrongNext => {
-                        error.with_help("`always[a, a]` looks several samples ahead")
-                    }
-                    _ => error,
-                });
-            }
-            _ => None,
+            _ => self.no_bounds(&operator.token, |word, bounds| match prefix {
+                Prefix::Temporal(Unary::Next | Unary::StrongNext) => {
+                    "`always[a, a]` looks several samples ahead".to_owned()
+                }
+                Prefix::Temporal(Unary::Prev | Unary::StrongPrev) => {
+                    "`historically[a, a]` looks several samples back".to_owned()
+                }
+                Prefix::Not => {
+                    format!("write `{word} eventually{bounds} …` or `always{bounds} {word} …`")
+                }
+                _ => format!("write `eventually{bounds} {word} …`"),
+            })?,
         };
         let inner = self
             .expression(strength::PREFIX)?

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::kernel::Window;
+use crate::trace::Schema;
+
+use super::kernel::{Window, opposite};
 use super::leaf::{Leaf, larger, smaller};
 use super::syntax::Node;
 
@@ -34,9 +36,9 @@ impl Gate {
         match self {
             Gate::And => smaller(a, b),
             Gate::Or => larger(a, b),
-            Gate::Implies => larger(-a_up, b),
-            Gate::Iff => smaller(larger(-a_up, b), larger(a, -b_up)),
-            Gate::Xor => smaller(larger(a, b), larger(-a_up, -b_up)),
+            Gate::Implies => larger(opposite(a_up), b),
+            Gate::Iff => smaller(larger(opposite(a_up), b), larger(a, opposite(b_up))),
+            Gate::Xor => smaller(larger(a, b), larger(opposite(a_up), opposite(b_up))),
         }
     }
 }
@@ -84,6 +86,23 @@ impl Op {
         };
         a.into_iter().chain(b)
     }
+
+    /// The same operator over other operands.
+    pub(crate) fn over(&self, place: impl Fn(Id) -> Id) -> Op {
+        match *self {
+            Op::Constant(value) => Op::Constant(value),
+            Op::Leaf(ref leaf) => Op::Leaf(leaf.clone()),
+            Op::Not(a) => Op::Not(place(a)),
+            Op::Gate(gate, a, b) => Op::Gate(gate, place(a), place(b)),
+            Op::Ahead(side, window, a) => Op::Ahead(side, window, place(a)),
+            Op::Behind(side, window, a) => Op::Behind(side, window, place(a)),
+            Op::Until(side, strength, window, a, b) => {
+                Op::Until(side, strength, window, place(a), place(b))
+            }
+            Op::Since(window, a, b) => Op::Since(window, place(a), place(b)),
+            Op::Edge(edge, a) => Op::Edge(edge, place(a)),
+        }
+    }
 }
 
 /// An operator and what is known about it from its shape.
@@ -98,18 +117,26 @@ pub(crate) struct Instruction {
     pub(crate) memory: usize,
     /// Whether it has no temporal operator inside.
     pub(crate) pointwise: bool,
+    /// How many operators it is an operand of.
+    pub(crate) uses: usize,
 }
 
 /// A bound formula; the last instruction is the whole.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     pub(crate) instructions: Vec<Instruction>,
-    /// Signals in a row of the schema it is bound to.
-    pub(crate) width: usize,
-    pub(crate) dt_s: f64,
+    /// What it is bound to.
+    pub(crate) schema: Schema,
 }
 
 impl Program {
+    pub(crate) fn new(schema: &Schema) -> Program {
+        Program {
+            instructions: Vec::new(),
+            schema: schema.clone(),
+        }
+    }
+
     pub(crate) fn root(&self) -> Id {
         self.instructions.len() - 1
     }
@@ -125,6 +152,24 @@ impl Program {
 
     /// Adds an operator; `None` when it looks further than `limit` samples.
     pub(crate) fn push(&mut self, op: Op, source: Arc<Node>, limit: usize) -> Option<Id> {
+        let new = self.instruction(op, source);
+        if limit < new.memory || new.horizon.is_some_and(|horizon| limit < horizon) {
+            return None;
+        }
+        Some(self.add(new))
+    }
+
+    /// Adds an operator whose operands are there already.
+    pub(crate) fn add(&mut self, instruction: Instruction) -> Id {
+        for operand in instruction.op.operands() {
+            self.instructions[operand].uses += 1;
+        }
+        self.instructions.push(instruction);
+        self.instructions.len() - 1
+    }
+
+    /// An operator over what is there, with what follows from its shape.
+    pub(crate) fn instruction(&self, op: Op, source: Arc<Node>) -> Instruction {
         let (mut horizon, mut memory, mut pointwise) = (Some(0usize), 0usize, true);
         for operand in op.operands() {
             let operand = self.get(operand);
@@ -147,17 +192,19 @@ impl Program {
             }
             Op::Constant(_) | Op::Leaf(_) | Op::Not(_) | Op::Gate(..) => {}
         }
-        if limit < memory || horizon.is_some_and(|horizon| limit < horizon) {
-            return None;
-        }
-        self.instructions.push(Instruction {
+        Instruction {
             op,
             source,
             horizon,
             memory,
             pointwise,
-        });
-        Some(self.instructions.len() - 1)
+            uses: 0,
+        }
+    }
+
+    /// Whether it is a tree: no operator is an operand of two.
+    pub(crate) fn is_tree(&self) -> bool {
+        self.instructions.iter().all(|i| i.uses <= 1)
     }
 
     /// Positions of the signals that are read, ascending.

@@ -1,6 +1,7 @@
 //! What robustness is possible at all, given ranges of the signals.
 
 use super::formula::BoundExpr;
+use super::kernel::opposite;
 use super::leaf::{Leaf, Value, larger, smaller};
 use super::monitor::{Interval, Monitor};
 use super::program::{Op, Side, Strength};
@@ -16,7 +17,10 @@ impl Monitor {
     /// # Panics
     /// When `ranges` has fewer entries than the bound schema has signals.
     pub fn range(&self, ranges: &[Interval]) -> Interval {
-        assert!(self.program.width <= ranges.len(), "a range per signal");
+        assert!(
+            self.program.schema.len() <= ranges.len(),
+            "a range per signal"
+        );
         let mut known: Vec<Interval> = Vec::with_capacity(self.program.instructions.len());
         for instruction in &self.program.instructions {
             known.push(range_of(&instruction.op, &known, ranges));
@@ -86,7 +90,7 @@ fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
 }
 
 fn range_of_leaf(leaf: &Leaf, ranges: &[Interval]) -> Interval {
-    // What cannot be computed does not hold: its robustness is −inf.
+    // What cannot be computed counts for −inf, or for inf under a negation.
     let Some(difference) = range_of_value(leaf.difference(), ranges) else {
         return Interval::ANY;
     };
@@ -105,15 +109,20 @@ fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
         Value::Calculated(op, sides) => {
             let a = range_of_value(&sides.0, ranges)?;
             let b = range_of_value(&sides.1, ranges)?;
+            // inf − inf and 0 · inf, where the signals themselves are finite.
+            let unclear = value.can_be_nan();
             match op {
+                Arithmetic::Add if unclear => of_corners(a, b, |x, y| x + y)?,
                 Arithmetic::Add => Interval {
                     lo: a.lo + b.lo,
                     hi: a.hi + b.hi,
                 },
+                Arithmetic::Subtract if unclear => of_corners(a, b, |x, y| x - y)?,
                 Arithmetic::Subtract => Interval {
                     lo: a.lo - b.hi,
                     hi: a.hi - b.lo,
                 },
+                Arithmetic::Multiply if unclear && (meets(a, b) || meets(b, a)) => return None,
                 Arithmetic::Multiply => of_corners(a, b, |x, y| x * y)?,
                 Arithmetic::Divide if b.contains(0.0) => return None,
                 Arithmetic::Divide => of_corners(a, b, |x, y| x / y)?,
@@ -159,8 +168,8 @@ pub(super) fn absolute(a: Interval) -> Interval {
 
 pub(super) fn negated(a: Interval) -> Interval {
     Interval {
-        lo: -a.hi,
-        hi: -a.lo,
+        lo: opposite(a.hi),
+        hi: opposite(a.lo),
     }
 }
 
@@ -169,6 +178,11 @@ fn union(a: Interval, b: Interval) -> Interval {
         lo: smaller(a.lo, b.lo),
         hi: larger(a.hi, b.hi),
     }
+}
+
+/// Whether 0 of the one can come upon an infinity of the other.
+fn meets(a: Interval, b: Interval) -> bool {
+    a.contains(0.0) && (b.lo.is_infinite() || b.hi.is_infinite())
 }
 
 /// A monotone operation's range; `None` if a corner is no number (0 · inf).

@@ -18,7 +18,7 @@ impl Monitor {
     /// ±inf. Empty for an empty trace.
     ///
     /// # Panics
-    /// When the trace has another number of signals than the bound schema.
+    /// As [`Monitor::robustness`].
     pub fn secondary(&self, trace: &Trace) -> Vec<Vec<f64>> {
         self.check(trace);
         if trace.is_empty() {
@@ -36,7 +36,7 @@ impl Monitor {
     /// one sample, or the window leaves samples out.
     ///
     /// # Panics
-    /// When the trace has another number of signals than the bound schema.
+    /// As [`Monitor::robustness`].
     pub fn invariant(&self, trace: &Trace) -> Option<Vec<f64>> {
         self.check(trace);
         let root = self.program.root();

@@ -155,7 +155,8 @@ impl Running {
         let limit = monitor.settings().rho_max.unwrap_or(f64::INFINITY);
         for sample in 0..trace.len() {
             trace.read_row(sample, &mut row);
-            let now = online.push(&row);
+            // Invariant: a recorded row is finite and has the scene's signals.
+            let now = online.push(&row).unwrap_or(Interval::ANY);
             if running.lost.is_none() && lost(now) {
                 running.lost = Some(sample);
             }

@@ -93,9 +93,35 @@ fn a_trace_is_measured_and_explained() {
     // Infinite robustness is a word in JSON.
     let output = stl(&["eventually[5, 6] (headway > 0)", "--json"], csv);
     assert_eq!(json(&output)["robustness"], "-inf");
-    // ρ = 0 is satisfied.
-    let output = stl(&["headway >= 9", "--json"], csv);
-    assert_eq!(json(&output)["satisfied"], true);
+}
+
+/// At ρ = 0 the library decides, here as everywhere.
+#[test]
+fn a_tie_is_settled_by_the_comparison() {
+    let csv = "time,headway\n0,9\n0.5,10\n";
+    let cases = [
+        ("headway >= 9", true),
+        ("headway > 9", false),
+        ("always (headway > 9)", false),
+        ("not (headway > 9)", true),
+        ("headway == 9", true),
+        ("headway != 9", false),
+    ];
+    for (formula, satisfied) in cases {
+        let output = stl(&[formula, "--json", "--fail-on-counterexample"], csv);
+        let got = json(&output);
+        assert_eq!(got["robustness"], 0.0, "{formula}");
+        assert_eq!(got["satisfied"], satisfied, "{formula}");
+        assert_eq!(code(&output), i32::from(!satisfied), "{formula}");
+        let output = stl(&[formula, "--fail-on-counterexample"], csv);
+        assert_eq!(String::from_utf8_lossy(&output.stdout), "0\n", "{formula}");
+        assert_eq!(code(&output), i32::from(!satisfied), "{formula}");
+        let word = if satisfied { "satisfied" } else { "violated" };
+        assert!(
+            stderr(&output).contains(&format!("{word}, ρ = 0")),
+            "{formula}"
+        );
+    }
 }
 
 #[test]

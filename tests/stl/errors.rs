@@ -62,6 +62,14 @@ fn all_of_them() {
         "headway[0, 2] > 3",
         "rise[0, 1] red",
         "next[0, 1] red",
+        "prev[0, 1] red",
+        "not[0, 1] red",
+        "red and[0, 1] red",
+        "red ||[0, T] red",
+        "red implies[0, 1] red",
+        "red ->[0, 0.5 s] red",
+        "red iff[0, inf] red",
+        "red xor[0, red",
         "alwyas[0, 2] (headway > 3)",
         "alwyas (headway > 3)",
         "alwyas headway > 3",
@@ -231,7 +239,7 @@ fn as_deep_as_allowed() {
     let mut online = monitor.online();
     for _ in 0..30 {
         trace.push(&[1.0, 2.0, 3.0, 1.0]).unwrap();
-        online.push(&[1.0, 2.0, 3.0, 1.0]);
+        online.push(&[1.0, 2.0, 3.0, 1.0]).unwrap();
     }
     let value = monitor.robustness(&trace, &mut brakecheck::stl::Scratch::new());
     assert_eq!(online.finish(), value);

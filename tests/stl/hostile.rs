@@ -86,7 +86,7 @@ fn exercise(text: &str) {
             .map(|j| f64::from((i * j) % 3) - f64::from(j == 0))
             .collect();
         trace.push(&row).unwrap();
-        online.push(&row);
+        online.push(&row).unwrap();
     }
     let value = monitor.robustness(&trace, &mut Scratch::new());
     assert!(!value.is_nan());

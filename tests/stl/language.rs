@@ -1,6 +1,6 @@
 //! The language, form by form.
 
-use brakecheck::stl::{Constants, Expr, Formula, Names, Scratch, Settings, TraceEnd};
+use brakecheck::stl::{Constants, Expr, Formula, Monitor, Names, Scratch, Settings, TraceEnd};
 use brakecheck::trace::{Schema, Signal, Trace};
 
 fn formula(text: &str) -> Formula {
@@ -223,34 +223,52 @@ fn strict_and_weak_comparisons_differ_in_truth_only() {
     }
 }
 
-/// What cannot be computed does not hold, and its negation does.
+/// The same number of columns under other names, or in another order, is
+/// another run; a verdict on it would be about the wrong signal.
 #[test]
-fn what_is_not_a_number_does_not_hold() {
-    let schema = Schema::new(1.0, [Signal::real("x", "", "")]).unwrap();
-    let mut trace = Trace::new(schema.into());
-    trace.push(&[0.0]).unwrap();
-    let mut scratch = Scratch::new();
-    for text in [
-        "x / x > 1",
-        "x / x <= 1",
-        "sqrt(x - 1) != 3",
-        "pow(x - 1, 0.5) == 1",
-        "exp(999 + x) - exp(999 + x) < 1",
-    ] {
-        let monitor = formula(text)
-            .bind(trace.schema(), &Constants::new())
-            .unwrap();
-        assert_eq!(
-            monitor.robustness(&trace, &mut scratch),
-            f64::NEG_INFINITY,
-            "{text}"
-        );
-        assert!(!monitor.satisfied(&trace, &mut scratch), "{text}");
-        assert_eq!(
-            monitor.online().push(&[0.0]).hi,
-            f64::NEG_INFINITY,
-            "{text}"
-        );
+fn a_trace_of_other_signals_is_refused() {
+    let named = |names: [&str; 2], dt_s: f64| {
+        let signals = names.map(|name| Signal::real(name, "m", "a number"));
+        let mut trace = Trace::new(Schema::new(dt_s, signals).unwrap().into());
+        trace.push(&[1.0, 5.0]).unwrap();
+        trace
+    };
+    let trace = named(["x", "y"], 1.0);
+    let monitor = formula("always (x >= 0)")
+        .bind(trace.schema(), &Constants::new())
+        .unwrap();
+    // Declared apart, or with other units, but the same rows.
+    assert_eq!(monitor.robustness_all(&named(["x", "y"], 1.0)), [1.0]);
+    let kinds = [
+        Signal::real("x", "km", "a number"),
+        Signal::boolean("y", "a word"),
+    ];
+    let mut other = Trace::new(Schema::new(1.0, kinds).unwrap().into());
+    other.push(&[2.0, 1.0]).unwrap();
+    assert_eq!(monitor.robustness_all(&other), [2.0]);
+
+    type Use = fn(&Monitor, &Trace) -> String;
+    let uses: [Use; 7] = [
+        |monitor, trace| monitor.robustness(trace, &mut Scratch::new()).to_string(),
+        |monitor, trace| monitor.satisfied(trace, &mut Scratch::new()).to_string(),
+        |monitor, trace| format!("{:?}", monitor.robustness_all(trace)),
+        |monitor, trace| format!("{:?}", monitor.interval(trace, &mut Scratch::new())),
+        |monitor, trace| monitor.explain(trace).to_string(),
+        |monitor, trace| format!("{:?}", monitor.secondary(trace)),
+        |monitor, trace| format!("{:?}", monitor.invariant(trace)),
+    ];
+    let others = [
+        (named(["y", "x"], 1.0), "[y, x] every 1 s"),
+        (named(["x", "z"], 1.0), "[x, z] every 1 s"),
+        (named(["x", "y"], 0.5), "[x, y] every 0.5 s"),
+    ];
+    for (other, met) in &others {
+        for judge in uses {
+            let judged = std::panic::catch_unwind(|| judge(&monitor, other));
+            let said = judged.unwrap_err().downcast::<String>().unwrap();
+            let want = format!("a monitor for [x, y] every 1 s met a trace of {met}");
+            assert_eq!(*said, want);
+        }
     }
 }
 

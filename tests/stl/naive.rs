@@ -15,6 +15,8 @@ pub enum Wff {
     X(&'static str, i32),
     /// `x - 2 * y op number`
     Both(&'static str, i32),
+    /// `x / y op number`: no number where both are 0.
+    Ratio(&'static str, i32),
     Not(Box<Wff>),
     Gate(&'static str, Box<Wff>, Box<Wff>),
     /// always, eventually, historically, once
@@ -32,14 +34,30 @@ pub struct Range {
     to: Option<usize>,
 }
 
+fn op() -> impl Strategy<Value = &'static str> {
+    prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="])
+}
+
+/// Formulas in which every comparison always has a value.
 pub fn wff() -> impl Strategy<Value = Wff> {
-    let op = prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="]);
-    let leaf = prop_oneof![
+    over(prop_oneof![
         1 => Just(Wff::True),
         2 => Just(Wff::On),
-        4 => (op.clone(), -3..4i32).prop_map(|(op, c)| Wff::X(op, c)),
-        3 => (op, -3..4i32).prop_map(|(op, c)| Wff::Both(op, c)),
-    ];
+        4 => (op(), -3..4i32).prop_map(|(op, c)| Wff::X(op, c)),
+        3 => (op(), -3..4i32).prop_map(|(op, c)| Wff::Both(op, c)),
+    ])
+}
+
+/// Formulas with comparisons that can be undefined.
+pub fn doubtful() -> impl Strategy<Value = Wff> {
+    over(prop_oneof![
+        1 => Just(Wff::On),
+        2 => (op(), -3..4i32).prop_map(|(op, c)| Wff::X(op, c)),
+        3 => (op(), -3..4i32).prop_map(|(op, c)| Wff::Ratio(op, c)),
+    ])
+}
+
+fn over(leaf: impl Strategy<Value = Wff> + 'static) -> impl Strategy<Value = Wff> {
     let range = prop_oneof![
         1 => Just(Range { from: 0, to: None }),
         1 => (0..4usize).prop_map(|from| Range { from, to: None }),
@@ -61,6 +79,12 @@ pub fn wff() -> impl Strategy<Value = Wff> {
                 .prop_map(|(op, range, a, b)| Wff::Pair(op, range, a, b)),
         ]
     })
+}
+
+/// As [`rows`], with zeros of both signs and more of them.
+pub fn zeros() -> impl Strategy<Value = Vec<[f64; 3]>> {
+    let zero = || prop::sample::select(vec![-0.0, 0.0, -0.0, 0.0, 0.25, -0.25, 1.0]);
+    prop::collection::vec([zero(), zero(), zero()], 1..30)
 }
 
 /// Rows of `x`, `y` and `on`, with many ties.
@@ -109,6 +133,7 @@ impl Wff {
             Wff::On => "on".into(),
             Wff::X(op, c) => format!("x {op} {c}"),
             Wff::Both(op, c) => format!("x - 2 * y {op} {c}"),
+            Wff::Ratio(op, c) => format!("x / y {op} {c}"),
             Wff::Not(a) => format!("not ({})", a.text()),
             Wff::Gate(op, a, b) => format!("({}) {op} ({})", a.text(), b.text()),
             Wff::Window(op, range, a) => format!("{op}{} ({})", range.text(), a.text()),
@@ -121,7 +146,7 @@ impl Wff {
 
     fn operands(&self) -> impl Iterator<Item = &Wff> {
         let (a, b) = match self {
-            Wff::True | Wff::On | Wff::X(..) | Wff::Both(..) => (None, None),
+            Wff::True | Wff::On | Wff::X(..) | Wff::Both(..) | Wff::Ratio(..) => (None, None),
             Wff::Not(a) | Wff::Window(_, _, a) | Wff::Step(_, a) => (Some(a), None),
             Wff::Gate(_, a, b) | Wff::Pair(_, _, a, b) => (Some(a), Some(b)),
         };
@@ -241,6 +266,10 @@ fn operator(wff: &Wff, operands: &[Vec<Pair>], rows: &[[f64; 3]], lengths: Lengt
     let known = rows.len();
     let each = |f: &dyn Fn(usize) -> Pair| (0..known).map(f).collect::<Vec<_>>();
     let compare = |op: &str, d: f64| {
+        // Taken for anything; what is certain is then the lower bound.
+        if d.is_nan() {
+            return ANY;
+        }
         let margin = match op {
             "<" | "<=" => -d,
             ">" | ">=" => d,
@@ -263,9 +292,10 @@ fn operator(wff: &Wff, operands: &[Vec<Pair>], rows: &[[f64; 3]], lengths: Lengt
     };
     match wff {
         Wff::True => each(&|_| TOP),
-        Wff::On => each(&|t| if rows[t][2] == 1.0 { TOP } else { not(TOP) }),
+        Wff::On => each(&|t| if rows[t][2] != 0.0 { TOP } else { not(TOP) }),
         Wff::X(op, c) => each(&|t| compare(op, rows[t][0] - f64::from(*c))),
         Wff::Both(op, c) => each(&|t| compare(op, rows[t][0] - 2.0 * rows[t][1] - f64::from(*c))),
+        Wff::Ratio(op, c) => each(&|t| compare(op, rows[t][0] / rows[t][1] - f64::from(*c))),
         Wff::Not(_) => each(&|t| not(operands[0][t])),
         Wff::Gate(op, ..) => {
             let (a, b) = (&operands[0], &operands[1]);

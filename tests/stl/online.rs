@@ -1,10 +1,10 @@
 //! Sample by sample: what is possible, and what it ends with.
 
 use brakecheck::stl::{Constants, Formula, Interval, Scratch, Settings, TraceEnd, Until};
-use brakecheck::trace::{Schema, Signal, Trace};
+use brakecheck::trace::{RowError, Schema, Signal, Trace};
 use proptest::prelude::*;
 
-use super::naive::{Lengths, naive, rows, settings, trace, wff};
+use super::naive::{Lengths, doubtful, naive, rows, settings, trace, wff, zeros};
 
 proptest! {
     #![proptest_config(super::cases(2000))]
@@ -27,8 +27,8 @@ proptest! {
         let mut known = monitor.online_for(n);
         for i in 0..n {
             let prefix = trace(&rows[..=i]);
-            let loose = unknown.push(&rows[i]);
-            let tight = known.push(&rows[i]);
+            let loose = unknown.push(&rows[i]).unwrap();
+            let tight = known.push(&rows[i]).unwrap();
             prop_assert_eq!(loose, monitor.interval(&prefix, &mut scratch), "after {}", i);
             prop_assert!(loose.contains(value) && tight.contains(value), "{:?} {:?} {} after {}", loose, tight, value, i);
             prop_assert!(loose.lo <= tight.lo && tight.hi <= loose.hi);
@@ -41,8 +41,36 @@ proptest! {
             }
         }
         prop_assert_eq!(known.interval(), Interval { lo: value, hi: value });
-        prop_assert_eq!(known.push(&[9.0; 3]), Interval { lo: value, hi: value });
+        prop_assert_eq!(known.push(&[9.0; 3]).unwrap(), Interval { lo: value, hi: value });
         prop_assert_eq!(unknown.finish(), value);
+    }
+
+    /// 0 and −0 are one number: the same bits whichever is measured, online
+    /// and offline, at the end and on the way.
+    #[test]
+    fn the_sign_of_zero_never_shows(
+        wff in prop_oneof![wff(), doubtful()],
+        rows in zeros(),
+        closed in any::<bool>(),
+        end in prop_oneof![Just(TraceEnd::Truncate), Just(TraceEnd::Strict), Just(TraceEnd::Hold)],
+    ) {
+        let until = if closed { Until::Closed } else { Until::HalfOpen };
+        let monitor = wff.monitor(&settings(until, end));
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        let mut scratch = Scratch::new();
+        let all = monitor.robustness_all(&trace(&rows));
+        prop_assert!(all.iter().all(|v| *v != 0.0 || v.is_sign_positive()), "{:?}", all);
+        let value = monitor.robustness(&trace(&rows), &mut scratch);
+        let (mut unknown, mut known) = (monitor.online(), monitor.online_for(rows.len()));
+        for i in 0..rows.len() {
+            let loose = unknown.push(&rows[i]).unwrap();
+            let interval = monitor.interval(&trace(&rows[..=i]), &mut scratch);
+            prop_assert_eq!(bits(&[loose.lo, loose.hi]), bits(&[interval.lo, interval.hi]));
+            known.push(&rows[i]).unwrap();
+        }
+        let ends = [all[0], unknown.finish(), known.interval().lo, known.interval().hi];
+        prop_assert_eq!(bits(&ends), bits(&[value; 4]));
+        prop_assert_eq!(monitor.explain(&trace(&rows)).robustness.to_bits(), value.to_bits());
     }
 
     /// A monitor that starts again knows nothing of the run before.
@@ -50,12 +78,12 @@ proptest! {
     fn reset_forgets(wff in wff(), first in rows(), second in rows()) {
         let monitor = wff.monitor(&Settings::default());
         let mut used = monitor.online();
-        first.iter().for_each(|row| { used.push(row); });
+        first.iter().for_each(|row| { used.push(row).unwrap(); });
         used.finish();
         used.reset();
         let mut fresh = monitor.online();
         for row in &second {
-            prop_assert_eq!(used.push(row), fresh.push(row));
+            prop_assert_eq!(used.push(row).unwrap(), fresh.push(row).unwrap());
         }
         prop_assert_eq!(used.finish(), fresh.finish());
     }
@@ -88,7 +116,7 @@ fn long_runs_forget_what_no_longer_matters() {
         let (mut online, mut prefix) = (monitor.online(), line(std::iter::empty()));
         for (i, value) in trace.column(0).iter().enumerate() {
             prefix.push(&[*value]).unwrap();
-            let interval = online.push(&[*value]);
+            let interval = online.push(&[*value]).unwrap();
             if i % 50 == 0 || i < 40 {
                 assert_eq!(
                     interval,
@@ -105,6 +133,53 @@ fn long_runs_forget_what_no_longer_matters() {
     }
 }
 
+/// A violation that a NaN follows is still one.
+#[test]
+fn a_row_that_is_no_sample_is_refused_and_changes_nothing() {
+    let trace = line(std::iter::empty());
+    let not_finite = |value: f64| match value.is_nan() {
+        true => "`x` is NaN at sample 1: traces hold finite numbers only".to_owned(),
+        false => format!("`x` is {value} at sample 1: traces hold finite numbers only"),
+    };
+    let texts = [
+        "always (x >= 0)",
+        "not eventually (x < 0)",
+        "always[0, 2] (x >= 0)",
+        "always once[0, 1] always[0, 1] (x >= 0)",
+        "x >= 0",
+        "(x >= 0) unless (x > 9)",
+    ];
+    for text in texts {
+        let formula: Formula = text.parse().unwrap();
+        let monitor = formula.bind(trace.schema(), &Constants::new()).unwrap();
+        for mut online in [
+            monitor.online(),
+            monitor.online_for(2),
+            monitor.online_for(9),
+        ] {
+            let before = online.push(&[-5.0]).unwrap();
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+                let error = online.push(&[value]).unwrap_err();
+                assert_eq!(error.to_string(), not_finite(value), "{text}");
+                assert_eq!((online.interval(), online.len()), (before, 1), "{text}");
+            }
+            for row in [&[][..], &[1.0, 2.0]] {
+                let want = RowError::Length {
+                    got: row.len(),
+                    want: 1,
+                    sample: 1,
+                };
+                assert_eq!(online.push(row), Err(want), "{text}");
+            }
+            online.push(&[2.0]).unwrap();
+            assert_eq!((online.finish(), online.len()), (-5.0, 2), "{text}");
+            // Nor is it taken when samples are no longer listened to.
+            assert!(online.push(&[f64::NAN]).is_err(), "{text}");
+            assert_eq!(online.finish(), -5.0, "{text}");
+        }
+    }
+}
+
 #[test]
 fn a_verdict_is_final_only_when_nothing_can_change_it() {
     let trace = line([5.0, 3.0, 6.0].into_iter());
@@ -118,21 +193,21 @@ fn a_verdict_is_final_only_when_nothing_can_change_it() {
     // The end is not known: a rule for ever is never kept, only broken.
     let mut online = bind("always (x >= 4)").online();
     assert!(!online.interval().is_final() && online.is_empty());
-    assert!(!online.push(&[5.0]).is_kept());
-    assert!(online.push(&[3.0]).is_violated());
+    assert!(!online.push(&[5.0]).unwrap().is_kept());
+    assert!(online.push(&[3.0]).unwrap().is_violated());
     assert!(!online.interval().is_final());
     assert_eq!((online.finish(), online.len()), (-1.0, 2));
 
     // With a bound, the value is final as soon as its window is over.
     let mut online = bind("eventually[0, 0.1] (x >= 4)").online();
     assert_eq!(
-        online.push(&[5.0]),
+        online.push(&[5.0]).unwrap(),
         Interval {
             lo: 1.0,
             hi: f64::INFINITY
         }
     );
-    assert_eq!(online.push(&[3.0]), Interval { lo: 1.0, hi: 1.0 });
+    assert_eq!(online.push(&[3.0]).unwrap(), Interval { lo: 1.0, hi: 1.0 });
 
     // Nothing at all: nothing is shown.
     assert_eq!(bind("always (x >= 4)").online().finish(), f64::NEG_INFINITY);

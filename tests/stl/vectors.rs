@@ -137,7 +137,7 @@ fn robust_satisfaction_interval() {
             let mut row = [0.0; 3];
             for i in 0..case.trace.len() {
                 case.trace.read_row(i, &mut row);
-                online.push(&row);
+                online.push(&row).unwrap();
             }
             let offline = monitor.interval(&case.trace, &mut Scratch::new());
             assert_eq!(online.interval(), offline, "{}", case.text);
@@ -162,7 +162,7 @@ fn online_ends_with_the_offline_value() {
         let mut row = [0.0; 3];
         for i in 0..case.trace.len() {
             case.trace.read_row(i, &mut row);
-            let (a, b) = (known.push(&row), unknown.push(&row));
+            let (a, b) = (known.push(&row).unwrap(), unknown.push(&row).unwrap());
             assert!(
                 a.contains(want) && b.contains(want),
                 "{a:?} {b:?} {want} after {i}: {}",

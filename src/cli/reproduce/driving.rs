@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, MOST_SEEDS, ReproduceArgs, headed, once, settings, world};
+use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, settings, world};
 use crate::campaign::{CaseStudies, case_studies_markdown, case_study};
 
 /// The driving worlds of the table, in its order.

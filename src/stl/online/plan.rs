@@ -53,6 +53,12 @@ fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
             );
             Point::Present { id, value: None }
         }
+        // What is shared is tracked once; ways down to it double from level to
+        // level.
+        _ if 1 < program.get(id).uses => {
+            require(needs, id, open(id));
+            Point::Track { id }
+        }
         Op::Not(a) => Point::Not(Box::new(watch(program, a, needs))),
         Op::Gate(gate, a, b) => Point::Gate(
             gate,

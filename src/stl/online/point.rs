@@ -4,6 +4,7 @@ use super::super::apply::Reading;
 use super::super::kernel::{Extremum, Max, Min, Window, fold};
 use super::super::monitor::Interval;
 use super::super::program::{Gate, Id, Program, Side, Strength};
+use super::super::range::negated;
 use super::super::settings::Until;
 use super::Track;
 
@@ -111,10 +112,7 @@ impl Point {
             }
             Point::Not(a) => {
                 let a = a.update(program, reading, tracks);
-                Interval {
-                    lo: -a.hi,
-                    hi: -a.lo,
-                }
+                negated(a)
             }
             Point::Gate(gate, a, b) => {
                 let a = a.update(program, reading, tracks);

@@ -3,11 +3,33 @@
 use std::ops::Range;
 
 use super::super::error::StlError;
-use super::super::syntax::{Node, Term};
+use super::super::syntax::{Bounds, Node, Term};
 use super::super::token::{Spanned, Token};
 use super::{MAX_DEPTH, Parser, words};
 
 impl Parser<'_> {
+    /// Refuses bounds behind an operator that takes none.
+    ///
+    /// `help` is given the operator and the bounds as texts.
+    pub(super) fn no_bounds(
+        &mut self,
+        operator: &Token<'_>,
+        help: impl FnOnce(&str, &str) -> String,
+    ) -> Result<Option<Bounds>, StlError> {
+        if !self.at_symbol("[") {
+            return Ok(None);
+        }
+        let open = self.peek(0).span.clone();
+        // Bounds that are wrong themselves are not the first thing to mend.
+        let (bounds, span) = match self.bounds() {
+            Ok(Some(bounds)) => (bounds.to_string(), bounds.span.0),
+            _ => ("[a, b]".to_owned(), open),
+        };
+        let word = describe(operator);
+        let error = StlError::new(format!("{word} takes no bounds"), span, "not allowed here");
+        Err(error.with_help(help(word.trim_matches('`'), &bounds)))
+    }
+
     pub(super) fn unexpected(&self, expected: &str) -> StlError {
         let Spanned { token, span } = self.peek(0).clone();
         if token == Token::End && self.at == 0 {
