@@ -29,6 +29,9 @@ pub(super) struct Spread {
     pub(super) effective_starts: f64,
 }
 
+/// A sign, and the marks of every training on one side of an ego.
+type Part<'a> = (f64, &'a [&'a str]);
+
 impl Scores {
     /// One side; `None` if no start counts.
     pub(super) fn of_rate(solved: &[&str]) -> Option<Scores> {
@@ -37,7 +40,7 @@ impl Scores {
 
     /// Two sides, or more where egos met different numbers of trainings.
     pub(super) fn of_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> Option<Scores> {
-        let parts: Vec<(f64, &[&str])> = pairs
+        let parts: Vec<Part<'_>> = pairs
             .iter()
             .flat_map(|(a, b)| [(1.0, &a[..]), (-1.0, &b[..])])
             .collect();
@@ -45,10 +48,10 @@ impl Scores {
     }
 
     /// Parts with their signs; every `together` of them are of one ego.
-    fn of(parts: &[(f64, &[&str])], together: usize) -> Option<Scores> {
+    fn of(parts: &[Part<'_>], together: usize) -> Option<Scores> {
         let lengths = parts.iter().flat_map(|(_, solved)| solved.iter());
         let starts = lengths.map(|marks| marks.len()).min()?;
-        let egos: Vec<(&[(f64, &[&str])], Vec<bool>)> = parts
+        let egos: Vec<(&[Part<'_>], Vec<bool>)> = parts
             .chunks(together)
             .map(|ego| (ego, counted(ego, starts)))
             .filter(|(_, counts)| counts.contains(&true))
