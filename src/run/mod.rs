@@ -38,7 +38,9 @@ pub use disk::{file_name, write_file};
 pub use error::RunError;
 pub use finished::Finished;
 pub use identified::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, IdentifiedError};
-pub use interval::{at_most, mean_difference, paired_difference, seeds_interval, wilson};
+pub use interval::{
+    at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
+};
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Manifest};
 pub use progress::Progress;

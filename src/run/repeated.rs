@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::interval::seeds_interval;
+use super::interval::runs_interval;
 use crate::rulebook::Verdict;
 use crate::scenario::Repeats;
 use crate::testbench::Episode;
@@ -16,7 +16,7 @@ pub struct Repeated {
     pub gate: u32,
     /// Share of all runs, over all starts, in which the ego fails.
     pub failing_share: f64,
-    /// Its 95 % interval, runs and starts drawn anew.
+    /// Its 95 % interval over other starts and other runs of them.
     pub ci95: [f64; 2],
     /// Starts on which the ego did not answer alike in every run.
     pub differing: usize,
@@ -33,7 +33,7 @@ impl Repeated {
         if runs < 2 || starts.is_empty() {
             return None;
         }
-        // One string of marks per run, as if each were a seed.
+        // One string of marks per run.
         let marks_of = |run: usize| -> String {
             let marks = starts.iter().map(|start| start.marks.get(run));
             marks.map(|mark| mark.copied().unwrap_or('-')).collect()
@@ -51,7 +51,7 @@ impl Repeated {
             runs,
             gate,
             failing_share: failing as f64 / (failing + held).max(1) as f64,
-            ci95: seeds_interval(&all),
+            ci95: runs_interval(&all),
             differing: starts.iter().filter(|start| start.differs).count(),
         })
     }

@@ -26,12 +26,16 @@ pub fn wilson(successes: usize, n: usize) -> [f64; 2] {
     if n == 0 {
         return [0.0, 1.0];
     }
-    let (n, p) = (n as f64, successes as f64 / n as f64);
+    wilson_of(successes as f64 / n as f64, n as f64)
+}
+
+/// The same for a rate that was measured on as many coins.
+fn wilson_of(p: f64, n: f64) -> [f64; 2] {
     let z2 = Z * Z;
     let centre = (p + z2 / (2.0 * n)) / (1.0 + z2 / n);
     let half = Z / (1.0 + z2 / n) * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
     // Exact at the edges, where rounding would leave dust.
-    let lo = if successes == 0 {
+    let lo = if p == 0.0 {
         0.0
     } else {
         (centre - half).max(0.0)
@@ -87,6 +91,25 @@ pub fn seeds_interval(solved: &[&str]) -> [f64; 2] {
         rate.min(expit(centre - below)),
         rate.max(expit(centre + above)),
     ]
+}
+
+/// 95 % interval of a success rate over starts that were played several times.
+///
+/// One `solved` string per run of the same policy, all over the same starts.
+/// Runs of a start are no new start: Wilson's interval for as many coins as have
+/// the variance seen between starts, at least one and at most all runs of each.
+pub fn runs_interval(solved: &[&str]) -> [f64; 2] {
+    let Some(scores) = Scores::of_rate(solved) else {
+        return [0.0, 1.0];
+    };
+    let rate: f64 = scores.sides.iter().map(Side::contribution).sum();
+    let starts = scores.starts() as f64;
+    let variance = scores.start_variance(rate);
+    let coins = match 0.0 < variance {
+        true => rate * (1.0 - rate) / variance,
+        false => starts,
+    };
+    wilson_of(rate, coins.clamp(starts, starts * solved.len() as f64))
 }
 
 /// Mean of `a − b` in success rate, and its 95 % interval, paired on starts.
@@ -209,6 +232,22 @@ mod tests {
         assert_eq!(seeds_interval(&["t-", "t-"]), [0.0, 1.0]);
         assert_eq!(paired_difference(&["t1"], &["0x"]), (0.0, [-1.0, 1.0]));
         assert_eq!(mean_difference(&[]), (0.0, [-1.0, 1.0]));
+    }
+
+    #[test]
+    fn runs_of_a_start_are_no_new_starts() {
+        let solved = marks(70, 30);
+        // Ten runs that all end alike tell no more than one.
+        for runs in [vec![&*solved], vec![&*solved; 10]] {
+            let ([lo, hi], [l, h]) = (runs_interval(&runs), wilson(70, 100));
+            assert!((lo - l).abs() < 1e-9 && (hi - h).abs() < 1e-9, "{lo} {hi}");
+        }
+        assert_eq!(runs_interval(&[&*marks(0, 50); 4]), wilson(0, 50));
+        assert_eq!(runs_interval(&["xx", "tt"]), [0.0, 1.0]);
+        // If luck alone decides, they are as good as starts.
+        let lucky = trainings(&[70, 70, 70, 70], 100);
+        let ([lo, hi], [l, h]) = (runs_interval(&texts(&lucky)), wilson(280, 400));
+        assert!((lo - l).abs() < 0.02 && (hi - h).abs() < 0.02, "{lo} {hi}");
     }
 
     #[test]

@@ -5,6 +5,9 @@ use std::collections::BTreeMap;
 /// More effective starts per start than this are not believed.
 const MOST_EFFECTIVE: f64 = 100.0;
 
+/// The marks of one side on one ego, with the side's sign.
+type Part<'a> = (f64, &'a [&'a str]);
+
 /// What an estimate is made of: sides, whose weighted means add up to it.
 pub(super) struct Scores {
     pub(super) sides: Vec<Side>,
@@ -29,9 +32,6 @@ pub(super) struct Spread {
     pub(super) effective_starts: f64,
 }
 
-/// A sign, and the marks of every training on one side of an ego.
-type Part<'a> = (f64, &'a [&'a str]);
-
 impl Scores {
     /// One side; `None` if no start counts.
     pub(super) fn of_rate(solved: &[&str]) -> Option<Scores> {
@@ -40,7 +40,7 @@ impl Scores {
 
     /// Two sides, or more where egos met different numbers of trainings.
     pub(super) fn of_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> Option<Scores> {
-        let parts: Vec<Part<'_>> = pairs
+        let parts: Vec<Part> = pairs
             .iter()
             .flat_map(|(a, b)| [(1.0, &a[..]), (-1.0, &b[..])])
             .collect();
@@ -48,10 +48,10 @@ impl Scores {
     }
 
     /// Parts with their signs; every `together` of them are of one ego.
-    fn of(parts: &[Part<'_>], together: usize) -> Option<Scores> {
+    fn of(parts: &[Part], together: usize) -> Option<Scores> {
         let lengths = parts.iter().flat_map(|(_, solved)| solved.iter());
         let starts = lengths.map(|marks| marks.len()).min()?;
-        let egos: Vec<(&[Part<'_>], Vec<bool>)> = parts
+        let egos: Vec<(&[Part], Vec<bool>)> = parts
             .chunks(together)
             .map(|ego| (ego, counted(ego, starts)))
             .filter(|(_, counts)| counts.contains(&true))
@@ -100,7 +100,7 @@ impl Scores {
 }
 
 /// On which starts every part of an ego has a mark that counts.
-fn counted(ego: &[(f64, &[&str])], starts: usize) -> Vec<bool> {
+fn counted(ego: &[Part], starts: usize) -> Vec<bool> {
     let counts = |start: usize| {
         ego.iter().all(|(_, solved)| {
             let mut marks = solved.iter().map(|marks| marks.as_bytes()[start]);
