@@ -139,6 +139,33 @@ fn below_the_scenario_there_is_no_file_no_clock_and_no_hidden_randomness() {
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }
 
+/// Where test starts are drawn, or told from others: where rates are reported.
+/// Whatever tunes, identifies or trains draws from another purpose's stream.
+const MAY_TEST: [&str; 6] = [
+    "src/seed.rs",
+    "src/testbench/gym.rs",
+    "src/campaign/behaviours.rs",
+    "src/campaign/eval.rs",
+    "src/campaign/table1/mod.rs",
+    "src/campaign/theorems/transfer.rs",
+];
+
+#[test]
+fn nothing_that_tunes_draws_a_test_start() {
+    let mut wrong = Vec::new();
+    for (path, (_, lines)) in library() {
+        if MAY_TEST.iter().any(|may| path == Path::new(may)) {
+            continue;
+        }
+        for (number, line) in lines {
+            if line.contains("Purpose::Test") || line.contains("Purpose::*") {
+                wrong.push(format!("{}:{number}: {}", path.display(), line.trim()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
 #[test]
 fn library_code_does_not_unwrap() {
     let mut wrong = Vec::new();
