@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::eval::{Ado, EvalRequest, best_constant, eval, test_starts};
+use super::eval::{Ado, EvalRequest, best_constant, eval};
 use super::search::{Method, SearchRequest, search};
+use super::test_starts;
 use super::train::{TrainError, train};
 use super::{TestStarts, Watch};
 use crate::run::{Row, RunDir, RunError, paired_difference, seeds_interval};

@@ -1,25 +1,19 @@
 //! Evaluating an ado: frozen policy or baseline × ego × test starts → a row.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cpu_time::ThreadTime;
 use rayon::prelude::*;
 
-use super::Watch;
 use super::heuristic::Heuristic;
 use super::replays::{NearestReplay, replay_nearest};
+use super::{TestStarts, Watch};
 use crate::ego::{Command, Fault};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::run::{
-    ClosingSpeed, Counterexample, KeptError, Repeated, Row, RunError, StartRepeated, Stored,
-    at_most, file_name, wilson,
-};
-use crate::scenario::{Against, Change, Repeats, Scenario};
-use crate::scene::Start;
-use crate::seed::{Purpose, StartKey};
+use crate::run::{ClosingSpeed, Repeated, Row, StartRepeated, Stored, at_most, wilson};
+use crate::scenario::{Against, Repeats, Scenario};
 use crate::stl::Explanation;
 use crate::testbench::{
     Actor, Aftermath, Constant, Episode, Held, PolicyActor, Random, Testbench, count_faults, play,
@@ -27,76 +21,6 @@ use crate::testbench::{
 
 /// Decisions for which the held-random baseline keeps an action.
 pub const HOLD_DECISIONS: usize = 5;
-
-/// Test starts, with those on which the nominal ego fails by itself.
-#[derive(Clone, Debug)]
-pub struct TestStarts {
-    /// Seed of the stream.
-    pub seed: u64,
-    /// Each start with the seed of its noise.
-    pub starts: Vec<(Start, u64)>,
-    /// Whether the nominal ego fails without an adversary, all rules kept.
-    ///
-    /// Where it did not run at all nobody knows: such a start is not trivial,
-    /// and the watch's log of faults has it.
-    pub trivial: Vec<bool>,
-}
-
-/// Draws `count` test starts and plays each with coasting ados.
-///
-/// A finite world of no more than `count` starts gives each of them once.
-///
-/// `scenario` must be the nominal one on the plant its file names: what is
-/// trivial is fixed once and carried to all egos and plants. `None`: stopped.
-pub fn test_starts(
-    scenario: &Scenario,
-    seed: u64,
-    count: usize,
-    watch: &Watch<'_>,
-) -> Option<TestStarts> {
-    let bench = scenario.bench();
-    let key = |index: usize| StartKey {
-        purpose: Purpose::Test,
-        seed,
-        index: index as u64,
-    };
-    let listed = scenario.starts().filter(|all| all.len() <= count);
-    let starts: Vec<(Start, u64)> = match listed {
-        Some(all) => {
-            let starts = all.into_iter().enumerate();
-            starts
-                .map(|(i, start)| (start, bench.noise_of(key(i))))
-                .collect()
-        }
-        None => {
-            let keys = (0..count).map(key);
-            keys.map(|key| (bench.draw(key), bench.noise_of(key)))
-                .collect()
-        }
-    };
-    let neutral = bench.spaces().neutral;
-    let trivial = starts
-        .par_iter()
-        .enumerate()
-        .map_init(
-            || scenario.bench(),
-            |bench, (index, (start, noise))| {
-                if watch.stopped() {
-                    return false;
-                }
-                let mut coasting = Constant(neutral);
-                let from = (start, *noise);
-                let episode = watch.play(bench, from, index, &mut coasting, Aftermath::Skip);
-                episode.verdict.is_success()
-            },
-        )
-        .collect();
-    (!watch.stopped()).then_some(TestStarts {
-        seed,
-        starts,
-        trivial,
-    })
-}
 
 /// Who plays the ado.
 #[derive(Clone, Copy)]
@@ -502,66 +426,4 @@ pub fn explain_first(
     let mut judged = episode.trace;
     judged.truncate(episode.judged);
     Some((index, request.scenario.rulebook().spec.explain(&judged)))
-}
-
-/// Writes the first `most` counterexamples of an evaluation into a directory.
-///
-/// Each is played again (episodes are pure functions of their start) and
-/// written as `WORLD-EGO-INDEX.ron` with its samples as `.csv` beside it.
-///
-/// # Errors
-/// The disk refuses.
-pub fn keep(
-    request: &EvalRequest<'_>,
-    change: &Change,
-    evaluated: &Evaluated,
-    dir: &Path,
-    most: usize,
-) -> Result<Vec<PathBuf>, KeptError> {
-    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
-    keep_played(request, change, evaluated, dir, most, &mut again)
-}
-
-/// The same, for starts whose solution `again` plays.
-///
-/// # Errors
-/// The disk refuses.
-pub fn keep_played(
-    request: &EvalRequest<'_>,
-    change: &Change,
-    evaluated: &Evaluated,
-    dir: &Path,
-    most: usize,
-    again: &mut dyn FnMut(&mut Testbench, usize) -> Episode,
-) -> Result<Vec<PathBuf>, KeptError> {
-    std::fs::create_dir_all(dir).map_err(|source| RunError::Io {
-        verb: "creating",
-        path: dir.into(),
-        source,
-    })?;
-    let mut bench = request.scenario.bench();
-    let solved = evaluated.outcomes.iter().enumerate();
-    let solved = solved
-        .filter(|(_, outcome)| outcome.is_some_and(|outcome| outcome.verdict.is_success()))
-        .take(most);
-    let mut files = Vec::new();
-    for (index, _) in solved {
-        let episode = evaluated.again(request, &mut bench, index, again);
-        let ado = request.ado.word();
-        let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
-        let stem = file_stem(request, index);
-        files.push(kept.save_as(dir, &stem, &episode.trace)?);
-    }
-    Ok(files)
-}
-
-/// `WORLD-EGO-PLANT-SEED-INDEX`, with whatever could disturb a path replaced.
-fn file_stem(request: &EvalRequest<'_>, index: usize) -> String {
-    let plant = format!("{:?}", request.scenario.plant()).to_lowercase();
-    format!(
-        "{}-{}-{plant}-{}-{index:04}",
-        file_name(&request.scenario.name),
-        file_name(request.ego),
-        request.starts.seed
-    )
 }

@@ -8,8 +8,9 @@
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
+use super::TestStarts;
 use super::Watch;
-use super::eval::{Ado, EvalRequest, TestStarts, eval};
+use super::eval::{Ado, EvalRequest, eval};
 use crate::rl::Control;
 use crate::run::Row;
 use crate::scenario::Scenario;

@@ -13,6 +13,7 @@ mod eval;
 mod extreme;
 mod heuristic;
 mod identify;
+mod keep;
 mod milestones;
 mod near;
 mod paper_rows;
@@ -23,6 +24,7 @@ mod retrained;
 mod reuse;
 mod reuse_study;
 mod search;
+mod starts;
 mod table1;
 mod telling;
 mod theorems;
@@ -37,13 +39,11 @@ pub use behaviours::{
 };
 pub use break_even::{BreakEven, Cost, PerStart, break_even};
 pub use case_studies::{CaseStudies, CaseStudy, case_studies_markdown, case_study, trained_run};
-pub use eval::{
-    Ado, EvalRequest, Evaluated, Outcome, TestStarts, best_constant, eval, explain_first, keep,
-    keep_played, test_starts,
-};
+pub use eval::{Ado, EvalRequest, Evaluated, Outcome, best_constant, eval, explain_first};
 pub use extreme::extreme;
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
+pub use keep::{keep, keep_played};
 pub use milestones::{Milestone, milestones};
 pub use near::{Alumnus, NearFailing, NearRow, near_starts, near_starts_markdown};
 pub use paper_rows::{Measured, PaperRow, Reached, measure_paper_row, paper_rows_markdown};
@@ -56,6 +56,7 @@ pub use reuse_study::{
     ReuseStudied, ReuseStudy, reuse_markdown,
 };
 pub use search::{Cem, Found, Method, SearchRequest, Searched, anytime, search};
+pub use starts::{TestStarts, test_starts};
 pub use table1::{
     DeltaNear, GridStudy, MapResult, NearStarts, OpenLoop, RandomAdos, Table1, Table1Error,
     Trained as TrainedShare, table1, table1_markdown,

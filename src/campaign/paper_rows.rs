@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Watch;
-use super::eval::{TestStarts, test_starts};
 use super::milestones::{Milestone, milestones};
+use super::{TestStarts, test_starts};
 use crate::run::seeds_interval;
 use crate::scenario::Scenario;
 use crate::seed::Seeds;

@@ -1,7 +1,7 @@
 //! Whether an ego answers twice alike: asked before it is believed once.
 
+use super::TestStarts;
 use super::Watch;
-use super::eval::TestStarts;
 use crate::scenario::Scenario;
 use crate::testbench::{Aftermath, Constant};
 

@@ -6,8 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::TestStarts;
 use super::Watch;
-use super::eval::{Ado, EvalRequest, TestStarts, eval};
+use super::eval::{Ado, EvalRequest, eval};
 use crate::run::{Row, mean_difference};
 use crate::scenario::Scenario;
 

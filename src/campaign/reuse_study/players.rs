@@ -1,8 +1,9 @@
 //! Who plays against one ego of the study of reuse.
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SWITCHES, Trio, held_word};
+use crate::campaign::TestStarts;
 use crate::campaign::Watch;
-use crate::campaign::eval::{Ado, EvalRequest, TestStarts, best_constant, count_solved, eval};
+use crate::campaign::eval::{Ado, EvalRequest, best_constant, count_solved, eval};
 use crate::campaign::heuristic::Heuristic;
 use crate::campaign::search::{Found, Method, SearchRequest, Searched, count_contacts, search};
 use crate::campaign::tries::{Tries, other_members};

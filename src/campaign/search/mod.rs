@@ -14,8 +14,9 @@ use rayon::prelude::*;
 
 pub use cem::Cem;
 
+use super::TestStarts;
 use super::Watch;
-use super::eval::{HOLD_DECISIONS, TestStarts, blank_row, count_solved, note_row};
+use super::eval::{HOLD_DECISIONS, blank_row, count_solved, note_row};
 use crate::ego::Fault;
 use crate::run::{Anytime, ClosingSpeed, Row, Stored, Unconfirmed, wilson};
 use crate::scenario::Scenario;

@@ -19,7 +19,8 @@ pub use value::{DeltaNear, NearStarts};
 
 use maps::{Map, maps};
 
-use super::eval::{Ado, EvalRequest, TestStarts, eval};
+use super::TestStarts;
+use super::eval::{Ado, EvalRequest, eval};
 use super::{TrainError, Watch};
 use crate::rl::{Control, Dice, LearnerConfig, Policy};
 use crate::run::{Row, seeds_interval, wilson};

@@ -14,7 +14,7 @@ pub use forecast::Forecast;
 pub use grid::{NearbyStarts, nearby_starts, optimal_values};
 pub use transfer::{CarriedOver, CarryOver, Refused, Sharper, Spread, carry_over};
 
-use super::eval::TestStarts;
+use super::TestStarts;
 use crate::rl::Policy;
 use crate::scenario::Scenario;
 
