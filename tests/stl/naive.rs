@@ -15,6 +15,8 @@ pub enum Wff {
     X(&'static str, i32),
     /// `x - 2 * y op number`
     Both(&'static str, i32),
+    /// `x op y`
+    Signals(&'static str),
     /// `x / y op number`: no number where both are 0.
     Ratio(&'static str, i32),
     Not(Box<Wff>),
@@ -45,6 +47,7 @@ pub fn wff() -> impl Strategy<Value = Wff> {
         2 => Just(Wff::On),
         4 => (op(), -3..4i32).prop_map(|(op, c)| Wff::X(op, c)),
         3 => (op(), -3..4i32).prop_map(|(op, c)| Wff::Both(op, c)),
+        2 => op().prop_map(Wff::Signals),
     ])
 }
 
@@ -133,6 +136,7 @@ impl Wff {
             Wff::On => "on".into(),
             Wff::X(op, c) => format!("x {op} {c}"),
             Wff::Both(op, c) => format!("x - 2 * y {op} {c}"),
+            Wff::Signals(op) => format!("x {op} y"),
             Wff::Ratio(op, c) => format!("x / y {op} {c}"),
             Wff::Not(a) => format!("not ({})", a.text()),
             Wff::Gate(op, a, b) => format!("({}) {op} ({})", a.text(), b.text()),
@@ -146,7 +150,8 @@ impl Wff {
 
     fn operands(&self) -> impl Iterator<Item = &Wff> {
         let (a, b) = match self {
-            Wff::True | Wff::On | Wff::X(..) | Wff::Both(..) | Wff::Ratio(..) => (None, None),
+            Wff::True | Wff::On | Wff::X(..) | Wff::Both(..) => (None, None),
+            Wff::Signals(..) | Wff::Ratio(..) => (None, None),
             Wff::Not(a) | Wff::Window(_, _, a) | Wff::Step(_, a) => (Some(a), None),
             Wff::Gate(_, a, b) | Wff::Pair(_, _, a, b) => (Some(a), Some(b)),
         };
@@ -295,6 +300,7 @@ fn operator(wff: &Wff, operands: &[Vec<Pair>], rows: &[[f64; 3]], lengths: Lengt
         Wff::On => each(&|t| if rows[t][2] != 0.0 { TOP } else { not(TOP) }),
         Wff::X(op, c) => each(&|t| compare(op, rows[t][0] - f64::from(*c))),
         Wff::Both(op, c) => each(&|t| compare(op, rows[t][0] - 2.0 * rows[t][1] - f64::from(*c))),
+        Wff::Signals(op) => each(&|t| compare(op, rows[t][0] - rows[t][1])),
         Wff::Ratio(op, c) => each(&|t| compare(op, rows[t][0] / rows[t][1] - f64::from(*c))),
         Wff::Not(_) => each(&|t| not(operands[0][t])),
         Wff::Gate(op, ..) => {

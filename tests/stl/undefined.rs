@@ -287,6 +287,7 @@ fn nesting_does_not_multiply() {
         nested(60, |text| format!("rise ({text})")),
         nested(60, |text| format!("({text}) iff x > 1")),
         nested(40, |text| format!("x > 1 xor fall ({text})")),
+        nested(60, |text| format!("({text}) iff always (x > 1)")),
         nested(40, |text| format!("(eventually[0, 1] ({text})) iff x > 1")),
         nested(40, |text| format!("(always ({text})) xor x > 1")),
     ];
