@@ -48,10 +48,13 @@ fn at_step(step: &str) -> String {
     Fake { step, ..SOUND }.script()
 }
 
+/// What a program does wrong, how, and the kinds of fault that may be.
+type Broken = (&'static str, String, &'static [&'static str]);
+
 /// Everything a program can do wrong, with the words of what may be found.
 ///
 /// Some do two things at once, and either may be noticed first.
-fn broken_scripts() -> Vec<(&'static str, String, &'static [&'static str])> {
+fn broken_scripts() -> Vec<Broken> {
     const ENDED: &[&str] = &["ended"];
     const LATE: &[&str] = &["timeout"];
     const PROTOCOL: &[&str] = &["protocol"];
@@ -163,8 +166,11 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
     let kept = root().join("tests/regressions/acc-2D-plant-0002.ron");
     let kept = kept.display().to_string();
     let mark = format!("brakecheck-fake-{}", std::process::id());
-    for (nth, (what, script, kinds)) in broken_scripts().into_iter().enumerate() {
-        let ego = change(&dir, nth, &script, &mark);
+    let scripts: Vec<_> = broken_scripts().into_iter().enumerate().collect();
+    // They wait more than they compute.
+    let meet = |(nth, (what, script, kinds)): &(usize, Broken)| {
+        let (nth, what) = (*nth, *what);
+        let ego = change(&dir, nth, script, &mark);
         let named = |output: &std::process::Output, verb: &str| {
             let said = stderr(output);
             assert_eq!(code(output), 3, "{verb}, {what}: {said}");
@@ -225,7 +231,12 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
             kinds.iter().any(|kind| invalid[0].contains(kind)),
             "{what}: {error}"
         );
-    }
+    };
+    std::thread::scope(|scope| {
+        for part in scripts.chunks(scripts.len().div_ceil(6)) {
+            scope.spawn(|| part.iter().for_each(meet));
+        }
+    });
     assert_eq!(alive(&mark), Vec::<String>::new());
 }
 

@@ -73,7 +73,7 @@ fn said(hello: &Hello) -> String {
 pub(super) fn first_fault(named: &[Named]) -> Option<Failure> {
     named.iter().find_map(|one| match (&one.fault, &one.wrong) {
         (Some(fault), _) => Some(failure(&one.command, fault)),
-        (None, Some(_)) => Some(unkept(&one.command)),
+        (None, Some(wrong)) => Some(unkept(&one.command, wrong)),
         (None, None) => None,
     })
 }
@@ -108,16 +108,22 @@ pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure
         })),
         false => talk::data(&findings(&done)),
     }?;
-    match &done.fault {
-        Some(fault) => Err(failure(command, fault)),
-        None if done.passed() => Ok(Exit::Done),
-        None => Err(unkept(command)),
+    let wrong = done.findings.iter().find(|found| !found.passed);
+    match (&done.fault, wrong) {
+        (Some(fault), _) => Err(failure(command, fault)),
+        (None, Some(wrong)) => Err(unkept(command, wrong)),
+        (None, None) => Ok(Exit::Done),
     }
 }
 
-fn unkept(command: &[String]) -> Failure {
+fn unkept(command: &[String], wrong: &Finding) -> Failure {
     Failure::fault(
-        format!("`{}` does not keep the protocol", command.join(" ")),
+        format!(
+            "the program `{}` does not do this: it {} ({})",
+            command.join(" "),
+            wrong.what,
+            wrong.note
+        ),
         Some(format!("see {DOCUMENT}")),
     )
 }

@@ -222,7 +222,9 @@ fn crowd(time_s: f64, own_s_m: f64) -> Around {
 
 fn commands_are_plausible(done: &mut Exercise, commands: &[(Command, Duration)]) {
     let odd = commands.iter().find_map(|(command, _)| command.flaw());
-    let note = odd.as_ref().map_or("", |fault| &*fault.message).to_owned();
+    let note = odd.as_ref().map_or(String::new(), |fault| {
+        format!("{}: {fault}", fault.kind.word())
+    });
     done.find("commands what a car can do", odd.is_none(), note);
 }
 
