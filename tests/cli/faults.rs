@@ -1,7 +1,5 @@
 //! Broken egos: no verb takes one for an ego that held, or that failed.
 
-use std::time::{Duration, Instant};
-
 use brakecheck::campaign::{RegressionError, Regressions};
 use brakecheck::ego::{ControllerSpec, Process};
 use brakecheck::scenario::Change;
@@ -15,6 +13,10 @@ struct Fake<'a> {
     reset: &'a str,
     step: &'a str,
 }
+
+/// Only what hangs is worth a short wait; machines are busy.
+const HASTY_S: f64 = 0.4;
+const PATIENT_S: f64 = 60.0;
 
 const HELLO: &str = r#"echo '{"hello":{"protocol":1,"name":"fake"}}'"#;
 const READY: &str = r#"echo "{\"id\":$id,\"ready\":true}""#;
@@ -110,10 +112,20 @@ fn broken_scripts() -> Vec<Broken> {
 
 /// A fake as a `Change` in a file, marked so that it is found among processes.
 fn change(dir: &tempfile::TempDir, nth: usize, script: &str, mark: &str) -> String {
+    timed_change(dir, nth, (script, PATIENT_S), mark)
+}
+
+/// The same with a timeout.
+fn timed_change(
+    dir: &tempfile::TempDir,
+    nth: usize,
+    (script, timeout_s): (&str, f64),
+    mark: &str,
+) -> String {
     let file = path(dir, &format!("fake{nth}.ron"));
     let script = format!(": {mark}; {script}");
     let text = format!(
-        "Change(controller: Some(Process(command: [\"sh\", \"-c\", r##\"{script}\"##], timeout_s: 0.4)))"
+        "Change(controller: Some(Process(command: [\"sh\", \"-c\", r##\"{script}\"##], timeout_s: {timeout_s:.1})))"
     );
     std::fs::write(&file, text).expect("written");
     file
@@ -125,7 +137,7 @@ fn world(dir: &tempfile::TempDir, script: &str) -> String {
     let from = text.find("drive: Ego(Acc(").expect("the ego");
     let to = from + text[from..].find(")),").expect("its end") + 3;
     let drive = format!(
-        "drive: Ego(Process(command: [\"sh\", \"-c\", r##\"{script}\"##], timeout_s: 0.4)),"
+        "drive: Ego(Process(command: [\"sh\", \"-c\", r##\"{script}\"##], timeout_s: 60.0)),"
     );
     let text = format!("{}{drive}{}", &text[..from], &text[to..]);
     let rest = text.find("reuse: {").expect("reuse");
@@ -170,7 +182,11 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
     // They wait more than they compute.
     let meet = |(nth, (what, script, kinds)): &(usize, Broken)| {
         let (nth, what) = (*nth, *what);
-        let ego = change(&dir, nth, script, &mark);
+        let timeout_s = match kinds.contains(&"timeout") {
+            true => HASTY_S,
+            false => PATIENT_S,
+        };
+        let ego = timed_change(&dir, nth, (script, timeout_s), &mark);
         let named = |output: &std::process::Output, verb: &str| {
             let said = stderr(output);
             assert_eq!(code(output), 3, "{verb}, {what}: {said}");
@@ -179,7 +195,6 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
                 "{verb}, {what}: {said}"
             );
         };
-        let clock = Instant::now();
         let eval = brakecheck(&[
             "eval",
             &run,
@@ -192,8 +207,6 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
         ]);
         named(&eval, "eval");
         only_invalid(&json(&eval)["rows"], kinds, what);
-        // Three episodes at 0.4 s each on one worker, and some to start up.
-        assert!(clock.elapsed() < Duration::from_secs(10), "{what}");
         let search = brakecheck(&[
             "search",
             "worlds/acc.ron",
@@ -217,7 +230,7 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
             named(&check, "check");
         }
         let mut process = Process::new(["sh", "-c", &program]);
-        process.set("timeout_s", 0.4).expect("it has one");
+        process.set("timeout_s", timeout_s).expect("it has one");
         let change = Change {
             controller: Some(ControllerSpec::Process(process)),
             ..Change::default()
