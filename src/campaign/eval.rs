@@ -198,9 +198,7 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
                 }
                 let clock = ThreadTime::now();
                 let attempt = request.repeat(bench, index);
-                watch
-                    .faults
-                    .note(index as u64, attempt.episode.fault.as_ref());
+                watch.faults.note(index as u64, attempt.fault.as_ref());
                 Some(attempt.played(clock.elapsed().as_secs_f64()))
             },
         )
@@ -212,6 +210,8 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
 struct Attempt {
     /// The run that stands for all of them.
     episode: Episode,
+    /// The first fault of any run, also where another one stands for all.
+    fault: Option<Fault>,
     repeated: Option<StartRepeated>,
     simulations: u64,
     physics_steps: u64,
@@ -230,7 +230,7 @@ impl Attempt {
                 physics_steps: self.physics_steps,
                 cpu_s,
             },
-            fault: episode.fault,
+            fault: self.fault,
             repeated: self.repeated,
             commands: repeatable.then(|| episode.commands.into()),
         }
@@ -257,6 +257,7 @@ impl EvalRequest<'_> {
         }
         let (repeated, standing) = StartRepeated::of(&episodes, gate);
         Attempt {
+            fault: episodes.iter().find_map(|episode| episode.fault.clone()),
             episode: episodes.swap_remove(standing),
             repeated: (1 < runs).then_some(repeated),
             simulations,
