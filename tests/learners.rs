@@ -1,4 +1,16 @@
-//! Every learner: solves a tiny problem, repeats itself bit for bit, resumes.
+//! Every learner: solves a tiny problem, repeats itself bit for bit, resumes;
+//! its updates are held to numbers computed elsewhere.
+
+#[path = "learners/golden.rs"]
+mod golden;
+#[path = "learners/lived.rs"]
+mod lived;
+#[path = "learners/schedules.rs"]
+mod schedules;
+#[path = "learners/scripted.rs"]
+mod scripted;
+#[path = "learners/starts.rs"]
+mod starts;
 
 use brakecheck::rl::nn::{Adam, Mlp};
 use brakecheck::rl::replay::{Batch, Lived, Replay, SumTree, Tail, Transition};
