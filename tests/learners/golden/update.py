@@ -571,10 +571,11 @@ def halves_of_four():
 
 
 def ppo_cases():
-    # Both sides of the clip, with advantages that say go on and turn back.
-    steps = [(1.5, 1.0), (0.6, -1.25), (0.6, 1.5), (1.5, -1.0), (1.1, 0.75), (0.9, 0.25), (1.0, -0.5)]
+    # Both sides of the clip, with advantages that say go on and turn back; and
+    # ratios within this clip, beyond the default of 0.2.
+    steps = [(1.75, 1.0), (0.5, -1.25), (0.5, 1.5), (1.75, -1.0), (1.25, 1.0), (0.75, -0.5), (1.0, 0.25)]
     clips = {(where, sign) for where in ("above", "below", "within") for sign in (True, False)}
-    common = {"decisions": 1000, "discount": 0.875, "clip": 0.25}
+    common = {"decisions": 1000, "discount": 0.875, "clip": 0.375}
     two = {
         "observations": [[0.5, -0.25], [0.125, 0.75], [-0.5, 0.25]],
         "rewards": [0.375, 1.5],
@@ -618,7 +619,7 @@ def ppo_cases():
             "learning_rate": 0.05, "final_learning_rate": 0.01, "max_gradient": 100.0,
         },
         tally=(499, 30, 1),
-        steps=[(1.5, 1.0), (0.6, -1.25), (1.1, 0.5)],
+        steps=[(1.75, 1.0), (0.5, -1.25), (1.25, 0.5)],
         warm=True,
         episode={"observations": [[0.5], [0.25]], "rewards": [1.5], "end": "Terminated"},
         orders=list(halves_of_four()),
