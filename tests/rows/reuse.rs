@@ -1,0 +1,170 @@
+//! One ado on many egos, summed up by hand.
+
+use brakecheck::campaign::{
+    Ado, EvalRequest, LEAST_REACHABLE, Relation, ReusedOn, Summary, eval, reused_on, summarise,
+};
+use brakecheck::run::{Row, paired_difference};
+
+use super::costs::row;
+use super::near;
+use super::scene::{HEADWAYS_M, Quirky, altered, chase, quiet, starts};
+
+/// An ego and its rows, recall filled in from the search's.
+fn ego(name: &str, relation: Relation, search: &str, ados: &[(&str, &str)]) -> ReusedOn {
+    let mut rows = vec![row("search", search)];
+    rows[0].sims_per_start = 50.0;
+    for (ado, solved) in ados {
+        let mut row = row(ado, solved);
+        row.compare_with_search(search);
+        rows.push(row);
+    }
+    ReusedOn {
+        ego: name.to_owned(),
+        relation,
+        fails_without_adversary: 0.0,
+        reachable: Some(rows[0].success_rate),
+        union: 0.0,
+        rows,
+    }
+}
+
+fn of<'a>(all: &'a [Summary], relation: Relation, ado: &str) -> &'a Summary {
+    let mut found = all
+        .iter()
+        .filter(|s| s.relation == relation && s.ado == ado);
+    found.next().expect("a summary")
+}
+
+/// Ten starts each. Two trainings of one ado, and a rival.
+///
+/// | ego | reachable | trainings solve | recall | rival |
+/// | --- | --- | --- | --- | --- |
+/// | near | 50 % | 4 and 2, all of them reachable | 4/5 and 2/5 | 1 |
+/// | wet | 10 % | 3 and 0, of the reachable 1 and 0 | 1 and 0 | 0 |
+/// | hard | 0 % | 1 and 1 | none | 2 |
+#[test]
+fn means_recalls_and_differences_are_those_on_paper() {
+    let egos = [
+        ego(
+            "near",
+            Relation::Inside,
+            "1111100000",
+            &[
+                ("trained", "1111000000"),
+                ("trained", "1100000000"),
+                ("rival", "0000000001"),
+            ],
+        ),
+        ego(
+            "wet",
+            Relation::Inside,
+            "1000000000",
+            &[
+                ("trained", "1110000000"),
+                ("trained", "0000000000"),
+                ("rival", "0000000000"),
+            ],
+        ),
+        ego(
+            "hard",
+            Relation::Outside,
+            "0000000000",
+            &[
+                ("trained", "1000000000"),
+                ("trained", "0000000001"),
+                ("rival", "1100000000"),
+            ],
+        ),
+    ];
+    assert_eq!(LEAST_REACHABLE, 0.1);
+    let all = summarise(&egos, "trained");
+    let inside = of(&all, Relation::Inside, "trained");
+    assert_eq!((inside.egos, inside.egos_with_recall), (2, 2));
+    near(inside.success_rate, (0.4 + 0.2 + 0.3 + 0.0) / 4.0);
+    // Per ego the mean of its trainings: 0.6 and 0.5.
+    near(inside.recall_mean.expect("recall"), 0.55);
+    let (least, on) = inside.recall_min.clone().expect("recall");
+    near(least, 0.5);
+    assert_eq!(on, "wet");
+    assert!(inside.reference_minus.is_none(), "not with itself");
+    near(inside.sims_per_start, 1.0);
+    let searched = of(&all, Relation::Inside, "search");
+    near(searched.sims_per_start, 50.0);
+    near(searched.success_rate, 0.3);
+    // The rival: 0.3 − 0.1 and 0.15 − 0 less than the trainings.
+    let rival = of(&all, Relation::Inside, "rival");
+    let (minus, [lo, hi]) = rival.reference_minus.expect("compared");
+    near(minus, (0.2 + 0.15) / 2.0);
+    assert!(lo < minus && minus < hi);
+    near(rival.recall_mean.expect("recall"), 0.0);
+    let outside = of(&all, Relation::Outside, "trained");
+    assert_eq!((outside.egos, outside.egos_with_recall), (1, 0));
+    assert_eq!(
+        (outside.recall_mean, outside.recall_min.clone()),
+        (None, None)
+    );
+    let rival = of(&all, Relation::Outside, "rival");
+    let expected = paired_difference(&["1000000000", "0000000001"], &["1100000000"]);
+    assert_eq!(rival.reference_minus, Some(expected));
+    near(expected.0, -0.1);
+    // All changed egos together.
+    let changed = of(&all, Relation::Changed, "trained");
+    assert_eq!((changed.egos, changed.egos_with_recall), (3, 2));
+    near(
+        changed.success_rate,
+        (0.4 + 0.2 + 0.3 + 0.0 + 0.1 + 0.1) / 6.0,
+    );
+    let blocks: Vec<Relation> = all.iter().map(|s| s.relation).collect();
+    assert!(!blocks.contains(&Relation::Trained));
+    // One block of changed egos is all of them already.
+    let one = summarise(&egos[..2], "trained");
+    assert!(one.iter().all(|s| s.relation == Relation::Inside));
+}
+
+/// The ego fails by itself below 14 m: two of the eighteen, whatever is left out.
+/// An ego at 12 m/s gets 4 m nearer: two more (14.26 to 17.01 m: four).
+#[test]
+fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
+    let starts = starts();
+    let rows = |world| -> Vec<Row> {
+        let mut rows = Vec::new();
+        for action in [2, 4] {
+            let request = EvalRequest {
+                scenario: world,
+                ego: "e",
+                ado: Ado::Constant(action),
+                starts: &starts,
+            };
+            let mut row = eval(&request, &quiet()).row;
+            row.ado = if action == 2 { "search" } else { "trained" }.to_owned();
+            rows.push(row);
+        }
+        rows
+    };
+    let nominal = chase();
+    let relation = ("e", Relation::Trained);
+    let met = reused_on(&nominal, relation, &starts, rows(&nominal), &quiet());
+    near(met.fails_without_adversary, 2.0 / HEADWAYS_M.len() as f64);
+    // −1 solves nine of sixteen, and −3 no other.
+    assert_eq!(met.reachable, Some(9.0 / 16.0));
+    near(met.union, 9.0 / 16.0);
+    let faster = altered(&[
+        ("speed_mps: 11.0", "speed_mps: 12.0"),
+        ("(11.0, 60.0)", "(11.0, 60.5)"),
+    ]);
+    let met = reused_on(
+        &faster,
+        ("f", Relation::Outside),
+        &starts,
+        rows(&faster),
+        &quiet(),
+    );
+    near(met.fails_without_adversary, 6.0 / HEADWAYS_M.len() as f64);
+    assert!(Quirky::failing_from(&[]).fails_m.is_empty());
+    // What either solves counts once: of four starts the first three, of which two alone.
+    let ado = |solved: &str| row("trained", solved);
+    let rows = vec![row("other", "t110-"), ado("t011x")];
+    let met = reused_on(&nominal, relation, &starts, rows, &quiet());
+    near(met.union, 3.0 / 3.0);
+    assert_eq!(met.reachable, None, "nobody searched");
+}
