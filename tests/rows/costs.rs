@@ -131,3 +131,26 @@ fn a_training_has_paid_when_the_search_has_cost_as_much() {
         assert!(reached.contains(&at), "{reached:?}");
     }
 }
+
+/// Twenty starts, solved after 1, 2, … 20 simulations: m of them need a budget of m.
+#[test]
+fn the_least_budget_is_the_least() {
+    let found = |simulations: u64| {
+        Some(Found {
+            actions: Some(vec![0]),
+            simulations,
+            ..Found::default()
+        })
+    };
+    let searched = Searched {
+        row: row("search", &"1".repeat(20)),
+        found: (1..=20).map(found).collect(),
+    };
+    for solved in 1..=20 {
+        let marks = "1".repeat(solved) + &"0".repeat(20 - solved);
+        let once = Cost::default();
+        let even = break_even(&searched, 20, &row("trained", &marks), once);
+        let even = even.expect("it solves something");
+        assert_eq!((even.budget, even.matched), (solved as u64, true));
+    }
+}

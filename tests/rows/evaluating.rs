@@ -305,11 +305,11 @@ fn replays_cost_one_simulation_each_until_one_succeeds() {
         actions: vec![0],
         by: 1.0,
     };
-    // From (20, 0.5): 24.9 m of 49 are 0.1, 0.2 of 1 is 0.2.
+    // From (20, 0.5): 4 m of 49 are 0.08, either way, and 0.2 of 1 is 0.2.
     let all = vec![
         at(0, 20.0, 0.7),
-        at(1, 24.9, 0.5),
-        at(2, 15.1, 0.5),
+        at(1, 24.0, 0.5),
+        at(2, 16.0, 0.5),
         at(3, 60.0, 0.5),
     ];
     let stored = Stored::new(all, &axes);
@@ -474,4 +474,23 @@ fn starts_played_several_times_are_solved_from_the_gate_on() {
         near(row.foul_rate, fouls);
     }
     assert_eq!(COUNTED, 16);
+    // A start on which the ego fails to answer is in no share: 13 of 15 are solved.
+    let quirky = Quirky {
+        brakes: Some((5, 2)),
+        ..Quirky::failing_from(&[16.5])
+    };
+    let mut world = quirky.drives(&chase());
+    world.repeats = Repeats { runs: 5, gate: 2 };
+    let request = EvalRequest {
+        scenario: &world,
+        ego: "quirky",
+        ado: Ado::Constant(3),
+        starts: &starts(),
+    };
+    let mut watch = quiet();
+    watch.faults = FaultLog::allowing(0.5);
+    let row = eval(&request, &watch).row;
+    assert_eq!((row.starts, row.successes, row.invalid), (15, 13, 1));
+    near(row.repeats.expect("runs").failing_share, 26.0 / 75.0);
+    assert_eq!(row.sims_per_start, 5.0);
 }

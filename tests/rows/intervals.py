@@ -193,6 +193,9 @@ def main():
             ([0.0, 0.0], 50, 0.0),
         ]
     ]
+    some += [["1101", "0111", "1001"], ["110", "100"], ["1111", "1110"]]
+    # Trainings that agree on every start: what is left are the starts.
+    some += [["111011"] * 6, ["0100"] * 4]
     pairs = [
         (some[0], [marks(0.3, 60, 9)]),
         (some[1], some[2]),

@@ -186,6 +186,10 @@ fn intervals_are_those_on_paper() {
                 let seen = tight.push(&[*x, *y]).expect("a sample");
                 assert_eq!(seen, of(known[i]), "{text}, after {i} of all, run {run}");
             }
+            // What comes after the last sample is none of them.
+            let last = tight.interval();
+            assert_eq!(tight.push(&[-99.0, 99.0]), Ok(last), "{text}");
+            assert_eq!(tight.len(), rows.len());
             let value = known.last().expect("samples").0;
             assert_eq!((loose.finish(), tight.finish()), (value, value), "{text}");
             loose.reset();

@@ -198,7 +198,10 @@ const EXACT: &str = "always[0.25, T] (abs(ego.x - 11 * time) <= 0.000000001)";
 /// The chase on rigid bodies with one more rule, of the least priority.
 fn rigid_with(rule: &str) -> Scenario {
     let rules = format!("rulebook: [ Rule(name: \"more\", priority: 3, stl: \"{rule}\"),");
-    altered(&[("rulebook: [", &rules), ("plant: Kinematic", "plant: Rigid")])
+    altered(&[
+        ("rulebook: [", &rules),
+        ("plant: Kinematic", "plant: Rigid"),
+    ])
 }
 
 /// Nearer than 20 m the rule is kept on both plants; farther away whatever succeeds
@@ -489,4 +492,51 @@ fn a_search_asks_for_as_many_failures_as_the_gate() {
         assert_eq!(row.solved, solved);
         assert_eq!(row.sims_per_start, 5.0);
     }
+}
+
+/// Whoever can only brake hard solves h < 21.875 m, and has lost its rule when they
+/// touch from 17.8733 m on.
+#[test]
+fn a_search_tells_of_rules_that_were_broken_before_the_contact() {
+    let world = altered(&[("[1.0, 0.0, -1.0, -2.0, -3.0]", "[1.0, 0.0, -3.0]")]);
+    for method in [Method::Switches(0), Method::Hold] {
+        let Searched { row, found } = searched(&world, method, 1000, &starts());
+        let late: Vec<bool> = found
+            .iter()
+            .flatten()
+            .map(|f| f.foul_before_contact)
+            .collect();
+        let share = late.iter().filter(|late| **late).count() as f64 / 16.0;
+        near(row.foul_before_contact_rate.expect("followed"), share);
+        if matches!(method, Method::Switches(_)) {
+            let expected = |h: &f64| (17.8733..21.875).contains(h);
+            let counted = HEADWAYS_M.iter().filter(|h| 14.0 <= **h);
+            assert_eq!(late, counted.map(expected).collect::<Vec<bool>>());
+            assert_eq!((row.successes, share), (9, 5.0 / 16.0));
+            assert_eq!(row.contact_rate, 9.0 / 16.0);
+        }
+    }
+}
+
+/// One action for the whole run, one elite, and no memory of what was before: from the
+/// second generation on the best of the first is played. Far away that is to brake
+/// softly, or to coast, for all 16 samples; to brake hard is a foul after eleven, to
+/// speed up one after the first.
+#[test]
+fn cross_entropy_draws_from_the_best() {
+    let world = altered(&[("[1.0, 0.0, -1.0, -2.0, -3.0]", "[1.0, 0.0, -1.0, -3.0]")]);
+    let cem = Cem {
+        population: 12,
+        elites: 1,
+        smoothing: 1.0,
+        hold: 8,
+        exploration: 0.0,
+    };
+    let starts = starts_at(&[50.01]);
+    let steps = |budget: u64| {
+        let row = searched(&world, Method::Cem(cem), budget, &starts).row;
+        assert_eq!(row.sims_per_start, budget as f64);
+        row.physics_steps
+    };
+    assert_eq!(steps(32) - steps(12), 20 * 16 * SUBSTEPS);
 }

@@ -423,3 +423,44 @@ fn only_a_counterexample_is_a_success() {
     assert_eq!(judge.push_after(&book, &[5.0, 5.0, 5.0, 0.0]), Some(0));
     assert_eq!(judge.push_after(&book, &[5.0, 10.0, 5.0, 0.0]), Some(1));
 }
+
+/// Something must also be reached: what is not yet reached is not violated, not even
+/// where the best that can still come is 0, and not because a run before was lost.
+#[test]
+fn a_specification_is_lost_only_when_nothing_can_save_it() {
+    let spec: Formula = "eventually[0, T] g >= 1 and always[0, T] d >= 1"
+        .parse()
+        .expect("a formula");
+    let constants = Constants::from([("T".to_owned(), 4.0)]);
+    let mut book = rulebook(JudgeKind::UntilViolation, &[(STEADY, 0)]);
+    book.spec = spec.bind(&schema(), &constants).expect("it binds");
+    let row = |d: f64, g: f64| [d, 5.0, 5.0, g];
+    let never = vec![row(5.0, 0.0); 5];
+    let at_bound = [
+        row(1.0, 0.0),
+        row(5.0, 0.0),
+        row(5.0, 3.0),
+        row(5.0, 0.0),
+        row(5.0, 0.0),
+    ];
+    let late = [
+        row(3.0, 0.0),
+        row(5.0, 0.0),
+        row(5.0, 0.0),
+        row(5.0, 0.0),
+        row(5.0, 2.5),
+    ];
+    let close = [row(5.0, 0.0), row(0.5, 0.0)];
+    let cases: [(&[[f64; 4]], usize, Verdict); 4] = [
+        // At the first sample at which it is lost the depth is that of the goal.
+        (&close, 1, Verdict::Counterexample { by: 1.0 }),
+        (&at_bound, 4, Verdict::Held { margin: 0.0 }),
+        (&late, 4, Verdict::Held { margin: 1.5 }),
+        (&never, 4, Verdict::Counterexample { by: 1.0 }),
+    ];
+    let mut again = Judge::new(&book, SAMPLES);
+    for (rows, at, verdict) in cases {
+        again.reset();
+        assert_eq!(judge(&mut again, &book, rows, Stop::Horizon), (at, verdict));
+    }
+}
