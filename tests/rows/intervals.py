@@ -194,8 +194,6 @@ def main():
         ]
     ]
     some += [["1101", "0111", "1001"], ["110", "100"], ["1111", "1110"]]
-    # Trainings that agree on every start: what is left are the starts.
-    some += [["111011"] * 6, ["0100"] * 4]
     pairs = [
         (some[0], [marks(0.3, 60, 9)]),
         (some[1], some[2]),
@@ -211,6 +209,8 @@ def main():
         "wilson": [[k, n, wilson(k / n, n)] for k, n in cases],
         "at_most": [[n, at_most(n)] for n in (1, 2, 10, 16, 100, 500)],
         "seeds": [[solved, seeds_interval(solved)] for solved in some],
+        # Trainings that agree on every start: what is left are the starts.
+        "agreeing": [[s, seeds_interval(s)] for s in (["111011"] * 6, ["1111111110"] * 8)],
         "pairs": [[a, b, *difference(a, b)] for a, b in pairs],
         "runs": [[solved, runs_interval(solved)] for solved in several],
     }

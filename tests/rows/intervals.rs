@@ -14,6 +14,7 @@ struct Worked {
     wilson: Vec<(usize, usize, [f64; 2])>,
     at_most: Vec<(usize, f64)>,
     seeds: Vec<(Vec<String>, [f64; 2])>,
+    agreeing: Vec<(Vec<String>, [f64; 2])>,
     pairs: Vec<(Vec<String>, Vec<String>, f64, [f64; 2])>,
     runs: Vec<(Vec<String>, [f64; 2])>,
 }
@@ -62,11 +63,15 @@ fn the_bound_of_a_rate_that_was_never_seen_is_exact() {
 }
 
 /// Ends within 3 % of the width: the crate sums over a few nodes, the script over many.
+/// Where trainings agree the starts are most of it, and 1 % is enough.
 #[test]
 fn intervals_of_several_trainings_are_those_of_fine_sums() {
-    for (solved, expected) in worked().seeds {
-        let seen = seeds_interval(&texts(&solved));
-        near_ends(seen, expected, 0.03 * (expected[1] - expected[0]));
+    let worked = worked();
+    for (cases, slack) in [(worked.seeds, 0.03), (worked.agreeing, 0.01)] {
+        for (solved, expected) in cases {
+            let seen = seeds_interval(&texts(&solved));
+            near_ends(seen, expected, slack * (expected[1] - expected[0]));
+        }
     }
 }
 

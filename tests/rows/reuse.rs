@@ -7,7 +7,7 @@ use brakecheck::run::{Row, paired_difference};
 
 use super::costs::row;
 use super::near;
-use super::scene::{HEADWAYS_M, Quirky, altered, chase, quiet, starts};
+use super::scene::{HEADWAYS_M, altered, chase, quiet, starts};
 
 /// An ego and its rows, recall filled in from the search's.
 fn ego(name: &str, relation: Relation, search: &str, ados: &[(&str, &str)]) -> ReusedOn {
@@ -122,7 +122,7 @@ fn means_recalls_and_differences_are_those_on_paper() {
 }
 
 /// The ego fails by itself below 14 m: two of the eighteen, whatever is left out.
-/// An ego at 12 m/s gets 4 m nearer: two more (14.26 to 17.01 m: four).
+/// An ego at 12 m/s gets 4 m nearer, and fails below 18 m: six.
 #[test]
 fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
     let starts = starts();
@@ -148,10 +148,7 @@ fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
     // −1 solves nine of sixteen, and −3 no other.
     assert_eq!(met.reachable, Some(9.0 / 16.0));
     near(met.union, 9.0 / 16.0);
-    let faster = altered(&[
-        ("speed_mps: 11.0", "speed_mps: 12.0"),
-        ("(11.0, 60.0)", "(11.0, 60.5)"),
-    ]);
+    let faster = altered(&[("speed_mps: 11.0", "speed_mps: 12.0")]);
     let met = reused_on(
         &faster,
         ("f", Relation::Outside),
@@ -160,7 +157,6 @@ fn an_ego_is_asked_what_it_does_without_an_adversary_on_every_start() {
         &quiet(),
     );
     near(met.fails_without_adversary, 6.0 / HEADWAYS_M.len() as f64);
-    assert!(Quirky::failing_from(&[]).fails_m.is_empty());
     // What either solves counts once: of four starts the first three, of which two alone.
     let ado = |solved: &str| row("trained", solved);
     let rows = vec![row("other", "t110-"), ado("t011x")];

@@ -51,7 +51,7 @@ pub const HEADWAYS_M: [f64; 18] = [
     25.01, 26.51, 27.51, 28.01, 50.01,
 ];
 /// Those that are not trivial.
-pub const COUNTED: usize = 16;
+const COUNTED: usize = 16;
 
 static GO: AtomicBool = AtomicBool::new(false);
 

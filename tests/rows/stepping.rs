@@ -273,7 +273,7 @@ fn a_fault_in_the_aftermath_does_not_undo_a_success() {
 fn a_replay_holds_its_last_action_or_goes_on_with_another() {
     let world = chase();
     let start = Start(vec![25.01]);
-    let mut act = |mut replay: Replay<'_>| {
+    let act = |mut replay: Replay<'_>| {
         let episode = play(&mut world.bench(), &start, 1, &mut replay, Aftermath::Skip);
         episode.actions
     };
