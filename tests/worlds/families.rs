@@ -298,8 +298,9 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
         let off = (found.member.values[q] - value).abs() / (quantity.hi - quantity.lo);
         assert!(off < 0.1 && !found.hidden[q], "{name}: {found:?}");
     }
-    let again = identify(&request, &quiet()).expect("sound");
-    assert_eq!(again, Some(found.clone()), "equal requests, equal answers");
+    // Equal requests, equal answers; one run is enough to see that.
+    let brief = IdentifyRequest { runs: 1, ..request };
+    assert_eq!(identified(&brief), identified(&brief));
     // Without one of its quantities the family explains this ego less well.
     let fixed = ["time_gap_s".to_owned()];
     let poorer = identified(&IdentifyRequest {
@@ -341,7 +342,7 @@ fn an_ego_that_switches_is_found_where_no_slope_leads() {
     let request = IdentifyRequest {
         world: &world,
         ego: &world,
-        runs: 4,
+        runs: 2,
         seed: 0,
         fixed: &[],
     };
