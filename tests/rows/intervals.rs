@@ -7,6 +7,9 @@ use serde::Deserialize;
 
 use super::near;
 
+/// Marks of both sides, their difference and its interval.
+type Pair = (Vec<String>, Vec<String>, f64, [f64; 2]);
+
 /// What the script wrote.
 #[derive(Deserialize)]
 struct Worked {
@@ -15,7 +18,7 @@ struct Worked {
     at_most: Vec<(usize, f64)>,
     seeds: Vec<(Vec<String>, [f64; 2])>,
     agreeing: Vec<(Vec<String>, [f64; 2])>,
-    pairs: Vec<(Vec<String>, Vec<String>, f64, [f64; 2])>,
+    pairs: Vec<Pair>,
     runs: Vec<(Vec<String>, [f64; 2])>,
 }
 
