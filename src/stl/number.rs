@@ -57,7 +57,10 @@ impl fmt::Display for Decimal {
         let places = usize::try_from(-self.exponent).unwrap_or(0);
         match self.exponent {
             0 => write!(f, "{digits}"),
-            1..=6 => write!(f, "{digits}{}", "0".repeat(self.exponent as usize)),
+            // More than 19 digits would not read back.
+            1..=6 if digits.len() + self.exponent as usize <= 19 => {
+                write!(f, "{digits}{}", "0".repeat(self.exponent as usize))
+            }
             -12..0 if digits.len() <= places => {
                 write!(f, "0.{}{digits}", "0".repeat(places - digits.len()))
             }
