@@ -182,6 +182,15 @@ impl Talk {
         self.question.push(b'\n');
         let (program, answer) = (&mut self.program, &mut self.answer);
         program.ask(&self.question, timeout, asked, answer)?;
+        // Readers take a list for an object, its values for the keys in order.
+        let begin = self.answer.iter().find(|byte| !byte.is_ascii_whitespace());
+        if begin == Some(&b'[') {
+            return Err(self.protocol(format!(
+                "answered `{}` when {}: an answer is an object, `{{…}}`",
+                shown(&self.answer),
+                asked()
+            )));
+        }
         serde_json::from_slice(&self.answer).map_err(|error| {
             self.protocol(format!(
                 "answered `{}` when {}: {error}",
