@@ -1,0 +1,104 @@
+//! Kept counterexamples: refused, or replayed in the world that is in them.
+
+use brakecheck::campaign::{Kept, replay};
+use brakecheck::rulebook::Verdict;
+use brakecheck::run::{Counterexample, KeptError, digests_of};
+
+use super::corpus::{self, Source};
+use super::harness::{Seen, Target};
+use super::mutate::mutants;
+
+/// Physics steps of a replay at most.
+const AFFORDABLE: u64 = 30_000;
+
+/// Most of them are changed in the recording only, not in its world.
+fn recordings() -> Vec<Source> {
+    let whole = corpus::files("tests/regressions", "ron");
+    let heads = whole
+        .iter()
+        .map(|source| source.clone().before("    digests: "));
+    let heads: Vec<Source> = heads.collect();
+    // As it would be of a program as the ego, and of a changed one.
+    let told = heads
+        .iter()
+        .filter(|head| head.text.contains("ego: {},"))
+        .map(|head| {
+            let text = head.text.replacen("ego: {},", "ego: {\"lag_s\": 0.3},", 1);
+            let commands = "    ego_commands: [(0.5, 0.0), (-2.0, 0.25), (1.0, 0.0)],\n";
+            Source {
+                name: format!("{} and commands", head.name),
+                text: text + commands,
+                tail: head.tail.clone(),
+            }
+        });
+    let told: Vec<Source> = told.collect();
+    assert!(!told.is_empty());
+    [heads.clone(), heads, told, whole].concat()
+}
+
+#[test]
+fn any_kept_file_is_refused_or_replays_alike_each_time() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let path = dir.path().join("mutant.ron");
+    let target = Target {
+        name: "kept",
+        cases: 100,
+        shrinks: 100,
+        least_percent: (10, 20),
+    };
+    target.run(&mutants(recordings().into()), |mutant| {
+        std::fs::write(&path, &mutant.text).expect("written");
+        let Ok(counterexample) = Counterexample::load(&path) else {
+            return Seen::Refused;
+        };
+        let commands = counterexample.ego_commands.iter();
+        let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
+        let mut numbers = commands.chain(counterexample.change.ego.0.values().copied());
+        assert!(numbers.all(f64::is_finite));
+        let scenario = match counterexample.scenario(&path) {
+            Ok(scenario) => scenario,
+            Err(KeptError::World { source, .. }) => {
+                return super::worlds::refused(&source, &counterexample.world_file);
+            }
+            Err(error) => {
+                assert!(!error.to_string().is_empty());
+                return Seen::Refused;
+            }
+        };
+        let Ok(start) = counterexample.start(&scenario, &path) else {
+            return Seen::Refused;
+        };
+        let axes = scenario.axes();
+        let mut inside = axes.iter().zip(&start.0);
+        assert!(inside.all(|(axis, value)| axis.lo <= *value && *value <= axis.hi));
+        let actions = scenario.spaces().actions;
+        assert!(
+            counterexample
+                .actions
+                .iter()
+                .all(|action| *action < actions)
+        );
+        let clock = *scenario.world().clock();
+        let steps = clock.samples() as u64 * u64::from(clock.substeps);
+        if AFFORDABLE < steps * scenario.repeats.runs as u64 {
+            return Seen::Accepted;
+        }
+        let kept = Kept {
+            path: path.clone(),
+            counterexample,
+        };
+        let first = replay(&kept, scenario.clone()).unwrap_or_else(|error| panic!("{error}"));
+        let second = replay(&kept, scenario).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(first.episode, second.episode);
+        let same = digests_of(&first.episode.trace) == kept.counterexample.digests;
+        // With commands in it another episode is compared: those repeated.
+        if kept.counterexample.ego_commands.is_empty() {
+            assert_eq!(first.first_difference.is_none(), same);
+            assert!(same || !first.identical);
+        }
+        assert_eq!(first.identical, second.identical);
+        let success = matches!(first.episode.verdict, Verdict::Counterexample { .. });
+        assert_eq!(first.still_fails(), success);
+        Seen::Accepted
+    });
+}
