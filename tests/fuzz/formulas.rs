@@ -81,7 +81,7 @@ fn modes() -> impl Strategy<Value = (Until, TraceEnd)> {
 fn any_formula_has_the_value_of_the_definition_however_it_is_read() {
     let target = Target {
         name: "formula",
-        cases: 3000,
+        cases: 2000,
         shrinks: 4000,
         least_percent: (100, 0),
     };

@@ -6,7 +6,7 @@ use brakecheck::run::{Counterexample, KeptError, digests_of};
 
 use super::corpus::{self, Source};
 use super::harness::{Seen, Target};
-use super::mutate::mutants;
+use super::mutate::{mutants, without_a_number};
 
 /// Physics steps of a replay at most.
 const AFFORDABLE: u64 = 30_000;
@@ -51,10 +51,7 @@ fn any_kept_file_is_refused_or_replays_alike_each_time() {
         let Ok(counterexample) = Counterexample::load(&path) else {
             return Seen::Refused;
         };
-        let commands = counterexample.ego_commands.iter();
-        let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
-        let mut numbers = commands.chain(counterexample.change.ego.0.values().copied());
-        assert!(numbers.all(f64::is_finite));
+        finite(&counterexample);
         let scenario = match counterexample.scenario(&path) {
             Ok(scenario) => scenario,
             Err(KeptError::World { source, .. }) => {
@@ -101,4 +98,37 @@ fn any_kept_file_is_refused_or_replays_alike_each_time() {
         assert_eq!(first.still_fails(), success);
         Seen::Accepted
     });
+}
+
+/// What a world is begun and moved with is a number.
+fn finite(kept: &Counterexample) {
+    let commands = kept.ego_commands.iter();
+    let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
+    let changed = kept.change.ego.0.values().copied();
+    let mut numbers = kept.start.values().copied().chain(changed).chain(commands);
+    assert!(numbers.all(f64::is_finite));
+}
+
+#[test]
+fn no_number_of_a_start_a_change_or_a_command_may_be_none() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let path = dir.path().join("none.ron");
+    let told = recordings().into_iter();
+    let told = told
+        .filter(|source| source.name.starts_with("acc") && source.text.contains("ego_commands"));
+    let (mut refused, mut read) = (0, 0);
+    for source in told {
+        for text in without_a_number(&source.text) {
+            std::fs::write(&path, text + &source.tail).expect("written");
+            match Counterexample::load(&path) {
+                Ok(counterexample) => {
+                    finite(&counterexample);
+                    read += 1;
+                }
+                Err(_) => refused += 1,
+            }
+        }
+    }
+    // A robustness may be infinite.
+    assert!(20 < refused && 0 < read, "{refused} and {read}");
 }

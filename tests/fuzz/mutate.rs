@@ -352,6 +352,15 @@ fn brackets(text: &str) -> Vec<Range<usize>> {
     spans
 }
 
+/// All texts that differ from a good one in one number, which is none.
+pub fn without_a_number(good: &str) -> Vec<String> {
+    let none = ["NaN", "inf", "-inf", "1e999"];
+    let spans = numbers(good).into_iter();
+    spans
+        .flat_map(|span| none.map(|none| with(good, span.clone(), none)))
+        .collect()
+}
+
 /// A text without remarks, and all texts that differ from it in one number, by
 /// a factor, or in one pair of brackets that is empty.
 pub fn extremes(good: &str, factors: &[f64]) -> Vec<String> {

@@ -316,10 +316,10 @@ fn any_checkpoint_is_refused_or_trains_on() {
             return Seen::Refused;
         };
         let configs = learners();
-        let restored = configs
+        let mut restored = configs
             .iter()
             .filter_map(|(_, config)| config.restore(&spaces, &bundle).ok());
-        let Some(mut learner) = restored.last() else {
+        let Some(mut learner) = restored.next() else {
             return Seen::Refused;
         };
         acts(&*learner.policy(), &spaces);

@@ -12,7 +12,7 @@ use brakecheck::testbench::{Actor, Aftermath, Episode, play};
 
 use super::corpus;
 use super::harness::{Seen, Target};
-use super::mutate::{extremes, misspelt, mutants};
+use super::mutate::{extremes, misspelt, mutants, without_a_number};
 
 /// Physics steps that are spent on a world at most.
 const AFFORDABLE: u64 = 30_000;
@@ -22,7 +22,7 @@ fn any_world_file_is_refused_with_a_place_or_plays_and_replays() {
     let dir = tempfile::tempdir().expect("a directory");
     let target = Target {
         name: "world",
-        cases: 60,
+        cases: 80,
         shrinks: 100,
         least_percent: (20, 20),
     };
@@ -56,6 +56,27 @@ fn every_number_and_list_of_a_world_may_be_extreme() {
             10 < accepted && 10 < refused,
             "{name}: {accepted} and {refused}"
         );
+    }
+}
+
+#[test]
+fn no_number_of_a_world_may_be_none() {
+    let dir = tempfile::tempdir().expect("a directory");
+    for name in ["merge_plain.ron", "grid.ron"] {
+        let path = corpus::root().join("worlds").join(name);
+        let good = std::fs::read_to_string(path).expect("a world");
+        // Formulas and questions are texts: what is none in them is a word.
+        let head = good.find("    signals:").or(good.find("    ego_spec:"));
+        let (head, rest) = good.split_at(head.expect("formulas"));
+        let begin = head.find("    clock:").or(head.find("    map:"));
+        let (begin, head) = head.split_at(begin.expect("numbers"));
+        for text in without_a_number(head) {
+            let text = format!("{begin}{text}{rest}");
+            match Scenario::parse("none.ron", &text) {
+                Err(error) => refused(&error, &text),
+                Ok(world) => accepted(&world, &text, dir.path()),
+            };
+        }
     }
 }
 
