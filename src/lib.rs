@@ -39,6 +39,7 @@ pub mod rulebook;
 pub mod run;
 pub mod scenario;
 pub mod scene;
+mod seal;
 pub mod seed;
 pub mod sim;
 pub mod stl;

@@ -32,6 +32,8 @@ mod process;
 mod reusing;
 #[path = "worlds/rivals.rs"]
 mod rivals;
+#[path = "worlds/sealing.rs"]
+mod sealing;
 #[path = "worlds/searching.rs"]
 mod searching;
 #[path = "worlds/trained.rs"]

@@ -10,7 +10,7 @@ use super::search::{Method, SearchRequest, search};
 use super::test_starts;
 use super::train::{TrainError, train};
 use super::{TestStarts, Watch};
-use crate::run::{Row, RunDir, RunError, paired_difference, seeds_interval};
+use crate::run::{Asked, Row, RunDir, RunError, paired_difference, seeds_interval};
 use crate::scenario::{Against, Scenario};
 use crate::seed::Seeds;
 
@@ -182,11 +182,15 @@ pub fn trained_run(
         family => format!("{}-{family}-{seed}", scenario.name),
     });
     let mut run = match RunDir::resume(&path) {
-        Ok(run) if run.is_of(scenario) => run,
-        Ok(_) => return Err(RunError::Exists { path }.into()),
+        Ok(run) => run,
         Err(RunError::NotARun { .. }) => RunDir::create(&path, scenario, seed)?,
         Err(error) => return Err(error.into()),
     };
+    run.must_be_of(Asked {
+        scenario,
+        seed,
+        ego: None,
+    })?;
     let trained = train(scenario, &mut run, watch)?;
     Ok((path, trained.done.cpu_s))
 }

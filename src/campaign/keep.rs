@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::eval::{EvalRequest, Evaluated};
-use crate::run::{Counterexample, KeptError, RunError, file_name};
+use crate::run::{Counterexample, KeptError, file_name, make_dir};
 use crate::scenario::Change;
 use crate::testbench::{Episode, Testbench};
 
@@ -37,11 +37,7 @@ pub fn keep_played(
     most: usize,
     again: &mut dyn FnMut(&mut Testbench, usize) -> Episode,
 ) -> Result<Vec<PathBuf>, KeptError> {
-    std::fs::create_dir_all(dir).map_err(|source| RunError::Io {
-        verb: "creating",
-        path: dir.into(),
-        source,
-    })?;
+    make_dir(dir)?;
     let mut bench = request.scenario.bench();
     let solved = evaluated.outcomes.iter().enumerate();
     let solved = solved

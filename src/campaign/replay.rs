@@ -1,34 +1,18 @@
 //! Replaying kept counterexamples: bit for bit, or against a changed ego.
 
+mod difference;
+
 use std::path::{Path, PathBuf};
+
+pub use difference::Difference;
+use difference::first_difference;
 
 use crate::ego::Fault;
 use crate::rulebook::Verdict;
-use crate::run::{Counterexample, KeptError, RunError, StartRepeated, digests_of, trace_of_csv};
+use crate::run::{Counterexample, KeptError, RunError, StartRepeated};
 use crate::scenario::{Change, ChangeError, Repeats, Scenario};
 use crate::scene::drive::ControllerFactory;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
-
-/// Where a replay first differs from what was recorded.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Difference {
-    /// The sample.
-    pub sample: usize,
-    /// The signal and both values, if the samples are stored beside the file.
-    pub signal: Option<(String, f64, f64)>,
-}
-
-impl std::fmt::Display for Difference {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "sample {}", self.sample)?;
-        match &self.signal {
-            Some((name, recorded, replayed)) => {
-                write!(f, ", `{name}`: recorded {recorded}, replayed {replayed}")
-            }
-            None => Ok(()),
-        }
-    }
-}
 
 /// A counterexample and the file it was kept in.
 #[derive(Clone, Debug)]
@@ -37,6 +21,18 @@ pub struct Kept {
     pub path: PathBuf,
     /// What is in it.
     pub counterexample: Counterexample,
+}
+
+impl Kept {
+    /// Writes it again as this version does, with its hash; `episode` must be the
+    /// one it holds.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn seal(&self, episode: &Episode) -> Result<(), KeptError> {
+        let current = self.counterexample.as_now(&episode.trace);
+        current.save(&self.path, &episode.trace)
+    }
 }
 
 /// What came of replaying one.
@@ -95,7 +91,7 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
         )?),
         None => None,
     };
-    let first_difference = first_difference(kept, again.as_ref().unwrap_or(&episode));
+    let first_difference = first_difference(kept, again.as_ref().unwrap_or(&episode))?;
     Ok(Replayed {
         path: kept.path.clone(),
         identical: first_difference.is_none() && recorded.is_of(again.as_ref().unwrap_or(&episode)),
@@ -116,30 +112,6 @@ fn once(kept: &Kept, scenario: &Scenario) -> Result<Episode, KeptError> {
     let mut actor = Replay::then(&recorded.actions, bench.spaces().neutral);
     let noise = recorded.noise;
     Ok(play(&mut bench, &start, noise, &mut actor, Aftermath::Play))
-}
-
-fn first_difference(kept: &Kept, episode: &Episode) -> Option<Difference> {
-    let now = digests_of(&episode.trace);
-    let recorded = &kept.counterexample.digests;
-    if now == *recorded {
-        return None;
-    }
-    let pairs = now.as_bytes().chunks(8).zip(recorded.as_bytes().chunks(8));
-    let same = pairs.take_while(|(a, b)| a == b).count();
-    let csv = std::fs::read_to_string(kept.path.with_extension("csv")).ok();
-    let stored = csv.and_then(|text| trace_of_csv(&text, None).ok());
-    let signal = stored.and_then(|stored| {
-        let signals = episode.trace.schema().signals().iter().enumerate();
-        signals.into_iter().find_map(|(i, signal)| {
-            let was = *stored.signal(&signal.name)?.get(same)?;
-            let is = *episode.trace.column(i).get(same)?;
-            (was.to_bits() != is.to_bits()).then(|| (signal.name.clone(), was, is))
-        })
-    });
-    Some(Difference {
-        sample: same,
-        signal,
-    })
 }
 
 /// Kept counterexamples, to be replayed by `cargo test`.

@@ -2,7 +2,7 @@
 
 use super::Watch;
 use super::train::{TrainError, train};
-use crate::run::{ChangedEgo, RunDir, RunError, file_name};
+use crate::run::{Asked, Beginning, ChangedEgo, RunDir, RunError, file_name};
 use crate::scenario::{Against, Scenario};
 
 /// The ado that was trained for a changed ego, under `RUN/retrained/`.
@@ -24,16 +24,20 @@ pub fn retrained(
     let plant = format!("{:?}", changed.plant()).to_lowercase();
     let name = file_name(&format!("{}-{plant}", ego.name));
     let path = run.path().join("retrained").join(name);
+    let seed = run.manifest().seed;
     let mut own = match RunDir::resume(&path) {
-        Ok(own) if own.manifest().ego.as_ref() == Some(ego) => own,
-        Ok(_) => return Err(RunError::Exists { path }.into()),
+        Ok(own) => own,
         Err(RunError::NotARun { .. }) => {
-            let mut own = RunDir::create(&path, changed, run.manifest().seed)?;
-            own.save_ego(ego.clone())?;
-            own
+            let ego = Some(ego.clone());
+            RunDir::begin(&path, changed, seed, Beginning { from: None, ego })?
         }
         Err(error) => return Err(error.into()),
     };
+    own.must_be_of(Asked {
+        scenario: changed,
+        seed,
+        ego: Some(ego),
+    })?;
     let trained = train(changed, &mut own, watch)?;
     Ok((!trained.interrupted).then_some(own))
 }

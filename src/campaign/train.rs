@@ -5,15 +5,15 @@ use cpu_time::ThreadTime;
 use super::Watch;
 use super::against::TrainingGym;
 use crate::rl::{BundleError, Control, Learner, Progress};
-use crate::run::{Done, RunDir, RunError};
+use crate::run::{Done, RunDir, RunError, Window};
 use crate::scenario::Scenario;
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
 
-/// Decisions between two checkpoints.
-const CHECKPOINT_DECISIONS: u64 = 50_000;
+/// Decisions between two checkpoints; unit tests want several of them soon.
+const CHECKPOINT_DECISIONS: u64 = if cfg!(test) { 400 } else { 50_000 };
 /// Episodes per line of `progress.jsonl`.
-const REPORT_EPISODES: u64 = 250;
+const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
 
 /// What training came to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,8 +60,8 @@ pub fn train(
     if run.manifest().is_finished() {
         return Ok(finished(run));
     }
-    run.trim_progress()?;
-    run.trim_counterexamples()?;
+    run.hold()?;
+    run.refuse(run.differences_in_learning(scenario)?)?;
     let seed = run.manifest().seed;
     let asked = scenario.learner.decisions();
     let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
@@ -85,6 +85,7 @@ pub fn train(
     let clock = ThreadTime::now();
     let mut ledger = Ledger {
         episodes: run.manifest().episodes,
+        window: run.manifest().window,
         ..Ledger::default()
     };
     while !learner.finished() && !watch.stopped() {
@@ -137,6 +138,7 @@ fn finished(run: &RunDir) -> Trained {
             episodes: manifest.episodes,
             physics_steps: manifest.physics_steps,
             cpu_s: manifest.cpu_s,
+            window: manifest.window,
         },
         interrupted: false,
         aborted: 0,
@@ -149,35 +151,35 @@ struct Ledger {
     lines: String,
     episodes: u64,
     aborted: u64,
-    in_line: u64,
-    solved: u64,
-    returns: f64,
+    /// Since the last line.
+    window: Window,
 }
 
 impl Ledger {
     fn note(&mut self, progress: &Progress) {
         self.aborted = progress.aborted;
         self.episodes = progress.episodes;
-        self.in_line += 1;
-        self.returns += f64::from(progress.episode_return);
-        self.solved += u64::from(0.0 < progress.episode_return);
-        if self.in_line < REPORT_EPISODES {
+        let window = &mut self.window;
+        window.episodes += 1;
+        window.returns += f64::from(progress.episode_return);
+        window.solved += u64::from(0.0 < progress.episode_return);
+        if window.episodes < REPORT_EPISODES {
             return;
         }
         let line = crate::run::Progress {
             decisions: progress.decisions,
             episodes: progress.episodes,
-            window: self.in_line,
+            window: window.episodes,
             aborted: progress.aborted,
-            solved_share: self.solved as f64 / self.in_line as f64,
-            mean_return: self.returns / self.in_line as f64,
+            solved_share: window.solved as f64 / window.episodes as f64,
+            mean_return: window.returns / window.episodes as f64,
             exploration: progress.exploration,
         };
         if let Ok(text) = serde_json::to_string(&line) {
             self.lines.push_str(&text);
             self.lines.push('\n');
         }
-        (self.in_line, self.solved, self.returns) = (0, 0, 0.0);
+        self.window = Window::default();
     }
 
     fn done(&self, learner: &dyn Learner, asked: u64, spent: Spent, cpu_s: f64) -> Done {
@@ -187,6 +189,7 @@ impl Ledger {
             episodes: self.episodes,
             physics_steps: spent.physics_steps,
             cpu_s,
+            window: self.window,
         }
     }
 }

@@ -1,10 +1,11 @@
 //! `brakecheck eval`: a frozen ado on test starts and egos, beside baselines.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::keeping::{Found, Pending};
 use super::rivals::Rivals;
 use super::told::{Params, Playing, playing};
 use super::{
@@ -14,14 +15,13 @@ use super::{
 };
 use crate::campaign::{
     Ado, EvalRequest, Evaluated, Method, Relation, SearchRequest, TestStarts, Tries, Watch,
-    best_constant, eval, explain_first, keep, keep_played, retrained, reused_on, search, summarise,
-    test_starts,
+    best_constant, eval, explain_first, retrained, reused_on, search, summarise, test_starts,
 };
 use crate::run::{ChangedEgo, Row, RunDir};
 use crate::scenario::{Against, Change, Scenario};
-use crate::scene::grid::exact::{PositionPolicy, chase};
+use crate::scene::grid::GridWorld;
+use crate::scene::grid::exact::{Indistinct, PositionPolicy, chase};
 use crate::stl::Explanation;
-use crate::testbench::Testbench;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
@@ -49,13 +49,13 @@ pub(super) struct EvalArgs {
     params: Option<String>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-    tries: u64,
+    pub(super) tries: u64,
     /// Write counterexamples of the trained ado into a directory.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
     /// Counterexamples to write per ego.
     #[arg(long, value_name = "N", default_value_t = 10, requires = "keep")]
-    keep_most: usize,
+    pub(super) keep_most: usize,
     /// Also check the paper's theorems: 1 and 2 on a grid, 3 and Lemma 1 on the road.
     #[arg(long)]
     theorems: bool,
@@ -136,6 +136,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     }
     let mut reused = Vec::new();
     let mut reasons = Vec::new();
+    let mut to_keep = Vec::new();
+    // What was computed before is printed all the same.
+    let mut failed = None;
     for ego in &egos {
         bar.now(format!("evaluating: {}", ego.name));
         // On a map of another size the starts are others: drawn, or listed, anew.
@@ -143,16 +146,22 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             true => None,
             false => {
                 let drawn = test_starts(&ego.scenario, args.common.seed, args.starts, &watch);
-                let Some(own) = drawn else {
-                    return interrupted_early(&args.common);
-                };
-                Some(own)
+                if drawn.is_none() {
+                    break;
+                }
+                drawn
             }
         };
-        let seed = args.common.seed;
+        let playing = match playing(&run, params.as_ref(), ego, args.common.seed, &watch) {
+            Ok(playing) => playing,
+            Err(failure) => {
+                failed = Some(failure);
+                break;
+            }
+        };
         let job = Job {
             args,
-            playing: &playing(&run, params.as_ref(), ego, seed, &watch)?,
+            playing: &playing,
             train_seed: run.manifest().seed,
             starts: own.as_ref().unwrap_or(&starts),
             watch: &watch,
@@ -160,7 +169,13 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             run: &run,
             on_a_grid: nominal.grid().is_some(),
         };
-        let (rows, reason) = job.one_ego(ego)?;
+        let Met {
+            rows,
+            reason,
+            found,
+            failure,
+        } = job.one_ego(ego);
+        failed = failure;
         if talk::stopped() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             break;
         }
@@ -174,16 +189,22 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             rows,
             &watch,
         ));
-        if watch.stopped() {
+        to_keep.extend(found.map(|found| Pending {
+            ego,
+            found,
+            playing,
+            starts: own,
+        }));
+        if watch.stopped() || failed.is_some() {
             break;
         }
     }
     let mut checked = None;
-    if args.theorems && !watch.stopped() {
+    if args.theorems && !watch.stopped() && failed.is_none() {
         bar.now("theorems".to_owned());
         let changed = match args.ego.as_str() {
             "nominal" => super::egos(&nominal, "all")?,
-            _ => egos,
+            _ => egos.clone(),
         };
         // One ado for all egos: a conditional one is told of the nominal ego.
         let own = NamedEgo::nominal(&nominal);
@@ -215,6 +236,14 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         }
         if let Some(checked) = &checked {
             talk::data(&format!("\n{}", checked.text))?;
+        }
+    }
+    if let Some(failure) = failed {
+        return Err(failure);
+    }
+    if let Some(dir) = &args.keep {
+        for pending in &to_keep {
+            pending.keep(dir, args, &starts, run.manifest().seed)?;
         }
     }
     if talk::stopped() {
@@ -255,6 +284,15 @@ struct Reason {
     explanation: Explanation,
 }
 
+/// What came of one ego, as far as it was met.
+#[derive(Default)]
+struct Met {
+    rows: Vec<Row>,
+    reason: Option<Reason>,
+    found: Option<Found>,
+    failure: Option<Failure>,
+}
+
 #[derive(Clone, Copy)]
 struct Job<'a> {
     args: &'a EvalArgs,
@@ -268,10 +306,15 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    /// The rows of one ego, and why the trained ado made it fail.
-    fn one_ego(&self, ego: &NamedEgo) -> Result<(Vec<Row>, Option<Reason>), Failure> {
-        let mut rows = Vec::new();
-        let mut reason = None;
+    /// The rows of one ego, why the trained ado made it fail, what may be kept;
+    /// all as far as it came.
+    fn one_ego(&self, ego: &NamedEgo) -> Met {
+        let mut met = Met::default();
+        met.failure = self.meet(ego, &mut met).err();
+        met
+    }
+
+    fn meet(&self, ego: &NamedEgo, met: &mut Met) -> Result<(), Failure> {
         for ado in self.ados() {
             let rivals = match ado {
                 AdoArg::Heuristic => self.rivals.heuristic(),
@@ -279,25 +322,12 @@ impl Job<'_> {
                 _ => Vec::new(),
             };
             for rival in rivals {
-                rows.push(eval(&self.request(ego, rival), self.watch).row);
+                met.rows
+                    .push(eval(&self.request(ego, rival), self.watch).row);
             }
-            let Some(mut evaluated) = self.one_ado(ego, ado)? else {
-                continue;
-            };
-            if ado == AdoArg::Trained {
-                if self.args.tries == 1 {
-                    let request = self.trained(ego);
-                    let explained = explain_first(&request, &evaluated);
-                    reason = explained.map(|(start, explanation)| Reason {
-                        ego: ego.name.clone(),
-                        start,
-                        explanation,
-                    });
-                    self.keep(ego, &request, &evaluated)?;
-                }
-                evaluated.row.told = self.playing.told.map(str::to_owned);
+            if let Some(row) = self.one_ado(ego, ado, met)? {
+                met.rows.push(row);
             }
-            rows.push(evaluated.row);
         }
         if let Some(switches) = self.args.search {
             let request = SearchRequest {
@@ -308,12 +338,12 @@ impl Job<'_> {
                 starts: self.starts,
             };
             let searched = search(&request, self.watch);
-            for row in &mut rows {
+            for row in &mut met.rows {
                 row.compare_with_search(&searched.row.solved);
             }
-            rows.push(searched.row);
+            met.rows.push(searched.row);
         }
-        Ok((rows, reason))
+        Ok(())
     }
 
     fn ados(&self) -> Vec<AdoArg> {
@@ -345,7 +375,7 @@ impl Job<'_> {
     }
 
     /// One trained for this very ego; the nominal one has the trained ado.
-    fn retrained(&self, ego: &NamedEgo) -> Result<Option<Evaluated>, Failure> {
+    fn retrained(&self, ego: &NamedEgo) -> Result<Option<Row>, Failure> {
         if ego.change == Change::default() {
             return Ok(None);
         }
@@ -362,53 +392,62 @@ impl Job<'_> {
         let mut evaluated = eval(&request, self.watch);
         evaluated.row.ado = "retrained".to_owned();
         evaluated.row.method = own.scenario()?.learner.name().to_lowercase();
-        Ok(Some(evaluated))
+        Ok(Some(evaluated.row))
     }
 
-    fn trained<'b>(&'b self, ego: &'b NamedEgo) -> EvalRequest<'b> {
-        self.request(ego, Ado::Trained(&*self.playing.policy, self.train_seed))
-    }
-
-    /// The trained ado with several tries per start.
-    fn tried(&self, ego: &NamedEgo) -> Result<Evaluated, Failure> {
-        let request = self.trained(ego);
-        let tries = Tries {
-            request,
-            policy: &*self.playing.policy,
-            others: &self.playing.others,
-            tries: self.args.tries,
-        };
-        let tried = tries.run(self.watch);
-        if let Some(dir) = &self.args.keep {
-            let mut again = |bench: &mut Testbench, index: usize| {
-                tries.play(bench, index, tried.winners[index].unwrap_or(0))
+    /// The trained ado, with several tries per start where they are asked for.
+    fn trained(&self, ego: &NamedEgo, met: &mut Met) -> Row {
+        let request = self.request(ego, Ado::Trained(&*self.playing.policy, self.train_seed));
+        let (found, mut row) = if 1 < self.args.tries {
+            let tries = Tries {
+                request,
+                policy: &*self.playing.policy,
+                others: &self.playing.others,
+                tries: self.args.tries,
             };
-            let (evaluated, most) = (&tried.evaluated, self.args.keep_most);
-            let files = keep_played(&request, &ego.change, evaluated, dir, most, &mut again)?;
-            self.say_kept(ego, files.len(), evaluated, dir);
-        }
-        Ok(tried.evaluated)
+            let tried = tries.run(self.watch);
+            let row = tried.evaluated.row.clone();
+            (Found::ByTries(tried), row)
+        } else {
+            let evaluated = eval(&request, self.watch);
+            let explained = explain_first(&request, &evaluated);
+            met.reason = explained.map(|(start, explanation)| Reason {
+                ego: ego.name.clone(),
+                start,
+                explanation,
+            });
+            let row = evaluated.row.clone();
+            (Found::Trained(evaluated), row)
+        };
+        met.found = Some(found);
+        row.told = self.playing.told.map(str::to_owned);
+        row
     }
 
     /// `None`: a rival, which has rows of its own.
-    fn one_ado(&self, ego: &NamedEgo, ado: AdoArg) -> Result<Option<Evaluated>, Failure> {
+    fn one_ado(&self, ego: &NamedEgo, ado: AdoArg, met: &mut Met) -> Result<Option<Row>, Failure> {
         let ado = match ado {
             AdoArg::Constant => {
                 let (scenario, name) = (&ego.scenario, &ego.name);
                 let best = best_constant(scenario, name, self.starts, self.watch);
-                return Ok(Some(best));
+                return Ok(Some(best.row));
             }
-            AdoArg::Optimal | AdoArg::Chaser => return self.by_rule(ego, ado).map(Some),
+            AdoArg::Optimal | AdoArg::Chaser => {
+                let evaluated = self.by_rule(ego, ado)?;
+                let row = evaluated.row.clone();
+                // Files are named after world and ego: the trained ado's go first.
+                if ado == AdoArg::Optimal && !self.ados().contains(&AdoArg::Trained) {
+                    met.found = Some(Found::Optimal(evaluated));
+                }
+                return Ok(Some(row));
+            }
             AdoArg::Heuristic | AdoArg::Replays => return Ok(None),
             AdoArg::Retrained => return self.retrained(ego),
             AdoArg::Random => Ado::Random,
             AdoArg::Hold => Ado::Held,
-            AdoArg::Trained | AdoArg::All if 1 < self.args.tries => {
-                return self.tried(ego).map(Some);
-            }
-            AdoArg::Trained | AdoArg::All => Ado::Trained(&*self.playing.policy, self.train_seed),
+            AdoArg::Trained | AdoArg::All => return Ok(Some(self.trained(ego, met))),
         };
-        Ok(Some(eval(&self.request(ego, ado), self.watch)))
+        Ok(Some(eval(&self.request(ego, ado), self.watch).row))
     }
 
     /// The best ado of a grid world, or the chaser: they see both positions.
@@ -420,17 +459,13 @@ impl Job<'_> {
                 "only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`",
             ));
         };
-        let reward = whole.rulebook().reward;
         let (policy, word, method) = match ado {
             AdoArg::Chaser => {
                 let moves = &grid.spec().moves;
                 let policy = PositionPolicy::new(grid, |both| (chase(both, moves), 0.0));
                 (policy, "chaser", "along the larger axis")
             }
-            _ => {
-                let policy = PositionPolicy::optimal(grid, |rho| reward.lawful(rho));
-                (policy, "optimal", "backward induction")
-            }
+            _ => (optimal(whole, grid), OPTIMAL.0, OPTIMAL.1),
         };
         let policy = policy.map_err(|error| Failure::fault(error.to_string(), None))?;
         let request = EvalRequest {
@@ -439,34 +474,15 @@ impl Job<'_> {
             ado: Ado::Rule(&policy, word, method),
             starts: self.starts,
         };
-        let evaluated = eval(&request, self.watch);
-        // Files are named after world and ego: the trained ado's go first.
-        if ado == AdoArg::Optimal && !self.ados().contains(&AdoArg::Trained) {
-            self.keep(ego, &request, &evaluated)?;
-        }
-        Ok(evaluated)
+        Ok(eval(&request, self.watch))
     }
+}
 
-    fn keep(
-        &self,
-        ego: &NamedEgo,
-        request: &EvalRequest<'_>,
-        evaluated: &Evaluated,
-    ) -> Result<(), Failure> {
-        let Some(dir) = &self.args.keep else {
-            return Ok(());
-        };
-        let files = keep(request, &ego.change, evaluated, dir, self.args.keep_most)?;
-        self.say_kept(ego, files.len(), evaluated, dir);
-        Ok(())
-    }
+/// How rows call the best ado of a grid world, and how it was found.
+pub(super) const OPTIMAL: (&str, &str) = ("optimal", "backward induction");
 
-    fn say_kept(&self, ego: &NamedEgo, files: usize, evaluated: &Evaluated, dir: &Path) {
-        talk::say(&format!(
-            "kept {files} of {} counterexamples of `{}` in {}",
-            evaluated.row.successes,
-            ego.name,
-            dir.display()
-        ));
-    }
+/// The best ado of a grid world.
+pub(super) fn optimal(whole: &Scenario, grid: &GridWorld) -> Result<PositionPolicy, Indistinct> {
+    let reward = whole.rulebook().reward;
+    PositionPolicy::optimal(grid, |rho| reward.lawful(rho))
 }

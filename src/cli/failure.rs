@@ -154,6 +154,7 @@ impl From<RunError> for Failure {
             RunError::World(world) => Failure::from(*world),
             RunError::NotARun { .. }
             | RunError::Exists { .. }
+            | RunError::Differs { .. }
             | RunError::Untold { .. }
             | RunError::Unfinished { .. }
             | RunError::NothingStored { .. } => {

@@ -26,6 +26,10 @@ pub(super) struct ReplayArgs {
     /// What counts as well: reproducing what was recorded.
     #[arg(long, value_enum)]
     expect: Option<Expect>,
+    /// Write those of an earlier version again, with their hashes, if they are
+    /// reproduced bit for bit.
+    #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
+    seal: bool,
     /// Exit with 1 if a kept counterexample still fails (the default).
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -58,6 +62,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         true => print_json(&json!({ "rows": replayed.iter().map(row).collect::<Vec<_>>() })),
         false => talk::data(&format!("{}{}", table(&replayed), remarks(&replayed))),
     }?;
+    seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
     let differs = replayed.iter().any(|replayed| !replayed.identical);
     if regressions.is_recorded_ego() && differs {
@@ -69,6 +74,37 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         (None, true) => Exit::Counterexample,
         _ => Exit::Done,
     })
+}
+
+/// Seals what earlier versions kept, or says that it could be.
+fn seal(
+    args: &ReplayArgs,
+    regressions: &Regressions,
+    replayed: &[Replayed],
+) -> Result<(), Failure> {
+    let pairs = regressions.kept().iter().zip(replayed);
+    let unsealed: Vec<_> = pairs
+        .filter(|(kept, _)| !kept.counterexample.is_sealed())
+        .collect();
+    if unsealed.is_empty() {
+        return Ok(());
+    }
+    if !args.seal {
+        talk::say(&format!(
+            "{} of {} hold no hash, since an earlier version kept them: a changed number would go \
+             unnoticed; `--expect recorded --seal` writes it",
+            unsealed.len(),
+            replayed.len()
+        ));
+        return Ok(());
+    }
+    for (kept, replayed) in unsealed {
+        if replayed.identical {
+            kept.seal(&replayed.episode)?;
+            talk::say(&format!("sealed {}", kept.path.display()));
+        }
+    }
+    Ok(())
 }
 
 /// The kept counterexamples under a path, or one of them.

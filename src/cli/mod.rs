@@ -3,9 +3,11 @@
 //! stdout is data, stderr is talk and progress bars. Exit codes: [`Exit`].
 
 mod check;
+mod crashes;
 mod eval;
 mod failure;
 mod identify;
+mod keeping;
 mod kept;
 mod report;
 mod reproduce;
@@ -159,9 +161,18 @@ pub fn main() -> ExitCode {
     if cli.verb.saves_when_interrupted() {
         talk::listen_for_interrupts();
     }
-    let common = cli.verb.common().clone();
-    talk::allow_faults(common.allow_invalid);
-    let result = with_jobs(&common, move || match cli.verb {
+    talk::allow_faults(cli.verb.common().allow_invalid);
+    let result = carry_out(cli.verb);
+    let exit = result.and_then(settled).unwrap_or_else(|failure| {
+        talk::say(failure.render(talk::theme(), talk::width()).trim_end());
+        failure.exit
+    });
+    ExitCode::from(exit as u8)
+}
+
+fn carry_out(verb: Verb) -> Result<Exit, Failure> {
+    let common = verb.common().clone();
+    with_jobs(&common, move || match verb {
         Verb::Check(args) => check::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Eval(args) => eval::run(&args),
@@ -173,12 +184,7 @@ pub fn main() -> ExitCode {
         Verb::Reproduce(args) => reproduce::run(&args),
         #[cfg(feature = "rerun")]
         Verb::View(args) => kept::view(&args),
-    });
-    let exit = result.and_then(settled).unwrap_or_else(|failure| {
-        talk::say(failure.render(talk::theme(), talk::width()).trim_end());
-        failure.exit
-    });
-    ExitCode::from(exit as u8)
+    })
 }
 
 /// What a verb came to, once its faults are looked at: where more episodes are
@@ -207,6 +213,13 @@ fn say_if_moody(ego: &NamedEgo, starts: &TestStarts, watch: &Watch<'_>) {
 /// Opens a run, with the consent that was typed.
 fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
     let mut run = RunDir::open(path)?;
+    if !run.manifest().is_sealed() {
+        talk::say(&format!(
+            "`{}` is of an earlier version, whose manifests hold no hash: a changed number in it \
+             would go unnoticed",
+            path.display()
+        ));
+    }
     run.allow_programs(common.allow_programs);
     Ok(run)
 }
@@ -254,6 +267,7 @@ where
 }
 
 /// An ego as named on the command line, and how it differs from the world's.
+#[derive(Clone)]
 struct NamedEgo {
     name: String,
     change: Change,

@@ -46,12 +46,19 @@ pub(super) fn listen_for_interrupts() {
 
 /// One line of talk on stderr.
 pub(super) fn say(line: &str) {
-    let _ = writeln!(io::stderr(), "{line}");
+    let _ = writeln!(stderr(), "{line}");
 }
+
+#[cfg(not(test))]
+use io::{stderr, stdout};
+
+/// Unit tests carry out verbs for their files: nobody reads what they print.
+#[cfg(test)]
+use io::{sink as stdout, sink as stderr};
 
 /// Data on stdout; a closed pipe is the reader's choice, not an error.
 pub(super) fn data(text: &str) -> Result<(), Failure> {
-    let mut stdout = io::stdout().lock();
+    let mut stdout = stdout();
     match writeln!(stdout, "{text}").and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(Failure::fault(
             format!("writing to standard output failed: {error}"),

@@ -13,7 +13,7 @@ use crate::campaign::{
     Ado, EvalRequest, TrainError, best_constant, eval, keep, test_starts, train,
 };
 use crate::rl::Policy;
-use crate::run::{ChangedEgo, Row, RunDir};
+use crate::run::{Asked, Beginning, ChangedEgo, Row, RunDir};
 use crate::scenario::{Against, Change, Scenario};
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
@@ -135,24 +135,26 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
             trained.aborted
         ));
     }
-    let Some(rows) = closing_evaluation(args, &tested, &run)? else {
-        return interrupted_early(&args.common);
+    let show = |rows: &[Row]| {
+        if args.common.json {
+            return print_json(&json!({
+                "run": path.display().to_string(),
+                "world": scenario.name,
+                "plant": scenario.plant(),
+                "seed": run.manifest().seed,
+                "decisions": trained.done.decisions,
+                "episodes": trained.done.episodes,
+                "cpu_s": trained.done.cpu_s,
+                "decisions_per_cpu_s": rate,
+                "rows": rows,
+            }));
+        }
+        talk::data(&table::rows(rows))
     };
-    run.save_report(&rows)?;
-    if args.common.json {
-        print_json(&json!({
-            "run": path.display().to_string(),
-            "world": scenario.name,
-            "plant": scenario.plant(),
-            "seed": run.manifest().seed,
-            "decisions": trained.done.decisions,
-            "episodes": trained.done.episodes,
-            "cpu_s": trained.done.cpu_s,
-            "decisions_per_cpu_s": rate,
-            "rows": rows,
-        }))?;
-    } else {
-        talk::data(&table::rows(&rows))?;
+    if !closing_evaluation(args, &tested, &run, show)? {
+        return interrupted_early(&args.common);
+    }
+    if !args.common.json {
         talk::say(&format!("kept in {}", path.display()));
     }
     Ok(finished(Exit::Done))
@@ -211,11 +213,8 @@ fn begin(args: &TrainArgs, path: &std::path::Path, scenario: &Scenario) -> Resul
         None => None,
     };
     let Some(from) = &args.from else {
-        let mut run = RunDir::create(path, scenario, seed)?;
+        let mut run = RunDir::begin(path, scenario, seed, Beginning { from: None, ego })?;
         run.allow_programs(args.common.allow_programs);
-        if let Some(ego) = ego {
-            run.save_ego(ego)?;
-        }
         return Ok(run);
     };
     let source = open_run(from, &args.common)?;
@@ -236,12 +235,12 @@ fn begin(args: &TrainArgs, path: &std::path::Path, scenario: &Scenario) -> Resul
         .learner
         .build_from(&scenario.spaces(), seed, &bundle);
     fits.map_err(TrainError::from)?;
-    let mut run = RunDir::create(path, scenario, seed)?;
+    let with = Beginning {
+        from: Some(&bundle),
+        ego,
+    };
+    let mut run = RunDir::begin(path, scenario, seed, with)?;
     run.allow_programs(args.common.allow_programs);
-    run.save_from(&bundle)?;
-    if let Some(ego) = ego {
-        run.save_ego(ego)?;
-    }
     Ok(run)
 }
 
@@ -261,7 +260,9 @@ fn one_ego(scenario: &Scenario, name: &str) -> Result<Option<ChangedEgo>, Failur
     }))
 }
 
-/// Opens a run to go on with; it must be of the same world and length.
+/// Opens a run to go on with, as what it was begun as.
+///
+/// What was not asked for is as it was; what was asked for must be as it was.
 fn resume(
     args: &TrainArgs,
     path: &std::path::Path,
@@ -269,78 +270,53 @@ fn resume(
 ) -> Result<RunDir, Failure> {
     let mut run = RunDir::resume(path)?;
     run.allow_programs(args.common.allow_programs);
-    let kept = run.scenario()?;
-    if kept.text != scenario.text {
-        return Err(Failure::input(
-            format!(
-                "`{}` differs from the world that `{}` was begun with",
-                args.world.display(),
-                path.display()
-            ),
-            "resume with the world file in the run directory, or train anew with `-o`",
-        ));
+    let begun = run.manifest();
+    if args.plant.is_none()
+        && let Some(plant) = begun.plant.plant()
+    {
+        *scenario = scenario.on(plant);
     }
-    let manifest = run.manifest();
-    if args.against != AgainstArg::Nominal && manifest.against != args.against.into() {
-        return Err(Failure::input(
-            format!("this run was begun against {}", manifest.against),
-            "leave out `--against`",
-        ));
+    if args.against == AgainstArg::Nominal
+        && let Some(family) = scenario.training_against(begun.against)
+    {
+        *scenario = family;
     }
-    let begun_with = manifest.ego.as_ref().map(|ego| &ego.name);
-    if args.ego.is_some() && args.ego.as_ref() != begun_with {
-        return Err(Failure::input(
-            "this run was begun with another ego",
-            "leave out `--ego`",
-        ));
+    let learner = begun.learner.as_ref().filter(|_| args.learner.is_none());
+    if let Some(learner) = learner.and_then(|name| scenario.learning_by(name)) {
+        *scenario = learner;
     }
-    if args.learner.is_some() && args.learner != run.manifest().learner {
-        return Err(Failure::input(
-            "this run was begun with another learner",
-            "leave out `--learner`",
-        ));
-    }
-    scenario.learner = kept.learner.clone();
-    scenario.learning = kept.learning.clone();
-    scenario.against = kept.against;
-    if args.plant.is_none() {
-        *scenario = kept;
-    } else if scenario.plant() != run.manifest().plant {
-        return Err(Failure::input(
-            format!("this run was begun on the {:?} plant", run.manifest().plant),
-            "leave out `--plant`",
-        ));
-    }
-    let begun = run.manifest().decisions;
-    if args.decisions.is_some_and(|decisions| decisions != begun) {
-        return Err(Failure::input(
-            format!("this run was begun for {begun} decisions"),
-            "schedules depend on that number: leave out `--decisions`, or fine-tune the \
-             finished policy in a new run with `--from`",
-        ));
-    }
-    if args.common.seed != 0 && args.common.seed != run.manifest().seed {
-        return Err(Failure::input(
-            format!("this run was begun with seed {}", run.manifest().seed),
-            "leave out `--seed`",
-        ));
-    }
-    scenario.learner = scenario.learner.clone().with_decisions(begun);
+    let decisions = args.decisions.unwrap_or(begun.decisions);
+    scenario.learner = scenario.learner.clone().with_decisions(decisions);
+    let ego = match &args.ego {
+        Some(name) => one_ego(scenario, name)?,
+        None => begun.ego.clone(),
+    };
+    let seed = match args.common.seed {
+        0 => begun.seed,
+        seed => seed,
+    };
+    run.must_be_of(Asked {
+        scenario,
+        seed,
+        ego: ego.as_ref(),
+    })?;
     Ok(run)
 }
 
-/// The trained ado beside the baselines, on the first test starts.
+/// The trained ado beside the baselines, on the first test starts: shown, then
+/// written into the run directory. `false`: stopped before there was anything.
 fn closing_evaluation(
     args: &TrainArgs,
     ego: &NamedEgo,
     run: &RunDir,
-) -> Result<Option<Vec<Row>>, Failure> {
+    show: impl FnOnce(&[Row]) -> Result<(), Failure>,
+) -> Result<bool, Failure> {
     let scenario = &ego.scenario;
     let policy = closing_policy(scenario, run)?;
     let bar = talk::bar("evaluating");
     let watch = bar.watch();
     let Some(starts) = test_starts(&run.world()?, 0, args.starts, &watch) else {
-        return Ok(None);
+        return Ok(false);
     };
     let request = |ado| EvalRequest {
         scenario,
@@ -353,16 +329,18 @@ fn closing_evaluation(
     if scenario.against == Against::Conditional {
         evaluated.row.told = Some("nominal".to_owned());
     }
-    let episodes = run.path().join("episodes");
-    keep(&trained, &ego.change, &evaluated, &episodes, KEPT_EPISODES)?;
-    let rows = vec![
-        evaluated.row,
+    let rows = [
+        evaluated.row.clone(),
         eval(&request(Ado::Held), &watch).row,
         eval(&request(Ado::Random), &watch).row,
         best_constant(scenario, &ego.name, &starts, &watch).row,
     ];
     drop(bar);
-    Ok(Some(rows))
+    show(&rows)?;
+    run.save_report(&rows)?;
+    let episodes = run.path().join("episodes");
+    keep(&trained, &ego.change, &evaluated, &episodes, KEPT_EPISODES)?;
+    Ok(true)
 }
 
 /// The trained ado; a conditional one is told the nominal parameters.

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
+use super::Difference;
 use crate::scenario::ScenarioError;
 
 /// A run directory could not be used.
@@ -47,6 +48,17 @@ pub enum RunError {
     Exists {
         /// The directory.
         path: PathBuf,
+    },
+    /// It was begun as another training than is asked for.
+    #[error(
+        "the training in `{path}` was begun otherwise:{}",
+        differences.iter().map(|one| format!("\n  {one}")).collect::<String>()
+    )]
+    Differs {
+        /// The directory.
+        path: PathBuf,
+        /// In what.
+        differences: Vec<Difference>,
     },
     /// Another process trains there.
     #[error("`{path}` is in use by another process")]
@@ -96,6 +108,12 @@ impl RunError {
             RunError::Exists { .. } => {
                 Some("go on with `--resume`, or name another directory with `-o`".to_owned())
             }
+            RunError::Differs { .. } => Some(
+                "go on as it was begun (leave out the options that say otherwise; its world is in \
+                 the directory), train anew in another one, or fine-tune the finished policy \
+                 there with `--from`"
+                    .to_owned(),
+            ),
             RunError::Locked { .. } => Some("wait for it, or name another directory".to_owned()),
             RunError::Damaged { .. } => {
                 Some("restore the file from a backup, or train again".to_owned())

@@ -9,8 +9,9 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use super::RunError;
-use super::disk::{file_name, io_error, settings_of, sha256, write_file};
+use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
 use crate::scenario::Scenario;
+use crate::seal::sha256;
 
 /// One piece of work: a file, and what it is the answer to.
 ///
@@ -47,17 +48,24 @@ impl Finished {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             read => read.map_err(io_error("reading", &self.path))?,
         };
-        let damaged = |error: serde_json::Error| RunError::Damaged {
+        let damaged = |why: String| RunError::Damaged {
             path: self.path.clone(),
-            why: error.to_string(),
+            why,
         };
-        let mut kept: Value = serde_json::from_slice(&bytes).map_err(damaged)?;
-        match kept["asked"] == self.asked {
-            true => serde_json::from_value(kept["made"].take())
-                .map(Some)
-                .map_err(damaged),
-            false => Ok(None),
+        let json = |error: serde_json::Error| damaged(error.to_string());
+        let mut kept: Value = serde_json::from_slice(&bytes).map_err(json)?;
+        if kept["asked"] != self.asked {
+            return Ok(None);
         }
+        let found = self.hash(&kept["made"]);
+        if kept["sha256"] != found {
+            let says = &kept["sha256"];
+            return Err(damaged(format!(
+                "it was changed since it was written: SHA-256 is {found}, it says {says}"
+            )));
+        }
+        let made = serde_json::from_value(kept["made"].take());
+        made.map(Some).map_err(json)
     }
 
     /// Keeps what was made, in the place of older work of that name.
@@ -66,10 +74,38 @@ impl Finished {
     /// The disk refuses.
     pub fn write<T: Serialize>(&self, made: &T) -> Result<(), RunError> {
         if let Some(dir) = self.path.parent() {
-            fs::create_dir_all(dir).map_err(io_error("creating", dir))?;
+            make_dir(dir)?;
         }
-        let kept = json!({ "asked": self.asked, "made": made });
+        let made = serde_json::to_value(made).map_err(|error| RunError::Damaged {
+            path: self.path.clone(),
+            why: error.to_string(),
+        })?;
+        let hash = self.hash(&made);
+        let kept = json!({ "asked": self.asked, "made": made, "sha256": hash });
         write_file(&self.path, kept.to_string().as_bytes())
+    }
+
+    /// Of question and answer, but for processor times: equal work has equal
+    /// hashes.
+    fn hash(&self, made: &Value) -> String {
+        let mut made = made.clone();
+        forget_times(&mut made);
+        sha256(format!("{}{made}", self.asked).as_bytes())
+    }
+}
+
+fn forget_times(value: &mut Value) {
+    match value {
+        Value::Object(map) => {
+            for (name, value) in map {
+                match name.ends_with("cpu_s") {
+                    true => *value = Value::Null,
+                    false => forget_times(value),
+                }
+            }
+        }
+        Value::Array(all) => all.iter_mut().for_each(forget_times),
+        _ => {}
     }
 }
 
@@ -97,6 +133,18 @@ mod tests {
         let changed = WORLD.replace("kp_per_s2: 0.3,", "kp_per_s2: 0.31,");
         let other = of(dir.path(), &changed, 3).read::<Vec<f64>>();
         assert_eq!(other.expect("readable"), None);
+    }
+
+    #[test]
+    fn a_number_that_was_changed_is_noticed() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let work = of(dir.path(), WORLD, 3);
+        work.write(&0.25).expect("written");
+        let path = dir.path().join("acc--a-table.json");
+        let text = fs::read_to_string(&path).expect("kept");
+        fs::write(&path, text.replace("0.25", "0.35")).expect("changed");
+        let error = work.read::<f64>().expect_err("changed").to_string();
+        assert!(error.contains("changed since it was written"), "{error}");
     }
 
     #[test]

@@ -10,16 +10,21 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-use super::{RunError, write_file};
+use super::disk::read_text;
+use super::{RunError, trace_of_csv, write_file};
 use crate::ego::Command;
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::scenario::{Change, ChangeError, Scenario, ScenarioError};
 use crate::scene::{Dynamics, Start, Touch};
+use crate::seal::{self, sha256};
 use crate::testbench::Episode;
 use crate::trace::Trace;
 
-/// Version of the file; another one is refused.
-const FORMAT: u32 = 1;
+/// Version of the file. The first one held no hash; later ones are refused.
+const FORMAT: u32 = 2;
+
+/// The first column of the samples; a signal of that name is the same.
+const TIME: &str = "time";
 
 /// A recorded episode and everything needed to play it again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +32,13 @@ const FORMAT: u32 = 1;
 pub struct Counterexample {
     /// Version of the file.
     pub format: u32,
+    /// SHA-256 of the file with zeros in its place; `None`: an earlier version
+    /// wrote it, and nothing would notice a changed number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+    /// SHA-256 of the samples beside it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples_sha256: Option<String>,
     /// Version of the program that recorded it.
     pub brakecheck: String,
     /// Name of the world.
@@ -61,6 +73,10 @@ pub struct Counterexample {
     /// world's side is repeated bit for bit, whatever the ego answers today.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ego_commands: Vec<(f64, f64)>,
+    /// What was recorded, in order; files of old do not say: all that was
+    /// published. Signals that later versions publish are not compared.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub signals: Vec<String>,
     /// One digest of eight hexadecimal digits per sample.
     pub digests: String,
     /// The world file, verbatim.
@@ -110,8 +126,10 @@ impl Counterexample {
     ) -> Counterexample {
         let axes = scenario.axes();
         let names = axes.iter().map(|axis| axis.name.clone());
-        Counterexample {
+        let recorded = Counterexample {
             format: FORMAT,
+            sha256: None,
+            samples_sha256: None,
             brakecheck: env!("CARGO_PKG_VERSION").to_owned(),
             world: scenario.name.clone(),
             ego: ego.to_owned(),
@@ -131,8 +149,24 @@ impl Counterexample {
                 .iter()
                 .map(|command| (command.accel_mps2, command.lateral_mps))
                 .collect(),
-            digests: digests_of(&episode.trace),
+            signals: Vec::new(),
+            digests: String::new(),
             world_file: scenario.text.clone(),
+        };
+        recorded.as_now(&episode.trace)
+    }
+
+    /// The same with all that this version writes of its samples.
+    pub(crate) fn as_now(&self, trace: &Trace) -> Counterexample {
+        let signals = trace.schema().signals().iter();
+        let all: Vec<usize> = (0..signals.len()).collect();
+        Counterexample {
+            format: FORMAT,
+            sha256: None,
+            samples_sha256: Some(sha256(csv_of(trace).as_bytes())),
+            signals: signals.map(|signal| signal.name.clone()).collect(),
+            digests: digests_of(trace, &all),
+            ..self.clone()
         }
     }
 
@@ -154,19 +188,26 @@ impl Counterexample {
     /// # Errors
     /// It cannot be read, or it is none.
     pub fn load(path: &Path) -> Result<Counterexample, KeptError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RunError::Io {
-            verb: "reading",
-            path: path.into(),
-            source,
-        })?;
+        let text = read_text(path)?;
         let format = |why: String| KeptError::Format {
             path: path.into(),
             why,
         };
         let kept: Counterexample =
             ron::from_str(&text).map_err(|error| format(error.to_string()))?;
-        if kept.format != FORMAT {
-            return Err(format(format!("format {} is not {FORMAT}", kept.format)));
+        if !(1..=FORMAT).contains(&kept.format) {
+            return Err(format(format!(
+                "format {} is not 1 to {FORMAT}",
+                kept.format
+            )));
+        }
+        if 1 < kept.format || kept.sha256.is_some() {
+            let hash = kept.sha256.as_deref().unwrap_or_default();
+            let damaged = |why| RunError::Damaged {
+                path: path.into(),
+                why,
+            };
+            seal::check(&text, hash).map_err(damaged)?;
         }
         let changed = kept.change.ego.0.values().copied();
         let commands = kept.ego_commands.iter();
@@ -178,6 +219,40 @@ impl Counterexample {
         Ok(kept)
     }
 
+    /// Whether it holds its own hash; earlier versions wrote none.
+    pub fn is_sealed(&self) -> bool {
+        self.sha256.is_some()
+    }
+
+    /// The samples beside a kept file, as they were recorded; `None`: there are
+    /// none, which only costs the name of the first signal that differs.
+    ///
+    /// # Errors
+    /// They were changed since, or are no samples.
+    pub fn samples(&self, path: &Path) -> Result<Option<Trace>, KeptError> {
+        let path = path.with_extension("csv");
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = read_text(&path)?;
+        let found = sha256(text.as_bytes());
+        if let Some(recorded) = &self.samples_sha256
+            && *recorded != found
+        {
+            let why = format!("SHA-256 is {found}, the file beside it says {recorded}");
+            return Err(RunError::Damaged { path, why }.into());
+        }
+        match (trace_of_csv(&text, None), &self.samples_sha256) {
+            (Ok(trace), _) => Ok(Some(trace)),
+            // Files of old named a signal `time` twice.
+            (Err(_), None) => Ok(None),
+            (Err(error), Some(_)) => Err(KeptError::Format {
+                path,
+                why: error.to_string(),
+            }),
+        }
+    }
+
     /// Writes `STEM.ron` into a directory, or `STEM-2.ron` and so on where
     /// another counterexample has that name already; returns the file.
     ///
@@ -186,7 +261,7 @@ impl Counterexample {
     pub fn save_as(&self, dir: &Path, stem: &str, trace: &Trace) -> Result<PathBuf, KeptError> {
         let mut file = dir.join(format!("{stem}.ron"));
         let mut number = 1;
-        while file.exists() && Counterexample::load(&file).ok().as_ref() != Some(self) {
+        while file.exists() && !self.is_kept_in(&file) {
             number += 1;
             file = dir.join(format!("{stem}-{number}.ron"));
         }
@@ -194,7 +269,17 @@ impl Counterexample {
         Ok(file)
     }
 
-    /// Writes `path` and, beside it, the samples as CSV.
+    /// Whether a file holds this very one.
+    fn is_kept_in(&self, file: &Path) -> bool {
+        let unsealed = |kept: &Counterexample| Counterexample {
+            sha256: None,
+            ..kept.clone()
+        };
+        let kept = Counterexample::load(file);
+        kept.is_ok_and(|kept| unsealed(&kept) == unsealed(self))
+    }
+
+    /// Writes the samples as CSV beside `path`, then `path` itself.
     ///
     /// # Errors
     /// The disk refuses.
@@ -202,12 +287,18 @@ impl Counterexample {
         let pretty = ron::ser::PrettyConfig::new()
             .escape_strings(false)
             .compact_arrays(true);
-        let text = ron::ser::to_string_pretty(self, pretty).map_err(|error| KeptError::Format {
+        let blank = Counterexample {
+            sha256: Some(seal::BLANK.to_owned()),
+            ..self.clone()
+        };
+        let text = ron::ser::to_string_pretty(&blank, pretty);
+        let text = text.map_err(|error| KeptError::Format {
             path: path.into(),
             why: error.to_string(),
         })?;
-        write_file(path, text.as_bytes())?;
+        // Last what says that all of it is there.
         write_file(&path.with_extension("csv"), csv_of(trace).as_bytes())?;
+        write_file(path, seal::seal(&text).as_bytes())?;
         Ok(())
     }
 
@@ -295,15 +386,16 @@ impl Counterexample {
     }
 }
 
-/// A digest of eight hexadecimal digits per sample.
-pub fn digests_of(trace: &Trace) -> String {
-    let mut row = vec![0.0; trace.schema().len()];
+/// A digest of eight hexadecimal digits per sample, of some of its columns in
+/// this order.
+pub fn digests_of(trace: &Trace, columns: &[usize]) -> String {
+    let columns: Vec<&[f64]> = columns.iter().map(|&at| trace.column(at)).collect();
     let mut text = String::with_capacity(8 * trace.len());
     for sample in 0..trace.len() {
-        trace.read_row(sample, &mut row);
         // FNV-1a (Fowler, Noll, Vo) over the bits of the row.
         let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
-        for byte in row.iter().flat_map(|value| value.to_bits().to_le_bytes()) {
+        let row = columns.iter().map(|column| column[sample]);
+        for byte in row.flat_map(|value| value.to_bits().to_le_bytes()) {
             hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }
         text.push_str(&format!("{:08x}", (hash ^ (hash >> 32)) as u32));
@@ -311,23 +403,26 @@ pub fn digests_of(trace: &Trace) -> String {
     text
 }
 
-/// A trace as CSV: a time column, then every signal, exactly.
+/// A trace as CSV: a time column, then every other signal, exactly.
 pub fn csv_of(trace: &Trace) -> String {
-    let mut text = String::from("time");
-    for signal in trace.schema().signals() {
-        text.push(',');
-        text.push_str(&signal.name);
-    }
+    let mut text = String::from(TIME);
+    let signals = trace.schema().signals().iter().enumerate();
+    let others: Vec<usize> = signals
+        .filter(|(_, signal)| signal.name != TIME)
+        .map(|(column, signal)| {
+            text.push(',');
+            text.push_str(&signal.name);
+            column
+        })
+        .collect();
     text.push('\n');
-    let mut row = vec![0.0; trace.schema().len()];
     for sample in 0..trace.len() {
-        trace.read_row(sample, &mut row);
         // Time is i · dt; rounding hides the dust of binary fractions.
         let time_s = (sample as f64 * trace.dt_s() * 1e9).round() / 1e9;
         text.push_str(&time_s.to_string());
-        for value in &row {
+        for &column in &others {
             text.push(',');
-            text.push_str(&value.to_string());
+            text.push_str(&trace.column(column)[sample].to_string());
         }
         text.push('\n');
     }

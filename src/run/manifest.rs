@@ -1,16 +1,35 @@
 //! What a run directory says of itself.
 
+use std::fs;
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
+use super::disk::{io_error, read_text};
 use super::stored::StoredCount;
+use super::{FORMAT, RunError};
 use crate::scenario::{Against, Change};
 use crate::scene::Dynamics;
+use crate::seal;
+
+pub(super) const FILE: &str = "manifest.json";
+/// Apart, since it is measured: equal trainings take different times.
+pub(super) const TIMING: &str = "timing.json";
+
+#[derive(Serialize, Deserialize)]
+struct Timing {
+    cpu_s: f64,
+}
 
 /// What a run was, and the hashes of its files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the layout.
     pub format: u32,
+    /// SHA-256 of this file with zeros in its place; empty: an earlier version
+    /// wrote it, and nothing would notice a changed number.
+    #[serde(default)]
+    pub sha256: String,
     /// Version of the program that trained.
     pub brakecheck: String,
     /// Operating system and processor it trained on.
@@ -32,8 +51,16 @@ pub struct Manifest {
     /// Physics steps spent in training.
     #[serde(default)]
     pub physics_steps: u64,
-    /// Processor time spent in training.
+    /// Processor time spent in training. It is in `timing.json`, so that equal
+    /// trainings have equal manifests.
+    #[serde(default, skip_serializing)]
     pub cpu_s: f64,
+    /// How much of `progress.jsonl` counts.
+    #[serde(default, skip_serializing_if = "Grown::is_nothing")]
+    pub progress: Grown,
+    /// The report of the learner that is not yet a line there.
+    #[serde(default, skip_serializing_if = "Window::is_empty")]
+    pub window: Window,
     /// How many counterexamples it brought; `None`: an earlier version trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counterexamples: Option<StoredCount>,
@@ -47,6 +74,9 @@ pub struct Manifest {
     /// an earlier version did not note it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings_sha256: Option<String>,
+    /// The learner's settings, defaults included; `None`: an earlier version.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settings: Option<serde_json::Value>,
     /// What the ado is told besides its observation, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub told: Vec<String>,
@@ -63,7 +93,122 @@ pub struct Manifest {
     pub policy_sha256: Option<String>,
 }
 
+/// How far training has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Done {
+    /// Decisions asked for.
+    pub decisions_asked: u64,
+    /// Decisions taken.
+    pub decisions: u64,
+    /// Episodes finished.
+    pub episodes: u64,
+    /// Physics steps spent.
+    pub physics_steps: u64,
+    /// Processor time spent.
+    pub cpu_s: f64,
+    /// Episodes that no line of `progress.jsonl` tells of yet.
+    pub window: Window,
+}
+
+/// How much of a file that only grows counts, as of the last checkpoint.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Grown {
+    /// Its first bytes; what stands behind them was written after it.
+    pub bytes: u64,
+    /// Their SHA-256.
+    pub sha256: String,
+}
+
+impl Grown {
+    fn is_nothing(&self) -> bool {
+        self.bytes == 0
+    }
+}
+
+/// Episodes since the last line of `progress.jsonl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Window {
+    /// How many.
+    pub episodes: u64,
+    /// Those that the ado solved.
+    pub solved: u64,
+    /// Sum of their returns.
+    pub returns: f64,
+}
+
+impl Window {
+    fn is_empty(&self) -> bool {
+        self.episodes == 0
+    }
+}
+
 impl Manifest {
+    /// Whether it holds its own hash; earlier versions wrote none.
+    pub fn is_sealed(&self) -> bool {
+        !self.sha256.is_empty()
+    }
+
+    /// Reads and verifies that of a run directory.
+    ///
+    /// # Errors
+    /// There is none, or it is damaged.
+    pub(super) fn read(run: &Path) -> Result<Manifest, RunError> {
+        let not_a_run = |why: String| RunError::NotARun {
+            path: run.into(),
+            why,
+        };
+        if !run.is_dir() {
+            return Err(not_a_run("there is no such directory".to_owned()));
+        }
+        let file = run.join(FILE);
+        if !file.is_file() {
+            return Err(not_a_run(format!("it has no `{FILE}`")));
+        }
+        let damaged = |path: &Path, why: String| RunError::Damaged {
+            path: path.into(),
+            why,
+        };
+        let text = read_text(&file)?;
+        let mut manifest: Manifest =
+            serde_json::from_str(&text).map_err(|error| damaged(&file, error.to_string()))?;
+        if !(1..=FORMAT).contains(&manifest.format) {
+            let why = format!("format {} is not 1 to {FORMAT}", manifest.format);
+            return Err(damaged(&file, why));
+        }
+        // The first format held neither a hash nor a file for the time.
+        if 1 < manifest.format || manifest.is_sealed() {
+            seal::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;
+            let timing = run.join(TIMING);
+            if timing.is_file() {
+                let text = fs::read(&timing).map_err(io_error("reading", &timing))?;
+                let read: Timing = serde_json::from_slice(&text)
+                    .map_err(|error| damaged(&timing, error.to_string()))?;
+                manifest.cpu_s = read.cpu_s;
+            }
+        }
+        Ok(manifest)
+    }
+
+    /// As its file holds it.
+    pub(super) fn sealed(&self, run: &Path) -> Result<String, RunError> {
+        let blank = Manifest {
+            sha256: seal::BLANK.to_owned(),
+            ..self.clone()
+        };
+        let text = serde_json::to_string_pretty(&blank);
+        let text = text.map_err(|error| RunError::Damaged {
+            path: run.join(FILE),
+            why: error.to_string(),
+        })?;
+        Ok(seal::seal(&text))
+    }
+
+    /// The file beside it that holds the time.
+    pub(super) fn timing(&self) -> Vec<u8> {
+        let cpu_s = self.cpu_s;
+        serde_json::json!(Timing { cpu_s }).to_string().into_bytes()
+    }
+
     /// Whether training has finished.
     pub fn is_finished(&self) -> bool {
         self.policy_sha256.is_some()

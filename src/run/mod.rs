@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! RUN/world.ron                the world file, verbatim
-//! RUN/manifest.json            version, seed, target, hashes
+//! RUN/manifest.json            version, seed, settings, hashes, its own among them
+//! RUN/timing.json              processor time: all that equal trainings differ in
 //! RUN/policy.safetensors       the trained ado
 //! RUN/from.safetensors         the ado it was fine-tuned from, if any
 //! RUN/progress.jsonl           one line per report of the learner
@@ -13,12 +14,15 @@
 //! RUN/lock                     held while training
 //! ```
 //!
-//! Files are written beside their place and renamed, so a full disk or a
-//! killed process never leaves a half-written one behind.
+//! Files are written beside their place, flushed and renamed, so that a full
+//! disk, a killed process or a power cut never leaves a half-written one behind.
+//! Wherever a training is killed: going on ends in the same bytes.
 
-mod disk;
+mod differences;
+pub(crate) mod disk;
 mod error;
 mod finished;
+mod grown;
 mod identified;
 mod interval;
 mod kept;
@@ -31,10 +35,11 @@ mod stored;
 mod told;
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 
-pub use disk::{file_name, write_file};
+pub use differences::{Asked, Difference};
+pub use disk::{file_name, make_dir, write_file};
 pub use error::RunError;
 pub use finished::Finished;
 pub use identified::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, IdentifiedError};
@@ -42,7 +47,7 @@ pub use interval::{
     at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
-pub use manifest::{ChangedEgo, Manifest};
+pub use manifest::{ChangedEgo, Done, Grown, Manifest, Window};
 pub use progress::Progress;
 pub use repeated::{Repeated, StartRepeated};
 pub use row::{Anytime, ClosingSpeed, Row, Unconfirmed};
@@ -51,10 +56,22 @@ pub use stored::{MAX_STORED, Stored, StoredCount};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
 use crate::scenario::{Against, LoadError, Scenario};
-use disk::{io_error, is_taken, lock, settings_of, sha256};
+use crate::seal::sha256;
+use disk::{io_error, is_taken, lock, settings_of};
+use grown::Growing;
 
-/// Version of the layout; another one is refused.
-const FORMAT: u32 = 1;
+/// Version of the layout. In the first one the manifest was not sealed and held
+/// the processor time; such runs are read, later ones are refused.
+const FORMAT: u32 = 2;
+
+/// What a training begins with besides its world.
+#[derive(Clone, Debug, Default)]
+pub struct Beginning<'a> {
+    /// The policy to fine-tune.
+    pub from: Option<&'a Bundle>,
+    /// The changed ego to train against.
+    pub ego: Option<ChangedEgo>,
+}
 
 /// An open run directory.
 #[derive(Debug)]
@@ -63,6 +80,8 @@ pub struct RunDir {
     manifest: Manifest,
     /// Consent to start the programs that its world names; never written down.
     programs_allowed: bool,
+    progress: Growing,
+    counterexamples: Growing,
     _lock: Option<File>,
 }
 
@@ -72,17 +91,33 @@ impl RunDir {
     /// # Errors
     /// It exists and holds something, or cannot be written.
     pub fn create(path: &Path, scenario: &Scenario, seed: u64) -> Result<RunDir, RunError> {
+        RunDir::begin(path, scenario, seed, Beginning::default())
+    }
+
+    /// The same of a training that begins with more than its world.
+    ///
+    /// The manifest is written last: whoever is killed before has begun nothing.
+    ///
+    /// # Errors
+    /// It exists and holds something, or cannot be written.
+    pub fn begin(
+        path: &Path,
+        scenario: &Scenario,
+        seed: u64,
+        with: Beginning<'_>,
+    ) -> Result<RunDir, RunError> {
         if is_taken(path) {
             return Err(RunError::Exists { path: path.into() });
         }
-        fs::create_dir_all(path).map_err(io_error("creating", path))?;
+        make_dir(path)?;
         let lock = lock(path)?;
-        let run = RunDir {
+        let mut run = RunDir {
             path: path.into(),
             manifest: Manifest {
                 format: FORMAT,
-                brakecheck: env!("CARGO_PKG_VERSION").to_owned(),
-                target: format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS),
+                sha256: String::new(),
+                brakecheck: version(),
+                target: target(),
                 world: scenario.name.clone(),
                 world_sha256: sha256(scenario.text.as_bytes()),
                 plant: scenario.plant(),
@@ -92,20 +127,30 @@ impl RunDir {
                 episodes: 0,
                 physics_steps: 0,
                 cpu_s: 0.0,
+                progress: Grown::default(),
+                window: Window::default(),
                 counterexamples: None,
                 learner: scenario.learning.clone(),
                 against: scenario.against,
                 settings_sha256: Some(settings_of(scenario)),
+                settings: serde_json::to_value(&scenario.learner).ok(),
                 told: told_names(scenario),
-                ego: None,
+                ego: with.ego,
                 from_sha256: None,
                 checkpoint: None,
                 policy_sha256: None,
             },
             programs_allowed: false,
+            progress: Growing::new(path.join(progress::FILE)),
+            counterexamples: Growing::new(path.join(stored::FILE)),
             _lock: Some(lock),
         };
         run.write("world.ron", scenario.text.as_bytes())?;
+        if let Some(from) = with.from {
+            let bytes = from.to_bytes().map_err(run.damaged("from.safetensors"))?;
+            run.write("from.safetensors", &bytes)?;
+            run.manifest.from_sha256 = Some(sha256(&bytes));
+        }
         run.write_manifest()?;
         Ok(run)
     }
@@ -115,67 +160,73 @@ impl RunDir {
     /// # Errors
     /// It is none, or a file in it is damaged.
     pub fn open(path: &Path) -> Result<RunDir, RunError> {
-        let not_a_run = |why: String| RunError::NotARun {
-            path: path.into(),
-            why,
-        };
-        if !path.is_dir() {
-            return Err(not_a_run("there is no such directory".to_owned()));
-        }
-        let file = path.join("manifest.json");
-        if !file.is_file() {
-            return Err(not_a_run("it has no `manifest.json`".to_owned()));
-        }
-        let text = fs::read(&file).map_err(io_error("reading", &file))?;
-        let manifest: Manifest =
-            serde_json::from_slice(&text).map_err(|error| RunError::Damaged {
-                path: file.clone(),
-                why: error.to_string(),
-            })?;
-        if manifest.format != FORMAT {
-            return Err(RunError::Damaged {
-                path: file,
-                why: format!("format {} is not {FORMAT}", manifest.format),
-            });
-        }
+        let manifest = Manifest::read(path)?;
         let run = RunDir {
             path: path.into(),
             manifest,
             programs_allowed: false,
+            progress: Growing::new(path.join(progress::FILE)),
+            counterexamples: Growing::new(path.join(stored::FILE)),
             _lock: None,
         };
         run.read_verified("world.ron", Some(&run.manifest.world_sha256))?;
         Ok(run)
     }
 
-    /// Opens a run directory to go on training in it.
+    /// Opens a run directory to go on training in it: as of its last checkpoint,
+    /// whatever was written since is taken away.
     ///
     /// # Errors
     /// It is none, is damaged, or another process trains in it.
     pub fn resume(path: &Path) -> Result<RunDir, RunError> {
+        // Nothing is made where there is no run; what counts is read under the lock.
+        Manifest::read(path)?;
+        let lock = lock(path)?;
         let mut run = RunDir::open(path)?;
-        run._lock = Some(lock(path)?);
+        run._lock = Some(lock);
+        run.sweep()?;
+        if !run.manifest.is_finished() {
+            let (progress, stored) = (path.join(progress::FILE), path.join(stored::FILE));
+            run.progress = Growing::cut_back(progress, &run.manifest.progress)?;
+            let known = run.manifest.counterexamples.as_ref();
+            let known = known.map_or(Grown::default(), StoredCount::grown);
+            run.counterexamples = Growing::cut_back(stored, &known)?;
+        }
         Ok(run)
+    }
+
+    /// Resumes a run that was opened for reading only.
+    ///
+    /// # Errors
+    /// It is damaged, or another process trains in it.
+    pub(crate) fn hold(&mut self) -> Result<(), RunError> {
+        if self._lock.is_none() {
+            let allowed = self.programs_allowed;
+            *self = RunDir::resume(&self.path.clone())?;
+            self.programs_allowed = allowed;
+        }
+        Ok(())
+    }
+
+    /// Removes what a killed training left: half-written files, and checkpoints
+    /// that the manifest does not name.
+    fn sweep(&self) -> Result<(), RunError> {
+        let failed = io_error("removing", &self.path);
+        disk::sweep(&self.path);
+        let current = self.manifest.checkpoint.as_ref().map(|(name, _)| name);
+        for entry in fs::read_dir(&self.path).map_err(&failed)?.flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let is_checkpoint = name.starts_with("checkpoint-") && name.ends_with(".safetensors");
+            if is_checkpoint && current != Some(&name) {
+                disk::remove(&entry.path()).map_err(&failed)?;
+            }
+        }
+        Ok(())
     }
 
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
-    }
-
-    /// Whether it is of this very world, on its plant, with its decisions and
-    /// every other setting of its learner, against the same ego or family.
-    pub fn is_of(&self, scenario: &Scenario) -> bool {
-        self.manifest.world_sha256 == sha256(scenario.text.as_bytes())
-            && self.manifest.plant == scenario.plant()
-            && self.manifest.decisions == scenario.learner.decisions()
-            && self.manifest.against == scenario.against
-            && self.manifest.ego.is_none()
-            && self
-                .manifest
-                .settings_sha256
-                .as_ref()
-                .is_none_or(|hash| *hash == settings_of(scenario))
     }
 
     /// What it was.
@@ -297,28 +348,6 @@ impl RunDir {
             .map_err(self.damaged("from.safetensors"))
     }
 
-    /// Notes the changed ego that is trained against.
-    ///
-    /// # Errors
-    /// The disk refuses.
-    pub fn save_ego(&mut self, ego: ChangedEgo) -> Result<(), RunError> {
-        self.manifest.ego = Some(ego);
-        self.write_manifest()
-    }
-
-    /// Keeps the policy that a fine-tuning begins with.
-    ///
-    /// # Errors
-    /// The disk refuses.
-    pub fn save_from(&mut self, bundle: &Bundle) -> Result<(), RunError> {
-        let bytes = bundle
-            .to_bytes()
-            .map_err(self.damaged("from.safetensors"))?;
-        self.write("from.safetensors", &bytes)?;
-        self.manifest.from_sha256 = Some(sha256(&bytes));
-        self.write_manifest()
-    }
-
     /// Stores a checkpoint and how far training has come.
     ///
     /// # Errors
@@ -328,7 +357,7 @@ impl RunDir {
         let bytes = bundle.to_bytes().map_err(self.damaged(&name))?;
         self.write(&name, &bytes)?;
         let before = self.manifest.checkpoint.replace((name, sha256(&bytes)));
-        self.note(done);
+        self.note(done)?;
         self.write_manifest()?;
         self.forget(before)
     }
@@ -342,10 +371,9 @@ impl RunDir {
             .to_bytes()
             .map_err(self.damaged("policy.safetensors"))?;
         self.write("policy.safetensors", &bytes)?;
-        self.seal_counterexamples()?;
         let before = self.manifest.checkpoint.take();
         self.manifest.policy_sha256 = Some(sha256(&bytes));
-        self.note(done);
+        self.note(done)?;
         self.write_manifest()?;
         self.forget(before)
     }
@@ -356,42 +384,10 @@ impl RunDir {
         match checkpoint {
             Some((name, _)) if now.is_none_or(|(current, _)| *current != name) => {
                 let path = self.path.join(name);
-                fs::remove_file(&path).map_err(io_error("removing", &path))
+                disk::remove(&path).map_err(io_error("removing", &path))
             }
             _ => Ok(()),
         }
-    }
-
-    /// Cuts `progress.jsonl` back to what the checkpoint knows.
-    ///
-    /// # Errors
-    /// The disk refuses.
-    pub fn trim_progress(&self) -> Result<(), RunError> {
-        let path = self.path.join("progress.jsonl");
-        let Ok(text) = fs::read_to_string(&path) else {
-            return Ok(());
-        };
-        let known = |line: &&str| {
-            let line: Result<serde_json::Value, _> = serde_json::from_str(line);
-            let decisions = line.ok().and_then(|line| line["decisions"].as_u64());
-            decisions.is_some_and(|decisions| decisions <= self.manifest.decisions_done)
-        };
-        let lines = text.lines().filter(known).map(|line| format!("{line}\n"));
-        write_file(&path, lines.collect::<String>().as_bytes())
-    }
-
-    /// Appends lines to `progress.jsonl`.
-    ///
-    /// # Errors
-    /// The disk refuses.
-    pub fn append_progress(&self, lines: &str) -> Result<(), RunError> {
-        let path = self.path.join("progress.jsonl");
-        fs::OpenOptions::new()
-            .create(true)
-            .append(true)
-            .open(&path)
-            .and_then(|mut file| file.write_all(lines.as_bytes()))
-            .map_err(io_error("writing", &path))
     }
 
     /// Stores the rows of the closing evaluation.
@@ -414,25 +410,32 @@ impl RunDir {
         }
     }
 
-    fn note(&mut self, done: Done) {
+    /// Notes how far training has come, and how much of the growing files counts.
+    fn note(&mut self, done: Done) -> Result<(), RunError> {
         self.manifest.decisions = done.decisions_asked;
         self.manifest.decisions_done = done.decisions;
         self.manifest.episodes = done.episodes;
         self.manifest.physics_steps = done.physics_steps;
         self.manifest.cpu_s = done.cpu_s;
+        self.manifest.window = done.window;
+        self.manifest.progress = self.progress.now();
+        if let Some(count) = &mut self.manifest.counterexamples {
+            count.note(self.counterexamples.now());
+        }
+        self.write(manifest::TIMING, &self.manifest.timing())
     }
 
     fn write_manifest(&self) -> Result<(), RunError> {
-        let text =
-            serde_json::to_string_pretty(&self.manifest).map_err(|error| RunError::Damaged {
-                path: self.path.join("manifest.json"),
-                why: error.to_string(),
-            })?;
-        self.write("manifest.json", text.as_bytes())
+        let text = self.manifest.sealed(&self.path)?;
+        self.write(manifest::FILE, text.as_bytes())
     }
 
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), RunError> {
         write_file(&self.path.join(name), bytes)
+    }
+
+    fn read_text(&self, name: &str) -> Result<String, RunError> {
+        disk::read_text(&self.path.join(name))
     }
 
     fn read_verified(&self, name: &str, expected: Option<&str>) -> Result<Vec<u8>, RunError> {
@@ -471,17 +474,12 @@ fn told_names(scenario: &Scenario) -> Vec<String> {
     }
 }
 
-/// How far training has come.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Done {
-    /// Decisions asked for.
-    pub decisions_asked: u64,
-    /// Decisions taken.
-    pub decisions: u64,
-    /// Episodes finished.
-    pub episodes: u64,
-    /// Physics steps spent.
-    pub physics_steps: u64,
-    /// Processor time spent.
-    pub cpu_s: f64,
+/// Version of this program.
+fn version() -> String {
+    env!("CARGO_PKG_VERSION").to_owned()
+}
+
+/// Processor and operating system of this program.
+fn target() -> String {
+    format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS)
 }

@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Row, RunDir, RunError, io_error};
 
+pub(super) const FILE: &str = "progress.jsonl";
+
 /// One line of `progress.jsonl`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
@@ -24,12 +26,21 @@ pub struct Progress {
 }
 
 impl RunDir {
+    /// Adds lines to `progress.jsonl`; they count once a checkpoint or the policy
+    /// is saved.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn append_progress(&mut self, lines: &str) -> Result<(), RunError> {
+        self.progress.append(lines)
+    }
+
     /// What training recorded so far; lines that are cut short are left out.
     ///
     /// # Errors
     /// The disk refuses. A run that recorded nothing yet gives nothing.
     pub fn progress(&self) -> Result<Vec<Progress>, RunError> {
-        let text = self.read_if_there("progress.jsonl")?;
+        let text = self.read_if_there(FILE)?;
         let lines = text.lines();
         Ok(lines
             .filter_map(|line| serde_json::from_str(line).ok())

@@ -4,17 +4,14 @@
 //! says how many of its lines count, so that a resumed training continues it
 //! byte for byte.
 
-use std::fs::{self, OpenOptions};
-use std::io::Write;
-
 use serde::{Deserialize, Serialize};
 
-use super::{RunDir, RunError, io_error, sha256, write_file};
+use super::{Grown, RunDir, RunError};
 use crate::scene::{Axis, Start};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::Success;
 
-const FILE: &str = "counterexamples.jsonl";
+pub(super) const FILE: &str = "counterexamples.jsonl";
 
 /// Counterexamples that a run directory keeps of its training, at most.
 ///
@@ -29,9 +26,26 @@ pub struct StoredCount {
     pub kept: u64,
     /// Those that came when it was full.
     pub dropped: u64,
-    /// SHA-256 of `counterexamples.jsonl`, once training has finished.
+    /// Bytes of `counterexamples.jsonl` that count; 0 in runs of old.
+    #[serde(default)]
+    pub bytes: u64,
+    /// SHA-256 of those; in runs of old once training has finished.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
+}
+
+impl StoredCount {
+    pub(super) fn grown(&self) -> Grown {
+        Grown {
+            bytes: self.bytes,
+            sha256: self.sha256.clone().unwrap_or_default(),
+        }
+    }
+
+    pub(super) fn note(&mut self, grown: Grown) {
+        self.bytes = grown.bytes;
+        self.sha256 = Some(grown.sha256);
+    }
 }
 
 /// The stored counterexamples of a run, to be looked up by their starts.
@@ -92,6 +106,7 @@ impl RunDir {
         let count = self.manifest.counterexamples.get_or_insert(StoredCount {
             kept: 0,
             dropped: 0,
+            bytes: 0,
             sha256: None,
         });
         let room = MAX_STORED.saturating_sub(count.kept) as usize;
@@ -108,45 +123,7 @@ impl RunDir {
             text.push_str(&line);
             text.push('\n');
         }
-        OpenOptions::new()
-            .create(true)
-            .append(true)
-            .open(&path)
-            .and_then(|mut file| file.write_all(text.as_bytes()))
-            .map_err(io_error("writing", &path))
-    }
-
-    /// Cuts `counterexamples.jsonl` back to what the checkpoint knows.
-    ///
-    /// # Errors
-    /// The disk refuses, or lines are missing.
-    pub fn trim_counterexamples(&self) -> Result<(), RunError> {
-        let path = self.path.join(FILE);
-        let known = self.manifest.counterexamples.as_ref();
-        let known = known.map_or(0, |count| count.kept) as usize;
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(_) if known == 0 => return Ok(()),
-            Err(error) => return Err(io_error("reading", &path)(error)),
-        };
-        let lines: Vec<&str> = text.split_inclusive('\n').take(known).collect();
-        if lines.len() < known {
-            return Err(RunError::Damaged {
-                path,
-                why: format!("it has {} lines, the manifest says {known}", lines.len()),
-            });
-        }
-        write_file(&path, lines.concat().as_bytes())
-    }
-
-    /// Notes the hash of `counterexamples.jsonl` for the manifest.
-    pub(super) fn seal_counterexamples(&mut self) -> Result<(), RunError> {
-        let path = self.path.join(FILE);
-        if let Some(count) = &mut self.manifest.counterexamples {
-            let bytes = fs::read(&path).map_err(io_error("reading", &path))?;
-            count.sha256 = Some(sha256(&bytes));
-        }
-        Ok(())
+        self.counterexamples.append(&text)
     }
 
     /// The counterexamples that its training brought.

@@ -15,7 +15,6 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
-use sha2::{Digest, Sha256};
 
 use super::check::{self, ActsAs, Problems};
 use super::error::{did_you_mean, known_names};
@@ -25,9 +24,11 @@ use super::{build, read};
 use crate::rl::{Bundle, Policy, load_policy_for};
 use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec, LightDrive, Trained, TrainedError};
+use crate::seal;
 
-/// Version of run directories that is understood.
-const FORMAT: u32 = 1;
+/// Versions of run directories that are understood; the first held no hash of
+/// its manifest.
+const FORMATS: std::ops::RangeInclusive<u32> = 1..=2;
 
 #[derive(Deserialize)]
 #[serde(rename = "Trained", deny_unknown_fields)]
@@ -81,6 +82,8 @@ impl<'de> Deserialize<'de> for RunFile {
 #[derive(Deserialize)]
 struct Manifest {
     format: u32,
+    #[serde(default)]
+    sha256: String,
     world_sha256: String,
     policy_sha256: Option<String>,
 }
@@ -185,11 +188,17 @@ fn from_directory(name: &str, dir: &FilePath) -> Result<Run, Refused> {
             "restore the file from a backup, or train again",
         )
     };
-    let manifest: Manifest = serde_json::from_slice(&bytes_of("manifest.json")?)
+    let text = bytes_of("manifest.json")?;
+    let manifest: Manifest = serde_json::from_slice(&text)
         .map_err(|error| damaged("manifest.json", error.to_string()))?;
-    if manifest.format != FORMAT {
-        let why = format!("format {} is not {FORMAT}", manifest.format);
+    if !FORMATS.contains(&manifest.format) {
+        let (first, last) = (FORMATS.start(), FORMATS.end());
+        let why = format!("format {} is not {first} to {last}", manifest.format);
         return Err(damaged("manifest.json", why));
+    }
+    if *FORMATS.start() < manifest.format || !manifest.sha256.is_empty() {
+        seal::check(&String::from_utf8_lossy(&text), &manifest.sha256)
+            .map_err(|why| damaged("manifest.json", why))?;
     }
     let Some(policy_sha256) = manifest.policy_sha256 else {
         return Err(refused(
@@ -199,8 +208,7 @@ fn from_directory(name: &str, dir: &FilePath) -> Result<Run, Refused> {
     };
     let verified = |file: &str, expected: &str| {
         let bytes = bytes_of(file)?;
-        let digest = Sha256::digest(&bytes);
-        let found: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        let found = seal::sha256(&bytes);
         match found == expected {
             true => Ok(bytes),
             false => Err(damaged(

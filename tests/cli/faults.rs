@@ -1,7 +1,10 @@
 //! Broken egos: no verb takes one for an ego that held, or that failed.
 
+use std::path::Path;
+
 use brakecheck::campaign::{RegressionError, Regressions};
 use brakecheck::ego::{ControllerSpec, Process};
+use brakecheck::run::Counterexample;
 use brakecheck::scenario::Change;
 use serde_json::Value;
 
@@ -322,27 +325,24 @@ fn a_world_whose_own_ego_is_broken_neither_trains_nor_reports() {
     let manifest = std::fs::read_to_string(dir.path().join("run/manifest.json"));
     assert!(manifest.is_ok());
 
-    let (run, _) = small_run(&dir, "sound", &[]);
-    let world = dir.path().join("sound/world.ron");
-    let kept = std::fs::read_to_string(&world).expect("the world");
+    let kept = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("the world");
     let reused = kept.replacen(
         "reuse: {",
         &format!("reuse: {{ \"broken\": Change(controller: Some(Process(command: [\"sh\", \"-c\", r##\"{broken}\"##]))),"),
         1,
     );
+    let (world, run) = (path(&dir, "reused.ron"), path(&dir, "sound"));
     std::fs::write(&world, &reused).expect("written");
-    let manifest = dir.path().join("sound/manifest.json");
-    let text = std::fs::read_to_string(&manifest).expect("the manifest");
-    let digest = |text: &str| {
-        use sha2::Digest;
-        let bytes = sha2::Sha256::digest(text.as_bytes());
-        bytes
-            .iter()
-            .map(|byte| format!("{byte:02x}"))
-            .collect::<String>()
-    };
-    let text = text.replace(&digest(&kept), &digest(&reused));
-    std::fs::write(&manifest, text).expect("written");
+    let options = [
+        "--plant",
+        "kinematic",
+        "--decisions",
+        "2000",
+        "--starts",
+        "5",
+    ];
+    let trained = brakecheck(&[&["train", &world, "-o", &run][..], &options].concat());
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
     let report = ["report", &run, "--starts", "10", "--reuse-starts", "5"];
     assert_eq!(code(&brakecheck(&report)), 2, "nobody allowed its programs");
     let report = brakecheck(&[&report[..], &["--allow-programs"]].concat());
@@ -405,14 +405,15 @@ fn nothing_that_a_file_names_is_started_without_consent() {
     let touch = format!("touch {}", marker.display());
     let ego = change(&dir, 0, &touch, "consent");
     let world = world(&dir, &touch);
-    let controller = format!("controller: Some(Process((command: [\"sh\", \"-c\", \"{touch}\"])))");
     let kept = root().join("tests/regressions/acc-2D-plant-0002.ron");
-    let original = std::fs::read_to_string(kept).expect("kept");
+    let mut with_program = Counterexample::load(&kept).expect("kept");
+    let program = Process::new(["sh", "-c", &touch]);
+    with_program.change.controller = Some(ControllerSpec::Process(program));
+    let samples = with_program.samples(&kept).expect("whole").expect("there");
     let tampered = path(&dir, "tampered.ron");
-    let place = original.find("controller: None").expect("the change");
-    let rest = &original[place + "controller: None".len()..];
-    let with_program = format!("{}{controller}{rest}", &original[..place]);
-    std::fs::write(&tampered, with_program).expect("written");
+    with_program
+        .save(Path::new(&tampered), &samples)
+        .expect("written");
     let out = path(&dir, "out.rrd");
     let trained = path(&dir, "trained");
     let mut asked: Vec<Vec<&str>> = vec![

@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use brakecheck::run::RunDir;
+use brakecheck::scenario::Scenario;
+
 use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
 
 /// Elements of HTML that have no end.
@@ -143,23 +146,19 @@ fn whatever_a_world_says_is_escaped() {
 fn what_is_missing_is_said() {
     let dir = scratch();
     let (run, _) = small_run(&dir, "run", &[]);
-    // As if training had been interrupted: no policy, a line cut short.
-    let manifest = Path::new(&run).join("manifest.json");
-    let finished = read(&manifest.display().to_string());
-    let at = finished.find("\"policy_sha256\"").expect("a hash");
-    let cut = format!("{}\"policy_sha256\": null\n}}", &finished[..at]);
-    std::fs::write(&manifest, cut).expect("written");
-    std::fs::write(Path::new(&run).join("progress.jsonl"), "{\"decisions\":1").expect("written");
-    std::fs::remove_file(Path::new(&run).join("report.json")).expect("removed");
-    let output = brakecheck(&["report", &run]);
+    // Killed before the first checkpoint: no policy, a line cut short.
+    let begun = path(&dir, "begun");
+    let world = Scenario::load(&root().join("worlds/acc.ron")).expect("a world");
+    RunDir::create(Path::new(&begun), &world, 0).expect("a run");
+    std::fs::write(Path::new(&begun).join("progress.jsonl"), "{\"decisions\":1").expect("written");
+    let output = brakecheck(&["report", &begun]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
-    let html = read(&format!("{run}/report.html"));
+    let html = read(&format!("{begun}/report.html"));
     well_formed(&html);
     assert!(html.contains("is not finished") && html.contains("No progress is recorded"));
-    well_formed(&read(&format!("{run}/report.junit.xml")));
+    well_formed(&read(&format!("{begun}/report.junit.xml")));
 
     // An ado that never succeeds, and rows from elsewhere.
-    std::fs::write(&manifest, &finished).expect("written");
     let rows = path(&dir, "rows.json");
     std::fs::write(&rows, "{\"rows\": []}").expect("written");
     let output = brakecheck(&[

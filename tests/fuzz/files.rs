@@ -64,7 +64,8 @@ fn any_run_directory_is_refused_or_says_what_its_files_say() {
             .iter()
             .find(|source| mutant.is_of(source))
             .expect("one");
-        std::fs::write(bad.join(&spoilt.name), &mutant.text).expect("written");
+        let spoilt_text = corpus::resealed(&mutant.text);
+        std::fs::write(bad.join(&spoilt.name), spoilt_text).expect("written");
         let run = match RunDir::open(&bad) {
             Ok(run) => run,
             Err(error) => {

@@ -75,7 +75,7 @@ fn fails(rulebook: &Rulebook, trace: &Trace) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 6, ..ProptestConfig::default() })]
 
     /// Lemma 1 on real traces: less than τ away, the verdict is the same.
     #[test]

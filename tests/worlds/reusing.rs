@@ -35,6 +35,14 @@ fn brief() -> Scenario {
             "plants: { Kinematic: 9, Rigid: 1 }",
             "plants: { Kinematic: 1 }",
         )
+        .replace(
+            "\"kp_per_s2\": (0.15, 0.6), \"kd_per_s\": (0.84, 1.8), ",
+            "",
+        )
+        .replace(
+            "\"max_brake_mps2\": (4.0, 8.0), \"lag_s\": (0.2, 0.8),",
+            "\"max_brake_mps2\": (4.0, 8.0),",
+        )
         .replace("decisions: 8_000_000", "decisions: 6_000")
         .replace(
             "decisions: 4_000_000, hidden: [128, 128]",

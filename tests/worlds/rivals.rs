@@ -111,7 +111,7 @@ fn searches_do_not_depend_on_the_number_of_threads() {
             .build()
             .expect("a pool");
         pool.install(|| {
-            let starts = test_starts(&world, 1, 12, &quiet()).expect("not stopped");
+            let starts = test_starts(&world, 1, 5, &quiet()).expect("not stopped");
             [
                 Method::Uniform,
                 Method::Cem(Cem::default()),

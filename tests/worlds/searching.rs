@@ -91,7 +91,7 @@ fn rows_do_not_depend_on_the_number_of_threads() {
             .build()
             .expect("a pool");
         pool.install(|| {
-            let starts = test_starts(&world, 1, 40, &quiet()).expect("not stopped");
+            let starts = test_starts(&world, 1, 14, &quiet()).expect("not stopped");
             let hold = EvalRequest {
                 scenario: &world,
                 ego: "nominal",

@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use super::{Common, Exit, Failure, print_json, talk};
 use crate::campaign::Watch;
-use crate::run::{Finished, RunError, write_file};
+use crate::run::{Finished, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
 use crate::seed::{FIRST_SEALED, Seeds};
 
@@ -199,10 +199,6 @@ fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
 }
 
 fn save(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {
-    std::fs::create_dir_all(dir).map_err(|source| RunError::Io {
-        verb: "creating",
-        path: dir.into(),
-        source,
-    })?;
+    make_dir(dir)?;
     Ok(write_file(&dir.join(name), bytes)?)
 }

@@ -30,7 +30,7 @@ pub use motion::DriveScene;
 pub use road::{CourseError, Road};
 pub use script::Script;
 pub use sensors::Sensors;
-pub use signals::{Offer, TTC_CAP_S};
+pub use signals::{Offer, TTC_CAP_S, current_name};
 pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoDrive, Place, Range};
 pub use trained::{Trained, TrainedError};
 pub use tuning::Tuning;

@@ -60,8 +60,43 @@ pub struct Offer {
     /// Usual range; observations are scaled by it.
     pub range: (f64, f64),
     /// Whether every trace holds it; the others are published when mentioned.
+    /// Those that a later version adds are among the others, so that what
+    /// earlier ones recorded keeps its columns.
     pub always: bool,
     pub(super) source: Source,
+}
+
+/// What the last part of a name was in earlier versions, and what it is now:
+/// worlds and kept files that say the old one go on working.
+const FORMER: &[(&str, &str)] = &[
+    // None yet; tests have one.
+    #[cfg(test)]
+    ("velocity", "speed"),
+];
+
+/// What a signal of an earlier version is called now.
+pub fn current_name(name: &str) -> Option<String> {
+    let (owner, last) = name.rsplit_once('.')?;
+    let (_, now) = FORMER.iter().find(|(former, _)| *former == last)?;
+    Some(format!("{owner}.{now}"))
+}
+
+/// The former names of a signal that is offered, as signals of their own.
+fn formerly(offer: &Offer) -> impl Iterator<Item = Offer> {
+    let parts = offer.signal.name.rsplit_once('.');
+    let named = parts.into_iter().flat_map(move |(owner, last)| {
+        let former = FORMER.iter().filter(move |(_, now)| *now == last);
+        former.map(move |(former, _)| format!("{owner}.{former}"))
+    });
+    named.map(|name| Offer {
+        signal: Signal {
+            about: format!("former name of `{}`", offer.signal.name),
+            name,
+            ..offer.signal.clone()
+        },
+        always: false,
+        ..*offer
+    })
 }
 
 /// Time to collision is capped here, so that it is finite when not closing.
@@ -337,6 +372,8 @@ impl DriveSpec {
                 });
             }
         }
+        let former: Vec<Offer> = offers.iter().flat_map(formerly).collect();
+        offers.extend(former);
         offers
     }
 

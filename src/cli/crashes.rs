@@ -1,0 +1,243 @@
+#![cfg(test)]
+//! Kills the verbs that write files at every step on the disk, goes on, and
+//! asks for the very files of an undisturbed run.
+//!
+//! The test takes a few steps of each verb, spread by a seeded draw;
+//! `BRAKECHECK_CRASHES=all cargo test --release crashes` takes every one
+//! (docs/testing.md).
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use clap::Parser;
+use rand::RngExt;
+
+use super::{Cli, Exit, carry_out};
+use crate::run::disk::crash::{How, failing};
+use crate::seed::generator;
+
+/// Steps per verb and way to fail, unless all are asked for.
+const FEW: usize = 4;
+
+fn shipped(world: &str) -> String {
+    format!("{}/worlds/{world}.ron", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Carries out a command line; whether it was done.
+fn run(args: &[String]) -> bool {
+    let cli = Cli::try_parse_from(std::iter::once("brakecheck".to_owned()).chain(args.to_vec()));
+    let cli = cli.unwrap_or_else(|error| panic!("{args:?}: {error}"));
+    matches!(carry_out(cli.verb), Ok(Exit::Done))
+}
+
+/// Given a directory: a command line that writes into it.
+type Command<'a> = &'a (dyn Fn(&Path) -> Vec<String> + Sync);
+
+/// A verb, and how to go on with it.
+struct Case<'a> {
+    name: &'a str,
+    command: Command<'a>,
+}
+
+impl Case<'_> {
+    /// The command line now: a training that was begun is gone on with.
+    fn now(&self, dir: &Path) -> Vec<String> {
+        let mut command = (self.command)(dir);
+        if command[0] == "train" && dir.join("run/manifest.json").exists() {
+            command.push("--resume".to_owned());
+        }
+        command
+    }
+
+    /// What an undisturbed run writes, and in how many steps.
+    fn undisturbed(&self) -> (BTreeMap<PathBuf, Vec<u8>>, u64) {
+        let dir = tempfile::tempdir().expect("scratch");
+        let command = self.now(dir.path());
+        let (done, steps) = failing(dir.path(), u64::MAX, How::Killed, || run(&command));
+        assert!(done, "{}", self.name);
+        (files(dir.path()), steps)
+    }
+
+    /// Killed or refused at a step, and once more while it goes on.
+    fn disturbed(&self, at: u64, how: How, again: u64) -> BTreeMap<PathBuf, Vec<u8>> {
+        let dir = tempfile::tempdir().expect("scratch");
+        for at in [at, again] {
+            let command = self.now(dir.path());
+            failing(dir.path(), at, how, || run(&command));
+        }
+        let command = self.now(dir.path());
+        assert!(run(&command), "{}: {how:?} at {at}: not done", self.name);
+        files(dir.path())
+    }
+
+    /// Says at how many steps it was made to fail.
+    fn holds(&self) -> usize {
+        let mut points = 0;
+        let (whole, steps) = self.undisturbed();
+        let (again, _) = self.undisturbed();
+        assert_eq!(files_differing(&whole, &again), [""; 0], "{}", self.name);
+        let mut dice = generator("crash points", &[steps]);
+        let all = std::env::var("BRAKECHECK_CRASHES").is_ok_and(|asked| asked == "all");
+        for how in [How::Killed, How::Refused] {
+            let mut at: Vec<u64> = (1..=steps).collect();
+            if !all {
+                at = (0..FEW).map(|_| dice.random_range(1..=steps)).collect();
+            }
+            for at in at {
+                let again = dice.random_range(1..=steps);
+                let other = self.disturbed(at, how, again);
+                let differing = files_differing(&whole, &other);
+                let place = format!("{}, {how:?} at step {at} and {again} of {steps}", self.name);
+                assert!(differing.is_empty(), "{place}: {differing:?}");
+                points += 2;
+            }
+        }
+        points
+    }
+}
+
+/// Every file under a directory, without what is measured.
+fn files(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut left = vec![dir.to_owned()];
+    while let Some(next) = left.pop() {
+        for entry in fs::read_dir(&next).expect("a directory").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                left.push(path);
+                continue;
+            }
+            let text = fs::read(&path).expect("a file");
+            let name = path.strip_prefix(dir).expect("below").to_owned();
+            all.insert(name, untimed(&path, text));
+        }
+    }
+    all
+}
+
+/// A file without processor times: the only thing that may differ.
+fn untimed(path: &Path, bytes: Vec<u8>) -> Vec<u8> {
+    let text = match path.extension().and_then(|e| e.to_str()) {
+        Some("json" | "md") => String::from_utf8(bytes).expect("text"),
+        _ => return bytes,
+    };
+    let times = |line: &str| match line.split_once("cpu_s\":") {
+        None if line.starts_with('|') => line.rsplitn(3, '|').last().map(str::to_owned),
+        _ => None,
+    };
+    let mut kept = String::new();
+    for line in text.lines() {
+        let line = times(line).unwrap_or_else(|| line.to_owned());
+        let mut parts = line.split("cpu_s\":");
+        kept.push_str(parts.next().unwrap_or_default());
+        for part in parts {
+            let number = |c: char| c.is_ascii_digit() || " .-+e".contains(c);
+            kept.push_str(part.trim_start_matches(number));
+        }
+        kept.push('\n');
+    }
+    kept.into_bytes()
+}
+
+/// Names of files that one of both has not, or has otherwise.
+fn files_differing<'a>(
+    whole: &'a BTreeMap<PathBuf, Vec<u8>>,
+    other: &'a BTreeMap<PathBuf, Vec<u8>>,
+) -> Vec<&'a str> {
+    let names = whole.keys().chain(other.keys());
+    let differing = names.filter(|name| whole.get(*name) != other.get(*name));
+    differing.map(|name| name.to_str().unwrap_or("?")).collect()
+}
+
+/// A command line; `~` is a blank within a word.
+fn words(text: &str) -> Vec<String> {
+    let words = text.split_whitespace();
+    words.map(|word| word.replace('~', " ")).collect()
+}
+
+fn train(dir: &Path, world: &str, options: &str) -> Vec<String> {
+    let run = dir.join("run");
+    words(&format!(
+        "train {world} -o {} --starts 6 --jobs 1 {options}",
+        run.display()
+    ))
+}
+
+/// A run that others begin from or are played on.
+fn finished(dir: &Path, world: &str, options: &str) -> PathBuf {
+    assert!(run(&train(dir, world, options)), "{world} {options}");
+    dir.join("run")
+}
+
+#[test]
+fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
+    let scratch = tempfile::tempdir().expect("scratch");
+    let grid = shipped("grid");
+    let worlds = scratch.path().join("worlds");
+    fs::create_dir(&worlds).expect("a directory");
+    let acc = worlds.join("acc.ron").display().to_string();
+    let text = fs::read_to_string(shipped("acc")).expect("a world");
+    let quick = text
+        .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 900)")
+        .replace("horizon_s: 15.0", "horizon_s: 8.0");
+    fs::write(&acc, quick).expect("written");
+    let short = "--plant kinematic --decisions 1200 --seed 3";
+    let nominal = finished(&scratch.path().join("nominal"), &acc, short);
+    let told = "--against conditional --decisions 1100 --seed 4";
+    let told = finished(&scratch.path().join("told"), &acc, told);
+    for file in ["counterexamples.jsonl", "progress.jsonl"] {
+        let length = fs::metadata(nominal.join(file)).expect("a file").len();
+        assert_ne!(length, 0, "{file}");
+    }
+
+    let on_a_grid = |dir: &Path| train(dir, &grid, "--decisions 1100 --seed 5");
+    let on_a_road = |dir: &Path| train(dir, &acc, short);
+    let from = format!("{short} --ego longer~gap --from {}", nominal.display());
+    let fine_tuned = |dir: &Path| match dir.join("run/manifest.json").exists() {
+        true => train(dir, &acc, short),
+        false => train(dir, &acc, &from),
+    };
+    let kept = |dir: &Path| {
+        let (run, keep) = (nominal.display(), dir.join("kept"));
+        let keep = keep.display();
+        words(&format!(
+            "eval {run} --starts 10 --keep {keep} --keep-most 4 --jobs 1"
+        ))
+    };
+    let identified = |dir: &Path| {
+        let (run, file) = (told.display(), dir.join("egos.ron"));
+        let file = file.display();
+        let others = ["kp_per_s2", "kd_per_s", "time_gap_s", "lag_s", "delay_s"];
+        let others = others.map(|name| format!("--leave-out {name}")).join(" ");
+        words(&format!(
+            "identify {run} --ego softer~brakes --runs 1 -o {file} --jobs 1 {others}"
+        ))
+    };
+    let reproduced = |dir: &Path| {
+        let (worlds, out) = (worlds.display(), dir.join("out"));
+        let out = out.display();
+        words(&format!(
+            "reproduce case-studies --world acc --worlds {worlds} --seeds 2 --starts 4 --jobs 1 \
+             -o {out}"
+        ))
+    };
+    let cases: [(&str, Command<'_>); 6] = [
+        ("train, grid", &on_a_grid),
+        ("train, acc", &on_a_road),
+        ("train --from", &fine_tuned),
+        ("eval --keep", &kept),
+        ("identify", &identified),
+        ("reproduce", &reproduced),
+    ];
+    let points = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        let points = &points;
+        for (name, command) in cases {
+            scope
+                .spawn(move || points.fetch_add(Case { name, command }.holds(), Ordering::Relaxed));
+        }
+    });
+    println!("{} steps failed", points.into_inner());
+}

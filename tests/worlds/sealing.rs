@@ -1,0 +1,234 @@
+//! Damaged files are refused, whichever bit it is; what is resumed is the same.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use brakecheck::campaign::{TrainError, Watch, train};
+use brakecheck::run::{Asked, Counterexample, RunDir, RunError};
+use brakecheck::scenario::Scenario;
+use brakecheck::sim::PlantKind;
+
+const ACC: &str = include_str!("../../worlds/acc.ron");
+
+fn quick(decisions: u64) -> Scenario {
+    let acc = Scenario::parse("acc.ron", ACC).expect("a world");
+    let mut acc = acc.on(PlantKind::Kinematic);
+    acc.learner = acc.learner.clone().with_decisions(decisions);
+    acc
+}
+
+/// Trains until so many decisions are taken.
+fn train_until(scenario: &Scenario, run: &mut RunDir, most: u64) {
+    let stop = AtomicBool::new(false);
+    let progress = |done: u64, _: u64| stop.store(most <= done, Ordering::Relaxed);
+    train(scenario, run, &Watch::new(&progress, &stop)).expect("trained");
+}
+
+/// A run in which training was stopped, and a finished one.
+fn begun_and_finished(dir: &Path) -> (PathBuf, PathBuf) {
+    let world = quick(12_000);
+    let made = |name: &str, most: u64| {
+        let mut run = RunDir::create(&dir.join(name), &world, 7).expect("a run");
+        train_until(&world, &mut run, most);
+        run.path().to_owned()
+    };
+    (made("begun", 9000), made("finished", u64::MAX))
+}
+
+/// Everything that a reader of a run verifies.
+fn read_all(run: &Path) -> Result<(), RunError> {
+    let run = RunDir::open(run)?;
+    run.checkpoint()?;
+    if run.manifest().is_finished() {
+        run.policy()?;
+        run.counterexamples()?;
+    }
+    Ok(())
+}
+
+/// Flips bits of a file, `stride` apart, and counts those after which `read`
+/// finds nothing wrong.
+fn accepted(file: &Path, stride: usize, read: impl Fn() -> bool) -> Vec<usize> {
+    let whole = fs::read(file).expect("a file");
+    let flipped = (0..8 * whole.len()).step_by(stride).filter(|bit| {
+        let mut bytes = whole.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        fs::write(file, bytes).expect("written");
+        read()
+    });
+    let flipped = flipped.collect();
+    fs::write(file, whole).expect("written");
+    flipped
+}
+
+#[test]
+fn no_flipped_bit_of_a_run_is_accepted() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let (begun, finished) = begun_and_finished(dir.path());
+    let manifest = RunDir::open(&begun).expect("a run").manifest().clone();
+    let (checkpoint, _) = manifest.checkpoint.expect("stopped at a checkpoint");
+    for (run, file, stride) in [
+        (&begun, "manifest.json", 1),
+        (&begun, checkpoint.as_str(), 40_009),
+        (&finished, "manifest.json", 1),
+        (&finished, "world.ron", 331),
+        (&finished, "policy.safetensors", 1009),
+        (&finished, "counterexamples.jsonl", 1009),
+    ] {
+        read_all(run).expect("whole");
+        let accepted = accepted(&run.join(file), stride, || read_all(run).is_ok());
+        assert_eq!(accepted, [0usize; 0], "{file}");
+    }
+}
+
+#[test]
+fn no_flipped_bit_of_what_a_checkpoint_vouches_for_is_gone_on_with() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let (begun, _) = begun_and_finished(dir.path());
+    for file in ["progress.jsonl", "counterexamples.jsonl"] {
+        let path = begun.join(file);
+        assert!(0 < fs::metadata(&path).expect("a file").len(), "{file}");
+        let accepted = accepted(&path, 211, || RunDir::resume(&begun).is_ok());
+        assert_eq!(accepted, [0usize; 0], "{file}");
+        let whole = fs::read(&path).expect("a file");
+        fs::write(&path, &whole[..whole.len() - 1]).expect("cut");
+        let error = RunDir::resume(&begun).expect_err("cut").to_string();
+        assert!(error.contains(file) && error.contains("bytes"), "{error}");
+        fs::write(&path, &whole).expect("written");
+    }
+}
+
+#[test]
+fn no_flipped_bit_of_a_kept_counterexample_is_accepted() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regressions/acc-nominal-0001");
+    let path = dir.path().join("kept.ron");
+    let samples = dir.path().join("kept.csv");
+    fs::copy(kept.with_extension("ron"), &path).expect("copied");
+    fs::copy(kept.with_extension("csv"), &samples).expect("copied");
+    let read = || {
+        let kept = Counterexample::load(&path)?;
+        kept.samples(&path)
+            .map(|samples| (kept.is_sealed(), samples.is_some()))
+    };
+    assert_eq!(read().expect("whole"), (true, true));
+    for (file, stride) in [(&path, 37), (&samples, 101)] {
+        let accepted = accepted(file, stride, || read().is_ok());
+        assert_eq!(accepted, [0usize; 0], "{}", file.display());
+    }
+}
+
+/// A finished run and a kept file as the first version wrote them.
+#[test]
+fn files_of_the_first_format_are_read_and_are_not_sealed() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let (begun, finished) = begun_and_finished(dir.path());
+    for run in [&begun, &finished] {
+        let file = run.join("manifest.json");
+        let text = fs::read(&file).expect("a manifest");
+        let mut old: serde_json::Value = serde_json::from_slice(&text).expect("JSON");
+        let map = old.as_object_mut().expect("an object");
+        for name in ["sha256", "progress", "window", "settings"] {
+            map.remove(name);
+        }
+        map.insert("format".to_owned(), 1.into());
+        map.insert("brakecheck".to_owned(), "0.1.0".into());
+        map.insert("cpu_s".to_owned(), 12.5.into());
+        fs::write(&file, old.to_string()).expect("written");
+        fs::remove_file(run.join("timing.json")).expect("there");
+    }
+    read_all(&finished).expect("an old run is read");
+    let run = RunDir::open(&finished).expect("a run");
+    assert!(!run.manifest().is_sealed() && run.manifest().cpu_s == 12.5);
+    // But not gone on with: another version would make another policy of it.
+    let mut run = RunDir::resume(&begun).expect("a run");
+    let stop = AtomicBool::new(false);
+    let error = train(&quick(12_000), &mut run, &Watch::new(&|_, _| {}, &stop));
+    let told = error.expect_err("begun by another version").to_string();
+    let now = env!("CARGO_PKG_VERSION");
+    assert!(
+        told.contains(&format!("version: 0.1.0, now {now}")),
+        "{told}"
+    );
+
+    let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regressions/acc-nominal-0001.ron");
+    let text = fs::read_to_string(kept).expect("a kept file");
+    let unsealed = |line: &&str| {
+        let line = line.trim_start();
+        !["sha256:", "samples_sha256:"]
+            .iter()
+            .any(|name| line.starts_with(name))
+    };
+    let old: Vec<&str> = text.lines().filter(unsealed).collect();
+    let path = dir.path().join("old.ron");
+    let old = old.join("\n").replacen("format: 2", "format: 1", 1);
+    fs::write(&path, &old).expect("written");
+    assert!(
+        !Counterexample::load(&path)
+            .expect("an old file")
+            .is_sealed()
+    );
+    // Nobody sheds the seal by leaving it out.
+    fs::write(&path, old.replacen("format: 1", "format: 2", 1)).expect("written");
+    let error = Counterexample::load(&path)
+        .expect_err("no seal")
+        .to_string();
+    assert!(error.contains("changed since it was written"), "{error}");
+}
+
+#[test]
+fn a_training_goes_on_only_as_what_it_was_begun_as() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let (begun, finished) = begun_and_finished(dir.path());
+    let run = RunDir::resume(&begun).expect("a run");
+    let world = quick(12_000);
+    let differences = |scenario: &Scenario, seed| {
+        let asked = Asked {
+            scenario,
+            seed,
+            ego: None,
+        };
+        let found = run.differences(asked).expect("compared");
+        found.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(differences(&world, 7), [""; 0]);
+    assert_eq!(differences(&world, 8), ["seed: 7, now 8"]);
+    assert_eq!(
+        differences(&quick(12_100), 7),
+        ["learner.Dqn.decisions: 12000, now 12100"]
+    );
+    let text = ACC.replace("\"v_lim\": 30.0", "\"v_lim\": 31.0");
+    let mut other = Scenario::parse("acc.ron", &text).expect("a world");
+    other.learner = world.learner.clone();
+    let told = differences(&other, 7);
+    assert!(
+        told[0].starts_with("world file, line ") && told[0].contains("31.0"),
+        "{told:?}"
+    );
+    assert_eq!(told[1], "plant: Kinematic, now Rigid");
+    drop(run);
+
+    let mut run = RunDir::resume(&begun).expect("a run");
+    let stop = AtomicBool::new(false);
+    let watch = Watch::new(&|_, _| {}, &stop);
+    match train(&quick(12_100), &mut run, &watch) {
+        Err(TrainError::Run(RunError::Differs { differences, .. })) => {
+            assert_eq!(differences.len(), 1, "{differences:?}");
+        }
+        other => panic!("{other:?}"),
+    }
+    // As what it was: the bytes of the training that nobody stopped, also of a
+    // run that was opened for reading.
+    drop(run);
+    train_until(&world, &mut RunDir::open(&begun).expect("a run"), u64::MAX);
+    for file in [
+        "manifest.json",
+        "policy.safetensors",
+        "progress.jsonl",
+        "counterexamples.jsonl",
+    ] {
+        let bytes = |run: &Path| fs::read(run.join(file)).expect("a file");
+        assert!(bytes(&begun) == bytes(&finished), "{file}");
+    }
+}
