@@ -1,6 +1,6 @@
 //! One ado on many egos: blocks, what happens without an adversary, means.
 
-use super::{brakecheck, code, json, scratch, small_run, stderr};
+use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
 use serde_json::Value;
 
 #[test]
@@ -70,7 +70,14 @@ fn the_table_of_many_egos_is_summed_up_from_its_rows() {
 #[test]
 fn an_ado_is_trained_anew_for_a_changed_ego_once() {
     let dir = scratch();
-    let (run, trained) = small_run(&dir, "run", &[]);
+    // The world's learner trains anew: a short one.
+    let text = std::fs::read_to_string(root().join("worlds/acc.ron")).expect("a world");
+    let quick = text.replace("Dqn(decisions: 300_000)", "Dqn(decisions: 12_000)");
+    assert_ne!(quick, text);
+    let (world, run) = (path(&dir, "acc.ron"), path(&dir, "run"));
+    std::fs::write(&world, quick).expect("written");
+    let train = ["train", &world, "-o", &run, "--plant", "kinematic"];
+    let trained = brakecheck(&[&train[..], &["--starts", "5"]].concat());
     assert_eq!(code(&trained), 0, "{}", stderr(&trained));
     let mut args = vec!["eval", &run, "--starts", "30", "--ego", "softer brakes"];
     args.extend(["--ado", "trained", "--ado", "retrained", "--json"]);

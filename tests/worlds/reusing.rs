@@ -30,6 +30,7 @@ fn quiet() -> Watch<'static> {
 fn brief() -> Scenario {
     let text = include_str!("../../worlds/acc.ron")
         .replace("plant: Rigid", "plant: Kinematic")
+        .replace("horizon_s: 15.0", "horizon_s: 8.0")
         .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 6_000)")
         .replace(
             "plants: { Kinematic: 9, Rigid: 1 }",
