@@ -3,7 +3,7 @@
 use brakecheck::campaign::{
     Ado, EvalRequest, Evaluated, TestStarts, Tries, best_constant, eval, test_starts,
 };
-use brakecheck::ego::FaultKind;
+use brakecheck::ego::{Fault, FaultKind};
 use brakecheck::rl::Policy;
 use brakecheck::run::{ClosingSpeed, Row, Stored, at_most, wilson};
 use brakecheck::scenario::{Repeats, Scenario};
@@ -492,4 +492,22 @@ fn starts_played_several_times_are_solved_from_the_gate_on() {
     assert_eq!((row.starts, row.successes, row.invalid), (15, 13, 1));
     near(row.repeats.expect("runs").failing_share, 26.0 / 75.0);
     assert_eq!(row.sims_per_start, 5.0);
+}
+
+/// A fault outside of the rows, on a trivial start say, is not made up for by a
+/// row in which nothing failed.
+#[test]
+fn a_row_without_faults_takes_no_complaint_away() {
+    let fault = Fault::new(FaultKind::Ended, "gone");
+    let log = FaultLog::default();
+    log.note(0, Some(&fault));
+    log.note(1, None);
+    log.note_row(|| "a sound row".to_owned(), 0.0);
+    let complaint = log.complaint().expect("half of the episodes are invalid");
+    assert_eq!((complaint.invalid, complaint.episodes), (1, 2));
+    assert_eq!(complaint.row, None);
+    let lenient = FaultLog::allowing(0.5);
+    lenient.note(0, Some(&fault));
+    lenient.note(1, None);
+    assert!(lenient.complaint().is_none());
 }

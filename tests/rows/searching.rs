@@ -310,11 +310,14 @@ fn searches_with_a_budget_cost_their_episodes() {
             .collect(),
         &world.axes(),
     );
+    let nothing = Stored::new(Vec::new(), &world.axes());
     let methods = [
         (Method::Uniform, "uniform, 40 simulations"),
         (Method::Hold, "hold, 40 simulations"),
         (Method::Cem(Cem::default()), "cem, held 5, 40 simulations"),
         (Method::Mutate(&stored), "mutate, 40 simulations"),
+        // A training that found nothing leaves nothing to mutate.
+        (Method::Mutate(&nothing), "mutate, 40 simulations"),
     ];
     let starts = starts();
     for (method, text) in methods {
