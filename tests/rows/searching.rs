@@ -1,11 +1,15 @@
 //! Rows of searches: what is found, and what it takes to find it.
 
+use std::sync::Arc;
+
 use brakecheck::campaign::{
     Cem, Found, Method, SearchRequest, Searched, TestStarts, anytime, search,
 };
+use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::run::{ClosingSpeed, Stored, Unconfirmed, at_most, wilson};
 use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
+use brakecheck::scene::drive::ControllerFactory;
 use brakecheck::testbench::{FaultLog, Success};
 
 use super::near;
@@ -542,4 +546,47 @@ fn cross_entropy_draws_from_the_best() {
         row.physics_steps
     };
     assert_eq!(steps(32) - steps(12), 20 * 16 * SUBSTEPS);
+}
+
+/// An ego that cannot be copied.
+struct Single(Quirky);
+
+impl Controller for Single {
+    fn reset(&mut self, seed: u64) {
+        self.0.reset(seed);
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        self.0.control(percept)
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        None
+    }
+}
+
+/// What cannot be copied is played from the start for every sequence: they are
+/// the same sequences, and cost more.
+#[test]
+fn an_ego_that_cannot_be_copied_is_searched_with_the_same_sequences() {
+    let world = chase();
+    let single: ControllerFactory = Arc::new(|| Box::new(Single(Quirky::failing_from(&[]))));
+    let single = world.with_ego("single", single);
+    // Without a solution every sequence is tried.
+    let hopeless = starts_at(&[50.01]);
+    for most in 0..=1 {
+        let of = |world| searched(world, Method::Switches(most), 1, &starts()).row;
+        let (copied, played) = (of(&world), of(&single));
+        assert_eq!(played.solved, copied.solved, "{most}");
+        let of = |world| searched(world, Method::Switches(most), 1, &hopeless).row;
+        let (copied, played) = (of(&world), of(&single));
+        // Where to switch is known once the five of one action are played again.
+        let again = (5 * most) as f64;
+        assert_eq!(
+            played.sims_per_start,
+            copied.sims_per_start + again,
+            "{most}"
+        );
+        assert!(copied.physics_steps <= played.physics_steps, "{most}");
+    }
 }
