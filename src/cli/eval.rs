@@ -189,12 +189,14 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             rows,
             &watch,
         ));
-        to_keep.extend(found.map(|found| Pending {
-            ego,
-            found,
-            playing,
-            starts: own,
-        }));
+        if let (Some(found), true) = (found, args.keep.is_some()) {
+            to_keep.push(Pending {
+                ego,
+                found,
+                playing,
+                starts: own,
+            });
+        }
         if watch.stopped() || failed.is_some() {
             break;
         }
@@ -208,8 +210,14 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         };
         // One ado for all egos: a conditional one is told of the nominal ego.
         let own = NamedEgo::nominal(&nominal);
-        let playing = playing(&run, params.as_ref(), &own, args.common.seed, &watch)?;
-        checked = theorems::check(&nominal, changed, &*playing.policy, &starts, &watch)?;
+        let playing = playing(&run, params.as_ref(), &own, args.common.seed, &watch);
+        let found = playing.and_then(|playing| {
+            theorems::check(&nominal, changed, &*playing.policy, &starts, &watch)
+        });
+        match found {
+            Ok(found) => checked = found,
+            Err(failure) => failed = Some(failure),
+        }
     }
     drop(bar);
     let rows: Vec<Row> = reused.iter().flat_map(|ego| ego.rows.clone()).collect();
@@ -238,13 +246,13 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
             talk::data(&format!("\n{}", checked.text))?;
         }
     }
-    if let Some(failure) = failed {
-        return Err(failure);
-    }
     if let Some(dir) = &args.keep {
         for pending in &to_keep {
             pending.keep(dir, args, &starts, run.manifest().seed)?;
         }
+    }
+    if let Some(failure) = failed {
+        return Err(failure);
     }
     if talk::stopped() {
         talk::say("interrupted: the rows cover the starts that were finished");

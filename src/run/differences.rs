@@ -8,13 +8,14 @@ use std::fmt;
 
 use serde_json::Value;
 
+use super::disk::settings_of;
 use super::{ChangedEgo, RunDir, RunError};
 use crate::scenario::Scenario;
 use crate::seal::sha256;
 
 /// Something that is other now than when a run was begun.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Difference {
+pub struct RunDifference {
     /// What it is.
     pub what: String,
     /// What it was.
@@ -23,7 +24,7 @@ pub struct Difference {
     pub now: String,
 }
 
-impl fmt::Display for Difference {
+impl fmt::Display for RunDifference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}, now {}", self.what, self.begun, self.now)
     }
@@ -45,14 +46,14 @@ impl RunDir {
     ///
     /// # Errors
     /// Its world file cannot be read.
-    pub fn differences(&self, asked: Asked<'_>) -> Result<Vec<Difference>, RunError> {
+    pub fn differences(&self, asked: Asked<'_>) -> Result<Vec<RunDifference>, RunError> {
         let begun = self.manifest();
         let scenario = asked.scenario;
         let mut found = self.differences_in_learning(scenario)?;
         let mut compare = |what: &str, begun: String, now: String| {
             if begun != now {
                 let what = what.to_owned();
-                found.push(Difference { what, begun, now });
+                found.push(RunDifference { what, begun, now });
             }
         };
         compare("seed", begun.seed.to_string(), asked.seed.to_string());
@@ -80,6 +81,20 @@ impl RunDir {
             None => "nominal".to_owned(),
         };
         compare("ego", ego(begun.ego.as_ref()), ego(asked.ego));
+        // Of these only the hash is kept; what was told before explains it.
+        let settings = settings_of(scenario);
+        if found.is_empty()
+            && begun
+                .settings_sha256
+                .as_ref()
+                .is_some_and(|was| *was != settings)
+        {
+            found.push(RunDifference {
+                what: "settings of the learner or the family".to_owned(),
+                begun: begun.settings_sha256.clone().unwrap_or_default(),
+                now: settings,
+            });
+        }
         Ok(found)
     }
 
@@ -91,11 +106,11 @@ impl RunDir {
     pub(crate) fn differences_in_learning(
         &self,
         scenario: &Scenario,
-    ) -> Result<Vec<Difference>, RunError> {
+    ) -> Result<Vec<RunDifference>, RunError> {
         let begun = self.manifest();
         let mut found = Vec::new();
         let mut note = |what: String, begun: String, now: String| {
-            found.push(Difference { what, begun, now });
+            found.push(RunDifference { what, begun, now });
         };
         if !begun.is_finished() {
             let (version, target) = (super::version(), super::target());
@@ -130,7 +145,7 @@ impl RunDir {
     }
 
     /// An error of differences, if there are any.
-    pub(crate) fn refuse(&self, differences: Vec<Difference>) -> Result<(), RunError> {
+    pub(crate) fn refuse(&self, differences: Vec<RunDifference>) -> Result<(), RunError> {
         match differences.is_empty() {
             true => Ok(()),
             false => Err(RunError::Differs {

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use super::Difference;
+use super::RunDifference;
 use crate::scenario::ScenarioError;
 
 /// A run directory could not be used.
@@ -58,7 +58,7 @@ pub enum RunError {
         /// The directory.
         path: PathBuf,
         /// In what.
-        differences: Vec<Difference>,
+        differences: Vec<RunDifference>,
     },
     /// Another process trains there.
     #[error("`{path}` is in use by another process")]

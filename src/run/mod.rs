@@ -38,7 +38,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-pub use differences::{Asked, Difference};
+pub use differences::{Asked, RunDifference};
 pub use disk::{file_name, make_dir, write_file};
 pub use error::RunError;
 pub use finished::Finished;
@@ -185,7 +185,8 @@ impl RunDir {
         let mut run = RunDir::open(path)?;
         run._lock = Some(lock);
         run.sweep()?;
-        if !run.manifest.is_finished() {
+        // Earlier versions noted no lengths, and are not gone on with.
+        if !run.manifest.is_finished() && run.manifest.is_sealed() {
             let (progress, stored) = (path.join(progress::FILE), path.join(stored::FILE));
             run.progress = Growing::cut_back(progress, &run.manifest.progress)?;
             let known = run.manifest.counterexamples.as_ref();

@@ -138,7 +138,13 @@ fn changes(kind: &str) -> Vec<Source> {
         .collect()
 }
 
-fn any_change(target: &Target, world: &Scenario, texts: Vec<Source>) {
+fn any_change(name: &'static str, world: &Scenario, texts: Vec<Source>) {
+    let target = Target {
+        name,
+        cases: 120,
+        shrinks: 200,
+        least_percent: (10, 20),
+    };
     let dir = tempfile::tempdir().expect("a directory");
     let file = dir.path().join("change.ron");
     target.run(&mutants(texts.into()), |mutant| {
@@ -162,24 +168,12 @@ fn any_change(target: &Target, world: &Scenario, texts: Vec<Source>) {
 
 #[test]
 fn any_change_of_a_driven_world_is_refused_or_plays() {
-    let target = Target {
-        name: "change",
-        cases: 120,
-        shrinks: 200,
-        least_percent: (10, 20),
-    };
-    any_change(&target, &world("acc.ron"), changes("Scenario"));
+    any_change("change", &world("acc.ron"), changes("Scenario"));
 }
 
 #[test]
 fn any_change_of_a_grid_is_refused_or_plays() {
-    let target = Target {
-        name: "grid",
-        cases: 120,
-        shrinks: 200,
-        least_percent: (10, 20),
-    };
-    any_change(&target, &world("grid.ron"), changes("Grid"));
+    any_change("grid", &world("grid.ron"), changes("Grid"));
 }
 
 /// One ego with every field set.

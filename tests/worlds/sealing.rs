@@ -142,6 +142,9 @@ fn files_of_the_first_format_are_read_and_are_not_sealed() {
     let run = RunDir::open(&finished).expect("a run");
     assert!(!run.manifest().is_sealed() && run.manifest().cpu_s == 12.5);
     // But not gone on with: another version would make another policy of it.
+    let progress = || fs::read(begun.join("progress.jsonl")).expect("a file");
+    let before = progress();
+    assert!(!before.is_empty());
     let mut run = RunDir::resume(&begun).expect("a run");
     let stop = AtomicBool::new(false);
     let error = train(&quick(12_000), &mut run, &Watch::new(&|_, _| {}, &stop));
@@ -151,6 +154,7 @@ fn files_of_the_first_format_are_read_and_are_not_sealed() {
         told.contains(&format!("version: 0.1.0, now {now}")),
         "{told}"
     );
+    assert!(progress() == before, "what it had is still there");
 
     let kept = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/regressions/acc-nominal-0001.ron");
     let text = fs::read_to_string(kept).expect("a kept file");

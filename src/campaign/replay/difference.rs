@@ -1,7 +1,7 @@
 //! Where a replay first differs from what was recorded.
 
 use super::Kept;
-use crate::run::{Counterexample, KeptError, digests_of};
+use crate::run::{KeptError, digests_of};
 use crate::scene::drive::current_name;
 use crate::testbench::Episode;
 use crate::trace::{Schema, Trace};
@@ -41,8 +41,13 @@ pub(super) fn first_difference(
     episode: &Episode,
 ) -> Result<Option<Difference>, KeptError> {
     let recorded = &kept.counterexample;
-    let stored = recorded.samples(&kept.path)?;
-    let columns = match compared(recorded, stored.as_ref(), episode.trace.schema()) {
+    // Damage is found in any case; the numbers are read where they are needed.
+    recorded.samples_text(&kept.path)?;
+    let names = match recorded.signals.is_empty() {
+        true => names_of_old(recorded.samples(&kept.path)?, episode.trace.schema()),
+        false => recorded.signals.clone(),
+    };
+    let columns = match placed(names, episode.trace.schema()) {
         Ok(columns) => columns,
         Err(unpublished) => {
             return Ok(Some(Difference {
@@ -57,10 +62,10 @@ pub(super) fn first_difference(
     if now == recorded.digests {
         return Ok(None);
     }
-    let recorded = recorded.digests.as_bytes().chunks(8);
-    let pairs = now.as_bytes().chunks(8).zip(recorded);
+    let digests = recorded.digests.as_bytes().chunks(8);
+    let pairs = now.as_bytes().chunks(8).zip(digests);
     let same = pairs.take_while(|(a, b)| a == b).count();
-    let signal = stored.and_then(|stored| {
+    let signal = recorded.samples(&kept.path)?.and_then(|stored| {
         columns.into_iter().find_map(|(name, position)| {
             let was = *stored.signal(&name)?.get(same)?;
             let is = *episode.trace.column(position).get(same)?;
@@ -74,30 +79,26 @@ pub(super) fn first_difference(
     }))
 }
 
+/// What a file of old recorded, which does not say: what its samples hold, or
+/// all there is.
+fn names_of_old(stored: Option<Trace>, now: &Schema) -> Vec<String> {
+    let owned = |schema: &Schema| -> Vec<String> {
+        let signals = schema.signals().iter();
+        signals.map(|signal| signal.name.clone()).collect()
+    };
+    match stored {
+        // The first column is the time of the sample.
+        Some(stored) => owned(stored.schema()).split_off(1),
+        None => owned(now),
+    }
+}
+
 /// The signals that were recorded and where they are now: what later versions
 /// publish besides is not compared, and what they call otherwise is found.
-///
-/// Files of old do not name them: their samples do, or it is all there is.
-fn compared(
-    recorded: &Counterexample,
-    stored: Option<&Trace>,
-    now: &Schema,
-) -> Result<Vec<(String, usize)>, String> {
+fn placed(names: Vec<String>, now: &Schema) -> Result<Vec<(String, usize)>, String> {
     let position = |name: &str| {
         let current = || now.position(&current_name(name)?);
         now.position(name).or_else(current)
-    };
-    let owned = |schema: &Schema| {
-        let signals = schema.signals().iter();
-        signals
-            .map(|signal| signal.name.clone())
-            .collect::<Vec<_>>()
-    };
-    let names = match (&recorded.signals, stored) {
-        (names, _) if !names.is_empty() => names.clone(),
-        // The first column is the time of the sample.
-        (_, Some(stored)) => owned(stored.schema()).split_off(1),
-        (_, None) => owned(now),
     };
     let placed = names.into_iter().map(|name| match position(&name) {
         Some(position) => Ok((name, position)),
@@ -110,7 +111,7 @@ fn compared(
 mod tests {
     use super::*;
     use crate::campaign::Regressions;
-    use crate::testbench::Episode;
+    use crate::run::Counterexample;
 
     fn kept() -> Kept {
         let file = concat!(
