@@ -42,8 +42,9 @@ pub mod scene;
 mod seal;
 pub mod seed;
 pub mod sim;
-pub mod stl;
 pub mod testbench;
-pub mod trace;
 #[cfg(feature = "rerun")]
 pub mod view;
+
+pub use brakecheck_stl as stl;
+pub use brakecheck_stl::trace;

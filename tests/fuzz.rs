@@ -19,7 +19,7 @@ mod harness;
 mod kept;
 #[path = "fuzz/mutate.rs"]
 mod mutate;
-#[path = "stl/naive.rs"]
+#[path = "fuzz/naive.rs"]
 #[allow(dead_code)]
 mod naive;
 #[path = "fuzz/policies.rs"]

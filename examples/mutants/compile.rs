@@ -19,6 +19,8 @@ pub type Fallible<T> = Result<T, Box<dyn Error>>;
 /// The module that is added to the copy, which knows who is on.
 const MODULE: &str = include_str!("mutant.rs.txt");
 
+/// Where the switches of a crate ask which is on.
+const CRATES: [&str; 2] = ["src", "crates/stl/src"];
 /// What is no source: built or recorded things.
 const NOT_COPIED: [&str; 4] = ["target", "runs", "crashes", "reproduced"];
 /// Candidates that are compiled in beyond the asked number, in percent: so
@@ -122,9 +124,12 @@ impl Workshop {
             contents.insert(file.into(), switched.text.clone().into_bytes());
         }
         let module = MODULE.replace("COUNT", &(ids + 1).to_string());
-        contents.insert("src/mutant.rs".into(), module.into_bytes());
-        let head = contents.get_mut(Path::new("src/lib.rs"));
-        head.ok_or("no src/lib.rs")?.extend(b"\nmod mutant;\n");
+        for sources in CRATES {
+            let sources = Path::new(sources);
+            contents.insert(sources.join("mutant.rs"), module.clone().into_bytes());
+            let head = contents.get_mut(&sources.join("lib.rs"));
+            head.ok_or("no lib.rs")?.extend(b"\nmod mutant;\n");
+        }
 
         fs::create_dir_all(&self.copy)?;
         for stray in list(&self.copy)?
@@ -147,17 +152,20 @@ impl Workshop {
     }
 
     fn cargo(&self, verb: &[&str]) -> Command {
-        let profile = "profile.release.package.brakecheck";
         let mut cargo = Command::new(std::env::var("CARGO").unwrap_or("cargo".into()));
         cargo
             .args(verb)
             .args(["--release", "--message-format=json", "--target-dir"])
             .arg(&self.target)
-            .args(["--config", &format!("{profile}.opt-level=1")])
-            .args(["--config", &format!("{profile}.codegen-units=64")])
             .env("CARGO_INCREMENTAL", "1")
             .current_dir(&self.copy)
             .stderr(Stdio::null());
+        for package in ["brakecheck", "brakecheck-stl"] {
+            let profile = format!("profile.release.package.{package}");
+            cargo
+                .args(["--config", &format!("{profile}.opt-level=1")])
+                .args(["--config", &format!("{profile}.codegen-units=64")]);
+        }
         cargo
     }
 
@@ -188,10 +196,13 @@ impl Workshop {
     fn programs(&self, suites: &[String]) -> Fallible<BTreeMap<String, PathBuf>> {
         let mut verb = vec!["test", "--no-run"];
         for suite in suites {
-            let file = self.copy.join("tests").join(suite);
+            let there = CRATES.iter().any(|sources| {
+                let file = self.copy.join(sources).with_file_name("tests").join(suite);
+                file.with_extension("rs").exists() || file.join("main.rs").exists()
+            });
             if suite == "lib" {
                 verb.push("--lib");
-            } else if file.with_extension("rs").exists() || file.join("main.rs").exists() {
+            } else if there {
                 verb.extend(["--test", suite]);
             } else {
                 eprintln!("there is no suite {suite}");
@@ -207,9 +218,9 @@ impl Workshop {
                 && message["profile"]["test"] == true
             {
                 let target = &message["target"];
-                let name = match target["kind"][0] == "test" {
-                    true => target["name"].as_str().unwrap_or_default(),
-                    false => "lib",
+                let name = match target["name"].as_str().unwrap_or_default() {
+                    "brakecheck" => "lib",
+                    name => name,
                 };
                 programs.insert(name.to_string(), PathBuf::from(program));
             }

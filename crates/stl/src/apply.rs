@@ -1,0 +1,293 @@
+//! One operator over stretches of its operands' values.
+//!
+//! Robustness is known only up to an interval while samples are missing, so
+//! every operand has a lower and an upper bound at every sample; where all is
+//! known they are the same slice. Offline and online monitors share this file.
+
+use crate::kernel::{self, Extremum, Max, Min, Tail, View, Window, merge, opposite};
+use crate::program::{Edge, Gate, Op, Side, Strength};
+use crate::settings::Until;
+
+/// Which end of the interval of possible values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bound {
+    Lower,
+    Upper,
+}
+
+impl Bound {
+    pub(crate) fn opposite(self) -> Bound {
+        match self {
+            Bound::Lower => Bound::Upper,
+            Bound::Upper => Bound::Lower,
+        }
+    }
+}
+
+/// What is known of the trace, and where it ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reading {
+    pub(crate) until: Until,
+    /// Samples known so far.
+    pub(crate) known: usize,
+    /// Number of samples for windows with a bound; `usize::MAX`: not known.
+    pub(crate) bounded_len: usize,
+    /// Number of samples for windows without one; `usize::MAX`: not known.
+    pub(crate) unbounded_len: usize,
+    pub(crate) tail: Tail,
+}
+
+impl Reading {
+    /// Whether lower and upper bounds are the same everywhere.
+    pub(crate) fn is_exact(&self) -> bool {
+        self.bounded_len <= self.known && self.unbounded_len <= self.known
+    }
+
+    /// How many samples a window can reach.
+    pub(crate) fn len(&self, window: Window) -> usize {
+        match window.to {
+            Some(_) => self.bounded_len,
+            None => self.unbounded_len,
+        }
+    }
+
+    /// The samples `from ..= to` whose window holds samples not yet known.
+    fn open(&self, window: Window) -> Option<(usize, usize)> {
+        let len = self.len(window);
+        if len <= self.known {
+            return None;
+        }
+        let first = window.to.map_or(0, |to| self.known.saturating_sub(to));
+        let last = (len - 1).checked_sub(window.from)?;
+        Some((first, last))
+    }
+
+    /// The part of `out`, the values from sample `from` on, that is open.
+    fn open_part<'a>(
+        &self,
+        window: Window,
+        from: usize,
+        out: &'a mut [f64],
+    ) -> (usize, &'a mut [f64]) {
+        let Some((first, last)) = self.open(window) else {
+            return (from, &mut []);
+        };
+        let begin = first.max(from);
+        let end = last.saturating_add(1).min(from + out.len());
+        (
+            begin,
+            if begin < end {
+                &mut out[begin - from..end - from]
+            } else {
+                &mut []
+            },
+        )
+    }
+}
+
+/// An operand: its bounds at consecutive samples.
+#[derive(Clone, Copy)]
+pub(crate) struct Operand<'a> {
+    pub(crate) lower: View<'a>,
+    pub(crate) upper: View<'a>,
+}
+
+impl<'a> Operand<'a> {
+    pub(crate) fn bound(self, bound: Bound) -> View<'a> {
+        match bound {
+            Bound::Lower => self.lower,
+            Bound::Upper => self.upper,
+        }
+    }
+}
+
+/// Buffers that kernels use on the way.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Work {
+    window: Vec<f64>,
+    goal: Vec<f64>,
+    weak: Vec<f64>,
+}
+
+/// One bound of `op` at the samples `from .. from + out.len()`.
+///
+/// `a` and `b` are its operands (both the same where it has one) and cover
+/// what it looks at, as far as that is known.
+pub(crate) fn apply(
+    op: &Op,
+    reading: &Reading,
+    (a, b): (Operand<'_>, Operand<'_>),
+    bound: Bound,
+    from: usize,
+    out: &mut [f64],
+    work: &mut Work,
+) {
+    let (a_here, a_there) = (a.bound(bound), a.bound(bound.opposite()));
+    let (b_here, b_there) = (b.bound(bound), b.bound(bound.opposite()));
+    match *op {
+        // Leaves are filled from the signals.
+        Op::Constant(_) | Op::Leaf(_) => {}
+        Op::Not(_) => {
+            for (out, value) in out.iter_mut().zip(a_there.from(from)) {
+                *out = opposite(*value);
+            }
+        }
+        Op::Gate(gate, ..) => {
+            let a = (a_here.from(from), a_there.from(from));
+            let b = (b_here.from(from), b_there.from(from));
+            combine(gate, a, b, out);
+        }
+        Op::Ahead(Side::Min, window, _) => ahead::<Min>(a_here, window, reading, bound, from, out),
+        Op::Ahead(Side::Max, window, _) => ahead::<Max>(a_here, window, reading, bound, from, out),
+        Op::Behind(Side::Min, window, _) => kernel::behind::<Min>(a_here, window, from, out),
+        Op::Behind(Side::Max, window, _) => kernel::behind::<Max>(a_here, window, from, out),
+        Op::Until(Side::Max, strength, window, ..) => {
+            until::<Max>(
+                (a_here, b_here),
+                (strength, window),
+                reading,
+                bound,
+                from,
+                out,
+                work,
+            );
+        }
+        Op::Until(Side::Min, strength, window, ..) => {
+            until::<Min>(
+                (a_here, b_here),
+                (strength, window),
+                reading,
+                bound,
+                from,
+                out,
+                work,
+            );
+        }
+        Op::Since(window, ..) => {
+            let goal = goal::<Max>(a_here, b_here, reading.until, &mut work.goal);
+            kernel::since(a_here, goal, window, from, out, &mut work.window);
+        }
+        Op::Edge(edge, _) => {
+            // At a rise the operand holds now and failed before; at a fall
+            // its opposite does.
+            let (now, before) = match edge {
+                Edge::Rise => (a_here, a_there),
+                Edge::Fall => (a_there, a_here),
+            };
+            let flip = |value: f64, at: Edge| match edge == at {
+                true => opposite(value),
+                false => value,
+            };
+            for (t, out) in (from..).zip(out) {
+                let earlier = t.checked_sub(1).and_then(|t| before.at(t));
+                let earlier = earlier.map_or(f64::INFINITY, |v| flip(v, Edge::Rise));
+                let current = now.at(t);
+                let current = current.map_or(f64::NEG_INFINITY, |v| flip(v, Edge::Fall));
+                *out = Min::pick(earlier, current);
+            }
+        }
+    }
+}
+
+/// A gate over slices: `(same bound, opposite bound)` of both operands.
+pub(crate) fn combine(gate: Gate, a: (&[f64], &[f64]), b: (&[f64], &[f64]), out: &mut [f64]) {
+    let each = |out: &mut [f64], at: fn(f64, f64) -> f64| {
+        for ((out, a), b) in out.iter_mut().zip(a.0).zip(b.0) {
+            *out = at(*a, *b);
+        }
+    };
+    match gate {
+        Gate::And => each(out, Min::pick),
+        Gate::Or => each(out, Max::pick),
+        Gate::Implies | Gate::Iff | Gate::Xor => {
+            let sides = a.0.iter().zip(a.1).zip(b.0.iter().zip(b.1));
+            for (out, ((a, a_up), (b, b_up))) in out.iter_mut().zip(sides) {
+                *out = gate.at(*a, *a_up, *b, *b_up);
+            }
+        }
+    }
+}
+
+/// Whether what may still come can only move this bound of an extremum out.
+fn is_moved<E: Extremum>(bound: Bound) -> bool {
+    match bound {
+        Bound::Lower => E::NEUTRAL == f64::INFINITY,
+        Bound::Upper => E::NEUTRAL == f64::NEG_INFINITY,
+    }
+}
+
+fn ahead<E: Extremum>(
+    operand: View<'_>,
+    window: Window,
+    reading: &Reading,
+    bound: Bound,
+    from: usize,
+    out: &mut [f64],
+) {
+    kernel::ahead::<E>(operand, window, reading.tail, from, out);
+    if is_moved::<E>(bound) {
+        reading
+            .open_part(window, from, out)
+            .1
+            .fill(E::Dual::NEUTRAL);
+    }
+}
+
+fn until<E: Extremum>(
+    (left, right): (View<'_>, View<'_>),
+    (strength, window): (Strength, Window),
+    reading: &Reading,
+    bound: Bound,
+    from: usize,
+    out: &mut [f64],
+    work: &mut Work,
+) {
+    let goal = goal::<E>(left, right, reading.until, &mut work.goal);
+    kernel::until::<E>(
+        left,
+        goal,
+        window,
+        reading.tail,
+        from,
+        out,
+        &mut work.window,
+    );
+    if is_moved::<E>(bound) {
+        // The goal may still come, as long as the left side has held so far.
+        let (begin, open) = reading.open_part(window, from, out);
+        if !open.is_empty() {
+            work.weak.resize(open.len(), 0.0);
+            kernel::suffix::<E::Dual>(left.from(begin), &mut work.weak);
+            merge::<E>(open, &work.weak);
+        }
+    }
+    if strength == Strength::Weak {
+        let throughout = Window {
+            from: 0,
+            to: window.to,
+        };
+        work.weak.resize(out.len(), 0.0);
+        ahead::<E::Dual>(left, throughout, reading, bound, from, &mut work.weak);
+        merge::<E>(out, &work.weak);
+    }
+}
+
+/// What has to come: the right side, in the closed reading with the left one.
+fn goal<'a, E: Extremum>(
+    left: View<'_>,
+    right: View<'a>,
+    until: Until,
+    buffer: &'a mut Vec<f64>,
+) -> View<'a> {
+    if until == Until::HalfOpen {
+        return right;
+    }
+    let first = left.first.max(right.first);
+    buffer.clear();
+    buffer.extend_from_slice(right.from(first));
+    merge::<E::Dual>(buffer, left.from(first));
+    View {
+        first,
+        values: buffer,
+    }
+}

@@ -1,0 +1,475 @@
+//! Names to signals, constants and formulas; times to samples.
+
+use std::fmt::Write as _;
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::error::{StlError, suggest};
+use crate::formula::{Expr, Formula};
+use crate::kernel::Window;
+use crate::leaf::{Leaf, Value};
+use crate::monitor::Monitor;
+use crate::number::Ratio;
+use crate::program::{Edge, Gate, Id, Op, Program, Side, Strength};
+use crate::settings::{Constants, Names, Settings};
+use crate::syntax::{Arithmetic, Binary, Comparison, Kind, Node, Term, TermKind, Unary};
+use crate::trace::{Schema, SignalKind};
+use crate::undefined;
+
+mod times;
+
+/// Levels of a formula after named ones have been put in.
+const MAX_DEPTH: usize = 200;
+
+impl Formula {
+    /// Binds names to the signals of `schema` and to `constants`.
+    ///
+    /// # Errors
+    /// An unknown name, a Boolean where a number is due or the other way
+    /// round, a bound that is no multiple of the sampling period, a formula
+    /// that looks too far.
+    pub fn bind(&self, schema: &Schema, constants: &Constants) -> Result<Monitor, StlError> {
+        let names = Names {
+            constants: constants.clone(),
+            ..Names::default()
+        };
+        self.bind_with(schema, &names, &Settings::default())
+    }
+
+    /// As [`Formula::bind`], with named formulas and another reading.
+    ///
+    /// # Errors
+    /// As [`Formula::bind`]; also a named formula that is defined by itself.
+    pub fn bind_with(
+        &self,
+        schema: &Schema,
+        names: &Names,
+        settings: &Settings,
+    ) -> Result<Monitor, StlError> {
+        let program = bind(&self.root, schema, names, settings)?;
+        Ok(Monitor::new(program, settings))
+    }
+}
+
+impl Expr {
+    /// Binds names to the signals of `schema` and to `constants`.
+    ///
+    /// # Errors
+    /// An unknown name; a Boolean signal; a constant part that is not finite.
+    pub fn bind(&self, schema: &Schema, constants: &Constants) -> Result<BoundExpr, StlError> {
+        let names = Names {
+            constants: constants.clone(),
+            ..Names::default()
+        };
+        let value = Scope {
+            schema,
+            names: &names,
+        }
+        .value(&self.root)?;
+        Ok(BoundExpr {
+            value,
+            width: schema.len(),
+        })
+    }
+}
+
+/// An expression bound to a schema: a row to a number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoundExpr {
+    pub(crate) value: Value,
+    width: usize,
+}
+
+impl BoundExpr {
+    /// The value in one row.
+    ///
+    /// Arithmetic is that of IEEE 754: a division by zero is ±inf. What is no
+    /// number (0/0, the root of a negative number) stays NaN whatever is done
+    /// with it, in `min`, `max` and `pow` too.
+    ///
+    /// # Panics
+    /// When the row is shorter than the schema it is bound to.
+    pub fn eval(&self, row: &[f64]) -> f64 {
+        assert!(
+            self.width <= row.len(),
+            "a row of {} for {} signals",
+            row.len(),
+            self.width
+        );
+        self.value.at(row)
+    }
+}
+
+fn bind(
+    root: &Arc<Node>,
+    schema: &Schema,
+    names: &Names,
+    settings: &Settings,
+) -> Result<Program, StlError> {
+    if let Some(rho_max) = settings.rho_max
+        && !(rho_max.is_finite() && 0.0 < rho_max)
+    {
+        let what = format!("rho_max must be positive and finite, not {rho_max}");
+        return Err(StlError::new(what, 0..0, "cannot be clamped"));
+    }
+    let period = Ratio::from_f64(schema.dt_s()).ok_or_else(|| {
+        let what = format!(
+            "the sampling period {} s is no manageable fraction",
+            schema.dt_s()
+        );
+        StlError::new(what, 0..0, "cannot be sampled")
+    })?;
+    let mut binder = Binder {
+        scope: Scope { schema, names },
+        settings,
+        period,
+        program: Program::new(schema),
+        open: Vec::new(),
+        depth: 0,
+    };
+    binder.node(root)?;
+    Ok(undefined::settle(binder.program))
+}
+
+/// What a name can mean: a signal, else a constant, else a formula.
+struct Scope<'a> {
+    schema: &'a Schema,
+    names: &'a Names,
+}
+
+impl<'a> Scope<'a> {
+    fn value(&self, term: &Term) -> Result<Value, StlError> {
+        let value = match &term.kind {
+            TermKind::Number(value) => Value::Number(*value),
+            TermKind::Name(name) => return self.number(name, term.span.0.clone()),
+            TermKind::Negative(a) => Value::Negative(Box::new(self.value(a)?)),
+            TermKind::Calculated(op, sides) => Value::Calculated(
+                *op,
+                Box::new((self.value(&sides.0)?, self.value(&sides.1)?)),
+            ),
+            TermKind::Call(function, all) => {
+                let all = all
+                    .iter()
+                    .map(|a| self.value(a))
+                    .collect::<Result<_, _>>()?;
+                Value::Call(*function, all)
+            }
+        };
+        fold_constant(value, term)
+    }
+
+    fn number(&self, name: &str, span: Range<usize>) -> Result<Value, StlError> {
+        if let Some(signal) = self.schema.position(name) {
+            return match self.schema.signals()[signal].kind {
+                SignalKind::Real => Ok(Value::Signal(signal)),
+                SignalKind::Boolean => Err(StlError::new(
+                    format!("the signal `{name}` is Boolean, not a number"),
+                    span,
+                    "true or false",
+                )
+                .with_help(format!(
+                    "write `{name}` or `not {name}`; two of them compare with `iff` or `xor`"
+                ))),
+            };
+        }
+        if let Some(value) = self.names.constants.get(name) {
+            return match value.is_finite() {
+                true => Ok(Value::Number(*value)),
+                false => Err(not_finite(name, *value, span)),
+            };
+        }
+        if self.names.formulas.contains_key(name) {
+            return Err(StlError::new(
+                format!("`{name}` is a formula, not a number"),
+                span,
+                "true or false",
+            ));
+        }
+        Err(self.unknown(name, span))
+    }
+
+    fn unknown(&self, name: &str, span: Range<usize>) -> StlError {
+        let constants = self.names.constants.keys().map(String::as_str);
+        let formulas = self.names.formulas.keys().map(String::as_str);
+        let signals = self.schema.signals().iter().map(|s| s.name.as_str());
+        let error = StlError::new(
+            format!("there is no signal, constant or formula `{name}`"),
+            span,
+            "unknown name",
+        );
+        error.maybe_help(suggest(
+            name,
+            "known",
+            signals.chain(constants).chain(formulas),
+        ))
+    }
+}
+
+fn not_finite(name: &str, value: f64, span: Range<usize>) -> StlError {
+    StlError::new(
+        format!("the constant `{name}` is {value}, not a finite number"),
+        span,
+        "not finite",
+    )
+}
+
+/// Calculates what has no signal in it.
+fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
+    if let Value::Calculated(Arithmetic::Divide, sides) = &value
+        && sides.1 == Value::Number(0.0)
+    {
+        return Err(StlError::new(
+            format!("`{term}` divides by zero"),
+            term.span.0.clone(),
+            "not a finite number",
+        ));
+    }
+    let constant = match &value {
+        Value::Negative(a) => matches!(**a, Value::Number(_)),
+        Value::Calculated(_, sides) => matches!(**sides, (Value::Number(_), Value::Number(_))),
+        Value::Call(_, all) => all.iter().all(|a| matches!(a, Value::Number(_))),
+        Value::Number(_) | Value::Signal(_) => return Ok(value),
+    };
+    if !constant {
+        return Ok(value);
+    }
+    let number = value.at(&[]);
+    match number.is_finite() {
+        true => Ok(Value::Number(number)),
+        false => Err(StlError::new(
+            format!("`{term}` is {number}"),
+            term.span.0.clone(),
+            "not a finite number",
+        )),
+    }
+}
+
+/// Whether a comparison is all that stands in its place of the text.
+#[derive(Clone, Copy)]
+enum Whole {
+    Yes,
+    No,
+}
+
+struct Binder<'a> {
+    scope: Scope<'a>,
+    settings: &'a Settings,
+    period: Ratio,
+    program: Program,
+    /// Named formulas being bound, outermost first.
+    open: Vec<&'a str>,
+    depth: usize,
+}
+
+impl<'a> Binder<'a> {
+    fn node(&mut self, node: &Arc<Node>) -> Result<Id, StlError> {
+        self.depth += 1;
+        if MAX_DEPTH < self.depth {
+            let what = format!("the formula is nested deeper than {MAX_DEPTH} levels");
+            return Err(StlError::new(what, node.span.0.clone(), "too deep"));
+        }
+        let id = self.operator(node)?;
+        self.depth -= 1;
+        Ok(id)
+    }
+
+    fn operator(&mut self, node: &Arc<Node>) -> Result<Id, StlError> {
+        match &node.kind {
+            Kind::Constant(value) => self.push(Op::Constant(*value), node),
+            Kind::Name(name) => self.name(name, node),
+            Kind::Compare(first, rest) => self.comparison(first, rest, node),
+            Kind::In(x, range) => {
+                let low = (Comparison::GreaterEqual, range.0.clone());
+                let high = (Comparison::LessEqual, range.1.clone());
+                let low = self.pair(x, &low, node, Whole::No)?;
+                let high = self.pair(x, &high, node, Whole::No)?;
+                self.push(Op::Gate(Gate::And, low, high), node)
+            }
+            Kind::Not(a) => {
+                let a = self.node(a)?;
+                self.push(Op::Not(a), node)
+            }
+            Kind::And(all) => self.all_of(Gate::And, all, node),
+            Kind::Or(all) => self.all_of(Gate::Or, all, node),
+            Kind::Implies(a, b) => self.gate(Gate::Implies, a, b, node),
+            Kind::Iff(a, b) => self.gate(Gate::Iff, a, b, node),
+            Kind::Xor(a, b) => self.gate(Gate::Xor, a, b, node),
+            Kind::Unary(op, bounds, a) => {
+                let window = self.window(bounds.as_ref())?;
+                let one = Window {
+                    from: 1,
+                    to: Some(1),
+                };
+                let a = self.node(a)?;
+                let op = match op {
+                    Unary::Always => Op::Ahead(Side::Min, window, a),
+                    Unary::Eventually => Op::Ahead(Side::Max, window, a),
+                    Unary::Historically => Op::Behind(Side::Min, window, a),
+                    Unary::Once => Op::Behind(Side::Max, window, a),
+                    Unary::Next => Op::Ahead(Side::Min, one, a),
+                    Unary::StrongNext => Op::Ahead(Side::Max, one, a),
+                    Unary::Prev => Op::Behind(Side::Min, one, a),
+                    Unary::StrongPrev => Op::Behind(Side::Max, one, a),
+                    Unary::Rise => Op::Edge(Edge::Rise, a),
+                    Unary::Fall => Op::Edge(Edge::Fall, a),
+                };
+                self.push(op, node)
+            }
+            Kind::Binary(op, bounds, a, b) => {
+                let window = self.window(bounds.as_ref())?;
+                let (a, b) = (self.node(a)?, self.node(b)?);
+                let op = match op {
+                    Binary::Until => Op::Until(Side::Max, Strength::Strong, window, a, b),
+                    Binary::Unless => Op::Until(Side::Max, Strength::Weak, window, a, b),
+                    Binary::Release => Op::Until(Side::Min, Strength::Strong, window, a, b),
+                    Binary::Since => Op::Since(window, a, b),
+                };
+                self.push(op, node)
+            }
+        }
+    }
+
+    fn push(&mut self, op: Op, node: &Arc<Node>) -> Result<Id, StlError> {
+        let limits = &self.settings.limits;
+        if limits.operators <= self.program.instructions.len() {
+            let what = format!("the formula has more than {} operators", limits.operators);
+            return Err(StlError::new(what, node.span.0.clone(), "too large"));
+        }
+        self.program
+            .push(op, node.clone(), limits.horizon_samples)
+            .ok_or_else(|| {
+                let what = format!(
+                    "the formula looks further than {} samples",
+                    limits.horizon_samples
+                );
+                StlError::new(what, node.span.0.clone(), "too far").with_help(format!(
+                    "one sample is {} s; `end` means to the end of the trace",
+                    self.period
+                ))
+            })
+    }
+
+    fn gate(
+        &mut self,
+        gate: Gate,
+        a: &Arc<Node>,
+        b: &Arc<Node>,
+        node: &Arc<Node>,
+    ) -> Result<Id, StlError> {
+        let (a, b) = (self.node(a)?, self.node(b)?);
+        self.push(Op::Gate(gate, a, b), node)
+    }
+
+    /// A balanced tree, so that a thousand rules are ten levels.
+    fn all_of(&mut self, gate: Gate, all: &[Arc<Node>], node: &Arc<Node>) -> Result<Id, StlError> {
+        match all {
+            [only] => self.node(only),
+            _ => {
+                let (left, right) = all.split_at(all.len() / 2);
+                let (a, b) = (
+                    self.all_of(gate, left, node)?,
+                    self.all_of(gate, right, node)?,
+                );
+                self.push(Op::Gate(gate, a, b), node)
+            }
+        }
+    }
+
+    fn comparison(
+        &mut self,
+        first: &Term,
+        rest: &[(Comparison, Term)],
+        node: &Arc<Node>,
+    ) -> Result<Id, StlError> {
+        let alone = if rest.len() == 1 {
+            Whole::Yes
+        } else {
+            Whole::No
+        };
+        let mut left = first;
+        let mut whole = None;
+        for side in rest {
+            let pair = self.pair(left, side, node, alone)?;
+            whole = Some(match whole {
+                None => pair,
+                Some(before) => self.push(Op::Gate(Gate::And, before, pair), node)?,
+            });
+            left = &side.1;
+        }
+        // Invariant: the parser never makes a comparison without a right side.
+        whole.ok_or_else(|| StlError::new("nothing is compared", node.span.0.clone(), "empty"))
+    }
+
+    /// One comparison, the whole of `node` or one pair of its chain.
+    fn pair(
+        &mut self,
+        left: &Term,
+        side: &(Comparison, Term),
+        node: &Arc<Node>,
+        whole: Whole,
+    ) -> Result<Id, StlError> {
+        let leaf = self.leaf(left, side.0, &side.1)?;
+        let source = match whole {
+            Whole::Yes => node.clone(),
+            Whole::No => {
+                let kind = Kind::Compare(left.clone(), vec![side.clone()]);
+                Arc::new(Node::new(kind, node.span.0.clone()))
+            }
+        };
+        self.push(Op::Leaf(leaf), &source)
+    }
+
+    fn leaf(&self, left: &Term, op: Comparison, right: &Term) -> Result<Leaf, StlError> {
+        Ok(Leaf::compare(
+            self.scope.value(left)?,
+            op,
+            self.scope.value(right)?,
+        ))
+    }
+
+    /// A name where a formula is due: a Boolean signal or a named formula.
+    fn name(&mut self, name: &Arc<str>, node: &Arc<Node>) -> Result<Id, StlError> {
+        let span = node.span.0.clone();
+        let scope = &self.scope;
+        if let Some(signal) = scope.schema.position(name) {
+            return match scope.schema.signals()[signal].kind {
+                SignalKind::Boolean => self.push(Op::Leaf(Leaf::boolean(signal)), node),
+                SignalKind::Real => Err(StlError::new(
+                    format!("the signal `{name}` is a number, not true or false"),
+                    span,
+                    "a number",
+                )
+                .with_help(format!("compare it with something, such as `{node} > 0`"))),
+            };
+        }
+        if scope.names.constants.contains_key(&**name) {
+            let error = StlError::new(
+                format!("the constant `{name}` is a number, not true or false"),
+                span,
+                "a number",
+            );
+            return Err(
+                error.with_help(format!("compare something with it, such as `x >= {node}`"))
+            );
+        }
+        let Some((name, formula)) = scope.names.formulas.get_key_value(&**name) else {
+            return Err(scope.unknown(name, span));
+        };
+        if let Some(at) = self.open.iter().position(|open| open == name) {
+            let mut path = self.open[at..].join("` → `");
+            let _ = write!(path, "` → `{name}");
+            return Err(StlError::new(
+                format!("the formula `{name}` is defined by itself"),
+                span,
+                "comes back to itself",
+            )
+            .with_help(format!("`{path}`")));
+        }
+        self.open.push(name);
+        let id = self
+            .node(&formula.root)
+            .map_err(|error| error.inside(name))?;
+        self.open.pop();
+        Ok(id)
+    }
+}

@@ -1,0 +1,144 @@
+//! Bounds to samples, exactly.
+
+use std::ops::Range;
+
+use super::{Binder, not_finite};
+use crate::error::{StlError, suggest};
+use crate::kernel::Window;
+use crate::number::Ratio;
+use crate::syntax::{Arithmetic, Bounds, Time, TimeKind, Unit};
+
+impl Binder<'_> {
+    pub(super) fn window(&self, bounds: Option<&Bounds>) -> Result<Window, StlError> {
+        let Some(bounds) = bounds else {
+            return Ok(Window { from: 0, to: None });
+        };
+        let from_s = self.time(&bounds.from)?;
+        let from = self.samples(from_s, &bounds.from)?;
+        let Some(to) = &bounds.to else {
+            return Ok(Window { from, to: None });
+        };
+        let to_s = self.time(to)?;
+        let to_samples = self.samples(to_s, to)?;
+        if to_samples < from {
+            let what = format!("the window ends at {to_s} s, before it begins at {from_s} s");
+            let error = StlError::new(what, bounds.span.0.clone(), "empty");
+            return Err(
+                error.maybe_help((!has_unit(&bounds.from) && has_unit(to)).then(|| {
+                    "a bound without a unit is in seconds, whatever the unit of the other one"
+                        .to_owned()
+                })),
+            );
+        }
+        Ok(Window {
+            from,
+            to: Some(to_samples),
+        })
+    }
+
+    fn time(&self, time: &Time) -> Result<Ratio, StlError> {
+        let value = match &time.kind {
+            TimeKind::Literal(value, unit) => {
+                value.ratio().and_then(|value| in_seconds(value, *unit))
+            }
+            TimeKind::Name(name, unit) => {
+                let value = self.constant(name, time.span.0.clone())?;
+                Ratio::from_f64(value).and_then(|value| in_seconds(value, *unit))
+            }
+            TimeKind::Negative(a) => self.time(a)?.neg(),
+            TimeKind::Calculated(op, sides) => {
+                let (a, b) = (self.time(&sides.0)?, self.time(&sides.1)?);
+                match op {
+                    Arithmetic::Add => a.add(b),
+                    Arithmetic::Subtract => a.sub(b),
+                    Arithmetic::Multiply => a.mul(b),
+                    Arithmetic::Divide => a.div(b),
+                }
+            }
+        };
+        value.ok_or_else(|| {
+            StlError::new(
+                format!("`{time}` is no time that can be counted exactly"),
+                time.span.0.clone(),
+                "not a time",
+            )
+        })
+    }
+
+    fn constant(&self, name: &str, span: Range<usize>) -> Result<f64, StlError> {
+        let scope = &self.scope;
+        match scope.names.constants.get(name) {
+            Some(value) if value.is_finite() => Ok(*value),
+            Some(value) => Err(not_finite(name, *value, span)),
+            None if scope.schema.position(name).is_some() => {
+                let what = format!("`{name}` is a signal; a bound cannot change with time");
+                Err(StlError::new(what, span, "not a constant"))
+            }
+            None => {
+                let constants = scope.names.constants.keys().map(String::as_str);
+                let error = StlError::new(
+                    format!("there is no constant `{name}`"),
+                    span,
+                    "unknown constant",
+                );
+                Err(error.maybe_help(suggest(name, "constants", constants)))
+            }
+        }
+    }
+
+    /// A time as a number of samples, exactly.
+    fn samples(&self, value: Ratio, time: &Time) -> Result<usize, StlError> {
+        let span = time.span.0.clone();
+        if value.is_negative() {
+            let what = format!("a bound cannot be negative, and this is {value} s");
+            return Err(StlError::new(what, span, "negative")
+                .with_help("look back with `once`, `historically` or `since`"));
+        }
+        let limit = self.settings.limits.horizon_samples;
+        let too_far = || {
+            let what = format!(
+                "{value} s is more than {limit} samples of {} s",
+                self.period
+            );
+            StlError::new(what, span.clone(), "too far")
+                .with_help("`end` means to the end of the trace")
+        };
+        let samples = value.div(self.period).ok_or_else(too_far)?;
+        let whole = samples.floor();
+        if !samples.is_whole() {
+            let beside = |n: i128| {
+                Ratio::new(n, 1)
+                    .and_then(|n| n.mul(self.period))
+                    .map_or(f64::NAN, Ratio::to_f64)
+            };
+            return Err(StlError::new(
+                format!(
+                    "{value} s is not a multiple of the sampling period {} s",
+                    self.period
+                ),
+                span.clone(),
+                "between two samples",
+            )
+            .with_help(format!(
+                "the neighbours are {} s and {} s",
+                beside(whole),
+                beside(whole + 1)
+            )));
+        }
+        usize::try_from(whole)
+            .ok()
+            .filter(|n| *n <= limit)
+            .ok_or_else(too_far)
+    }
+}
+
+fn in_seconds(value: Ratio, unit: Option<Unit>) -> Option<Ratio> {
+    value.div(Ratio::new(unit.map_or(1, |unit| unit.per_second()), 1)?)
+}
+
+fn has_unit(time: &Time) -> bool {
+    matches!(
+        time.kind,
+        TimeKind::Literal(_, Some(_)) | TimeKind::Name(_, Some(_))
+    )
+}

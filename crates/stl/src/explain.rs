@@ -1,0 +1,427 @@
+//! Why a robustness is what it is: the one leaf value that decides it.
+//!
+//! Minimum, maximum and sign are all that logic does with numbers, so a finite
+//! robustness *is* the value of some comparison at some sample, up to its
+//! sign. The way down to it is the explanation.
+
+use std::fmt::{self, Display, Formatter};
+use std::sync::Arc;
+
+use serde::{Serialize, Serializer};
+
+use crate::apply::Bound;
+use crate::kernel::{Tail, Window};
+use crate::leaf::Question;
+use crate::monitor::Monitor;
+use crate::offline::{Evaluation, Scratch};
+use crate::program::{Edge, Gate, Id, Op, Side};
+use crate::settings::Until;
+use crate::trace::Trace;
+
+/// What an explanation ends with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// The last step is a comparison or a Boolean signal.
+    Leaf,
+    /// The last step is a comparison whose value is no number, such as 0/0.
+    Undefined,
+    /// The last step is `true` or `false`.
+    Constant,
+    /// The window of the last step holds no sample.
+    EmptyWindow,
+    /// The window of the last step reaches beyond a trace read strictly.
+    BeyondTheEnd,
+    /// The trace is empty.
+    EmptyTrace,
+}
+
+/// One formula on the way from the whole to what decides.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Step {
+    /// The sub-formula, as canonical text.
+    pub formula: String,
+    /// The sample at which it matters.
+    pub sample: usize,
+    /// The time of that sample.
+    pub time_s: f64,
+    /// Its robustness there.
+    #[serde(serialize_with = "serialize_number")]
+    pub value: f64,
+}
+
+/// Which leaf, at which time, with which value decides a robustness.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Explanation {
+    /// The robustness of the whole formula at sample 0.
+    #[serde(serialize_with = "serialize_number")]
+    pub robustness: f64,
+    /// What the path ends with.
+    pub reason: Reason,
+    /// From the whole formula to what decides; |value| is the same throughout.
+    pub path: Vec<Step>,
+    /// The signals the deciding leaf reads, and their values there.
+    pub signals: Vec<(String, f64)>,
+}
+
+impl Explanation {
+    /// The deciding sub-formula; `None` for an empty trace.
+    pub fn leaf(&self) -> Option<&Step> {
+        self.path.last()
+    }
+}
+
+/// JSON has no infinities: they are the strings `"inf"` and `"-inf"`.
+fn serialize_number<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    if value.is_finite() {
+        serializer.serialize_f64(*value)
+    } else {
+        serializer.serialize_str(if 0.0 < *value { "inf" } else { "-inf" })
+    }
+}
+
+impl Display for Explanation {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "ρ = {}", Short(self.robustness))?;
+        let Some(leaf) = self.leaf() else {
+            return f.write_str(": the trace is empty");
+        };
+        let why = match self.reason {
+            Reason::Leaf | Reason::Constant | Reason::EmptyTrace => "",
+            Reason::Undefined => ", by a comparison whose value is no number",
+            Reason::EmptyWindow => ", by a window without a sample",
+            Reason::BeyondTheEnd => ", by a window that reaches beyond the trace",
+        };
+        write!(
+            f,
+            ", decided at {} s (sample {}){why}",
+            Short(leaf.time_s),
+            leaf.sample
+        )?;
+        for (depth, step) in self.path.iter().enumerate() {
+            let (time, value) = (Short(step.time_s), Short(step.value));
+            write!(
+                f,
+                "\n{:indent$}{}   at {time} s: {value}",
+                "",
+                step.formula,
+                indent = 2 * depth + 2
+            )?;
+        }
+        for (i, (name, value)) in self.signals.iter().enumerate() {
+            write!(
+                f,
+                "{}{name} = {}",
+                if i == 0 { "   with " } else { ", " },
+                Short(*value)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// A number with at most six places, without trailing zeros.
+struct Short(f64);
+
+impl Display for Short {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let rounded = (self.0 * 1e6).round() / 1e6;
+        if rounded.is_finite() && (rounded != 0.0 || self.0 == 0.0) {
+            write!(f, "{}", rounded + 0.0)
+        } else {
+            write!(f, "{}", self.0)
+        }
+    }
+}
+
+impl Monitor {
+    /// Which leaf, at which sample, with which value decides the robustness.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn explain(&self, trace: &Trace) -> Explanation {
+        self.check(trace);
+        explain(self, trace)
+    }
+}
+
+fn explain(monitor: &Monitor, trace: &Trace) -> Explanation {
+    let mut scratch = Scratch::new();
+    let robustness = monitor.robustness(trace, &mut scratch);
+    let mut explanation = Explanation {
+        robustness,
+        reason: Reason::EmptyTrace,
+        path: Vec::new(),
+        signals: Vec::new(),
+    };
+    if trace.is_empty() {
+        return explanation;
+    }
+    let program = &monitor.program;
+    let reading = monitor.reading(trace.len());
+    let mut search = Search {
+        closed: reading.until == Until::Closed,
+        evaluation: monitor.evaluation(trace, trace.len(), reading, Question::Margin, &mut scratch),
+    };
+    let mut place = Place {
+        id: program.root(),
+        sample: 0,
+        bound: Bound::Lower,
+    };
+    let mut shown = None;
+    loop {
+        let instruction = program.get(place.id);
+        let value = search.value(place);
+        // A conjunction of many is one step, however it is evaluated.
+        let step = (Arc::as_ptr(&instruction.source), place.sample);
+        if shown != Some(step) {
+            explanation.path.push(Step {
+                formula: instruction.source.to_string(),
+                sample: place.sample,
+                time_s: place.sample as f64 * trace.dt_s(),
+                value: monitor.clamp(value),
+            });
+        }
+        shown = Some(step);
+        match search.next(place, value) {
+            Next::Down(next) => place = next,
+            Next::Stop(reason) => {
+                explanation.reason = reason;
+                break;
+            }
+        }
+    }
+    if let Op::Leaf(leaf) = &program.get(place.id).op {
+        let row = place.sample.min(trace.len() - 1);
+        if leaf.is_undefined(trace, row) {
+            explanation.reason = Reason::Undefined;
+        }
+        leaf.signals(&mut |signal| {
+            let name = &trace.schema().signals()[signal].name;
+            if explanation.signals.iter().all(|(known, _)| known != name) {
+                explanation
+                    .signals
+                    .push((name.clone(), trace.column(signal)[row]));
+            }
+        });
+    }
+    explanation
+}
+
+/// A sub-formula at a sample, and which of its bounds matters.
+#[derive(Clone, Copy)]
+struct Place {
+    id: Id,
+    sample: usize,
+    bound: Bound,
+}
+
+enum Next {
+    Down(Place),
+    Stop(Reason),
+}
+
+struct Search<'a> {
+    closed: bool,
+    evaluation: Evaluation<'a, Trace>,
+}
+
+impl Search<'_> {
+    fn value(&mut self, place: Place) -> f64 {
+        self.values(place, place.sample, place.sample)[0]
+    }
+
+    /// The bound in question at the samples `from ..= to`.
+    fn values(&mut self, place: Place, from: usize, to: usize) -> Vec<f64> {
+        let stretch = self.evaluation.run(place.id, from, to + 1);
+        match (place.bound, stretch.upper) {
+            (Bound::Upper, Some(upper)) => upper,
+            _ => stretch.lower,
+        }
+    }
+
+    fn next(&mut self, place: Place, value: f64) -> Next {
+        let program = self.evaluation.program;
+        let at = |id, sample| Place {
+            id,
+            sample,
+            ..place
+        };
+        let against = |id, sample| Place {
+            id,
+            sample,
+            bound: place.bound.opposite(),
+        };
+        let now = place.sample;
+        match program.get(place.id).op {
+            Op::Leaf(_) => Next::Stop(Reason::Leaf),
+            Op::Constant(_) => Next::Stop(Reason::Constant),
+            Op::Not(a) => Next::Down(against(a, now)),
+            Op::Gate(Gate::And | Gate::Or, a, b) => {
+                self.first_of(value, &[(at(a, now), 1.0), (at(b, now), 1.0)])
+            }
+            Op::Gate(Gate::Implies, a, b) => {
+                self.first_of(value, &[(against(a, now), -1.0), (at(b, now), 1.0)])
+            }
+            Op::Gate(Gate::Iff | Gate::Xor, a, b) => {
+                let same = [(at(a, now), 1.0), (at(b, now), 1.0)];
+                let opposite = [(against(a, now), -1.0), (against(b, now), -1.0)];
+                self.first_of(value, &[same, opposite].concat())
+            }
+            Op::Edge(edge, a) => {
+                let rise = edge == Edge::Rise;
+                let current = if rise {
+                    (at(a, now), 1.0)
+                } else {
+                    (against(a, now), -1.0)
+                };
+                let before = now.checked_sub(1).map(|t| {
+                    if rise {
+                        (against(a, t), -1.0)
+                    } else {
+                        (at(a, t), 1.0)
+                    }
+                });
+                let both: Vec<_> = std::iter::once(current).chain(before).collect();
+                self.first_of(value, &both)
+            }
+            Op::Ahead(_, window, a) => {
+                let (from, to) = self.ahead(window, now);
+                self.within(value, at(a, now), from, to)
+            }
+            Op::Behind(_, window, a) => {
+                let from = window.to.map_or(0, |to| now.saturating_sub(to));
+                match now.checked_sub(window.from) {
+                    Some(to) => self.within(value, at(a, now), from, to),
+                    None => Next::Stop(Reason::EmptyWindow),
+                }
+            }
+            Op::Until(side, _, window, a, b) => {
+                let (_, to) = self.ahead(Window { from: 0, ..window }, now);
+                let mut guards = self.values(at(a, now), now, to);
+                let mut goals = self.values(at(b, now), now, to);
+                let held = self.evaluation.reading.tail == Tail::Held;
+                let from = if held {
+                    window.from.min(guards.len())
+                } else {
+                    window.from
+                };
+                if held && from == guards.len() {
+                    // The window lies in the held part: one sample of it tells all.
+                    guards.extend(guards.last().copied());
+                    goals.extend(goals.last().copied());
+                }
+                let sign = if side == Side::Max { 1.0 } else { -1.0 };
+                match self.until(sign, value, (&guards, &goals), from) {
+                    Some(Found::Guard(i)) => Next::Down(at(a, (now + i).min(to))),
+                    Some(Found::Goal(i)) => Next::Down(at(b, (now + i).min(to))),
+                    None => self.nothing(window, now),
+                }
+            }
+            Op::Since(window, a, b) => {
+                let from = window.to.map_or(0, |to| now.saturating_sub(to));
+                let mut guards = self.values(at(a, now), from, now);
+                let mut goals = self.values(at(b, now), from, now);
+                guards.reverse();
+                goals.reverse();
+                match self.until(1.0, value, (&guards, &goals), window.from) {
+                    Some(Found::Guard(i)) => Next::Down(at(a, now - i)),
+                    Some(Found::Goal(i)) => Next::Down(at(b, now - i)),
+                    None => Next::Stop(Reason::EmptyWindow),
+                }
+            }
+        }
+    }
+
+    /// The samples a window holds; empty when the first is beyond the second.
+    fn ahead(&self, window: Window, now: usize) -> (usize, usize) {
+        let last = self.evaluation.reading.known - 1;
+        let from = now.saturating_add(window.from);
+        let from = if self.evaluation.reading.tail == Tail::Held {
+            from.min(last)
+        } else {
+            from
+        };
+        (
+            from,
+            window
+                .to
+                .map_or(last, |to| now.saturating_add(to).min(last)),
+        )
+    }
+
+    fn nothing(&self, window: Window, now: usize) -> Next {
+        let reading = &self.evaluation.reading;
+        let len = reading.len(window);
+        let open = reading.known < len
+            && window
+                .to
+                .is_none_or(|to| reading.known <= now.saturating_add(to));
+        Next::Stop(if open {
+            Reason::BeyondTheEnd
+        } else {
+            Reason::EmptyWindow
+        })
+    }
+
+    fn first_of(&mut self, value: f64, places: &[(Place, f64)]) -> Next {
+        for (place, sign) in places {
+            if sign * self.value(*place) == value {
+                return Next::Down(*place);
+            }
+        }
+        Next::Stop(Reason::EmptyWindow)
+    }
+
+    /// The first sample of `from ..= to` with the value.
+    fn within(&mut self, value: f64, place: Place, from: usize, to: usize) -> Next {
+        let program = self.evaluation.program;
+        let nothing = match &program.get(place.id).op {
+            _ if to < from => Next::Stop(Reason::EmptyWindow),
+            _ => Next::Stop(Reason::BeyondTheEnd),
+        };
+        if to < from {
+            return nothing;
+        }
+        let values = self.values(place, from, to);
+        match values.iter().position(|v| *v == value) {
+            Some(i) => Next::Down(Place {
+                sample: from + i,
+                ..place
+            }),
+            None => nothing,
+        }
+    }
+
+    /// Where an until (`sign` 1) or a release (−1) gets its value.
+    fn until(
+        &self,
+        sign: f64,
+        value: f64,
+        (guards, goals): (&[f64], &[f64]),
+        from: usize,
+    ) -> Option<Found> {
+        let mut held = f64::INFINITY;
+        for (i, (guard, goal)) in guards.iter().zip(goals).enumerate() {
+            let (guard, goal) = (sign * guard, sign * goal);
+            let before = if self.closed { held.min(guard) } else { held };
+            if from <= i && goal.min(before) == sign * value {
+                if goal == sign * value {
+                    return Some(Found::Goal(i));
+                }
+                return guards.iter().position(|g| *g == value).map(Found::Guard);
+            }
+            held = held.min(guard);
+        }
+        // Nothing came, but the left side held (unless), or still could.
+        guards
+            .iter()
+            .position(|g| *g == value && sign * g == held)
+            .map(Found::Guard)
+    }
+}
+
+enum Found {
+    Guard(usize),
+    Goal(usize),
+}

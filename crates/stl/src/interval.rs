@@ -1,0 +1,66 @@
+//! Intervals of robustness, and what comparisons and negations make of them.
+
+use crate::kernel::{Extremum, Max, Min, opposite};
+
+/// The values a robustness can still take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// The least possible value.
+    pub lo: f64,
+    /// The greatest possible value.
+    pub hi: f64,
+}
+
+impl Interval {
+    /// All values.
+    pub const ANY: Interval = Interval {
+        lo: f64::NEG_INFINITY,
+        hi: f64::INFINITY,
+    };
+
+    /// Whether nothing can change the value any more.
+    pub fn is_final(self) -> bool {
+        self.lo == self.hi
+    }
+
+    /// Whether the formula can no longer be satisfied (ρ < 0 for certain).
+    pub fn is_violated(self) -> bool {
+        self.hi < 0.0
+    }
+
+    /// Whether the formula is strictly satisfied whatever comes (ρ > 0).
+    pub fn is_kept(self) -> bool {
+        0.0 < self.lo
+    }
+
+    /// Whether `value` is still possible.
+    pub fn contains(self, value: f64) -> bool {
+        self.lo <= value && value <= self.hi
+    }
+
+    pub(crate) fn map(self, f: impl Fn(f64) -> f64) -> Interval {
+        Interval {
+            lo: f(self.lo),
+            hi: f(self.hi),
+        }
+    }
+
+    pub(crate) fn absolute(self) -> Interval {
+        let (lo, hi) = (self.lo.abs(), self.hi.abs());
+        Interval {
+            lo: if self.contains(0.0) {
+                0.0
+            } else {
+                Min::pick(lo, hi)
+            },
+            hi: Max::pick(lo, hi),
+        }
+    }
+
+    pub(crate) fn negated(self) -> Interval {
+        Interval {
+            lo: opposite(self.hi),
+            hi: opposite(self.lo),
+        }
+    }
+}

@@ -1,0 +1,314 @@
+//! Robustness of a whole trace: only the samples that matter, each once.
+
+use crate::apply::{Bound, Operand, Reading, Work, apply, combine};
+use crate::kernel::{Extremum, Max, Min, Tail, View, Window, fold, opposite};
+use crate::leaf::{CHUNK, Columns, Question};
+use crate::program::{Id, Op, Program, Side};
+
+/// Memory that evaluations use again and again.
+///
+/// One scratch serves any number of monitors and traces; once it has grown to
+/// the largest of them nothing is allocated any more.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    free: Vec<Vec<f64>>,
+    pub(crate) work: Work,
+}
+
+impl Scratch {
+    /// An empty scratch.
+    pub fn new() -> Scratch {
+        Scratch::default()
+    }
+
+    /// The smallest free buffer that is large enough, else the largest.
+    fn take(&mut self, len: usize) -> Vec<f64> {
+        let fits = |buffer: &Vec<f64>| match buffer.capacity() {
+            capacity if len <= capacity => (0, capacity),
+            capacity => (1, usize::MAX - capacity),
+        };
+        let best = (0..self.free.len()).min_by_key(|i| fits(&self.free[*i]));
+        let mut buffer = best.map(|i| self.free.swap_remove(i)).unwrap_or_default();
+        buffer.resize(len, 0.0);
+        buffer
+    }
+}
+
+/// The bounds of an operator at the samples `first ..`.
+pub(crate) struct Stretch {
+    first: usize,
+    pub(crate) lower: Vec<f64>,
+    /// `None`: the same as `lower`.
+    pub(crate) upper: Option<Vec<f64>>,
+}
+
+impl Stretch {
+    fn operand(&self) -> Operand<'_> {
+        let view = |values| View {
+            first: self.first,
+            values,
+        };
+        Operand {
+            lower: view(&self.lower),
+            upper: view(self.upper.as_ref().unwrap_or(&self.lower)),
+        }
+    }
+}
+
+/// One evaluation of a program over a trace.
+pub(crate) struct Evaluation<'a, C> {
+    pub(crate) program: &'a Program,
+    pub(crate) columns: &'a C,
+    /// Samples in the columns; beyond them the last one is held.
+    pub(crate) recorded: usize,
+    pub(crate) reading: Reading,
+    pub(crate) question: Question,
+    pub(crate) scratch: &'a mut Scratch,
+}
+
+impl<C: Columns> Evaluation<'_, C> {
+    /// The bounds of `id` at the samples `from .. to`, at least one.
+    pub(crate) fn run(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        match self.program.is_tree() {
+            true => self.descend(id, from, to),
+            false => self.ascend(id, from, to),
+        }
+    }
+
+    /// Every operator once, operands first: what is shared would be worked out
+    /// anew on every way down to it, and ways double from level to level.
+    fn ascend(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        let program = self.program;
+        let last = self.reading.known - 1;
+        let mut reached: Vec<Option<(usize, usize)>> = vec![None; id];
+        reached.push(Some((from, to - 1)));
+        for id in (0..=id).rev() {
+            let Some((from, to)) = reached[id] else {
+                continue;
+            };
+            let op = &program.get(id).op;
+            let (from, to) = self.reach(op, from, to, last);
+            for operand in op.operands() {
+                let (first, end) = reached[operand].unwrap_or((from, to));
+                reached[operand] = Some((first.min(from), end.max(to)));
+            }
+        }
+        let mut done: Vec<Option<Stretch>> = Vec::with_capacity(id + 1);
+        for (id, reached) in reached.into_iter().enumerate() {
+            let stretch = reached.map(|(from, to)| {
+                let mut operands = program.get(id).op.operands();
+                let mut operand = || operands.next().and_then(|id| done[id].as_ref());
+                match (operand(), operand()) {
+                    (Some(a), b) => self.operator(id, from, to + 1, (a, b.unwrap_or(a))),
+                    _ => self.pointwise(id, from, to + 1),
+                }
+            });
+            done.push(stretch);
+        }
+        let whole = done.pop().flatten();
+        done.into_iter().flatten().for_each(|s| self.give_back(s));
+        // Invariant: the last one was asked for.
+        whole.unwrap_or_else(|| self.pointwise(id, from, to))
+    }
+
+    fn pointwise(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        let mut lower = self.scratch.take(to - from);
+        for (i, out) in lower.chunks_mut(CHUNK).enumerate() {
+            self.fill(id, from + i * CHUNK, out);
+        }
+        Stretch {
+            first: from,
+            lower,
+            upper: None,
+        }
+    }
+
+    fn descend(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        let program = self.program;
+        let instruction = program.get(id);
+        if instruction.pointwise {
+            return self.pointwise(id, from, to);
+        }
+        if let (Op::Ahead(side, window, child), 1) = (&instruction.op, to - from)
+            && program.get(*child).pointwise
+        {
+            return self.scan(*side, *window, *child, from);
+        }
+        let mut operands = instruction.op.operands();
+        let last = self.reading.known - 1;
+        let (start, end) = self.reach(&instruction.op, from, to - 1, last);
+        let a = operands.next().map(|a| self.descend(a, start, end + 1));
+        let b = operands.next().map(|b| self.descend(b, start, end + 1));
+        // Invariant: what is not pointwise has an operand.
+        let Some(a) = a else {
+            return self.pointwise(id, from, to);
+        };
+        let stretch = self.operator(id, from, to, (&a, b.as_ref().unwrap_or(&a)));
+        self.give_back(a);
+        if let Some(b) = b {
+            self.give_back(b);
+        }
+        stretch
+    }
+
+    /// One operator, from its operands (both the same where it has one).
+    fn operator(
+        &mut self,
+        id: Id,
+        from: usize,
+        to: usize,
+        (a, b): (&Stretch, &Stretch),
+    ) -> Stretch {
+        let program = self.program;
+        let instruction = program.get(id);
+        let pair = (a.operand(), b.operand());
+        let mut lower = self.scratch.take(to - from);
+        let mut upper = None;
+        if !self.reading.is_exact() && !program.is_instant(id) {
+            let mut out = self.scratch.take(to - from);
+            apply(
+                &instruction.op,
+                &self.reading,
+                pair,
+                Bound::Upper,
+                from,
+                &mut out,
+                &mut self.scratch.work,
+            );
+            upper = Some(out);
+        }
+        apply(
+            &instruction.op,
+            &self.reading,
+            pair,
+            Bound::Lower,
+            from,
+            &mut lower,
+            &mut self.scratch.work,
+        );
+        Stretch {
+            first: from,
+            lower,
+            upper,
+        }
+    }
+
+    pub(crate) fn give_back(&mut self, stretch: Stretch) {
+        self.scratch.free.push(stretch.lower);
+        self.scratch.free.extend(stretch.upper);
+    }
+
+    /// The operands' samples that matter for `from ..= to`.
+    fn reach(&self, op: &Op, from: usize, to: usize, last: usize) -> (usize, usize) {
+        let ahead = |window: Window| window.to.map_or(last, |b| to.saturating_add(b).min(last));
+        let behind = |window: Window| window.to.map_or(0, |b| from.saturating_sub(b));
+        match op {
+            Op::Ahead(_, window, _) => (from.saturating_add(window.from).min(last), ahead(*window)),
+            Op::Until(_, _, window, ..) => (from, ahead(*window)),
+            Op::Behind(_, window, _) => {
+                let start = behind(*window);
+                (start, to.saturating_sub(window.from).max(start))
+            }
+            Op::Since(window, ..) => (behind(*window), to),
+            Op::Edge(..) => (from.saturating_sub(1), to),
+            Op::Constant(_) | Op::Leaf(_) | Op::Not(_) | Op::Gate(..) => (from, to),
+        }
+    }
+
+    /// A pointwise operator at `from ..`, at most [`CHUNK`] samples.
+    fn fill(&mut self, id: Id, from: usize, out: &mut [f64]) {
+        let program = self.program;
+        match &program.get(id).op {
+            Op::Constant(true) => out.fill(self.truth()),
+            Op::Constant(false) => out.fill(-self.truth()),
+            Op::Leaf(leaf) => {
+                let recorded = self.recorded.saturating_sub(from).min(out.len());
+                let (known, held) = out.split_at_mut(recorded);
+                leaf.fill(self.columns, self.question, from, known);
+                if !held.is_empty() {
+                    let mut last = [0.0];
+                    leaf.fill(self.columns, self.question, self.recorded - 1, &mut last);
+                    held.fill(last[0]);
+                }
+            }
+            Op::Not(a) => {
+                self.fill(*a, from, out);
+                out.iter_mut().for_each(|value| *value = opposite(*value));
+            }
+            Op::Gate(gate, a, b) => {
+                let mut left = self.scratch.take(CHUNK);
+                let mut right = self.scratch.take(CHUNK);
+                let len = out.len();
+                self.fill(*a, from, &mut left[..len]);
+                self.fill(*b, from, &mut right[..len]);
+                let (a, b) = (&left[..len], &right[..len]);
+                combine(*gate, (a, a), (b, b), out);
+                self.scratch.free.extend([left, right]);
+            }
+            // Invariant: temporal operators are never pointwise.
+            _ => out.fill(f64::NEG_INFINITY),
+        }
+    }
+
+    fn truth(&self) -> f64 {
+        match self.question {
+            Question::Margin => f64::INFINITY,
+            Question::Truth => 1.0,
+        }
+    }
+
+    /// always / eventually at one sample: a single pass without temporaries.
+    fn scan(&mut self, side: Side, window: Window, child: Id, at: usize) -> Stretch {
+        let mut lower = self.scratch.take(1);
+        let reading = self.reading;
+        let start = match reading.tail {
+            Tail::Cut => at.saturating_add(window.from),
+            Tail::Held => at.saturating_add(window.from).min(reading.known - 1),
+        };
+        let end = window.to.map_or(reading.known, |to| {
+            at.saturating_add(to).saturating_add(1).min(reading.known)
+        });
+        let mut chunk = [0.0; CHUNK];
+        let neutral = match side {
+            Side::Min => Min::NEUTRAL,
+            Side::Max => Max::NEUTRAL,
+        };
+        let (mut value, mut next) = (neutral, start);
+        while next < end {
+            let len = (end - next).min(CHUNK);
+            let part = &mut chunk[..len];
+            self.fill(child, next, part);
+            value = match side {
+                Side::Min => Min::pick(value, fold::<Min>(part)),
+                Side::Max => Max::pick(value, fold::<Max>(part)),
+            };
+            next += len;
+        }
+        let len = reading.len(window);
+        let is_open = reading.known < len
+            && at.saturating_add(window.from) < len
+            && window
+                .to
+                .is_none_or(|to| reading.known <= at.saturating_add(to));
+        lower[0] = if is_open && side == Side::Min {
+            f64::NEG_INFINITY
+        } else {
+            value
+        };
+        let mut upper = None;
+        if !reading.is_exact() {
+            let mut out = self.scratch.take(1);
+            out[0] = if is_open && side == Side::Max {
+                f64::INFINITY
+            } else {
+                value
+            };
+            upper = Some(out);
+        }
+        Stretch {
+            first: at,
+            lower,
+            upper,
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! The formula at sample 0, as samples come in.
+
+use super::track::Track;
+use crate::apply::Reading;
+use crate::interval::Interval;
+use crate::kernel::{Extremum, Max, Min, Window, fold};
+use crate::program::{Gate, Id, Program, Side, Strength};
+use crate::settings::Until;
+
+/// A sub-formula at sample 0.
+#[derive(Clone, Debug)]
+pub(super) enum Point {
+    /// Looks at the first sample only: known once it is there.
+    Present {
+        id: Id,
+        value: Option<f64>,
+    },
+    /// Read from the operator's own track.
+    Track {
+        id: Id,
+    },
+    Not(Box<Point>),
+    Gate(Gate, Box<Point>, Box<Point>),
+    Window(Watch, Side, Id),
+    Until(Watch, Side, Strength, Id, Id),
+}
+
+/// What an operator has seen of its window so far.
+#[derive(Clone, Debug)]
+pub(super) struct Watch {
+    window: Window,
+    /// The horizon of the operands.
+    horizon: Option<usize>,
+    /// The first sample that is not folded in.
+    next: usize,
+    /// The extremum of what is (of an until: the best so far).
+    folded: Option<f64>,
+    /// Of an until: the extremum of its left side.
+    guard: Option<f64>,
+}
+
+impl Watch {
+    pub(super) fn new(window: Window, horizon: Option<usize>) -> Watch {
+        Watch {
+            window,
+            horizon,
+            next: 0,
+            folded: None,
+            guard: None,
+        }
+    }
+
+    /// The last sample of the window that is known, and how far has settled.
+    fn last(&self, reading: &Reading) -> (usize, usize) {
+        let now = reading.known - 1;
+        let last = self.window.to.map_or(now, |to| to.min(now));
+        let settled = match self.horizon {
+            _ if reading.is_exact() => reading.known,
+            Some(horizon) => reading.known.saturating_sub(horizon),
+            None => 0,
+        };
+        (last, settled.min(last + 1))
+    }
+
+    /// Whether samples still to come are in the window.
+    fn is_open(&self, reading: &Reading) -> bool {
+        let len = reading.len(self.window);
+        reading.known < len
+            && self.window.from < len
+            && self.window.to.is_none_or(|to| reading.known <= to)
+    }
+}
+
+impl Point {
+    pub(super) fn reset(&mut self) {
+        match self {
+            Point::Present { value, .. } => *value = None,
+            Point::Track { .. } => {}
+            Point::Not(a) => a.reset(),
+            Point::Gate(_, a, b) => {
+                a.reset();
+                b.reset();
+            }
+            Point::Window(watch, ..) | Point::Until(watch, ..) => {
+                *watch = Watch::new(watch.window, watch.horizon)
+            }
+        }
+    }
+
+    pub(super) fn update(
+        &mut self,
+        program: &Program,
+        reading: &Reading,
+        tracks: &[Track],
+    ) -> Interval {
+        match self {
+            Point::Present { id, value } => {
+                let value = *value.get_or_insert(tracks[*id].now);
+                Interval {
+                    lo: value,
+                    hi: value,
+                }
+            }
+            Point::Track { id } => {
+                let operand = tracks[*id].operand();
+                let (lo, hi) = (operand.lower.at(0), operand.upper.at(0));
+                Interval {
+                    lo: lo.unwrap_or(f64::NEG_INFINITY),
+                    hi: hi.unwrap_or(f64::INFINITY),
+                }
+            }
+            Point::Not(a) => a.update(program, reading, tracks).negated(),
+            Point::Gate(gate, a, b) => {
+                let a = a.update(program, reading, tracks);
+                let b = b.update(program, reading, tracks);
+                Interval {
+                    lo: gate.at(a.lo, a.hi, b.lo, b.hi),
+                    hi: gate.at(a.hi, a.lo, b.hi, b.lo),
+                }
+            }
+            Point::Window(watch, Side::Min, id) => {
+                window::<Min>(watch, program, *id, reading, tracks)
+            }
+            Point::Window(watch, Side::Max, id) => {
+                window::<Max>(watch, program, *id, reading, tracks)
+            }
+            Point::Until(watch, Side::Max, strength, a, b) => {
+                until::<Max>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
+            }
+            Point::Until(watch, Side::Min, strength, a, b) => {
+                until::<Min>(watch, *strength, (&tracks[*a], &tracks[*b]), reading)
+            }
+        }
+    }
+}
+
+/// What may still come moves the lower end of a minimum, the upper of a maximum.
+fn opened<E: Extremum>(interval: Interval) -> Interval {
+    match E::NEUTRAL == f64::INFINITY {
+        true => Interval {
+            lo: f64::NEG_INFINITY,
+            ..interval
+        },
+        false => Interval {
+            hi: f64::INFINITY,
+            ..interval
+        },
+    }
+}
+
+fn window<E: Extremum>(
+    watch: &mut Watch,
+    program: &Program,
+    id: Id,
+    reading: &Reading,
+    tracks: &[Track],
+) -> Interval {
+    let mut folded = watch.folded.unwrap_or(E::NEUTRAL);
+    let now = reading.known - 1;
+    let interval = if program.is_instant(id) {
+        if watch.window.from <= now && watch.window.to.is_none_or(|to| now <= to) {
+            folded = E::pick(folded, tracks[id].now);
+        }
+        Interval {
+            lo: folded,
+            hi: folded,
+        }
+    } else {
+        let (last, settled) = watch.last(reading);
+        let operand = tracks[id].operand();
+        let next = watch.next.max(watch.window.from);
+        if next < settled {
+            folded = E::pick(
+                folded,
+                fold::<E>(&operand.lower.from(next)[..settled - next]),
+            );
+            watch.next = settled;
+        }
+        let next = watch.next.max(watch.window.from);
+        let pending = (last + 1).saturating_sub(next);
+        let with =
+            |values: &[f64]| E::pick(folded, fold::<E>(&values[..pending.min(values.len())]));
+        Interval {
+            lo: with(operand.lower.from(next)),
+            hi: with(operand.upper.from(next)),
+        }
+    };
+    watch.folded = Some(folded);
+    if watch.is_open(reading) {
+        opened::<E>(interval)
+    } else {
+        interval
+    }
+}
+
+fn until<E: Extremum>(
+    watch: &mut Watch,
+    strength: Strength,
+    (left, right): (&Track, &Track),
+    reading: &Reading,
+) -> Interval {
+    let (left, right) = (left.operand(), right.operand());
+    let (last, settled) = watch.last(reading);
+    let from = watch.window.from;
+    let run =
+        |state: (f64, f64), samples: std::ops::Range<usize>, guards: &[f64], goals: &[f64]| {
+            let mut state = state;
+            for ((t, guard), goal) in samples.zip(guards).zip(goals) {
+                let (best, held) = state;
+                let goal = if reading.until == Until::Closed {
+                    E::Dual::pick(*guard, *goal)
+                } else {
+                    *goal
+                };
+                let best = if from <= t {
+                    E::pick(best, E::Dual::pick(goal, held))
+                } else {
+                    best
+                };
+                state = (best, E::Dual::pick(held, *guard));
+            }
+            state
+        };
+    let mut state = (
+        watch.folded.unwrap_or(E::NEUTRAL),
+        watch.guard.unwrap_or(E::Dual::NEUTRAL),
+    );
+    if watch.next < settled {
+        let at = watch.next;
+        state = run(
+            state,
+            at..settled,
+            left.lower.from(at),
+            right.lower.from(at),
+        );
+        watch.next = settled;
+        (watch.folded, watch.guard) = (Some(state.0), Some(state.1));
+    }
+    let at = watch.next;
+    let lower = run(
+        state,
+        at..last + 1,
+        left.lower.from(at),
+        right.lower.from(at),
+    );
+    let upper = run(
+        state,
+        at..last + 1,
+        left.upper.from(at),
+        right.upper.from(at),
+    );
+    let mut interval = Interval {
+        lo: lower.0,
+        hi: upper.0,
+    };
+    if watch.is_open(reading) {
+        // The goal may still come, as long as the left side has held so far.
+        match E::NEUTRAL == f64::NEG_INFINITY {
+            true => interval.hi = E::pick(interval.hi, upper.1),
+            false => interval.lo = E::pick(interval.lo, lower.1),
+        }
+    }
+    if strength == Strength::Weak {
+        let throughout = Watch {
+            window: Window {
+                from: 0,
+                ..watch.window
+            },
+            ..watch.clone()
+        };
+        let mut held = Interval {
+            lo: lower.1,
+            hi: upper.1,
+        };
+        if throughout.is_open(reading) {
+            held = opened::<E::Dual>(held);
+        }
+        interval = Interval {
+            lo: E::pick(interval.lo, held.lo),
+            hi: E::pick(interval.hi, held.hi),
+        };
+    }
+    interval
+}

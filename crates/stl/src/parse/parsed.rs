@@ -1,0 +1,107 @@
+//! What the parser has read so far.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::complaints::{checked, checked_term};
+use super::words::Logic;
+use crate::error::StlError;
+use crate::syntax::{Bounds, Kind, Node, Span, Term, TermKind};
+
+/// What has been read: its sort is settled by the operator that takes it.
+pub(super) enum Parsed {
+    Formula(Box<Node>),
+    Term(Box<Term>),
+    Name(Arc<str>, Range<usize>),
+}
+
+impl Parsed {
+    pub(super) fn formula(kind: Kind, span: Range<usize>) -> Result<Parsed, StlError> {
+        checked(Node::new(kind, span)).map(|node| Parsed::Formula(Box::new(node)))
+    }
+
+    pub(super) fn term(kind: TermKind, span: Range<usize>) -> Result<Parsed, StlError> {
+        checked_term(Term::new(kind, span)).map(|term| Parsed::Term(Box::new(term)))
+    }
+
+    pub(super) fn with_span(mut self, new: Range<usize>) -> Parsed {
+        match &mut self {
+            Parsed::Formula(node) => node.span = Span(new),
+            Parsed::Term(term) => term.span = Span(new),
+            Parsed::Name(_, span) => *span = new,
+        }
+        self
+    }
+
+    pub(super) fn into_formula(self, what: &str) -> Result<Box<Node>, StlError> {
+        match self {
+            Parsed::Formula(node) => Ok(node),
+            Parsed::Name(name, span) => Ok(Box::new(Node::new(Kind::Name(name), span))),
+            Parsed::Term(term) => Err(StlError::new(what, term.span.0.clone(), "this is a number")
+                .with_help(format!("compare it with something, such as `{term} > 0`"))),
+        }
+    }
+
+    pub(super) fn into_term(self, what: &str) -> Result<Box<Term>, StlError> {
+        match self {
+            Parsed::Term(term) => Ok(term),
+            Parsed::Name(name, span) => Ok(Box::new(Term::new(TermKind::Name(name), span))),
+            Parsed::Formula(node) => Err(StlError::new(
+                what,
+                node.span.0.clone(),
+                "this is true or false, not a number",
+            )),
+        }
+    }
+}
+
+/// Two operands under a word of logic.
+pub(super) fn join(
+    logic: Logic,
+    bounds: Option<Bounds>,
+    left: Node,
+    right: Node,
+) -> Result<Parsed, StlError> {
+    let span = left.span.0.start..right.span.0.end;
+    let node = match logic {
+        Logic::And => flat(left, right, span, Kind::And),
+        Logic::Or => flat(left, right, span, Kind::Or),
+        _ => {
+            let (left, right) = (Arc::new(left), Arc::new(right));
+            let kind = match logic {
+                Logic::Implies => Kind::Implies(left, right),
+                Logic::Iff => Kind::Iff(left, right),
+                Logic::Temporal(op) => Kind::Binary(op, bounds, left, right),
+                Logic::Xor | Logic::And | Logic::Or => Kind::Xor(left, right),
+            };
+            Node::new(kind, span)
+        }
+    };
+    checked(node).map(|node| Parsed::Formula(Box::new(node)))
+}
+
+/// Conjunctions and disjunctions are kept flat, whatever their parentheses.
+fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) -> Kind) -> Node {
+    let same = |node: &Node| {
+        std::mem::discriminant(&node.kind) == std::mem::discriminant(&join(Vec::new()))
+    };
+    let depth_of = |node: &Node| node.depth + usize::from(!same(node));
+    let depth = depth_of(&left).max(depth_of(&right));
+    let parts = |node: Node| match (same(&node), node) {
+        (
+            true,
+            Node {
+                kind: Kind::And(all) | Kind::Or(all),
+                ..
+            },
+        ) => all,
+        (_, node) => vec![Arc::new(node)],
+    };
+    let mut all = parts(left);
+    all.append(&mut parts(right));
+    Node {
+        kind: join(all),
+        span: Span(span),
+        depth,
+    }
+}

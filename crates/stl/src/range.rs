@@ -1,0 +1,185 @@
+//! What robustness is possible at all, given ranges of the signals.
+
+use crate::bind::BoundExpr;
+use crate::interval::Interval;
+use crate::kernel::{Extremum, Max, Min};
+use crate::leaf::{Leaf, Value};
+use crate::monitor::Monitor;
+use crate::program::{Op, Side, Strength};
+use crate::syntax::{Arithmetic, Function};
+
+impl Monitor {
+    /// Bounds of ρ(φ, s, 0) over all traces whose signals keep to ranges.
+    ///
+    /// `ranges` has one entry per signal of the schema. The bounds are safe,
+    /// not tight: interval arithmetic, a signal that is mentioned twice counts
+    /// as two.
+    ///
+    /// # Panics
+    /// When `ranges` has fewer entries than the bound schema has signals.
+    pub fn range(&self, ranges: &[Interval]) -> Interval {
+        assert!(
+            self.program.schema.len() <= ranges.len(),
+            "a range per signal"
+        );
+        let mut known: Vec<Interval> = Vec::with_capacity(self.program.instructions.len());
+        for instruction in &self.program.instructions {
+            known.push(range_of(&instruction.op, &known, ranges));
+        }
+        let whole = known.last().copied().unwrap_or(Interval::ANY);
+        whole.map(|value| self.clamp(value))
+    }
+}
+
+impl BoundExpr {
+    /// Bounds of the value over all rows whose signals keep to ranges.
+    ///
+    /// # Panics
+    /// When `ranges` has fewer entries than the bound schema has signals.
+    pub fn range(&self, ranges: &[Interval]) -> Interval {
+        range_of_value(&self.value, ranges).unwrap_or(Interval::ANY)
+    }
+}
+
+fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
+    let point = |value: f64| Interval {
+        lo: value,
+        hi: value,
+    };
+    match *op {
+        Op::Constant(true) => point(f64::INFINITY),
+        Op::Constant(false) => point(f64::NEG_INFINITY),
+        Op::Leaf(ref leaf) => range_of_leaf(leaf, ranges),
+        Op::Not(a) => known[a].negated(),
+        Op::Gate(gate, a, b) => {
+            let (a, b) = (known[a], known[b]);
+            Interval {
+                lo: gate.at(a.lo, a.hi, b.lo, b.hi),
+                hi: gate.at(a.hi, a.lo, b.hi, b.lo),
+            }
+        }
+        // Windows that begin later can be empty: then `always` is +inf and
+        // `eventually` −inf.
+        Op::Ahead(side, window, a) | Op::Behind(side, window, a) => match side {
+            _ if window.from == 0 => known[a],
+            Side::Min => Interval {
+                hi: f64::INFINITY,
+                ..known[a]
+            },
+            Side::Max => Interval {
+                lo: f64::NEG_INFINITY,
+                ..known[a]
+            },
+        },
+        Op::Until(_, strength, window, a, b) => {
+            let both = union(known[a], known[b]);
+            match (window.from, strength) {
+                (0, _) => both,
+                (_, Strength::Strong) => Interval {
+                    lo: f64::NEG_INFINITY,
+                    hi: f64::INFINITY,
+                },
+                (_, Strength::Weak) => Interval {
+                    hi: f64::INFINITY,
+                    ..both
+                },
+            }
+        }
+        Op::Since(window, a, b) if window.from == 0 => union(known[a], known[b]),
+        Op::Since(..) | Op::Edge(..) => Interval::ANY,
+    }
+}
+
+fn range_of_leaf(leaf: &Leaf, ranges: &[Interval]) -> Interval {
+    // What cannot be computed counts for −inf, or for inf under a negation.
+    let Some(difference) = range_of_value(leaf.difference(), ranges) else {
+        return Interval::ANY;
+    };
+    leaf.margins(difference)
+}
+
+/// `None` where it can be no number at all.
+fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
+    let range = match value {
+        Value::Number(value) => Interval {
+            lo: *value,
+            hi: *value,
+        },
+        Value::Signal(signal) => ranges[*signal],
+        Value::Negative(a) => range_of_value(a, ranges)?.negated(),
+        Value::Calculated(op, sides) => {
+            let a = range_of_value(&sides.0, ranges)?;
+            let b = range_of_value(&sides.1, ranges)?;
+            // inf − inf and 0 · inf, where the signals themselves are finite.
+            let unclear = value.can_be_nan();
+            match op {
+                Arithmetic::Add if unclear => of_corners(a, b, |x, y| x + y)?,
+                Arithmetic::Add => Interval {
+                    lo: a.lo + b.lo,
+                    hi: a.hi + b.hi,
+                },
+                Arithmetic::Subtract if unclear => of_corners(a, b, |x, y| x - y)?,
+                Arithmetic::Subtract => Interval {
+                    lo: a.lo - b.hi,
+                    hi: a.hi - b.lo,
+                },
+                Arithmetic::Multiply if unclear && (meets(a, b) || meets(b, a)) => return None,
+                Arithmetic::Multiply => of_corners(a, b, |x, y| x * y)?,
+                Arithmetic::Divide if b.contains(0.0) => return None,
+                Arithmetic::Divide => of_corners(a, b, |x, y| x / y)?,
+            }
+        }
+        Value::Call(function, all) => {
+            let mut arguments = Vec::with_capacity(all.len());
+            for argument in all {
+                arguments.push(range_of_value(argument, ranges)?);
+            }
+            let first = *arguments.first()?;
+            match function {
+                Function::Min => arguments.into_iter().reduce(|a, b| Interval {
+                    lo: Min::pick(a.lo, b.lo),
+                    hi: Min::pick(a.hi, b.hi),
+                })?,
+                Function::Max => arguments.into_iter().reduce(|a, b| Interval {
+                    lo: Max::pick(a.lo, b.lo),
+                    hi: Max::pick(a.hi, b.hi),
+                })?,
+                Function::Abs => first.absolute(),
+                Function::Sqrt if first.lo < 0.0 => return None,
+                Function::Sqrt => first.map(f64::sqrt),
+                Function::Exp => first.map(libm::exp),
+                Function::Pow => return None,
+            }
+        }
+    };
+    (!range.lo.is_nan() && !range.hi.is_nan()).then_some(range)
+}
+
+fn union(a: Interval, b: Interval) -> Interval {
+    Interval {
+        lo: Min::pick(a.lo, b.lo),
+        hi: Max::pick(a.hi, b.hi),
+    }
+}
+
+/// Whether 0 of the one can come upon an infinity of the other.
+fn meets(a: Interval, b: Interval) -> bool {
+    a.contains(0.0) && (b.lo.is_infinite() || b.hi.is_infinite())
+}
+
+/// A monotone operation's range; `None` if a corner is no number (0 · inf).
+fn of_corners(a: Interval, b: Interval, op: impl Fn(f64, f64) -> f64) -> Option<Interval> {
+    let corners = [
+        op(a.lo, b.lo),
+        op(a.lo, b.hi),
+        op(a.hi, b.lo),
+        op(a.hi, b.hi),
+    ];
+    if corners.iter().any(|corner| corner.is_nan()) {
+        return None;
+    }
+    Some(Interval {
+        lo: corners.into_iter().fold(f64::INFINITY, Min::pick),
+        hi: corners.into_iter().fold(f64::NEG_INFINITY, Max::pick),
+    })
+}

@@ -1,0 +1,131 @@
+//! Secondary signals (Sec. II): what the leaves of a formula measure.
+//!
+//! Minimum, maximum and sign are all that logic does with them, so a
+//! robustness never moves by more than the leaf that moves most: Lemma 1.
+
+use crate::apply::Reading;
+use crate::leaf::Question;
+use crate::monitor::Monitor;
+use crate::offline::Scratch;
+use crate::program::{Id, Op, Side};
+use crate::trace::Trace;
+
+impl Monitor {
+    /// The secondary signals y_k = f_k(s): per leaf its margin at every sample.
+    ///
+    /// A comparison's margin is f(s) − c up to its sign, a Boolean signal's is
+    /// ±inf. Empty for an empty trace.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn secondary(&self, trace: &Trace) -> Vec<Vec<f64>> {
+        self.check(trace);
+        if trace.is_empty() {
+            return Vec::new();
+        }
+        let all = self.program.instructions.iter().enumerate();
+        let leaves = all.filter(|(_, instruction)| matches!(instruction.op, Op::Leaf(_)));
+        leaves.map(|(id, _)| self.values(id, trace)).collect()
+    }
+
+    /// For an invariant, `always φ` or `not eventually φ'`: φ at every sample.
+    ///
+    /// Its robustness is then the least of them, so a single sample decides
+    /// it. `None` if the formula has another shape, or if φ looks at more than
+    /// one sample, or the window leaves samples out.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn invariant(&self, trace: &Trace) -> Option<Vec<f64>> {
+        self.check(trace);
+        let root = self.program.root();
+        let (sign, side, ahead) = match self.program.get(root).op {
+            Op::Not(inner) => (-1.0, Side::Max, inner),
+            _ => (1.0, Side::Min, root),
+        };
+        match self.program.get(ahead).op {
+            Op::Ahead(of, window, inner)
+                if of == side
+                    && window.from == 0
+                    && window.to.is_none_or(|to| trace.len() <= to + 1)
+                    && self.program.get(inner).pointwise =>
+            {
+                let values = self.values(inner, trace);
+                Some(values.into_iter().map(|value| sign * value).collect())
+            }
+            _ => None,
+        }
+    }
+
+    /// Values of a sub-formula without temporal operators.
+    fn values(&self, id: Id, trace: &Trace) -> Vec<f64> {
+        if trace.is_empty() {
+            return Vec::new();
+        }
+        let mut scratch = Scratch::new();
+        let reading: Reading = self.reading(trace.len());
+        let len = trace.len();
+        let mut evaluation = self.evaluation(trace, len, reading, Question::Margin, &mut scratch);
+        evaluation.run(id, 0, len).lower
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Constants, Formula};
+    use super::*;
+    use crate::trace::{Schema, Signal};
+
+    fn trace() -> Trace {
+        let signals = [
+            Signal::real("x", "m", "where"),
+            Signal::boolean("red", "what the light shows"),
+        ];
+        let schema = Schema::new(0.5, signals).expect("a schema");
+        let mut trace = Trace::new(schema.into());
+        for row in [[3.0, 0.0], [1.0, 1.0], [2.0, 1.0]] {
+            trace.push(&row).expect("finite");
+        }
+        trace
+    }
+
+    fn monitor(text: &str) -> Monitor {
+        let formula: Formula = text.parse().expect("a formula");
+        let constants = Constants::from([("T".to_owned(), 1.0)]);
+        formula.bind(trace().schema(), &constants).expect("bound")
+    }
+
+    #[test]
+    fn every_leaf_is_a_secondary_signal() {
+        let margins = monitor("always[0, T] (red implies x >= 1.5)").secondary(&trace());
+        assert_eq!(margins.len(), 2);
+        assert!(margins.contains(&vec![1.5, -0.5, 0.5]));
+        assert!(margins.contains(&vec![f64::NEG_INFINITY, f64::INFINITY, f64::INFINITY]));
+    }
+
+    #[test]
+    fn an_invariant_is_decided_by_its_least_sample() {
+        let trace = trace();
+        for text in [
+            "always[0, T] (x >= 1.5)",
+            "not eventually[0, T] (x < 1.5)",
+            "always (red implies x >= 1.5)",
+            "not eventually (red and x < 1.5)",
+        ] {
+            let monitor = monitor(text);
+            let values = monitor.invariant(&trace).expect(text);
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            assert_eq!(least, monitor.robustness(&trace, &mut Scratch::new()));
+            assert_eq!(values[1], -0.5, "{text}");
+        }
+        for text in [
+            "eventually[0, T] (x >= 1.5)",
+            "always[0.5, T] (x >= 1.5)",
+            "always[0, 0.5] (x >= 1.5)",
+            "always[0, 0.5] eventually[0, 0.5] (x >= 1.5)",
+            "x >= 1.5",
+        ] {
+            assert_eq!(monitor(text).invariant(&trace), None, "{text}");
+        }
+    }
+}

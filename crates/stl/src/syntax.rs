@@ -1,0 +1,328 @@
+//! The syntax tree of formulas and expressions.
+//!
+//! Spans are kept for errors found later, and take no part in equality.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use crate::number::Decimal;
+
+mod text;
+
+/// A place in the text; all places are equal.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Span(pub(crate) Range<usize>);
+
+impl PartialEq for Span {
+    fn eq(&self, _: &Span) -> bool {
+        true
+    }
+}
+
+/// A formula with its place in the text.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Node {
+    pub(crate) kind: Kind,
+    pub(crate) span: Span,
+    /// Levels below and with this one.
+    pub(crate) depth: usize,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Kind {
+    Constant(bool),
+    /// A Boolean signal or a named formula.
+    Name(Arc<str>),
+    /// `first op expr op expr …`
+    Compare(Term, Vec<(Comparison, Term)>),
+    In(Term, Box<(Term, Term)>),
+    Not(Arc<Node>),
+    And(Vec<Arc<Node>>),
+    Or(Vec<Arc<Node>>),
+    Implies(Arc<Node>, Arc<Node>),
+    Iff(Arc<Node>, Arc<Node>),
+    Xor(Arc<Node>, Arc<Node>),
+    Unary(Unary, Option<Bounds>, Arc<Node>),
+    Binary(Binary, Option<Bounds>, Arc<Node>, Arc<Node>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unary {
+    Always,
+    Eventually,
+    Historically,
+    Once,
+    Next,
+    Prev,
+    StrongNext,
+    StrongPrev,
+    Rise,
+    Fall,
+}
+
+impl Unary {
+    pub(crate) fn takes_bounds(self) -> bool {
+        matches!(
+            self,
+            Unary::Always | Unary::Eventually | Unary::Historically | Unary::Once
+        )
+    }
+
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Unary::Always => "always",
+            Unary::Eventually => "eventually",
+            Unary::Historically => "historically",
+            Unary::Once => "once",
+            Unary::Next => "next",
+            Unary::Prev => "prev",
+            Unary::StrongNext => "s_next",
+            Unary::StrongPrev => "s_prev",
+            Unary::Rise => "rise",
+            Unary::Fall => "fall",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Binary {
+    Until,
+    Release,
+    Unless,
+    Since,
+}
+
+impl Binary {
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Binary::Until => "until",
+            Binary::Release => "release",
+            Binary::Unless => "unless",
+            Binary::Since => "since",
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Comparison {
+    Less,
+    LessEqual,
+    Greater,
+    GreaterEqual,
+    Equal,
+    NotEqual,
+}
+
+impl Comparison {
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Comparison::Less => "<",
+            Comparison::LessEqual => "<=",
+            Comparison::Greater => ">",
+            Comparison::GreaterEqual => ">=",
+            Comparison::Equal => "==",
+            Comparison::NotEqual => "!=",
+        }
+    }
+}
+
+/// `[from, to]`; no `to` is the end of the trace.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Bounds {
+    pub(crate) from: Time,
+    pub(crate) to: Option<Time>,
+    pub(crate) span: Span,
+}
+
+/// A time in a bound.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Time {
+    pub(crate) kind: TimeKind,
+    pub(crate) span: Span,
+    /// Levels below and with this one.
+    pub(crate) depth: usize,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum TimeKind {
+    Literal(Decimal, Option<Unit>),
+    Name(Arc<str>, Option<Unit>),
+    Negative(Box<Time>),
+    Calculated(Arithmetic, Box<(Time, Time)>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unit {
+    S,
+    Ms,
+    Us,
+    Ns,
+}
+
+impl Unit {
+    pub(crate) fn parse(word: &str) -> Option<Unit> {
+        Some(match word {
+            "s" => Unit::S,
+            "ms" => Unit::Ms,
+            "us" | "µs" | "μs" => Unit::Us,
+            "ns" => Unit::Ns,
+            _ => return None,
+        })
+    }
+
+    pub(crate) fn word(self) -> &'static str {
+        match self {
+            Unit::S => "s",
+            Unit::Ms => "ms",
+            Unit::Us => "us",
+            Unit::Ns => "ns",
+        }
+    }
+
+    pub(crate) fn per_second(self) -> i128 {
+        match self {
+            Unit::S => 1,
+            Unit::Ms => 1_000,
+            Unit::Us => 1_000_000,
+            Unit::Ns => 1_000_000_000,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Arithmetic {
+    Add,
+    Subtract,
+    Multiply,
+    Divide,
+}
+
+impl Arithmetic {
+    fn word(self) -> &'static str {
+        match self {
+            Arithmetic::Add => "+",
+            Arithmetic::Subtract => "-",
+            Arithmetic::Multiply => "*",
+            Arithmetic::Divide => "/",
+        }
+    }
+
+    fn strength(self) -> u8 {
+        match self {
+            Arithmetic::Add | Arithmetic::Subtract => 1,
+            Arithmetic::Multiply | Arithmetic::Divide => 2,
+        }
+    }
+}
+
+/// A number-valued expression with its place in the text.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Term {
+    pub(crate) kind: TermKind,
+    pub(crate) span: Span,
+    /// Levels below and with this one.
+    pub(crate) depth: usize,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum TermKind {
+    Number(f64),
+    Name(Arc<str>),
+    Negative(Box<Term>),
+    Calculated(Arithmetic, Box<(Term, Term)>),
+    Call(Function, Vec<Term>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Function {
+    Abs,
+    Min,
+    Max,
+    Sqrt,
+    Pow,
+    Exp,
+}
+
+impl Function {
+    pub(crate) const NAMES: [&str; 6] = ["abs", "min", "max", "sqrt", "pow", "exp"];
+
+    pub(crate) fn parse(word: &str) -> Option<Function> {
+        Some(match word {
+            "abs" => Function::Abs,
+            "min" => Function::Min,
+            "max" => Function::Max,
+            "sqrt" => Function::Sqrt,
+            "pow" => Function::Pow,
+            "exp" => Function::Exp,
+            _ => return None,
+        })
+    }
+
+    fn word(self) -> &'static str {
+        Function::NAMES[self as usize]
+    }
+
+    /// Fewest and most arguments.
+    pub(crate) fn arity(self) -> (usize, usize) {
+        match self {
+            Function::Abs | Function::Sqrt | Function::Exp => (1, 1),
+            Function::Pow => (2, 2),
+            Function::Min | Function::Max => (2, 64),
+        }
+    }
+}
+
+impl Node {
+    pub(crate) fn new(kind: Kind, span: Range<usize>) -> Node {
+        let terms =
+            |terms: &mut dyn Iterator<Item = &Term>| terms.map(|t| t.depth).max().unwrap_or(0);
+        let below = match &kind {
+            Kind::Constant(_) | Kind::Name(_) => 0,
+            Kind::Compare(first, rest) => {
+                terms(&mut std::iter::once(first).chain(rest.iter().map(|(_, t)| t)))
+            }
+            Kind::In(x, range) => terms(&mut [x, &range.0, &range.1].into_iter()),
+            Kind::Not(a) | Kind::Unary(_, _, a) => a.depth,
+            Kind::And(all) | Kind::Or(all) => all.iter().map(|a| a.depth).max().unwrap_or(0),
+            Kind::Implies(a, b) | Kind::Iff(a, b) | Kind::Xor(a, b) | Kind::Binary(_, _, a, b) => {
+                a.depth.max(b.depth)
+            }
+        };
+        Node {
+            kind,
+            span: Span(span),
+            depth: below + 1,
+        }
+    }
+}
+
+impl Term {
+    pub(crate) fn new(kind: TermKind, span: Range<usize>) -> Term {
+        let below = match &kind {
+            TermKind::Number(_) | TermKind::Name(_) => 0,
+            TermKind::Negative(a) => a.depth,
+            TermKind::Calculated(_, ab) => ab.0.depth.max(ab.1.depth),
+            TermKind::Call(_, all) => all.iter().map(|a| a.depth).max().unwrap_or(0),
+        };
+        Term {
+            kind,
+            span: Span(span),
+            depth: below + 1,
+        }
+    }
+}
+
+impl Time {
+    pub(crate) fn new(kind: TimeKind, span: Range<usize>) -> Time {
+        let below = match &kind {
+            TimeKind::Literal(..) | TimeKind::Name(..) => 0,
+            TimeKind::Negative(a) => a.depth,
+            TimeKind::Calculated(_, ab) => ab.0.depth.max(ab.1.depth),
+        };
+        Time {
+            kind,
+            span: Span(span),
+            depth: below + 1,
+        }
+    }
+}

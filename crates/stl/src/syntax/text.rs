@@ -1,0 +1,179 @@
+//! The canonical text of a syntax tree: it reads back as the same tree.
+//!
+//! Operands in parentheses unless they are a name, a constant or a prefix
+//! operator behind another one, so that nobody needs to know precedences.
+
+use std::fmt::{self, Display, Formatter};
+use std::sync::Arc;
+
+use super::{Arithmetic, Bounds, Kind, Node, Term, TermKind, Time, TimeKind};
+use crate::parse::is_keyword;
+use crate::token::is_plain_name;
+
+impl Display for Node {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match &self.kind {
+            Kind::Constant(value) => write!(f, "{value}"),
+            Kind::Name(name) => write_name(f, name),
+            Kind::Compare(first, rest) => {
+                write!(f, "{first}")?;
+                rest.iter()
+                    .try_for_each(|(op, term)| write!(f, " {} {term}", op.word()))
+            }
+            Kind::In(x, range) => write!(f, "{x} in [{}, {}]", range.0, range.1),
+            Kind::Not(a) => {
+                f.write_str("not ")?;
+                write_prefixed(f, a)
+            }
+            Kind::And(all) => write_joined(f, "and", all),
+            Kind::Or(all) => write_joined(f, "or", all),
+            Kind::Implies(a, b) => write_joined(f, "implies", [a, b]),
+            Kind::Iff(a, b) => write_joined(f, "iff", [a, b]),
+            Kind::Xor(a, b) => write_joined(f, "xor", [a, b]),
+            Kind::Unary(op, bounds, a) => {
+                f.write_str(op.word())?;
+                if let Some(bounds) = bounds {
+                    write!(f, "{bounds}")?;
+                }
+                f.write_str(" ")?;
+                write_prefixed(f, a)
+            }
+            Kind::Binary(op, bounds, a, b) => {
+                write_operand(f, a)?;
+                write!(f, " {}", op.word())?;
+                if let Some(bounds) = bounds {
+                    write!(f, "{bounds}")?;
+                }
+                f.write_str(" ")?;
+                write_operand(f, b)
+            }
+        }
+    }
+}
+
+fn write_joined<'a>(
+    f: &mut Formatter<'_>,
+    word: &str,
+    all: impl IntoIterator<Item = &'a Arc<Node>>,
+) -> fmt::Result {
+    for (i, node) in all.into_iter().enumerate() {
+        if i != 0 {
+            write!(f, " {word} ")?;
+        }
+        write_operand(f, node)?;
+    }
+    Ok(())
+}
+
+fn write_operand(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
+    match node.kind {
+        Kind::Constant(_) | Kind::Name(_) => write!(f, "{node}"),
+        _ => write!(f, "({node})"),
+    }
+}
+
+/// A prefix operator needs no parentheses around another one.
+fn write_prefixed(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
+    match node.kind {
+        Kind::Not(_) | Kind::Unary(..) => write!(f, "{node}"),
+        _ => write_operand(f, node),
+    }
+}
+
+fn write_name(f: &mut Formatter<'_>, name: &str) -> fmt::Result {
+    if is_plain_name(name) && !is_keyword(name) {
+        f.write_str(name)
+    } else if name.contains('"') {
+        write!(f, "`{name}`")
+    } else {
+        write!(f, "\"{name}\"")
+    }
+}
+
+impl Display for Bounds {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match &self.to {
+            Some(to) => write!(f, "[{}, {to}]", self.from),
+            None => write!(f, "[{}, end]", self.from),
+        }
+    }
+}
+
+impl Display for Time {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match &self.kind {
+            TimeKind::Literal(value, None) => write!(f, "{value}"),
+            TimeKind::Literal(value, Some(unit)) => write!(f, "{value} {}", unit.word()),
+            TimeKind::Name(name, unit) => {
+                write_name(f, name)?;
+                unit.map_or(Ok(()), |unit| write!(f, " {}", unit.word()))
+            }
+            TimeKind::Negative(a) if matches!(a.kind, TimeKind::Calculated(..)) => {
+                write!(f, "-({a})")
+            }
+            TimeKind::Negative(a) => write!(f, "-{a}"),
+            TimeKind::Calculated(op, sides) => {
+                let strength = |time: &Time| match &time.kind {
+                    TimeKind::Calculated(op, _) => op.strength(),
+                    _ => 9,
+                };
+                let (a, b) = (&sides.0, &sides.1);
+                write_sides(f, *op, (a, strength(a)), (b, strength(b)))
+            }
+        }
+    }
+}
+
+impl Display for Term {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match &self.kind {
+            TermKind::Number(value) => write_number(f, *value),
+            TermKind::Name(name) => write_name(f, name),
+            TermKind::Negative(a) if matches!(a.kind, TermKind::Calculated(..)) => {
+                write!(f, "-({a})")
+            }
+            TermKind::Negative(a) => write!(f, "-{a}"),
+            TermKind::Calculated(op, sides) => {
+                let strength = |term: &Term| match &term.kind {
+                    TermKind::Calculated(op, _) => op.strength(),
+                    _ => 9,
+                };
+                let (a, b) = (&sides.0, &sides.1);
+                write_sides(f, *op, (a, strength(a)), (b, strength(b)))
+            }
+            TermKind::Call(function, all) => {
+                write!(f, "{}(", function.word())?;
+                for (i, term) in all.iter().enumerate() {
+                    write!(f, "{}{term}", if i == 0 { "" } else { ", " })?;
+                }
+                f.write_str(")")
+            }
+        }
+    }
+}
+
+/// Operators of one strength group to the left.
+fn write_sides<T: Display>(
+    f: &mut Formatter<'_>,
+    op: Arithmetic,
+    a: (T, u8),
+    b: (T, u8),
+) -> fmt::Result {
+    match a.1 < op.strength() {
+        true => write!(f, "({})", a.0)?,
+        false => write!(f, "{}", a.0)?,
+    }
+    write!(f, " {} ", op.word())?;
+    match b.1 <= op.strength() {
+        true => write!(f, "({})", b.0),
+        false => write!(f, "{}", b.0),
+    }
+}
+
+fn write_number(f: &mut Formatter<'_>, value: f64) -> fmt::Result {
+    if value == 0.0 || (1e-5..1e15).contains(&value.abs()) {
+        write!(f, "{value}")
+    } else {
+        write!(f, "{value:e}")
+    }
+}

@@ -1,0 +1,207 @@
+//! Comparisons whose value is no number: each counts for the worst.
+//!
+//! `d / v > 2` says nothing at d = v = 0, and neither does `not (d / v > 2)`:
+//! a formula holds only if it does whatever such a comparison is taken for.
+//! Where a comparison counts as it is, the worst is −inf; under an odd number
+//! of negations it is +inf. `iff`, `xor`, `rise` and `fall` use an operand both
+//! ways, so here they are spelled out and the operand is bound twice:
+//!
+//! ```text
+//! φ iff ψ  =  (φ implies ψ) and (ψ implies φ)
+//! φ xor ψ  =  (φ or ψ) and (φ implies not ψ)
+//! rise φ   =  φ and prev not φ
+//! fall φ   =  not φ and prev φ
+//! ```
+//!
+//! These are equal to the operators wherever every comparison has a value, bit
+//! for bit, and formulas in which every comparison always has one are left
+//! alone. So nothing that evaluates a program needs to know about NaN.
+
+use std::sync::Arc;
+
+use crate::kernel::Window;
+use crate::leaf::Undefined;
+use crate::program::{Edge, Gate, Id, Op, Program, Side};
+use crate::syntax::{Kind, Node, Unary};
+
+/// Gives every comparison that can be undefined the value that is worst.
+pub(crate) fn settle(program: Program) -> Program {
+    let doubtful = doubtful(&program);
+    if !doubtful.contains(&true) {
+        return program;
+    }
+    let uses = uses(&program);
+    let mut settled = Settled {
+        old: &program,
+        new: Program::new(&program.schema),
+        places: Vec::with_capacity(uses.len()),
+    };
+    for (id, (doubtful, uses)) in doubtful.into_iter().zip(uses).enumerate() {
+        let places = match (doubtful, uses.fails, uses.holds) {
+            (true, true, true) => Places {
+                fails: settled.operator(id, Undefined::Fails),
+                holds: settled.operator(id, Undefined::Holds),
+            },
+            (true, false, true) => Places::both(settled.operator(id, Undefined::Holds)),
+            (true, ..) => Places::both(settled.operator(id, Undefined::Fails)),
+            (false, ..) => Places::both(settled.copy(id)),
+        };
+        settled.places.push(places);
+    }
+    settled.new
+}
+
+/// Which operators have a comparison in them that can be undefined.
+fn doubtful(program: &Program) -> Vec<bool> {
+    let mut doubtful = Vec::with_capacity(program.instructions.len());
+    for instruction in &program.instructions {
+        let own = match &instruction.op {
+            Op::Leaf(leaf) => leaf.can_be_undefined(),
+            op => op.operands().any(|operand| doubtful[operand]),
+        };
+        doubtful.push(own);
+    }
+    doubtful
+}
+
+/// In which senses an operator is used.
+#[derive(Clone, Copy, Default)]
+struct Uses {
+    fails: bool,
+    holds: bool,
+}
+
+impl Uses {
+    fn negated(self) -> Uses {
+        Uses {
+            fails: self.holds,
+            holds: self.fails,
+        }
+    }
+
+    fn also(&mut self, other: Uses) {
+        self.fails |= other.fails;
+        self.holds |= other.holds;
+    }
+}
+
+fn uses(program: &Program) -> Vec<Uses> {
+    const BOTH: Uses = Uses {
+        fails: true,
+        holds: true,
+    };
+    let mut uses = vec![Uses::default(); program.instructions.len()];
+    uses[program.root()].fails = true;
+    for (id, instruction) in program.instructions.iter().enumerate().rev() {
+        let own = uses[id];
+        match instruction.op {
+            Op::Not(a) => uses[a].also(own.negated()),
+            Op::Gate(Gate::Implies, a, b) => {
+                uses[a].also(own.negated());
+                uses[b].also(own);
+            }
+            Op::Gate(Gate::Iff | Gate::Xor, a, b) => {
+                uses[a].also(BOTH);
+                uses[b].also(BOTH);
+            }
+            Op::Edge(_, a) => uses[a].also(BOTH),
+            ref op => op.operands().for_each(|operand| uses[operand].also(own)),
+        }
+    }
+    uses
+}
+
+/// Where an operator of the old program stands in the new one, per sense.
+#[derive(Clone, Copy)]
+struct Places {
+    fails: Id,
+    holds: Id,
+}
+
+impl Places {
+    fn both(id: Id) -> Places {
+        Places {
+            fails: id,
+            holds: id,
+        }
+    }
+}
+
+struct Settled<'a> {
+    old: &'a Program,
+    new: Program,
+    places: Vec<Places>,
+}
+
+impl Settled<'_> {
+    /// Adds an operator of the old program in one sense; its operands are in.
+    fn operator(&mut self, id: Id, sense: Undefined) -> Id {
+        let instruction = self.old.get(id);
+        let source = &instruction.source;
+        let same = |id: Id| self.place(id, sense);
+        let opposite = |id: Id| self.place(id, sense.opposite());
+        let op = match instruction.op {
+            Op::Leaf(ref leaf) => Op::Leaf(leaf.counting(sense)),
+            Op::Not(a) => Op::Not(opposite(a)),
+            Op::Gate(Gate::Implies, a, b) => Op::Gate(Gate::Implies, opposite(a), same(b)),
+            Op::Gate(Gate::Iff, a, b) => {
+                let there = Op::Gate(Gate::Implies, opposite(a), same(b));
+                let back = Op::Gate(Gate::Implies, opposite(b), same(a));
+                let (there, back) = (self.add(there, source), self.add(back, source));
+                Op::Gate(Gate::And, there, back)
+            }
+            Op::Gate(Gate::Xor, a, b) => {
+                let (a_fails, b_fails) = (opposite(a), Op::Not(opposite(b)));
+                let one = Op::Gate(Gate::Or, same(a), same(b));
+                let (one, b_fails) = (self.add(one, source), self.add(b_fails, source));
+                let not_both = Op::Gate(Gate::Implies, a_fails, b_fails);
+                let not_both = self.add(not_both, source);
+                Op::Gate(Gate::And, one, not_both)
+            }
+            Op::Edge(edge, a) => {
+                let (holds, fails) = (same(a), Op::Not(opposite(a)));
+                let operand = &self.old.get(a).source;
+                let negation = node(Kind::Not(operand.clone()), source);
+                let fails = self.add(fails, &negation);
+                let (now, before, was) = match edge {
+                    Edge::Rise => (holds, fails, &negation),
+                    Edge::Fall => (fails, holds, operand),
+                };
+                let previous = node(Kind::Unary(Unary::Prev, None, was.clone()), source);
+                let before = self.add(Op::Behind(Side::Min, ONE, before), &previous);
+                Op::Gate(Gate::And, now, before)
+            }
+            ref op => op.over(same),
+        };
+        self.add(op, source)
+    }
+
+    /// Adds an operator in which nothing is ever undefined.
+    fn copy(&mut self, id: Id) -> Id {
+        let instruction = self.old.get(id);
+        let op = instruction.op.over(|id| self.places[id].fails);
+        self.add(op, &instruction.source)
+    }
+
+    fn place(&self, id: Id, sense: Undefined) -> Id {
+        match sense {
+            Undefined::Fails => self.places[id].fails,
+            Undefined::Holds => self.places[id].holds,
+        }
+    }
+
+    fn add(&mut self, op: Op, source: &Arc<Node>) -> Id {
+        let instruction = self.new.instruction(op, source.clone());
+        self.new.add(instruction)
+    }
+}
+
+const ONE: Window = Window {
+    from: 1,
+    to: Some(1),
+};
+
+/// A part of `whole` that is not written there.
+fn node(kind: Kind, whole: &Node) -> Arc<Node> {
+    Arc::new(Node::new(kind, whole.span.0.clone()))
+}

@@ -1,0 +1,243 @@
+//! The floors of ARCHITECTURE.md, checked from the sources.
+
+mod circles;
+mod snippets;
+mod sources;
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use sources::{Mention, Sources};
+
+/// A module uses only floors below its own.
+const FLOORS: [(&str, u32); 18] = [
+    ("seed", 0),
+    ("seal", 0),
+    ("trace", 0),
+    ("rl", 0),
+    ("sim", 0),
+    ("stl", 1),
+    ("ego", 1),
+    ("rulebook", 2),
+    ("scene", 2),
+    ("testbench", 3),
+    ("scenario", 4),
+    ("run", 5),
+    ("campaign", 6),
+    ("view", 6),
+    ("report", 6),
+    ("cli", 7),
+    ("lib", 8),
+    ("main", 8),
+];
+
+/// Floors below this one know no files, no clock and no terminal.
+const FIRST_WITH_IO: u32 = 4;
+
+/// The ego may be another process: it alone may talk and wait below floor 4.
+const MAY_TALK: &str = "src/ego/process";
+
+/// No file of these uses another one that leads back to it.
+const WITHOUT_CIRCLES: [&str; 4] = [
+    "crates/stl/src/",
+    "src/rl/",
+    "src/scene/drive/",
+    "src/scenario/",
+];
+
+fn floor(module: &str) -> Option<u32> {
+    FLOORS.iter().find(|(m, _)| *m == module).map(|(_, f)| *f)
+}
+
+/// The name on a floor of a module, by its path from the crate on.
+fn floor_name(module: &[String]) -> &str {
+    match module.first().map(String::as_str) {
+        Some("brakecheck") => module.get(1).map_or("lib", String::as_str),
+        Some("brakecheck_stl") if module.get(1).is_some_and(|name| name == "trace") => "trace",
+        Some("brakecheck_stl") => "stl",
+        first => first.unwrap_or("lib"),
+    }
+}
+
+/// All source files; of a published package, those that it has.
+fn texts() -> Vec<(String, String)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut texts = sources::list(root, "src");
+    if !root.join("Cargo.toml.orig").exists() {
+        texts.extend(sources::list(root, "crates/stl/src"));
+    }
+    texts
+}
+
+fn library() -> &'static Sources {
+    static LIBRARY: LazyLock<Sources> = LazyLock::new(|| Sources::read(&texts()));
+    &LIBRARY
+}
+
+fn shown(sources: &Sources, mention: &Mention) -> String {
+    let (file, line) = (&sources.files[mention.file], mention.line);
+    format!("{file}:{line}: {}", mention.path.join("::"))
+}
+
+/// Mentions of a floor that is not below.
+fn upward(sources: &Sources) -> Vec<String> {
+    let goes_up = |mention: &&Mention| {
+        let module = sources.module_of_file(mention.file);
+        let own = floor_name(&module);
+        let Some((defined, _)) = &mention.defined else {
+            return false;
+        };
+        // Both where it is named and where it comes from.
+        [&mention.path, defined].into_iter().any(|used| {
+            let (used, is_root) = (floor_name(used), used.len() == 1 && used[0] == "brakecheck");
+            let below = floor(used).is_none_or(|f| floor(own).is_some_and(|own| f < own));
+            used != own && !below && !is_root
+        })
+    };
+    let mentions = sources.mentions.iter().filter(goes_up);
+    mentions.map(|mention| shown(sources, mention)).collect()
+}
+
+#[test]
+fn every_module_stands_on_a_floor() {
+    let sources = library();
+    for file in 0..sources.files.len() {
+        let module = sources.module_of_file(file);
+        assert!(
+            floor(floor_name(&module)).is_some(),
+            "{} is on no floor: add it to ARCHITECTURE.md and to this test",
+            sources.files[file]
+        );
+    }
+}
+
+#[test]
+fn modules_use_only_floors_below_their_own() {
+    let wrong = upward(library());
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn no_file_uses_another_that_leads_back_to_it() {
+    let sources = library();
+    let mut wrong = String::new();
+    for directory in WITHOUT_CIRCLES.iter().chain(&["src/campaign/"]) {
+        for circle in circles::circles(sources, directory) {
+            let ties = circles::told(sources, directory, &circle);
+            let text = format!("{directory}: a circle of {} files\n{ties}", circle.len());
+            match WITHOUT_CIRCLES.contains(directory) {
+                true => wrong += &text,
+                false => println!("{text}"),
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "\n{wrong}");
+}
+
+#[test]
+fn below_the_scenario_there_is_no_file_no_clock_and_no_hidden_randomness() {
+    const FORBIDDEN: [&str; 12] = [
+        "std::fs",
+        "std::time",
+        "std::env",
+        "std::process",
+        "print!",
+        "println!",
+        "eprint!",
+        "eprintln!",
+        "dbg!",
+        "rand::rng",
+        "rand::thread_rng",
+        "rand::random",
+    ];
+    let sources = library();
+    let forbidden = |mention: &&Mention| {
+        let module = sources.module_of_file(mention.file);
+        let below = floor(floor_name(&module)).is_some_and(|f| f < FIRST_WITH_IO);
+        let talks = sources.files[mention.file].starts_with(MAY_TALK);
+        let path = mention.path.join("::");
+        let is = |word: &&str| {
+            path.strip_prefix(*word)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
+        };
+        let seeds_itself = path.ends_with("from_os_rng") || path == "std::*";
+        below && !talks && (seeds_itself || FORBIDDEN.iter().any(is))
+    };
+    let wrong: Vec<String> = sources
+        .mentions
+        .iter()
+        .filter(forbidden)
+        .map(|m| shown(sources, m))
+        .collect();
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+/// Where test starts are drawn, or told from others: where rates are reported.
+/// Whatever tunes, identifies or trains draws from another purpose's stream.
+const MAY_TEST: [&str; 6] = [
+    "src/seed.rs",
+    "src/testbench/gym.rs",
+    "src/campaign/behaviours.rs",
+    "src/campaign/starts.rs",
+    "src/campaign/table1/mod.rs",
+    "src/campaign/theorems/transfer.rs",
+];
+
+#[test]
+fn nothing_that_tunes_draws_a_test_start() {
+    let sources = library();
+    let draws = |mention: &&Mention| {
+        let tests = mention
+            .path
+            .windows(2)
+            .any(|w| w[0] == "Purpose" && ["Test", "*"].contains(&&*w[1]));
+        tests && !MAY_TEST.contains(&&*sources.files[mention.file])
+    };
+    let wrong: Vec<String> = sources
+        .mentions
+        .iter()
+        .filter(draws)
+        .map(|m| shown(sources, m))
+        .collect();
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+/// Every line of library code with its place; unit tests stand at the end of a
+/// file, or are one.
+fn lines() -> Vec<(String, String)> {
+    let mut lines = Vec::new();
+    for (path, text) in texts() {
+        let code = match text.starts_with("#![cfg(test)]") {
+            true => "",
+            false => text.split("#[cfg(test)]\nmod tests").next().unwrap_or(""),
+        };
+        for (i, line) in code.lines().enumerate() {
+            let line = line.split("//").next().unwrap_or("").trim();
+            lines.push((format!("{path}:{}", i + 1), line.to_owned()));
+        }
+    }
+    lines
+}
+
+#[test]
+fn library_code_does_not_unwrap() {
+    const WORDS: [&str; 5] = [
+        ".unwrap()",
+        ".expect(",
+        "todo!(",
+        "unimplemented!(",
+        "dbg!(",
+    ];
+    let is_wrong = |(_, line): &(String, String)| WORDS.iter().any(|word| line.contains(word));
+    let wrong: Vec<(String, String)> = lines().into_iter().filter(is_wrong).collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn signals_and_robustness_are_double_precision() {
+    // f64 in trace, stl and rulebook; f32 in rapier and the networks.
+    for (place, line) in lines() {
+        let double = place.starts_with("crates/stl/") || place.starts_with("src/rulebook");
+        assert!(!(double && line.contains("f32")), "{place}");
+    }
+}

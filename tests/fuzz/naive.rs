@@ -1,0 +1,1 @@
+../../crates/stl/tests/stl/naive.rs
