@@ -6,7 +6,6 @@ use core::f64::consts::PI;
 
 use serde::{Deserialize, Serialize};
 
-use super::road::CourseError;
 use crate::ego::RoadPiece;
 use crate::sim::Pose;
 
@@ -39,6 +38,18 @@ pub struct OnRoad {
     pub heading_rad: f64,
     /// Curvature of the course there, positive to the left.
     pub curvature_per_m: f64,
+}
+
+/// A road whose course cannot be laid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{what}")]
+pub struct CourseError {
+    /// What is wrong.
+    pub what: String,
+    /// The cure.
+    pub help: String,
+    /// Which piece or point; none if it is about all of them.
+    pub index: Option<usize>,
 }
 
 /// A piece with its place.

@@ -6,13 +6,14 @@ use rand::RngExt;
 
 use super::actions::Choice;
 use super::course::OnRoad;
-use super::light::{LightDrive, Shown};
-use super::reading::scaled;
+use super::layout::Layout;
+use super::light::Shown;
 use super::sensors::Sensing;
-use super::spec::{Agent, Drive, Place, Range};
+use super::signals::scaled;
+use super::spec::{Agent, Drive, LightDrive, Place, Range, Trained};
+use super::staging;
 use super::steering::LaneKeeper;
-use super::trained::{Trained, Who};
-use super::{Layout, staging};
+use super::trained::Who;
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
@@ -108,7 +109,7 @@ impl DriveScene {
     fn decide_trained(&mut self) {
         let layout = Arc::clone(&self.layout);
         for frozen in &layout.frozen {
-            let Some(action) = frozen.act(self) else {
+            let Some(action) = frozen.act(self.sample, |source| self.value(source)) else {
                 continue;
             };
             match (frozen.who, frozen.actions.choice(action)) {

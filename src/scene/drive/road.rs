@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::course::{Course, Piece};
+use super::course::{Course, CourseError, Piece};
 
 /// The road. Lane 0 is the rightmost; its middle is y = 0 on a straight one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -157,16 +157,4 @@ impl Road {
             } => Course::of_points(points_m, *corner_radius_m, reach_m),
         }
     }
-}
-
-/// A road whose course cannot be laid.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{what}")]
-pub struct CourseError {
-    /// What is wrong.
-    pub what: String,
-    /// The cure.
-    pub help: String,
-    /// Which piece or point; none if it is about all of them.
-    pub index: Option<usize>,
 }

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use super::DriveWorld;
+use super::layout::Layout;
 use super::sensors::Sensors;
 use super::spec::{Drive, EgoDrive};
-use super::{DriveWorld, Layout};
 use crate::ego::ControllerSpec;
 use crate::sim::PlantKind;
 
