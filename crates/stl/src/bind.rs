@@ -46,8 +46,29 @@ impl Formula {
         names: &Names,
         settings: &Settings,
     ) -> Result<Monitor, StlError> {
-        let program = bind(&self.root, schema, names, settings)?;
-        Ok(Monitor::new(program, settings))
+        if let Some(rho_max) = settings.rho_max
+            && !(rho_max.is_finite() && 0.0 < rho_max)
+        {
+            let what = format!("rho_max must be positive and finite, not {rho_max}");
+            return Err(StlError::new(what, 0..0, "cannot be clamped"));
+        }
+        let period = Ratio::from_f64(schema.dt_s()).ok_or_else(|| {
+            let what = format!(
+                "the sampling period {} s is no manageable fraction",
+                schema.dt_s()
+            );
+            StlError::new(what, 0..0, "cannot be sampled")
+        })?;
+        let mut binder = Binder {
+            scope: Scope { schema, names },
+            settings,
+            period,
+            program: Program::new(schema),
+            open: Vec::new(),
+            depth: 0,
+        };
+        binder.node(&self.root)?;
+        Ok(Monitor::new(undefined::settle(binder.program), settings))
     }
 }
 
@@ -98,37 +119,6 @@ impl BoundExpr {
         );
         self.value.at(row)
     }
-}
-
-fn bind(
-    root: &Arc<Node>,
-    schema: &Schema,
-    names: &Names,
-    settings: &Settings,
-) -> Result<Program, StlError> {
-    if let Some(rho_max) = settings.rho_max
-        && !(rho_max.is_finite() && 0.0 < rho_max)
-    {
-        let what = format!("rho_max must be positive and finite, not {rho_max}");
-        return Err(StlError::new(what, 0..0, "cannot be clamped"));
-    }
-    let period = Ratio::from_f64(schema.dt_s()).ok_or_else(|| {
-        let what = format!(
-            "the sampling period {} s is no manageable fraction",
-            schema.dt_s()
-        );
-        StlError::new(what, 0..0, "cannot be sampled")
-    })?;
-    let mut binder = Binder {
-        scope: Scope { schema, names },
-        settings,
-        period,
-        program: Program::new(schema),
-        open: Vec::new(),
-        depth: 0,
-    };
-    binder.node(root)?;
-    Ok(undefined::settle(binder.program))
 }
 
 /// What a name can mean: a signal, else a constant, else a formula.

@@ -38,6 +38,13 @@ impl Interval {
         self.lo <= value && value <= self.hi
     }
 
+    pub(crate) fn exactly(value: f64) -> Interval {
+        Interval {
+            lo: value,
+            hi: value,
+        }
+    }
+
     pub(crate) fn map(self, f: impl Fn(f64) -> f64) -> Interval {
         Interval {
             lo: f(self.lo),

@@ -340,10 +340,7 @@ impl Leaf {
             Shape::AtLeast | Shape::MoreThan => difference,
             Shape::Equal => difference.absolute().negated(),
             Shape::NotEqual => difference.absolute(),
-            Shape::Boolean if !difference.contains(0.0) => Interval {
-                lo: f64::INFINITY,
-                hi: f64::INFINITY,
-            },
+            Shape::Boolean if !difference.contains(0.0) => Interval::exactly(f64::INFINITY),
             Shape::Boolean => Interval::ANY,
         }
     }

@@ -157,10 +157,7 @@ impl OnlineMonitor {
         self.ended = true;
         if self.known == 0 {
             let nothing = self.monitor.clamp(f64::NEG_INFINITY);
-            self.interval = Interval {
-                lo: nothing,
-                hi: nothing,
-            };
+            self.interval = Interval::exactly(nothing);
         } else if !self.interval.is_final() {
             let value = match self.held.take() {
                 Some(held) => {
@@ -179,10 +176,7 @@ impl OnlineMonitor {
                 }
             };
             let value = self.monitor.clamp(value);
-            self.interval = Interval {
-                lo: value,
-                hi: value,
-            };
+            self.interval = Interval::exactly(value);
         }
         self.interval.lo
     }

@@ -42,13 +42,9 @@ impl BoundExpr {
 }
 
 fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
-    let point = |value: f64| Interval {
-        lo: value,
-        hi: value,
-    };
     match *op {
-        Op::Constant(true) => point(f64::INFINITY),
-        Op::Constant(false) => point(f64::NEG_INFINITY),
+        Op::Constant(true) => Interval::exactly(f64::INFINITY),
+        Op::Constant(false) => Interval::exactly(f64::NEG_INFINITY),
         Op::Leaf(ref leaf) => range_of_leaf(leaf, ranges),
         Op::Not(a) => known[a].negated(),
         Op::Gate(gate, a, b) => {
@@ -75,10 +71,7 @@ fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
             let both = union(known[a], known[b]);
             match (window.from, strength) {
                 (0, _) => both,
-                (_, Strength::Strong) => Interval {
-                    lo: f64::NEG_INFINITY,
-                    hi: f64::INFINITY,
-                },
+                (_, Strength::Strong) => Interval::ANY,
                 (_, Strength::Weak) => Interval {
                     hi: f64::INFINITY,
                     ..both
@@ -101,10 +94,7 @@ fn range_of_leaf(leaf: &Leaf, ranges: &[Interval]) -> Interval {
 /// `None` where it can be no number at all.
 fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
     let range = match value {
-        Value::Number(value) => Interval {
-            lo: *value,
-            hi: *value,
-        },
+        Value::Number(value) => Interval::exactly(*value),
         Value::Signal(signal) => ranges[*signal],
         Value::Negative(a) => range_of_value(a, ranges)?.negated(),
         Value::Calculated(op, sides) => {

@@ -96,10 +96,7 @@ impl Point {
         match self {
             Point::Present { id, value } => {
                 let value = *value.get_or_insert(tracks[*id].now);
-                Interval {
-                    lo: value,
-                    hi: value,
-                }
+                Interval::exactly(value)
             }
             Point::Track { id } => {
                 let operand = tracks[*id].operand();
@@ -161,10 +158,7 @@ fn window<E: Extremum>(
         if watch.window.from <= now && watch.window.to.is_none_or(|to| now <= to) {
             folded = E::pick(folded, tracks[id].now);
         }
-        Interval {
-            lo: folded,
-            hi: folded,
-        }
+        Interval::exactly(folded)
     } else {
         let (last, settled) = watch.last(reading);
         let operand = tracks[id].operand();
