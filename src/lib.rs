@@ -46,5 +46,7 @@ pub mod testbench;
 #[cfg(feature = "rerun")]
 pub mod view;
 
+#[doc(inline)]
 pub use brakecheck_stl as stl;
+#[doc(inline)]
 pub use brakecheck_stl::trace;

@@ -51,7 +51,7 @@ fn main() {
         experiments: experiments.unwrap_or(2000),
         cells: Vec::new(),
     };
-    let tables: [(&str, fn(&mut Report)); 5] = [
+    let tables: [Table; 5] = [
         ("rates-100", |report| report.rates(100)),
         ("rates-300", |report| report.rates(300)),
         ("rates-500", |report| report.rates(500)),
@@ -65,6 +65,9 @@ fn main() {
     }
     report.summary();
 }
+
+/// A table's name, and what makes it.
+type Table = (&'static str, fn(&mut Report));
 
 /// Prints tables and remembers all cells.
 struct Report {
