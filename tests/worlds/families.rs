@@ -8,6 +8,7 @@ use brakecheck::campaign::{
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::rl::{Control, Policy};
 use brakecheck::run::RunDir;
+use brakecheck::run::StartOutcome::{Solved, Trivial};
 use brakecheck::scenario::{Against, Change, Family, Scenario};
 use brakecheck::scene::Dynamics;
 use brakecheck::seed::{Purpose, StartKey};
@@ -436,16 +437,16 @@ fn more_tries_never_solve_less_and_are_counted() {
     for count in [3, 10, 30] {
         let after = tries(count);
         let (old, new) = (&before.evaluated.row, &after.evaluated.row);
-        for (old, new) in old.solved.bytes().zip(new.solved.bytes()) {
-            assert!(old != b'1' || new == b'1');
+        for (old, new) in old.solved.iter().zip(new.solved.iter()) {
+            assert!(*old != Solved || *new == Solved);
         }
         let spent: u64 = after
             .winners
             .iter()
-            .zip(new.solved.bytes())
+            .zip(new.solved.iter())
             .map(|(winner, mark)| match (winner, mark) {
                 (Some(number), _) => number + 1,
-                (None, b't') => 0,
+                (None, Trivial) => 0,
                 (None, _) => count,
             })
             .sum();

@@ -18,7 +18,7 @@ use super::TestStarts;
 use super::Watch;
 use super::eval::{HOLD_DECISIONS, blank_row, count_solved, note_row};
 use crate::ego::Fault;
-use crate::run::{Anytime, ClosingSpeed, Row, Stored, Unconfirmed, wilson};
+use crate::run::{Anytime, ClosingSpeed, Row, StartOutcome, Stored, Unconfirmed, wilson};
 use crate::scenario::Scenario;
 use crate::scene::{Dynamics, Start};
 use crate::sim::PlantKind;
@@ -200,11 +200,11 @@ impl SearchRequest<'_> {
         let marks = found.iter().zip(&self.starts.trivial);
         row.solved = marks
             .map(|(found, trivial)| match (found, trivial) {
-                (_, true) => 't',
-                (Some(found), _) if found.is_invalid() => 'x',
-                (Some(found), _) if found.actions.is_some() => '1',
-                (Some(_), _) => '0',
-                (None, _) => '-',
+                (_, true) => StartOutcome::Trivial,
+                (Some(found), _) if found.is_invalid() => StartOutcome::Invalid,
+                (Some(found), _) if found.actions.is_some() => StartOutcome::Solved,
+                (Some(_), _) => StartOutcome::Unsolved,
+                (None, _) => StartOutcome::NotReached,
             })
             .collect();
         count_solved(&mut row);
