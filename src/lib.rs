@@ -43,6 +43,7 @@ mod seal;
 pub mod seed;
 pub mod sim;
 pub mod stl;
+mod studies;
 pub mod testbench;
 pub mod trace;
 #[cfg(feature = "rerun")]

@@ -359,7 +359,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
 }
 
 /// Fills the counts of a row from its `solved`.
-pub(super) fn count_solved(row: &mut Row) {
+pub(crate) fn count_solved(row: &mut Row) {
     row.successes = row.solved.count(StartOutcome::Solved);
     row.starts = row.successes + row.solved.count(StartOutcome::Unsolved);
     row.trivial = row.solved.count(StartOutcome::Trivial);

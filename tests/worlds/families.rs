@@ -20,11 +20,7 @@ use super::acc;
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 fn identified(request: &IdentifyRequest<'_>) -> Identified {
@@ -211,11 +207,8 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
         train(&world, &mut whole, &quiet()).expect("trained");
         let mut cut = RunDir::create(&path("cut"), &world, 7).expect("a run");
         let stop = AtomicBool::new(false);
-        let halfway = Watch {
-            progress: &|done, _| stop.store(2500 <= done, Ordering::Relaxed),
-            stop: &stop,
-            faults: Default::default(),
-        };
+        let until = |done, _| stop.store(2500 <= done, Ordering::Relaxed);
+        let halfway = Watch::new(&until, &stop);
         assert!(
             train(&world, &mut cut, &halfway)
                 .expect("begun")
@@ -325,11 +318,7 @@ fn whoever_is_stopped_identifies_nothing() {
     for after in 1..=3 {
         let stop = AtomicBool::new(false);
         let progress = |done, _| stop.store(after <= done, Ordering::Relaxed);
-        let watch = Watch {
-            progress: &progress,
-            stop: &stop,
-            faults: Default::default(),
-        };
+        let watch = Watch::new(&progress, &stop);
         let found = identify(&request, &watch).expect("sound");
         assert_eq!(found, None, "after {after} fits");
     }

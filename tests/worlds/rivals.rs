@@ -17,11 +17,7 @@ use brakecheck::testbench::{Aftermath, Replay, play};
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 fn acc() -> Scenario {

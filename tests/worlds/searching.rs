@@ -13,11 +13,7 @@ use brakecheck::testbench::{Aftermath, Replay, play};
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 fn request<'a>(
@@ -138,11 +134,7 @@ fn a_stopped_evaluation_says_which_starts_it_did_not_reach() {
     let world = super::acc();
     let starts = test_starts(&world, 0, 10, &quiet()).expect("not stopped");
     let stop = AtomicBool::new(true);
-    let watch = Watch {
-        progress: &|_, _| {},
-        stop: &stop,
-        faults: Default::default(),
-    };
+    let watch = Watch::new(&|_, _| {}, &stop);
     let row = search(&request(&world, Method::Switches(2), &starts), &watch).row;
     assert_eq!(row.starts, 0);
     let unseen = [StartOutcome::NotReached, StartOutcome::Trivial];

@@ -25,6 +25,10 @@ use crate::sim::PlantKind;
 use crate::testbench::{Testbench, count_faults};
 use trials::Trials;
 
+/// Most switches of action in the sequences of [`Method::Switches`], unless told
+/// otherwise; what it then solves is what rows call reachable.
+pub const SWITCHES: usize = 2;
+
 /// How sequences of actions are chosen.
 #[derive(Clone, Copy, Debug)]
 pub enum Method<'a> {
@@ -226,7 +230,7 @@ impl SearchRequest<'_> {
 }
 
 /// Fills in what a row says of contacts; its starts are counted already.
-pub(super) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
+pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
     let starts = row.starts.max(1) as f64;
     let share = |part: usize| part as f64 / starts;
     let late_fouls = found.clone().filter(|found| found.foul_before_contact);

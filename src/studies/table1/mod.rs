@@ -15,13 +15,11 @@ use serde::{Deserialize, Serialize};
 
 pub use text::table1_markdown;
 pub use transfer::OpenLoop;
-pub use value::{DeltaNear, NearStarts};
+pub use value::DeltaNear;
 
 use maps::{Map, maps};
 
-use super::TestStarts;
-use super::eval::{Ado, EvalRequest, eval};
-use super::{TrainError, Watch};
+use crate::campaign::{Ado, EvalRequest, TestStarts, TrainError, Watch, eval};
 use crate::rl::{Control, Dice, LearnerConfig, Policy};
 use crate::run::{Outcomes, Row, StartOutcome, seeds_interval, wilson};
 use crate::scenario::{ChangeError, Scenario};

@@ -7,9 +7,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Watch;
 use super::milestones::{Milestone, milestones};
-use super::{TestStarts, test_starts};
+use crate::campaign::{TestStarts, Watch, test_starts};
 use crate::run::{Outcomes, seeds_interval};
 use crate::scenario::Scenario;
 use crate::seed::Seeds;

@@ -1,12 +1,10 @@
 //! Who plays against one ego of the study of reuse.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SWITCHES, Trio, held_word};
-use crate::campaign::TestStarts;
-use crate::campaign::Watch;
-use crate::campaign::eval::{Ado, EvalRequest, best_constant, count_solved, eval};
-use crate::campaign::heuristic::Heuristic;
-use crate::campaign::search::{Found, Method, SearchRequest, Searched, count_contacts, search};
-use crate::campaign::tries::{Tries, other_members};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
+use crate::campaign::{
+    Ado, EvalRequest, Found, Heuristic, Method, SWITCHES, SearchRequest, Searched, TestStarts,
+    Tries, Watch, best_constant, count_contacts, count_solved, eval, other_members, search,
+};
 use crate::rl::Policy;
 use crate::run::{Row, RunDir, RunError, StartOutcome, Stored};
 use crate::scenario::{Family, Member, Scenario};
