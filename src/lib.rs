@@ -42,6 +42,7 @@ pub mod scene;
 mod seal;
 pub mod seed;
 pub mod sim;
+mod studies;
 pub mod testbench;
 #[cfg(feature = "rerun")]
 pub mod view;

@@ -20,16 +20,10 @@ mod judging;
 mod lemmas;
 #[path = "worlds/naming.rs"]
 mod naming;
-#[path = "worlds/near.rs"]
-mod near;
 #[path = "worlds/nested.rs"]
 mod nested;
-#[path = "worlds/paper.rs"]
-mod paper;
 #[path = "worlds/process.rs"]
 mod process;
-#[path = "worlds/reusing.rs"]
-mod reusing;
 #[path = "worlds/rivals.rs"]
 mod rivals;
 #[path = "worlds/sealing.rs"]

@@ -1,7 +1,7 @@
 //! Trainings and starts drawn from known distributions, and how often an
 //! interval of their marks holds the truth.
 
-use brakecheck::run::{mean_difference, paired_difference, seeds_interval};
+use brakecheck::run::{Outcomes, StartOutcome, mean_difference, paired_difference, seeds_interval};
 use brakecheck::seed::generator;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -102,10 +102,10 @@ impl Cell {
         let a = self.marks(self.a, &starts, &mut dice);
         let b = self.b.map(|b| self.marks(b, &starts, &mut dice));
         let (estimate, [lo, hi]) = match (&b, self.egos.len()) {
-            (None, _) => (rate(&a[0]), seeds_interval(&texts(&a[0]))),
-            (Some(b), 1) => paired_difference(&texts(&a[0]), &texts(&b[0])),
+            (None, _) => (rate(&a[0]), seeds_interval(&all(&a[0]))),
+            (Some(b), 1) => paired_difference(&all(&a[0]), &all(&b[0])),
             (Some(b), _) => {
-                let pairs = a.iter().zip(b).map(|(a, b)| (texts(a), texts(b)));
+                let pairs = a.iter().zip(b).map(|(a, b)| (all(a), all(b)));
                 mean_difference(&pairs.collect::<Vec<_>>())
             }
         };
@@ -119,9 +119,9 @@ impl Cell {
 
     /// Marks per ego and training: every start has a difficulty, and every
     /// training its rate and its luck.
-    fn marks(&self, of: Trainings, starts: &[f64], dice: &mut ChaCha8Rng) -> Vec<Vec<String>> {
+    fn marks(&self, of: Trainings, starts: &[f64], dice: &mut ChaCha8Rng) -> Vec<Vec<Outcomes>> {
         let rates: Vec<f64> = (0..of.count).map(|_| of.draw(dice)).collect();
-        let one = |rate: f64, dice: &mut ChaCha8Rng| -> String {
+        let one = |rate: f64, dice: &mut ChaCha8Rng| -> Outcomes {
             let threshold = normal_quantile(rate);
             let (difficult, luck) = (self.shared.sqrt(), (1.0 - self.shared).sqrt());
             let marks = starts.iter().map(|start| {
@@ -130,9 +130,9 @@ impl Cell {
                     _ => normal_share((threshold - difficult * start) / luck),
                 };
                 if dice.random::<f64>() < chance {
-                    '1'
+                    StartOutcome::Solved
                 } else {
-                    '0'
+                    StartOutcome::Unsolved
                 }
             });
             marks.collect()
@@ -192,12 +192,12 @@ impl Trainings {
     }
 }
 
-fn texts(marks: &[String]) -> Vec<&str> {
-    marks.iter().map(String::as_str).collect()
+fn all(marks: &[Outcomes]) -> Vec<&Outcomes> {
+    marks.iter().collect()
 }
 
-fn rate(marks: &[String]) -> f64 {
-    let ones = |marks: &String| marks.bytes().filter(|mark| *mark == b'1').count();
+fn rate(marks: &[Outcomes]) -> f64 {
+    let ones = |marks: &Outcomes| marks.count(StartOutcome::Solved);
     let rates = marks.iter().map(|m| ones(m) as f64 / m.len() as f64);
     rates.sum::<f64>() / marks.len() as f64
 }

@@ -12,7 +12,9 @@ use super::{TestStarts, Watch};
 use crate::ego::{Command, Fault};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::run::{ClosingSpeed, Repeated, Row, StartRepeated, Stored, at_most, wilson};
+use crate::run::{
+    ClosingSpeed, Outcomes, Repeated, Row, StartOutcome, StartRepeated, Stored, at_most, wilson,
+};
 use crate::scenario::{Against, Repeats, Scenario};
 use crate::stl::Explanation;
 use crate::testbench::{
@@ -298,9 +300,9 @@ impl EvalRequest<'_> {
         let marks = played.iter().zip(&self.starts.trivial);
         row.solved = marks
             .map(|(played, trivial)| match (played.as_ref(), trivial) {
-                (_, true) => 't',
-                (Some(played), _) => mark(&played.outcome.verdict),
-                (None, _) => '-',
+                (_, true) => StartOutcome::Trivial,
+                (Some(played), _) => StartOutcome::of(&played.outcome.verdict),
+                (None, _) => StartOutcome::NotReached,
             })
             .collect();
         count_solved(&mut row);
@@ -352,26 +354,16 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         cpu_s: 0.0,
         anytime: Vec::new(),
         unconfirmed: None,
-        solved: String::new(),
-    }
-}
-
-/// How a verdict is marked in `solved`.
-fn mark(verdict: &Verdict) -> char {
-    match verdict {
-        Verdict::Counterexample { .. } => '1',
-        Verdict::Held { .. } | Verdict::Foul { .. } => '0',
-        Verdict::Invalid => 'x',
+        solved: Outcomes::default(),
     }
 }
 
 /// Fills the counts of a row from its `solved`.
-pub(super) fn count_solved(row: &mut Row) {
-    let count = |mark: u8| row.solved.bytes().filter(|b| *b == mark).count();
-    row.successes = count(b'1');
-    row.starts = row.successes + count(b'0');
-    row.trivial = count(b't');
-    row.invalid = count(b'x');
+pub(crate) fn count_solved(row: &mut Row) {
+    row.successes = row.solved.count(StartOutcome::Solved);
+    row.starts = row.successes + row.solved.count(StartOutcome::Unsolved);
+    row.trivial = row.solved.count(StartOutcome::Trivial);
+    row.invalid = row.solved.count(StartOutcome::Invalid);
     row.success_rate = share(row.successes, row.starts);
     row.ci95 = wilson(row.successes, row.starts);
     row.at_most = (row.successes == 0 && 0 < row.starts).then(|| at_most(row.starts));
@@ -420,7 +412,11 @@ pub fn explain_first(
     request: &EvalRequest<'_>,
     evaluated: &Evaluated,
 ) -> Option<(usize, Explanation)> {
-    let index = evaluated.row.solved.bytes().position(|mark| mark == b'1')?;
+    let index = evaluated
+        .row
+        .solved
+        .iter()
+        .position(|one| *one == StartOutcome::Solved)?;
     let bench = &mut request.scenario.bench();
     let mut again = |bench: &mut Testbench, index| request.play(bench, index);
     let episode = evaluated.again(request, bench, index, &mut again);

@@ -1,7 +1,8 @@
 //! Whether an ego answers twice alike: asked before it is believed once.
 
-use super::TestStarts;
-use super::Watch;
+use super::ego_under_test::EgoUnderTest;
+use super::starts::TestStarts;
+use super::watch::Watch;
 use crate::scenario::Scenario;
 use crate::testbench::{Aftermath, Constant};
 
@@ -25,4 +26,18 @@ pub fn answers_differ(scenario: &Scenario, starts: &TestStarts, watch: &Watch<'_
     let (first, again) = (commands()?, commands()?);
     let sample = first.iter().zip(&again).position(|(a, b)| a != b)?;
     Some(sample as f64 * spec.clock.sample_s)
+}
+
+/// Says of an ego that does not answer twice alike what to do about it.
+pub fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) {
+    if 1 < ego.scenario().repeats.runs || watch.stopped() {
+        return;
+    }
+    if let Some(at_s) = answers_differ(ego.scenario(), starts, watch) {
+        watch.note(&format!(
+            "`{}` does not answer twice alike: with the same seed its commands differ from \
+             {at_s:.2} s on; give the world `repeats: 5`",
+            ego.name()
+        ));
+    }
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::TestStarts;
 use super::Watch;
 use super::eval::{Ado, EvalRequest, eval};
-use crate::run::{Row, mean_difference};
+use crate::run::{Outcomes, Row, StartOutcome, mean_difference};
 use crate::scenario::Scenario;
 
 /// Egos on which search solves less than this share of starts tell nothing of
@@ -103,7 +103,10 @@ fn union(rows: &[Row]) -> f64 {
     let Some(first) = rows.first() else {
         return 0.0;
     };
-    let solved = |index: usize| rows.iter().any(|row| row.solved.as_bytes()[index] == b'1');
+    let solved = |index: usize| {
+        rows.iter()
+            .any(|row| row.solved[index] == StartOutcome::Solved)
+    };
     let any = (0..first.solved.len()).filter(|&index| solved(index));
     any.count() as f64 / first.starts.max(1) as f64
 }
@@ -193,7 +196,7 @@ fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) 
         .map(|(ego, rows)| (of(ego, reference), rows))
         .filter(|(compared, _)| ado != reference && !compared.is_empty())
         .collect();
-    let pairs: Vec<(Vec<&str>, Vec<&str>)> = compared
+    let pairs: Vec<(Vec<&Outcomes>, Vec<&Outcomes>)> = compared
         .iter()
         .map(|(compared, rows)| (solved(compared), solved(rows)))
         .collect();
@@ -210,8 +213,8 @@ fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) 
     }
 }
 
-fn solved(rows: &[Row]) -> Vec<&str> {
-    rows.iter().map(|row| row.solved.as_str()).collect()
+fn solved(rows: &[Row]) -> Vec<&Outcomes> {
+    rows.iter().map(|row| &row.solved).collect()
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::eval::{EvalRequest, Evaluated};
 use crate::rulebook::Verdict;
+use crate::run::StartOutcome;
 use crate::scene::Axis;
 use crate::stl::Scratch;
 use crate::testbench::{Episode, Testbench};
@@ -39,9 +40,9 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
     let solved: Vec<usize> = evaluated
         .row
         .solved
-        .bytes()
+        .iter()
         .enumerate()
-        .filter_map(|(start, mark)| (mark == b'1').then_some(start))
+        .filter_map(|(start, outcome)| (*outcome == StartOutcome::Solved).then_some(start))
         .collect();
     let axes = request.scenario.axes();
     let again = |bench: &mut Testbench, start: usize| {

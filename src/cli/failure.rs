@@ -5,9 +5,10 @@ use std::path::Path;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
-use crate::campaign::{IdentifyError, RegressionError, ReuseError, Table1Error, TrainError};
+use crate::campaign::{CampaignError, IdentifyError, RegressionError, TheoremsError, TrainError};
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError};
+use crate::studies::{ReuseError, Table1Error};
 use crate::testbench::Complaint;
 
 /// The documented exit codes.
@@ -164,6 +165,41 @@ impl From<RunError> for Failure {
                 Failure::plain(Exit::Fault, error.to_string(), help)
             }
         }
+    }
+}
+
+impl From<CampaignError> for Failure {
+    fn from(error: CampaignError) -> Failure {
+        match error {
+            CampaignError::Request { what, help } => Failure::input(what, help),
+            CampaignError::NotAllowed { who, command } => not_allowed(&who, &command),
+            CampaignError::World(error) => error.into(),
+            CampaignError::Run(error) => error.into(),
+            CampaignError::Train(error) => error.into(),
+            CampaignError::Kept(error) => error.into(),
+            CampaignError::Identified(error) => error.into(),
+            CampaignError::Identify(error) => error.into(),
+            CampaignError::Theorems(error) => error.into(),
+            CampaignError::Fault(what) => Failure::fault(what, None),
+        }
+    }
+}
+
+impl From<TheoremsError> for Failure {
+    fn from(error: TheoremsError) -> Failure {
+        let help = match &error {
+            TheoremsError::Stochastic { .. } => {
+                "leave out `--theorems`; for such an ego count successes over fresh noise seeds"
+            }
+            TheoremsError::NoCounterexample { .. } => "train longer, or evaluate more starts",
+            TheoremsError::NothingChanged { .. } => {
+                "name changed egos under `reuse`, or give one with `--ego FILE.ron`"
+            }
+            TheoremsError::NotSolved { .. } => {
+                "the exact solver knows `always[0, T] (d_man >= 1)` under unit moves only: leave out `--theorems`"
+            }
+        };
+        Failure::input(error.to_string(), help)
     }
 }
 

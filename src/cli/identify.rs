@@ -1,21 +1,20 @@
 //! `brakecheck identify`: a family's parameters of an ego seen from outside.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use indexmap::IndexMap;
 use serde_json::json;
 
-use super::told::{RECORDED_RUNS, adapted};
 use super::{
-    Common, Exit, Failure, NamedEgo, PlantArg, consent, egos, finished, interrupted_early,
-    on_plant, open_run, print_json, table_of, talk,
+    Common, Exit, Failure, finished, interrupted_early, one_of, open_run, print_json, table_of,
+    talk,
 };
 use crate::campaign::{
-    Adapted, Identified, IdentifyRequest, LEAST_SIMULATIONS, MOST_SIMULATIONS, identify,
+    Adapted, EgoUnderTest, Identification, Identified, IdentifyFound, IdentifyStep,
+    LEAST_SIMULATIONS, MOST_SIMULATIONS, RECORDED_RUNS, on_plant,
 };
-use crate::run::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos};
-use crate::scenario::{Against, Family};
+use crate::scenario::Family;
+use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
 pub(super) struct IdentifyArgs {
@@ -35,8 +34,8 @@ pub(super) struct IdentifyArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(LEAST_SIMULATIONS..=MOST_SIMULATIONS))]
     adapt: Option<u64>,
     /// The physics to record in, instead of the run's.
-    #[arg(long)]
-    plant: Option<PlantArg>,
+    #[arg(long, value_parser = one_of::<PlantKind>())]
+    plant: Option<PlantKind>,
     /// The file to write, for `eval --params`.
     #[arg(short, long, value_name = "P.ron")]
     output: Option<PathBuf>,
@@ -46,90 +45,30 @@ pub(super) struct IdentifyArgs {
 
 pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common)?;
-    let manifest = run.manifest();
-    if manifest.against != Against::Conditional {
-        return Err(Failure::input(
-            format!(
-                "the ado in `{}` is {}: it has no use for an ego's parameters",
-                args.run.display(),
-                manifest.against
-            ),
-            "train one that has: `brakecheck train WORLD --against conditional`",
-        ));
-    }
     let mut world = run.world()?;
     if let Some(plant) = args.plant {
         world = on_plant(&world, plant)?;
     }
-    let Some(family) = world.family() else {
-        return Err(Failure::fault("a conditional ado without a family", None));
+    let identification = Identification {
+        run: &run,
+        world: &world,
+        egos: &EgoUnderTest::find(&world, &args.ego)?,
+        runs: args.runs as usize,
+        leave_out: &args.leave_out,
+        adapt: args.adapt,
+        seed: args.common.seed,
+        output: args.output.as_deref(),
     };
-    if let Some(path) = &args.output {
-        can_be_written(path)?;
-    }
-    if args.adapt.is_some() {
-        // Adapting plays the ado: an unfinished run is found out now.
-        run.policy_bundle()?;
-    }
-    let asked = egos(&world, &args.ego)?;
-    let egos = asked.iter().map(|ego| (ego.name.as_str(), &ego.scenario));
-    consent(egos)?;
-    let seed = args.common.seed;
-    let mut file = IdentifiedEgos::new(&manifest.world, &manifest.world_sha256, seed);
     let bar = talk::bar("identifying");
-    for ego in &asked {
-        bar.now(format!("identifying: {}", ego.name));
-        let watch = bar.watch();
-        let request = IdentifyRequest {
-            world: &world,
-            ego: &ego.scenario,
-            runs: args.runs as usize,
-            seed,
-            fixed: &args.leave_out,
-        };
-        let Some(found) = identify(&request, &watch)? else {
-            break;
-        };
-        bar.aside(|| show(args, family, ego, &found))?;
-        let kept = kept(args, family, ego, &found);
-        file.egos.insert(ego.name.clone(), kept);
-        save(args, &file)?;
-        let Some(simulations) = args.adapt else {
-            continue;
-        };
-        bar.now(format!("adapting: {}", ego.name));
-        let (first, told) = found.told(family);
-        let budget = (simulations, seed);
-        let Some(adapted) = adapted(&run, family, ego, &first, budget, &watch)? else {
-            talk::say(&format!(
-                "`{}` is kept as identified, not adapted",
-                ego.name
-            ));
-            break;
-        };
-        bar.aside(|| show_adapted(args, family, ego, (&adapted, told)))?;
-        if let Some(kept) = file.egos.get_mut(&ego.name) {
-            kept.adapted = Some(AdaptedEgo {
-                policy_sha256: manifest.policy_sha256.clone().unwrap_or_default(),
-                parameters: named(family, &adapted.member.values),
-                others: adapted
-                    .others
-                    .iter()
-                    .map(|member| named(family, &member.values))
-                    .collect(),
-                is_better: adapted.is_better,
-                otherwise: told.to_owned(),
-                success_rate: adapted.success_rate,
-                otherwise_success_rate: adapted.first_success_rate,
-                starts: adapted.starts,
-                tried: adapted.tried,
-                simulations: adapted.simulations,
-                invalid: adapted.invalid,
-            });
+    let mut shown = Ok(());
+    let mut show_one = |step: IdentifyStep<'_>| {
+        if !args.common.json && shown.is_ok() {
+            shown = bar.aside(|| talk::data(&text(&args.leave_out, step)));
         }
-        save(args, &file)?;
-    }
+    };
+    let file = identification.run(&bar.watch(), &mut show_one)?;
     drop(bar);
+    shown?;
     if file.egos.is_empty() {
         return interrupted_early(&args.common);
     }
@@ -147,62 +86,16 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     Ok(finished(Exit::Done))
 }
 
-/// A place that is none is found out before anything is run.
-fn can_be_written(path: &Path) -> Result<(), Failure> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    match folder.as_os_str().is_empty() || folder.is_dir() {
-        true => Ok(()),
-        false => Err(Failure::input(
-            format!("`{}` is no directory", folder.display()),
-            "make it, or name another file with `-o`",
-        )),
+/// What is known now, in words.
+fn text(leave_out: &[String], step: IdentifyStep<'_>) -> String {
+    let name = step.ego.name();
+    match step.found {
+        IdentifyFound::Identified(found) => identified(leave_out, step.family, name, found),
+        IdentifyFound::Adapted(found, otherwise) => adapted(step.family, name, found, otherwise),
     }
 }
 
-/// What is known so far, so that nothing is lost later.
-fn save(args: &IdentifyArgs, file: &IdentifiedEgos) -> Result<(), Failure> {
-    match &args.output {
-        Some(path) => Ok(file.save(path)?),
-        None => Ok(()),
-    }
-}
-
-/// By name, in the order of the family.
-fn named<T: Copy>(family: &Family, values: &[T]) -> IndexMap<String, T> {
-    let names = family.quantities.iter().map(|q| q.varied.name().to_owned());
-    names.zip(values.iter().copied()).collect()
-}
-
-fn kept(args: &IdentifyArgs, family: &Family, ego: &NamedEgo, found: &Identified) -> IdentifiedEgo {
-    let hidden = named(family, &found.hidden).into_iter();
-    IdentifiedEgo {
-        parameters: named(family, &found.member.values),
-        spread: named(family, &found.spread),
-        hidden: hidden
-            .filter(|(name, hidden)| *hidden && !args.leave_out.contains(name))
-            .map(|(name, _)| name)
-            .collect(),
-        explains: found.explains(),
-        residual_m: found.residual_m,
-        nominal_residual_m: found.nominal_residual_m,
-        noise_m: found.noise_m,
-        refits_m: found.refits_m.clone(),
-        recorded: found.recorded,
-        simulations: found.simulations,
-        change: Some(ego.change.clone()),
-        adapted: None,
-    }
-}
-
-fn show_adapted(
-    args: &IdentifyArgs,
-    family: &Family,
-    ego: &NamedEgo,
-    (adapted, otherwise): (&Adapted, &str),
-) -> Result<(), Failure> {
-    if args.common.json {
-        return Ok(());
-    }
+fn adapted(family: &Family, ego: &str, adapted: &Adapted, otherwise: &str) -> String {
     let rate = |share: f64| format!("{:.1} %", 100.0 * share);
     let found = match adapted.is_better {
         true => format!(
@@ -224,21 +117,13 @@ fn show_adapted(
         0 => String::new(),
         failed => format!(", in {failed} of which it failed to run"),
     };
-    talk::data(&format!(
-        "{}: the ado {found} {} members tried in {} runs of the ego{invalid})\n",
-        ego.name, adapted.tried, adapted.simulations
-    ))
+    format!(
+        "{ego}: the ado {found} {} members tried in {} runs of the ego{invalid})\n",
+        adapted.tried, adapted.simulations
+    )
 }
 
-fn show(
-    args: &IdentifyArgs,
-    family: &Family,
-    ego: &NamedEgo,
-    found: &Identified,
-) -> Result<(), Failure> {
-    if args.common.json {
-        return Ok(());
-    }
+fn identified(leave_out: &[String], family: &Family, ego: &str, found: &Identified) -> String {
     let verdict = match found.explains() {
         true => format!(
             "explained: the member stays within {:.2} m of it, {:.2} m allowed",
@@ -256,7 +141,7 @@ fn show(
     let lines = family.quantities.iter().enumerate().map(|(i, quantity)| {
         let name = quantity.varied.name();
         let note = match found.hidden[i] {
-            true if args.leave_out.iter().any(|left| left == name) => "left out: nominal",
+            true if leave_out.iter().any(|left| left == name) => "left out: nominal",
             true => "does not show in these runs: nominal",
             false => "",
         };
@@ -273,16 +158,15 @@ fn show(
         ["quantity", "fitted", "spread", "nominal", "family", ""],
         lines,
     );
-    talk::data(&format!(
-        "{}: {verdict}\n\
+    format!(
+        "{ego}: {verdict}\n\
          (root mean square over {} recorded runs, a speed error of 1 m/s counted like 1 m; the \
          nominal ego strays by {:.2} m, noise alone makes {:.2} m;\nindependent fits {} m; {} runs of \
          members simulated)\n{table}\n",
-        ego.name,
         found.recorded,
         found.nominal_residual_m,
         found.noise_m,
         refits.join(", "),
         found.simulations
-    ))
+    )
 }

@@ -7,33 +7,30 @@ mod crashes;
 mod eval;
 mod failure;
 mod identify;
-mod keeping;
 mod kept;
 mod report;
 mod reproduce;
-mod rivals;
 mod search;
 mod stl;
 mod table;
 mod talk;
 mod theorems;
-mod told;
 mod train;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
+use std::str::FromStr;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand};
 use miette::GraphicalTheme;
 use serde_json::json;
+use strum::{EnumMessage, VariantArray};
 
 pub use failure::{Exit, Failure, Note};
 
-use crate::campaign::{TestStarts, Watch, answers_differ};
-use crate::ego::{ControllerSpec, Process};
 use crate::run::{RunDir, RunError};
-use crate::scenario::{Change, Scenario};
-use crate::sim::PlantKind;
+use crate::scenario::Scenario;
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
@@ -126,35 +123,6 @@ impl Verb {
     }
 }
 
-/// A plant, as named on the command line.
-#[derive(ValueEnum, Clone, Copy, Debug)]
-enum PlantArg {
-    /// 3D rigid bodies on rapier3d.
-    Rigid,
-    /// 2D, closed form.
-    Kinematic,
-}
-
-impl From<PlantArg> for PlantKind {
-    fn from(plant: PlantArg) -> PlantKind {
-        match plant {
-            PlantArg::Rigid => PlantKind::Rigid,
-            PlantArg::Kinematic => PlantKind::Kinematic,
-        }
-    }
-}
-
-/// The same driving world on the plant asked for.
-fn on_plant(scenario: &Scenario, plant: PlantArg) -> Result<Scenario, Failure> {
-    match scenario.drive() {
-        Some(_) => Ok(scenario.on(plant.into())),
-        None => Err(Failure::input(
-            format!("`{}` runs on no plant", scenario.name),
-            "leave out `--plant`: it is for driving worlds",
-        )),
-    }
-}
-
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
@@ -196,20 +164,6 @@ fn settled(exit: Exit) -> Result<Exit, Failure> {
     }
 }
 
-/// Says of an ego that does not answer twice alike what to do about it.
-fn say_if_moody(ego: &NamedEgo, starts: &TestStarts, watch: &Watch<'_>) {
-    if 1 < ego.scenario.repeats.runs || watch.stopped() {
-        return;
-    }
-    if let Some(at_s) = answers_differ(&ego.scenario, starts, watch) {
-        talk::say(&format!(
-            "`{}` does not answer twice alike: with the same seed its commands differ from \
-             {at_s:.2} s on; give the world `repeats: 5`",
-            ego.name
-        ));
-    }
-}
-
 /// Opens a run, with the consent that was typed.
 fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
     let mut run = RunDir::open(path)?;
@@ -229,33 +183,6 @@ fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
     Ok(Scenario::load(path)?.allow_programs(common.allow_programs))
 }
 
-/// Every world that evaluating egos plays: the world's own, for the trivial
-/// starts, and theirs.
-fn all_played<'a>(
-    world: &'a Scenario,
-    egos: &'a [NamedEgo],
-) -> impl Iterator<Item = (&'a str, &'a Scenario)> {
-    let own = std::iter::once(("nominal", world));
-    own.chain(egos.iter().map(|ego| (ego.name.as_str(), &ego.scenario)))
-}
-
-/// Asks for consent before a program that a file names is started.
-fn consent<'a>(egos: impl IntoIterator<Item = (&'a str, &'a Scenario)>) -> Result<(), Failure> {
-    let programs = egos
-        .into_iter()
-        .filter_map(|(name, scenario)| Some((name, scenario.program()?)));
-    let named = programs
-        .into_iter()
-        .find(|(_, program)| !program.is_allowed());
-    match named {
-        Some((name, program)) => Err(failure::not_allowed(
-            &format!("the ego `{name}`"),
-            &program.command,
-        )),
-        None => Ok(()),
-    }
-}
-
 fn with_jobs<F>(common: &Common, verb: F) -> Result<Exit, Failure>
 where
     F: FnOnce() -> Result<Exit, Failure> + Send,
@@ -266,100 +193,19 @@ where
     pool.install(verb)
 }
 
-/// An ego as named on the command line, and how it differs from the world's.
-#[derive(Clone)]
-struct NamedEgo {
-    name: String,
-    change: Change,
-    scenario: Scenario,
-}
-
-impl NamedEgo {
-    /// The world's own.
-    fn nominal(scenario: &Scenario) -> NamedEgo {
-        NamedEgo {
-            name: "nominal".to_owned(),
-            change: Change::default(),
-            scenario: scenario.clone(),
-        }
-    }
-}
-
-/// The egos that a verb was asked for: by name, or a program typed after `--`.
-fn egos_or_program(
-    scenario: &Scenario,
-    asked: &str,
-    program: &[String],
-) -> Result<Vec<NamedEgo>, Failure> {
-    if program.is_empty() {
-        return egos(scenario, asked);
-    }
-    if asked != "nominal" {
-        return Err(Failure::input(
-            "`--ego` names one ego, and the program after `--` is another",
-            "leave out one of the two",
-        ));
-    }
-    let change = Change {
-        controller: Some(ControllerSpec::Process(Process::new(program))),
-        ..Change::default()
-    };
-    let changed = scenario.with(&change).map_err(|error| {
-        Failure::input(
-            error.to_string(),
-            "a program drives the ego of a driving world",
-        )
-    })?;
-    Ok(vec![NamedEgo {
-        name: program.join(" "),
-        change,
-        // Whoever types a program means it to be started.
-        scenario: changed.allow_programs(true),
-    }])
-}
-
-/// Resolves `--ego NAME|FILE.ron|all` against a world.
-fn egos(scenario: &Scenario, asked: &str) -> Result<Vec<NamedEgo>, Failure> {
-    let reused = |name: &String, change: &Change| -> Result<NamedEgo, Failure> {
-        let changed = scenario
-            .with(change)
-            .map_err(|error| Failure::input(error.to_string(), "mend the world's `reuse`"))?;
-        Ok(NamedEgo {
-            name: name.clone(),
-            change: change.clone(),
-            scenario: changed,
-        })
-    };
-    if asked == "nominal" {
-        return Ok(vec![NamedEgo::nominal(scenario)]);
-    }
-    if asked == "all" {
-        let mut all = vec![NamedEgo::nominal(scenario)];
-        for (name, change) in &scenario.reuse {
-            all.push(reused(name, change)?);
-        }
-        return Ok(all);
-    }
-    if let Some((name, change)) = scenario.reuse.get_key_value(asked) {
-        return Ok(vec![reused(name, change)?]);
-    }
-    let path = PathBuf::from(asked);
-    if path.extension().is_some_and(|extension| extension == "ron") {
-        let (change, changed) = scenario.changed_by(&path)?;
-        return Ok(vec![NamedEgo {
-            name: asked.to_owned(),
-            change,
-            scenario: changed,
-        }]);
-    }
-    let known: Vec<&str> = scenario.reuse.keys().map(String::as_str).collect();
-    Err(Failure::input(
-        format!("there is no ego `{asked}` in this world"),
-        format!(
-            "known: nominal, {}; or name a RON file with a `Change`",
-            known.join(", ")
-        ),
-    ))
+/// Values of an argument: the words of a list of the library, explained by its
+/// documentation.
+fn one_of<T>() -> impl TypedValueParser<Value = T>
+where
+    T: VariantArray + FromStr + EnumMessage + Clone + Send + Sync,
+    &'static str: for<'a> From<&'a T>,
+{
+    let values = T::VARIANTS.iter().map(|value| {
+        let about = value.get_documentation().unwrap_or_default();
+        PossibleValue::new(<&'static str>::from(value)).help(about.trim_end_matches('.'))
+    });
+    // Invariant: the words are those that are read.
+    PossibleValuesParser::new(values).try_map(|word| word.parse().map_err(|_| word))
 }
 
 /// A plain table with a header.

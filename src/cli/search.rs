@@ -6,20 +6,15 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{
-    Common, Exit, Failure, NamedEgo, PlantArg, all_played, consent, egos_or_program,
-    interrupted_early, load_world, on_plant, open_run, print_json, say_if_moody, start_count,
-    table, talk,
+    Common, Exit, Failure, interrupted_early, load_world, one_of, open_run, print_json,
+    start_count, table, talk,
 };
 use crate::campaign::{
-    Ado, BreakEven, Cem, Cost, EvalRequest, Method, SearchRequest, Searched, TestStarts, Watch,
-    break_even, eval, search, test_starts,
+    BreakEven, Cem, EgoUnderTest, Method, SWITCHES, SearchCampaign, counterexamples_for, on_plant,
 };
-use crate::rl::Policy;
-use crate::run::{Manifest, Row, RunDir, RunError, Stored};
-use crate::scenario::Scenario;
+use crate::run::{Row, RunDir, Stored};
+use crate::sim::PlantKind;
 
-/// Switches of `--method switches`, unless told otherwise.
-const SWITCHES: usize = 2;
 /// Simulations per start of the other methods, unless told otherwise.
 const BUDGET: u64 = 100;
 
@@ -47,8 +42,8 @@ pub(super) struct SearchArgs {
     #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
     ego: String,
     /// The physics to test in, instead of the world's.
-    #[arg(long)]
-    plant: Option<PlantArg>,
+    #[arg(long, value_parser = one_of::<PlantKind>())]
+    plant: Option<PlantKind>,
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -89,64 +84,28 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     if let Some(plant) = args.plant {
         nominal = on_plant(&nominal, plant)?;
     }
-    let egos = egos_or_program(&nominal, &args.ego, &args.program)?;
-    consent(all_played(&world, &egos))?;
-    let stored = match args.method {
-        MethodArg::Mutate => Some(stored(args, run.as_ref(), &egos)?),
-        _ => None,
-    };
-    let trained = match &run {
-        Some(run) if run.manifest().is_finished() => match run.policy() {
-            Ok(policy) => Some((policy, run.manifest())),
-            // A conditional ado plays only where it is told the ego's parameters.
-            Err(error @ RunError::Untold { .. }) => {
-                talk::say(&format!("{error}; searching without it"));
-                None
-            }
-            Err(error) => return Err(error.into()),
-        },
-        _ => None,
-    };
+    let egos = EgoUnderTest::find_or_program(&nominal, &args.ego, &args.program)?;
+    let stored = stored(args, run.as_ref(), &egos)?;
     let bar = talk::bar("searching");
-    let watch = bar.watch();
-    let Some(starts) = test_starts(&world, args.common.seed, args.starts, &watch) else {
+    let campaign = SearchCampaign {
+        world: &world,
+        egos: &egos,
+        run: run.as_ref(),
+        method: method(args, stored.as_ref()),
+        budget: args.budget.unwrap_or(BUDGET),
+        starts: (args.starts, args.common.seed),
+    };
+    let Some(searched) = campaign.run(&bar.watch())? else {
         return interrupted_early(&args.common);
     };
-    let mut rows = Vec::new();
-    let mut evens = Vec::new();
-    for ego in &egos {
-        bar.now(format!("searching: {}", ego.name));
-        let request = SearchRequest {
-            scenario: &ego.scenario,
-            ego: &ego.name,
-            method: method(args, stored.as_ref()),
-            budget: args.budget.unwrap_or(BUDGET),
-            starts: &starts,
-        };
-        let searched = search(&request, &watch);
-        if let Some((policy, manifest)) = &trained {
-            let against = Against {
-                policy: &**policy,
-                manifest,
-                starts: &starts,
-            };
-            let row = against.row(ego, &searched, &watch);
-            evens.extend(against.break_even(&request, &searched, &row));
-            rows.push(row);
-        }
-        rows.push(searched.row);
-        bar.aside(|| say_if_moody(ego, &starts, &watch));
-        if watch.stopped() {
-            break;
-        }
-    }
     drop(bar);
+    let (rows, evens) = (&searched.rows, &searched.break_even);
     match args.common.json {
         true => print_json(&json!({ "rows": rows, "break_even": evens })),
         false => talk::data(&format!(
             "{}{}{}",
-            table::rows(&rows),
-            anytime_lines(&rows),
+            table::rows(rows),
+            anytime_lines(rows),
             evens.iter().map(in_words).collect::<String>()
         )),
     }?;
@@ -197,77 +156,24 @@ fn method<'a>(args: &SearchArgs, stored: Option<&'a Stored>) -> Method<'a> {
     }
 }
 
-/// The counterexamples to mutate; they must fit the egos' worlds.
-fn stored(args: &SearchArgs, run: Option<&RunDir>, egos: &[NamedEgo]) -> Result<Stored, Failure> {
-    let (stored, source) = match (&args.from, run) {
-        (Some(path), _) => {
-            let run = open_run(path, &args.common)?;
-            (run.counterexamples()?, run.scenario()?)
-        }
-        (None, Some(run)) => (run.counterexamples()?, run.scenario()?),
-        (None, None) => {
-            return Err(Failure::input(
-                "`--method mutate` needs the counterexamples of a training",
-                "name a run directory with `--from RUN`",
-            ));
-        }
+/// The counterexamples to mutate, if the method does.
+fn stored(
+    args: &SearchArgs,
+    run: Option<&RunDir>,
+    egos: &[EgoUnderTest],
+) -> Result<Option<Stored>, Failure> {
+    if args.method != MethodArg::Mutate {
+        return Ok(None);
+    }
+    let from = args.from.as_ref();
+    let from = from.map(|from| open_run(from, &args.common)).transpose()?;
+    let Some(run) = from.as_ref().or(run) else {
+        return Err(Failure::input(
+            "`--method mutate` needs the counterexamples of a training",
+            "name a run directory with `--from RUN`",
+        ));
     };
-    let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
-    match egos
-        .iter()
-        .find(|ego| shape(&ego.scenario) != shape(&source))
-    {
-        Some(ego) => Err(Failure::input(
-            format!(
-                "the counterexamples of `{}` do not fit `{}` with the ego `{}`: other starts or actions",
-                source.name, ego.scenario.name, ego.name
-            ),
-            "name a run of the same world",
-        )),
-        None => Ok(stored),
-    }
-}
-
-/// The trained ado of the run that is searched.
-struct Against<'a> {
-    policy: &'a dyn Policy,
-    manifest: &'a Manifest,
-    starts: &'a TestStarts,
-}
-
-impl Against<'_> {
-    fn row(&self, ego: &NamedEgo, searched: &Searched, watch: &Watch<'_>) -> Row {
-        let request = EvalRequest {
-            scenario: &ego.scenario,
-            ego: &ego.name,
-            ado: Ado::Trained(self.policy, self.manifest.seed),
-            starts: self.starts,
-        };
-        let mut row = eval(&request, watch).row;
-        row.compare_with_search(&searched.row.solved);
-        row
-    }
-
-    /// Of methods with a budget only: the others are no rival but a measure.
-    fn break_even(
-        &self,
-        request: &SearchRequest<'_>,
-        searched: &Searched,
-        trained: &Row,
-    ) -> Option<BreakEven> {
-        if matches!(request.method, Method::Switches(_)) || talk::stopped() {
-            return None;
-        }
-        let once = match request.method {
-            // It lives on a training as well: neither is charged for one.
-            Method::Mutate(_) => Cost::default(),
-            _ => Cost::of_training(self.manifest),
-        };
-        if self.manifest.physics_steps == 0 {
-            talk::say("an earlier version trained this run: it counted no physics steps");
-        }
-        break_even(searched, request.budget, trained, once)
-    }
+    Ok(Some(counterexamples_for(run, egos)?))
 }
 
 /// Success after fewer simulations, one line per search.

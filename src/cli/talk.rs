@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use miette::GraphicalTheme;
 
 use super::Failure;
-use crate::campaign::Watch;
+use crate::campaign::{Remark, Watch};
 use crate::testbench::FaultLog;
 
 /// Set once Ctrl-C was pressed.
@@ -72,6 +72,7 @@ pub(super) fn data(text: &str) -> Result<(), Failure> {
 pub(super) struct Bar {
     shown: ProgressBar,
     progress: Box<dyn Fn(u64, u64) + Send + Sync>,
+    remarks: Box<dyn Fn(Remark<'_>) + Send + Sync>,
 }
 
 /// A bar over work whose amount the work itself tells.
@@ -89,7 +90,16 @@ pub(super) fn bar(what: &str) -> Bar {
         moved.set_length(total);
         moved.set_position(done);
     });
-    Bar { shown, progress }
+    let named = shown.clone();
+    let remarks = Box::new(move |remark: Remark<'_>| match remark {
+        Remark::Phase(what) => named.set_message(what.to_owned()),
+        Remark::Line(line) => named.suspend(|| say(line)),
+    });
+    Bar {
+        shown,
+        progress,
+        remarks,
+    }
 }
 
 impl Bar {
@@ -97,14 +107,10 @@ impl Bar {
     pub(super) fn watch(&self) -> Watch<'_> {
         Watch {
             progress: &*self.progress,
+            remarks: &*self.remarks,
             stop: &STOP,
             faults: faults(),
         }
-    }
-
-    /// Says what is done now.
-    pub(super) fn now(&self, what: String) {
-        self.shown.set_message(what);
     }
 
     /// Does something that prints, with the bar out of the way.

@@ -1,78 +1,14 @@
-//! `brakecheck eval --theorems`: the paper's theorems checked on a run.
+//! What `eval --theorems` prints.
 
-use serde_json::{Value, json};
+use super::table_of;
+use crate::campaign::{CarryOver, Forecast, NearbyStarts, TheoremsChecked};
 
-use super::{Failure, NamedEgo, table_of};
-use crate::campaign::{
-    CarryOver, Forecast, NearbyStarts, TestStarts, TheoremsError, TheoremsRequest, Watch,
-    carry_over, nearby_starts,
-};
-use crate::rl::Policy;
-use crate::scenario::Scenario;
-
-/// Share of starts on which a predicted distance may be exceeded.
-const ALPHA: f64 = 0.1;
-
-/// What was checked, for people and for programs.
-pub(super) struct Checked {
-    /// Tables and sentences.
-    pub(super) text: String,
-    /// The value of the JSON key `theorems`.
-    pub(super) json: Value,
-    /// Whether a theorem failed, which is a bug of this program.
-    pub(super) is_refuted: bool,
-}
-
-/// Checks what applies to the world; `None`: stopped.
-pub(super) fn check(
-    nominal: &Scenario,
-    egos: Vec<NamedEgo>,
-    policy: &dyn Policy,
-    starts: &TestStarts,
-    watch: &Watch<'_>,
-) -> Result<Option<Checked>, Failure> {
-    if nominal.grid().is_some() {
-        let nearby = nearby_starts(nominal, policy).map_err(failure)?;
-        return Ok(Some(Checked {
-            text: on_a_grid(&nearby),
-            is_refuted: 0 < nearby.misses + nearby.misses_of_2,
-            json: json!({ "nearby_starts": nearby }),
-        }));
+/// Tables and sentences.
+pub(super) fn text(checked: &TheoremsChecked) -> String {
+    match checked {
+        TheoremsChecked::NearbyStarts(nearby) => on_a_grid(nearby),
+        TheoremsChecked::CarryOver(carried) => on_the_road(carried),
     }
-    let egos = egos.into_iter().filter(|ego| ego.name != "nominal");
-    let changed: Vec<(String, Scenario)> = egos.map(|ego| (ego.name, ego.scenario)).collect();
-    let request = TheoremsRequest {
-        nominal,
-        changed: &changed,
-        policy,
-        starts,
-        alpha: ALPHA,
-    };
-    let carried = carry_over(&request, watch).map_err(failure)?;
-    Ok(carried.map(|carried| Checked {
-        text: on_the_road(&carried),
-        is_refuted: carried.rows.iter().any(|row| {
-            let sharper = row.sharper.as_ref().map_or(0, |sharper| sharper.misses);
-            0 < row.misses + sharper
-        }),
-        json: json!({ "carry_over": carried }),
-    }))
-}
-
-fn failure(error: TheoremsError) -> Failure {
-    let help = match &error {
-        TheoremsError::Stochastic { .. } => {
-            "leave out `--theorems`; for such an ego count successes over fresh noise seeds"
-        }
-        TheoremsError::NoCounterexample { .. } => "train longer, or evaluate more starts",
-        TheoremsError::NothingChanged { .. } => {
-            "name changed egos under `reuse`, or give one with `--ego FILE.ron`"
-        }
-        TheoremsError::NotSolved { .. } => {
-            "the exact solver knows `always[0, T] (d_man >= 1)` under unit moves only: leave out `--theorems`"
-        }
-    };
-    Failure::input(error.to_string(), help)
 }
 
 fn on_a_grid(nearby: &NearbyStarts) -> String {

@@ -38,7 +38,7 @@ pub struct Report<'a> {
     /// Where `tested` comes from, and over how many starts.
     pub about_tested: String,
     /// Simulations that ways to find failures cost.
-    pub costs: Vec<Cost>,
+    pub costs: Vec<TestingCost>,
     /// What the reader must know first, such as that training is unfinished.
     pub notes: Vec<String>,
     /// Faults of ego or physics, more than were allowed; empty if all is well.
@@ -88,7 +88,7 @@ pub struct Tested {
 }
 
 /// What testing n new starts costs: `fixed` + n · `per_start` simulations.
-pub struct Cost {
+pub struct TestingCost {
     /// The way to find failures.
     pub name: String,
     /// Simulations before the first start.

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::plot::{Cell, Chart, Curve, HeatMap, Histogram, Mark, chart, heat_map, histogram};
-use super::{Cost, Nominal, Tested, Training};
+use super::{Nominal, Tested, TestingCost, Training};
 use crate::rulebook::Verdict;
 use crate::run::Row;
 use crate::scene::Axis;
@@ -187,8 +187,8 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
 }
 
 /// Simulations for n new starts, and where the trained ado becomes cheaper.
-pub(super) fn costs(costs: &[Cost]) -> Markup {
-    let even: Vec<(f64, &Cost)> = costs
+pub(super) fn costs(costs: &[TestingCost]) -> Markup {
+    let even: Vec<(f64, &TestingCost)> = costs
         .iter()
         .skip(1)
         .filter_map(|other| Some((break_even(costs.first()?, other)?, other)))
@@ -250,12 +250,12 @@ pub(super) fn costs(costs: &[Cost]) -> Markup {
 }
 
 /// A break-even in words: a bound where the search solves less than the ado.
-fn in_starts(starts: f64, search: &Cost) -> String {
+fn in_starts(starts: f64, search: &TestingCost) -> String {
     let bound = if search.matched { "" } else { "at most " };
     format!("{bound}{starts:.0}")
 }
 
-impl Cost {
+impl TestingCost {
     /// Simulations for `n` starts.
     fn at(&self, n: f64) -> f64 {
         self.fixed + n * self.per_start
@@ -263,7 +263,7 @@ impl Cost {
 }
 
 /// From how many starts on the first way is cheaper than the other.
-fn break_even(first: &Cost, other: &Cost) -> Option<f64> {
+fn break_even(first: &TestingCost, other: &TestingCost) -> Option<f64> {
     let saved = other.per_start - first.per_start;
     (0.0 < saved).then(|| ((first.fixed - other.fixed) / saved).max(0.0))
 }

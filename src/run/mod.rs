@@ -27,6 +27,7 @@ mod identified;
 mod interval;
 mod kept;
 mod manifest;
+mod outcome;
 mod progress;
 mod repeated;
 mod row;
@@ -48,6 +49,7 @@ pub use interval::{
 };
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Window};
+pub use outcome::{Outcomes, StartOutcome, UnknownMark};
 pub use progress::Progress;
 pub use repeated::{Repeated, StartRepeated};
 pub use row::{Anytime, ClosingSpeed, Row, Unconfirmed};

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::interval::runs_interval;
-use crate::rulebook::Verdict;
+use super::outcome::{Outcomes, StartOutcome};
 use crate::scenario::Repeats;
 use crate::testbench::Episode;
 
@@ -33,25 +33,21 @@ impl Repeated {
         if runs < 2 || starts.is_empty() {
             return None;
         }
-        // One string of marks per run.
-        let marks_of = |run: usize| -> String {
-            let marks = starts.iter().map(|start| start.marks.get(run));
-            marks.map(|mark| mark.copied().unwrap_or('-')).collect()
+        let of_run = |run: usize| -> Outcomes {
+            let outcomes = starts.iter().map(|start| start.outcomes.get(run).copied());
+            outcomes
+                .map(|outcome| outcome.unwrap_or(StartOutcome::NotReached))
+                .collect()
         };
-        let marks: Vec<String> = (0..runs as usize).map(marks_of).collect();
-        let all: Vec<&str> = marks.iter().map(String::as_str).collect();
-        let count = |wanted: char| {
-            marks
-                .iter()
-                .flat_map(|m| m.chars().filter(move |m| *m == wanted))
-                .count()
-        };
-        let (failing, held) = (count('1'), count('0'));
+        let all: Vec<Outcomes> = (0..runs as usize).map(of_run).collect();
+        let count = |outcome| all.iter().map(|run| run.count(outcome)).sum::<usize>();
+        let failing = count(StartOutcome::Solved);
+        let held = count(StartOutcome::Unsolved);
         Some(Repeated {
             runs,
             gate,
             failing_share: failing as f64 / (failing + held).max(1) as f64,
-            ci95: runs_interval(&all),
+            ci95: runs_interval(&all.iter().collect::<Vec<_>>()),
             differing: starts.iter().filter(|start| start.differs).count(),
         })
     }
@@ -60,8 +56,8 @@ impl Repeated {
 /// The runs of one start.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StartRepeated {
-    /// Per run: 1 the ego failed, 0 it did not, x it did not run.
-    marks: Vec<char>,
+    /// Per run.
+    outcomes: Outcomes,
     /// Whether the ego commanded otherwise in one of them.
     differs: bool,
 }
@@ -71,30 +67,29 @@ impl StartRepeated {
     /// for all: a failure if there are `gate` of them, else a run that was no
     /// failure, an invalid one first, since nobody knows what it would have been.
     pub fn of(episodes: &[Episode], gate: u32) -> (StartRepeated, usize) {
-        let mark = |episode: &Episode| match episode.verdict {
-            Verdict::Counterexample { .. } => '1',
-            Verdict::Held { .. } | Verdict::Foul { .. } => '0',
-            Verdict::Invalid => 'x',
-        };
-        let marks: Vec<char> = episodes.iter().map(mark).collect();
-        let first = |wanted: char| marks.iter().position(|mark| *mark == wanted);
-        let failures = marks.iter().filter(|mark| **mark == '1').count();
-        let standing = match gate.max(1) as usize <= failures {
-            true => first('1'),
-            false => first('x').or(first('0')),
+        use StartOutcome::{Invalid, Solved, Unsolved};
+        let verdicts = episodes.iter().map(|episode| &episode.verdict);
+        let outcomes: Outcomes = verdicts.map(StartOutcome::of).collect();
+        let first = |wanted| outcomes.iter().position(|outcome| *outcome == wanted);
+        let standing = match gate.max(1) as usize <= outcomes.count(Solved) {
+            true => first(Solved),
+            false => first(Invalid).or(first(Unsolved)),
         };
         let differs = episodes.windows(2).any(|pair| {
             let same = pair[0].commands == pair[1].commands && pair[0].trace == pair[1].trace;
             !same && pair.iter().all(|episode| episode.fault.is_none())
         });
         // Invariant: fewer failures than the gate leave a run that is none.
-        (StartRepeated { marks, differs }, standing.unwrap_or(0))
+        (StartRepeated { outcomes, differs }, standing.unwrap_or(0))
     }
 
     /// Runs in which the ego failed, and all that ran.
     pub fn failing(&self) -> (usize, usize) {
-        let count = |wanted: char| self.marks.iter().filter(|mark| **mark == wanted).count();
-        (count('1'), count('1') + count('0'))
+        let failing = self.outcomes.count(StartOutcome::Solved);
+        (
+            failing,
+            failing + self.outcomes.count(StartOutcome::Unsolved),
+        )
     }
 
     /// Whether the ego commanded otherwise in one of the runs.

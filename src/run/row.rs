@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::outcome::{Outcomes, StartOutcome};
 use super::repeated::Repeated;
 use crate::rulebook::JudgeKind;
 use crate::scene::Dynamics;
@@ -81,8 +82,8 @@ pub struct Row {
     /// What did not carry over from the plant that pre-screened.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unconfirmed: Option<Unconfirmed>,
-    /// Per start in order: 1 solved, 0 not, t trivial, x invalid, - not reached.
-    pub solved: String,
+    /// How each start ended, in order.
+    pub solved: Outcomes,
 }
 
 /// What a search had reached after so many simulations per start.
@@ -145,13 +146,14 @@ impl Row {
     /// Fills recall and `beyond_search` from the row of a search.
     ///
     /// Both rows must be over the same starts.
-    pub fn compare_with_search(&mut self, search_solved: &str) {
-        let pairs = self.solved.bytes().zip(search_solved.bytes());
+    pub fn compare_with_search(&mut self, search_solved: &Outcomes) {
+        use StartOutcome::{Solved, Unsolved};
+        let pairs = self.solved.iter().zip(search_solved.iter());
         let (mut both, mut search, mut beyond) = (0usize, 0usize, 0usize);
         for (mine, theirs) in pairs {
-            search += usize::from(theirs == b'1');
-            both += usize::from(theirs == b'1' && mine == b'1');
-            beyond += usize::from(theirs == b'0' && mine == b'1');
+            search += usize::from(*theirs == Solved);
+            both += usize::from((theirs, mine) == (&Solved, &Solved));
+            beyond += usize::from((theirs, mine) == (&Unsolved, &Solved));
         }
         self.recall = (0 < search).then(|| both as f64 / search as f64);
         self.beyond_search = Some(beyond);

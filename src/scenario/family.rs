@@ -15,6 +15,7 @@ use std::fmt;
 use indexmap::IndexMap;
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
+use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::file::Change;
 use super::quantity::{Quantity, Varied};
@@ -31,26 +32,37 @@ const PURE: f64 = 0.15;
 const NOMINAL: f64 = 0.6;
 
 /// What an ado is trained against.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    VariantArray,
+    EnumString,
+    IntoStaticStr,
+    EnumMessage,
+)]
 #[serde(rename_all = "lowercase")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Against {
     /// The world's own ego.
     #[default]
     Nominal,
-    /// The family, without being told the member.
+    /// All egos of the family; the ado is not told which one it meets.
     Wide,
-    /// The family, being told the member.
+    /// All egos of the family; the ado is told the parameters of each.
     Conditional,
 }
 
 impl Against {
     /// The word in files and on the command line.
     pub fn word(self) -> &'static str {
-        match self {
-            Against::Nominal => "nominal",
-            Against::Wide => "wide",
-            Against::Conditional => "conditional",
-        }
+        self.into()
     }
 
     /// Whether it is the world's own ego, as when nothing is said.

@@ -225,6 +225,15 @@ impl Scenario {
         })
     }
 
+    /// The same world, to learn for so many decisions.
+    #[must_use]
+    pub fn training_for(&self, decisions: u64) -> Scenario {
+        Scenario {
+            learner: self.learner.clone().with_decisions(decisions),
+            ..self.clone()
+        }
+    }
+
     /// The family of egos under `train_against`, if the world has one.
     pub fn family(&self) -> Option<&Family> {
         self.family.as_deref()
@@ -299,6 +308,11 @@ impl Scenario {
         };
         same.programs_allowed = allowed;
         same
+    }
+
+    /// Whether programs that files name may be started.
+    pub fn may_start_programs(&self) -> bool {
+        self.programs_allowed
     }
 
     /// The same world with something changed.

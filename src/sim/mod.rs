@@ -32,6 +32,7 @@ pub mod rigid;
 mod walk;
 
 use serde::{Deserialize, Serialize};
+use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 pub use body::{Body, BodyError, BodyKind, InvalidBody, Vehicle, Walker};
 pub use kinematic::Kinematic;
@@ -65,7 +66,21 @@ fn finite(command: Command) -> Option<Command> {
 pub struct BodyId(pub usize);
 
 /// The two plants.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    Hash,
+    Serialize,
+    Deserialize,
+    VariantArray,
+    EnumString,
+    IntoStaticStr,
+    EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
 pub enum PlantKind {
     /// 3D rigid bodies on rapier3d.
     Rigid,

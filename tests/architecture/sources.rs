@@ -84,11 +84,11 @@ impl Sources {
             reader.enter();
             reader.visit_file(&file);
         }
-        let tests = std::mem::take(&mut sources.tests);
-        let for_tests = |module: &[String]| tests.iter().any(|test| module.starts_with(test));
-        sources.modules.retain(|module, _| !for_tests(module));
+        let mut modules = std::mem::take(&mut sources.modules);
+        modules.retain(|module, _| !sources.is_for_tests(module));
+        sources.modules = modules;
         let mut mentions = std::mem::take(&mut sources.mentions);
-        mentions.retain(|mention| !for_tests(&mention.within));
+        mentions.retain(|mention| !sources.is_for_tests(&mention.within));
         for mention in &mut mentions {
             mention.path = sources.absolute(&mention.within, &mention.written, 0);
             let defined = sources.defined(&mention.path, 0);
@@ -96,6 +96,11 @@ impl Sources {
         }
         sources.mentions = mentions;
         sources
+    }
+
+    /// Whether a module is compiled for tests only.
+    pub fn is_for_tests(&self, module: &[String]) -> bool {
+        self.tests.iter().any(|test| module.starts_with(test))
     }
 
     /// The module that a file is.

@@ -38,7 +38,7 @@ fn recall_and_what_is_beyond_search_are_counted_start_by_start() {
     ];
     for (mine, search, recall, beyond) in cases {
         let mut row = row("trained", mine);
-        row.compare_with_search(search);
+        row.compare_with_search(&search.parse().expect("marks"));
         assert_eq!(
             (row.recall, row.beyond_search),
             (recall, Some(beyond)),

@@ -5,7 +5,7 @@ use brakecheck::campaign::{
 };
 use brakecheck::ego::{Fault, FaultKind};
 use brakecheck::rl::Policy;
-use brakecheck::run::{ClosingSpeed, Row, Stored, at_most, wilson};
+use brakecheck::run::{ClosingSpeed, Row, StartOutcome, Stored, at_most, wilson};
 use brakecheck::scenario::{Repeats, Scenario};
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Actor, FaultLog, Held, Random, Success};
@@ -100,7 +100,7 @@ fn the_row_of_every_constant_is_the_one_on_paper() {
         // By the thresholds alone.
         let bound_m = [0.0, 14.0, 22.0, 27.8125, 21.875][action];
         let solved = marks(|h| if h < bound_m { '1' } else { '0' });
-        assert_eq!(row.solved, solved, "action {action}");
+        assert_eq!(row.solved.to_string(), solved, "action {action}");
         assert_eq!((row.recall, row.beyond_search), (None, None));
         assert_eq!((row.ado.as_str(), row.start_seed), ("constant", 7));
     }
@@ -181,7 +181,10 @@ fn a_policy_is_asked_at_every_decision_and_its_row_is_the_one_on_paper() {
     let papers: Vec<Paper> = counted().map(|h| paper(h, true, near_19)).collect();
     let steps = papers.iter().map(Paper::steps).sum();
     expect_row(&row, &papers, 16, steps);
-    assert_eq!(row.solved, marks(|h| paper(h, true, near_19).mark()));
+    assert_eq!(
+        row.solved.to_string(),
+        marks(|h| paper(h, true, near_19).mark())
+    );
     assert_eq!((row.ado.as_str(), row.train_seed), ("trained", Some(5)));
     // From 22.5 m it brakes hard for a second or more, and gets closer than one
     // that brakes softly all the time, which fails from 22 m on.
@@ -251,7 +254,7 @@ fn trivial_are_the_starts_from_which_a_coasting_ado_solves() {
     let solved = counted.iter().filter(|h| (14.0..27.8125).contains(*h));
     assert_eq!(row.successes, solved.count());
     assert_eq!((row.trivial, row.starts), (trivial, 200 - trivial));
-    assert_eq!(row.solved.matches('t').count(), trivial);
+    assert_eq!(row.solved.count(StartOutcome::Trivial), trivial);
 }
 
 fn stored(from: &[(f64, &[usize])]) -> Stored {
@@ -276,13 +279,16 @@ fn replays_cost_one_simulation_each_until_one_succeeds() {
     let order: [&[usize]; 3] = [&[1, 2], &[3], &[3, 2, 1]];
     let starts = starts_at(&headways_m);
     let rows = [1, 3, 10].map(|most| evaluated(&world, Ado::Replays(&stored, most), &starts).row);
-    assert_eq!(rows[0].solved, "010");
+    assert_eq!(rows[0].solved.to_string(), "010");
     assert_eq!(
         (rows[0].sims_per_start, rows[0].ado.as_str()),
         (1.0, "replay")
     );
     for row in &rows[1..] {
-        assert_eq!((row.solved.as_str(), row.ado.as_str()), ("110", "replays"));
+        assert_eq!(
+            (row.solved.to_string(), row.ado.as_str()),
+            ("110".to_owned(), "replays")
+        );
         near(row.sims_per_start, (2.0 + 1.0 + 3.0) / 3.0);
         let pairs = headways_m.iter().zip(order);
         let played = pairs.flat_map(|(h, order)| order.iter().map(|a| paper_of(*h, &[*a])));
@@ -376,7 +382,7 @@ fn tries_count_every_run_until_the_first_success() {
     let tried = run(3, 1);
     assert_eq!(tried.winners, [Some(0), Some(0), None]);
     assert_eq!(tried.evaluated.row.sims_per_start, 1.0);
-    assert_eq!(tried.evaluated.row.solved, "110");
+    assert_eq!(tried.evaluated.row.solved.to_string(), "110");
     // The last start is solved by nobody: all five runs are charged, and the
     // greedy run's foul is what is shown.
     let tried = run(3, 5);
@@ -394,7 +400,7 @@ fn tries_count_every_run_until_the_first_success() {
     };
     let simulations = winner(0, 2) + winner(1, 4) + 5;
     near(tried.evaluated.row.sims_per_start, simulations as f64 / 3.0);
-    assert_eq!(tried.evaluated.row.solved, "110");
+    assert_eq!(tried.evaluated.row.solved.to_string(), "110");
 }
 
 /// An ego that fails to answer on two starts: they are in no rate.
@@ -431,7 +437,7 @@ fn starts_on_which_the_ego_fails_are_in_no_rate() {
             '0'
         }
     });
-    assert_eq!(row.solved, solved);
+    assert_eq!(row.solved.to_string(), solved);
     // It answers three times, so three samples are simulated, and a fourth begun.
     let papers = counted()
         .filter(|h| !fails(*h))

@@ -1,14 +1,14 @@
 //! Intervals against those of `intervals.py`, and against published ones.
 
 use brakecheck::run::{
-    at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
+    Outcomes, at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 use serde::Deserialize;
 
 use super::near;
 
 /// Marks of both sides, their difference and its interval.
-type Pair = (Vec<String>, Vec<String>, f64, [f64; 2]);
+type Pair = (Vec<Outcomes>, Vec<Outcomes>, f64, [f64; 2]);
 
 /// What the script wrote.
 #[derive(Deserialize)]
@@ -16,18 +16,23 @@ struct Worked {
     z: f64,
     wilson: Vec<(usize, usize, [f64; 2])>,
     at_most: Vec<(usize, f64)>,
-    seeds: Vec<(Vec<String>, [f64; 2])>,
-    agreeing: Vec<(Vec<String>, [f64; 2])>,
+    seeds: Vec<(Vec<Outcomes>, [f64; 2])>,
+    agreeing: Vec<(Vec<Outcomes>, [f64; 2])>,
     pairs: Vec<Pair>,
-    runs: Vec<(Vec<String>, [f64; 2])>,
+    runs: Vec<(Vec<Outcomes>, [f64; 2])>,
 }
 
 fn worked() -> Worked {
     serde_json::from_str(include_str!("intervals.json")).expect("what the script wrote")
 }
 
-fn texts(marks: &[String]) -> Vec<&str> {
-    marks.iter().map(String::as_str).collect()
+/// Every training of a list, as the intervals take them.
+fn all(outcomes: &[Outcomes]) -> Vec<&Outcomes> {
+    outcomes.iter().collect()
+}
+
+fn marked<const N: usize>(marks: [&str; N]) -> [Outcomes; N] {
+    marks.map(|marks| marks.parse().expect("marks"))
 }
 
 #[track_caller]
@@ -72,7 +77,7 @@ fn intervals_of_several_trainings_are_those_of_fine_sums() {
     let worked = worked();
     for (cases, slack) in [(worked.seeds, 0.03), (worked.agreeing, 0.01)] {
         for (solved, expected) in cases {
-            let seen = seeds_interval(&texts(&solved));
+            let seen = seeds_interval(&all(&solved));
             near_ends(seen, expected, slack * (expected[1] - expected[0]));
         }
     }
@@ -81,7 +86,7 @@ fn intervals_of_several_trainings_are_those_of_fine_sums() {
 #[test]
 fn intervals_of_differences_are_those_of_fine_sums() {
     for (a, b, difference, expected) in worked().pairs {
-        let (a, b) = (texts(&a), texts(&b));
+        let (a, b) = (all(&a), all(&b));
         let slack = match a.len().max(b.len()) {
             1 => 1e-12,
             _ => 0.03 * (expected[1] - expected[0]),
@@ -104,7 +109,8 @@ fn intervals_of_differences_are_those_of_fine_sums() {
 /// By hand: a solves 3 of 4 on one ego and 1 of 4 on the other, b 1 and 1.
 #[test]
 fn a_mean_over_egos_is_the_mean_of_their_differences() {
-    let pairs = [(vec!["1110"], vec!["1000"]), (vec!["0001"], vec!["1000"])];
+    let [a, b, other_a, other_b] = &marked(["1110", "1000", "0001", "1000"]);
+    let pairs = [(vec![a], vec![b]), (vec![other_a], vec![other_b])];
     let (mean, [lo, hi]) = mean_difference(&pairs);
     near(mean, (0.5 + 0.0) / 2.0);
     // Per start (0 − 1 + 0)/2, (1 + 0)/2, (1 + 0)/2, (0 + 1)/2 about 1/4: squares sum
@@ -118,20 +124,22 @@ fn a_mean_over_egos_is_the_mean_of_their_differences() {
 /// Marks that are neither 1 nor 0 are no starts, whichever they are.
 #[test]
 fn trivial_invalid_and_unreached_starts_are_not_counted() {
-    let plain = ["1101", "0111", "1001"];
-    let spread = ["t1-1x01", "t0-1x11", "t1-0x01"];
+    let plain = marked(["1101", "0111", "1001"]);
+    let spread = marked(["t1-1x01", "t0-1x11", "t1-0x01"]);
+    let [one, other] = &marked(["0100", "0011000"]);
+    let (plain, spread) = (all(&plain), all(&spread));
     assert_eq!(seeds_interval(&plain), seeds_interval(&spread));
     assert_eq!(runs_interval(&plain), runs_interval(&spread));
     assert_eq!(
-        paired_difference(&plain, &["0100"]),
-        paired_difference(&spread, &["0011000"])
+        paired_difference(&plain, &[one]),
+        paired_difference(&spread, &[other])
     );
-    assert_eq!(seeds_interval(&["t1-1x01"]), wilson(3, 4));
+    assert_eq!(seeds_interval(&spread[..1]), wilson(3, 4));
 }
 
 #[test]
 fn intervals_of_repeated_starts_are_wilsons_for_as_many_coins() {
     for (solved, expected) in worked().runs {
-        near_ends(runs_interval(&texts(&solved)), expected, 1e-9);
+        near_ends(runs_interval(&all(&solved)), expected, 1e-9);
     }
 }

@@ -15,7 +15,7 @@ fn ego(name: &str, relation: Relation, search: &str, ados: &[(&str, &str)]) -> R
     rows[0].sims_per_start = 50.0;
     for (ado, solved) in ados {
         let mut row = row(ado, solved);
-        row.compare_with_search(search);
+        row.compare_with_search(&search.parse().expect("marks"));
         rows.push(row);
     }
     ReusedOn {
@@ -104,7 +104,9 @@ fn means_recalls_and_differences_are_those_on_paper() {
         (None, None)
     );
     let rival = of(&all, Relation::Outside, "rival");
-    let expected = paired_difference(&["1000000000", "0000000001"], &["1100000000"]);
+    let solved = ["1000000000", "0000000001", "1100000000"];
+    let [one, other, rival_solved] = &solved.map(|marks| marks.parse().expect("marks"));
+    let expected = paired_difference(&[one, other], &[rival_solved]);
     assert_eq!(rival.reference_minus, Some(expected));
     near(expected.0, -0.1);
     // All changed egos together.

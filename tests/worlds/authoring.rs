@@ -18,11 +18,7 @@ const AUTHORED: [(&str, &str); 3] = [
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 /// The world that the documentation writes from an empty file.

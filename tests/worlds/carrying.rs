@@ -30,11 +30,7 @@ impl Policy for Always {
 
 fn watch() -> Watch<'static> {
     static GO_ON: AtomicBool = AtomicBool::new(false);
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO_ON,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO_ON)
 }
 
 /// The kept driving counterexamples, replayed.

@@ -8,6 +8,7 @@ use brakecheck::campaign::{
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::rl::{Control, Policy};
 use brakecheck::run::RunDir;
+use brakecheck::run::StartOutcome::{Solved, Trivial};
 use brakecheck::scenario::{Against, Change, Family, Scenario};
 use brakecheck::scene::Dynamics;
 use brakecheck::seed::{Purpose, StartKey};
@@ -19,11 +20,7 @@ use super::acc;
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 fn identified(request: &IdentifyRequest<'_>) -> Identified {
@@ -210,11 +207,8 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
         train(&world, &mut whole, &quiet()).expect("trained");
         let mut cut = RunDir::create(&path("cut"), &world, 7).expect("a run");
         let stop = AtomicBool::new(false);
-        let halfway = Watch {
-            progress: &|done, _| stop.store(2500 <= done, Ordering::Relaxed),
-            stop: &stop,
-            faults: Default::default(),
-        };
+        let until = |done, _| stop.store(2500 <= done, Ordering::Relaxed);
+        let halfway = Watch::new(&until, &stop);
         assert!(
             train(&world, &mut cut, &halfway)
                 .expect("begun")
@@ -324,11 +318,7 @@ fn whoever_is_stopped_identifies_nothing() {
     for after in 1..=3 {
         let stop = AtomicBool::new(false);
         let progress = |done, _| stop.store(after <= done, Ordering::Relaxed);
-        let watch = Watch {
-            progress: &progress,
-            stop: &stop,
-            faults: Default::default(),
-        };
+        let watch = Watch::new(&progress, &stop);
         let found = identify(&request, &watch).expect("sound");
         assert_eq!(found, None, "after {after} fits");
     }
@@ -436,16 +426,16 @@ fn more_tries_never_solve_less_and_are_counted() {
     for count in [3, 10, 30] {
         let after = tries(count);
         let (old, new) = (&before.evaluated.row, &after.evaluated.row);
-        for (old, new) in old.solved.bytes().zip(new.solved.bytes()) {
-            assert!(old != b'1' || new == b'1');
+        for (old, new) in old.solved.iter().zip(new.solved.iter()) {
+            assert!(*old != Solved || *new == Solved);
         }
         let spent: u64 = after
             .winners
             .iter()
-            .zip(new.solved.bytes())
+            .zip(new.solved.iter())
             .map(|(winner, mark)| match (winner, mark) {
                 (Some(number), _) => number + 1,
-                (None, b't') => 0,
+                (None, Trivial) => 0,
                 (None, _) => count,
             })
             .sum();

@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicBool;
 use brakecheck::campaign::{
     Ado, EvalRequest, Method, SearchRequest, TestStarts, Watch, eval, search, test_starts,
 };
+use brakecheck::run::StartOutcome;
 use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Replay, play};
@@ -12,11 +13,7 @@ use brakecheck::testbench::{Aftermath, Replay, play};
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 fn request<'a>(
@@ -77,8 +74,8 @@ fn more_switches_solve_no_less_and_prefix_sharing_finds_what_brute_force_finds()
                     .is_success();
             }
         }
-        let mark = one.row.solved.as_bytes()[index];
-        assert_eq!(mark == b'1', solvable, "start {index}");
+        let found = one.row.solved[index] == StartOutcome::Solved;
+        assert_eq!(found, solvable, "start {index}");
     }
 }
 
@@ -137,12 +134,9 @@ fn a_stopped_evaluation_says_which_starts_it_did_not_reach() {
     let world = super::acc();
     let starts = test_starts(&world, 0, 10, &quiet()).expect("not stopped");
     let stop = AtomicBool::new(true);
-    let watch = Watch {
-        progress: &|_, _| {},
-        stop: &stop,
-        faults: Default::default(),
-    };
+    let watch = Watch::new(&|_, _| {}, &stop);
     let row = search(&request(&world, Method::Switches(2), &starts), &watch).row;
     assert_eq!(row.starts, 0);
-    assert!(row.solved.chars().all(|mark| mark == '-' || mark == 't'));
+    let unseen = [StartOutcome::NotReached, StartOutcome::Trivial];
+    assert!(row.solved.iter().all(|outcome| unseen.contains(outcome)));
 }

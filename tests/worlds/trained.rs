@@ -48,11 +48,7 @@ pub(super) fn quick_acc() -> Scenario {
 
 pub(super) fn trained(dir: &Path) -> RunDir {
     static GO: AtomicBool = AtomicBool::new(false);
-    let watch = Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    };
+    let watch = Watch::new(&|_, _| {}, &GO);
     let world = quick_acc();
     let mut run = RunDir::create(&dir.join("acc"), &world, 3).expect("a new directory");
     train(&world, &mut run, &watch).expect("trained");

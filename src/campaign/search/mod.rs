@@ -18,12 +18,16 @@ use super::TestStarts;
 use super::Watch;
 use super::eval::{HOLD_DECISIONS, blank_row, count_solved, note_row};
 use crate::ego::Fault;
-use crate::run::{Anytime, ClosingSpeed, Row, Stored, Unconfirmed, wilson};
+use crate::run::{Anytime, ClosingSpeed, Row, StartOutcome, Stored, Unconfirmed, wilson};
 use crate::scenario::Scenario;
 use crate::scene::{Dynamics, Start};
 use crate::sim::PlantKind;
 use crate::testbench::{Testbench, count_faults};
 use trials::Trials;
+
+/// Most switches of action in the sequences of [`Method::Switches`], unless told
+/// otherwise; what it then solves is what rows call reachable.
+pub const SWITCHES: usize = 2;
 
 /// How sequences of actions are chosen.
 #[derive(Clone, Copy, Debug)]
@@ -200,11 +204,11 @@ impl SearchRequest<'_> {
         let marks = found.iter().zip(&self.starts.trivial);
         row.solved = marks
             .map(|(found, trivial)| match (found, trivial) {
-                (_, true) => 't',
-                (Some(found), _) if found.is_invalid() => 'x',
-                (Some(found), _) if found.actions.is_some() => '1',
-                (Some(_), _) => '0',
-                (None, _) => '-',
+                (_, true) => StartOutcome::Trivial,
+                (Some(found), _) if found.is_invalid() => StartOutcome::Invalid,
+                (Some(found), _) if found.actions.is_some() => StartOutcome::Solved,
+                (Some(_), _) => StartOutcome::Unsolved,
+                (None, _) => StartOutcome::NotReached,
             })
             .collect();
         count_solved(&mut row);
@@ -226,7 +230,7 @@ impl SearchRequest<'_> {
 }
 
 /// Fills in what a row says of contacts; its starts are counted already.
-pub(super) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
+pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
     let starts = row.starts.max(1) as f64;
     let share = |part: usize| part as f64 / starts;
     let late_fouls = found.clone().filter(|found| found.foul_before_contact);

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, settings, world};
-use crate::campaign::{CaseStudies, case_studies_markdown, case_study};
+use crate::studies::{CaseStudies, case_studies_markdown, case_study};
 
 /// The driving worlds of the table, in its order.
 const WORLDS: [&str; 10] = [

@@ -3,10 +3,11 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, save, talk, world};
-use crate::campaign::{FigureError, Shown, Watch, three_merges, two_at_the_light, two_behaviours};
+use crate::campaign::Watch;
 use crate::report::{Behaviour, Distances, figure_2, figure_3, figure_5};
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
+use crate::studies::{FigureError, Shown, three_merges, two_at_the_light, two_behaviours};
 use crate::testbench::Episode;
 
 /// Writes the three figures as SVG files.

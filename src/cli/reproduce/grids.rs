@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, once, world};
-use crate::campaign::{Table1, table1, table1_markdown};
+use crate::studies::{Table1, table1, table1_markdown};
 
 /// The grid worlds of Table I, the headline first.
 const WORLDS: [&str; 2] = ["grid_hard", "grid"];

@@ -3,10 +3,9 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, world};
-use crate::campaign::{
-    Alumnus, near_starts, near_starts_markdown, start_with, test_starts, trained_run,
-};
+use crate::campaign::test_starts;
 use crate::run::RunDir;
+use crate::studies::{Alumnus, near_starts, near_starts_markdown, start_with, trained_run};
 
 /// World, and the paper's failing start (v_ego, v_ado, distance along the road).
 ///

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, world};
-use crate::campaign::{PaperRow, measure_paper_row, paper_rows_markdown};
+use crate::studies::{PaperRow, measure_paper_row, paper_rows_markdown};
 
 /// Beyond the paper's numbers of episodes: where the curves still rise.
 const MORE: [u64; 4] = [1_000, 2_000, 4_000, 8_000];

@@ -3,8 +3,9 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, talk, world};
-use crate::campaign::{ENOUGH_SIMULATIONS, ReuseAsked, ReuseStudy, reuse_markdown};
-use crate::scenario::{Change, Scenario};
+use crate::campaign::{ENOUGH_SIMULATIONS, EgoUnderTest};
+use crate::scenario::Scenario;
+use crate::studies::{ReuseAsked, ReuseStudy, reuse_markdown};
 
 /// The worlds that name a family.
 const WORLDS: [&str; 3] = ["acc", "merge", "yellow_light"];
@@ -32,14 +33,14 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
             return Ok(None);
         };
         let mut met = Vec::new();
-        for (ego, change, changed) in &egos(&scenario)? {
+        for ego in &EgoUnderTest::find(&scenario, "all")? {
             let own = json!({
                 "starts": asked.starts, "tries": asked.tries, "adapting": ENOUGH_SIMULATIONS,
             });
             let settings = settings(asked.seeds, own);
-            let piece = format!("{name}, reuse on {ego}");
+            let piece = format!("{name}, reuse on {}", ego.name());
             let made = once(args, (&piece, &scenario), settings, |watch| {
-                Ok(study.meet((ego, change, changed), watch)?)
+                Ok(study.meet(ego, watch)?)
             })?;
             let Some(made) = made else {
                 return Ok(None);
@@ -63,18 +64,4 @@ fn begin<'a>(
 ) -> Result<Option<ReuseStudy<'a>>, Failure> {
     let bar = talk::bar(&format!("{name}, training"));
     Ok(ReuseStudy::begin(scenario, asked, &bar.watch())?)
-}
-
-/// The nominal ego and the world's `reuse`, each in its world.
-fn egos(scenario: &Scenario) -> Result<Vec<(String, Change, Scenario)>, Failure> {
-    let with = |(name, change): (&String, &Change)| {
-        let changed = scenario
-            .with(change)
-            .map_err(|error| Failure::input(error.to_string(), "mend the world's `reuse`"))?;
-        Ok((name.clone(), change.clone(), changed))
-    };
-    let nominal = ("nominal".to_owned(), Change::default(), scenario.clone());
-    std::iter::once(Ok(nominal))
-        .chain(scenario.reuse.iter().map(with))
-        .collect()
 }

@@ -16,6 +16,7 @@
 mod scores;
 mod trainings;
 
+use super::outcome::{Outcomes, StartOutcome};
 use scores::{Scores, Side};
 
 /// The 97.5th percentile of the standard normal distribution.
@@ -61,15 +62,15 @@ pub fn at_most(n: usize) -> f64 {
 
 /// 95 % interval of the mean success rate over trainings and starts.
 ///
-/// `solved` holds one `solved` string per training, all over the same starts;
-/// only `1` and `0` count. The interval is of what other trainings reach on other
+/// `solved` holds the outcomes of one training each, all over the same starts;
+/// only solved and unsolved ones count. The interval is of what other trainings reach on other
 /// starts in the mean, and contains the mean of the rates seen. With one training
 /// it is Wilson's and speaks of that policy only. [0, 1] if nothing counts.
-pub fn seeds_interval(solved: &[&str]) -> [f64; 2] {
-    let marks = solved.iter().flat_map(|marks| marks.bytes());
+pub fn seeds_interval(solved: &[&Outcomes]) -> [f64; 2] {
     if solved.len() < 2 {
-        let of = |mark: u8| marks.clone().filter(|other| *other == mark).count();
-        return wilson(of(b'1'), of(b'1') + of(b'0'));
+        let of = |outcome| solved.iter().map(|outcomes| outcomes.count(outcome)).sum();
+        let successes: usize = of(StartOutcome::Solved);
+        return wilson(successes, successes + of(StartOutcome::Unsolved));
     }
     let Some(scores) = Scores::of_rate(solved) else {
         return [0.0, 1.0];
@@ -95,10 +96,10 @@ pub fn seeds_interval(solved: &[&str]) -> [f64; 2] {
 
 /// 95 % interval of a success rate over starts that were played several times.
 ///
-/// One `solved` string per run of the same policy, all over the same starts.
+/// The outcomes of one run of the same policy each, all over the same starts.
 /// Runs of a start are no new start: Wilson's interval for as many coins as have
 /// the variance seen between starts, at least one and at most all runs of each.
-pub fn runs_interval(solved: &[&str]) -> [f64; 2] {
+pub fn runs_interval(solved: &[&Outcomes]) -> [f64; 2] {
     let Some(scores) = Scores::of_rate(solved) else {
         return [0.0, 1.0];
     };
@@ -114,10 +115,10 @@ pub fn runs_interval(solved: &[&str]) -> [f64; 2] {
 
 /// Mean of `a − b` in success rate, and its 95 % interval, paired on starts.
 ///
-/// Each side has one `solved` string per training, all over the same starts; a
-/// side with one string is a fixed policy, of which no other training is meant.
-/// A start counts where both sides have a `1` or a `0`. (0, [−1, 1]) if none does.
-pub fn paired_difference(a: &[&str], b: &[&str]) -> (f64, [f64; 2]) {
+/// Each side has the outcomes of every training, all over the same starts; a side
+/// with one training is a fixed policy, of which no other training is meant.
+/// A start counts where both sides have one that is solved or not. (0, [−1, 1]) if none does.
+pub fn paired_difference(a: &[&Outcomes], b: &[&Outcomes]) -> (f64, [f64; 2]) {
     mean_difference(&[(a.to_vec(), b.to_vec())])
 }
 
@@ -126,10 +127,10 @@ pub fn paired_difference(a: &[&str], b: &[&str]) -> (f64, [f64; 2]) {
 /// One pair per ego, each side as in [`paired_difference`], all over the same
 /// starts. A start that is easy for every ego counts once, and so does a training
 /// that is good against all of them: the same trainings meet every ego. (Sides
-/// with different numbers of strings are taken for different trainings.) The
+/// with different numbers of them are taken for different trainings.) The
 /// interval speaks of these egos, not of others; egos without a start that counts
 /// are left out.
-pub fn mean_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> (f64, [f64; 2]) {
+pub fn mean_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> (f64, [f64; 2]) {
     let Some(scores) = Scores::of_difference(pairs) else {
         return (0.0, [-1.0, 1.0]);
     };
@@ -179,6 +180,32 @@ mod tests {
     /// `ones` solved starts, then `zeros` that are not.
     fn marks(ones: usize, zeros: usize) -> String {
         format!("{}{}", "1".repeat(ones), "0".repeat(zeros))
+    }
+
+    // Outcomes are shortest as their marks.
+    fn parsed(marks: &[&str]) -> Vec<Outcomes> {
+        let parsed = marks.iter().map(|marks| marks.parse());
+        parsed.collect::<Result<_, _>>().expect("marks")
+    }
+
+    fn seeds_interval(marks: &[&str]) -> [f64; 2] {
+        super::seeds_interval(&parsed(marks).iter().collect::<Vec<_>>())
+    }
+
+    fn runs_interval(marks: &[&str]) -> [f64; 2] {
+        super::runs_interval(&parsed(marks).iter().collect::<Vec<_>>())
+    }
+
+    fn paired_difference(a: &[&str], b: &[&str]) -> (f64, [f64; 2]) {
+        mean_difference(&[(a.to_vec(), b.to_vec())])
+    }
+
+    fn mean_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> (f64, [f64; 2]) {
+        let pairs: Vec<_> = pairs.iter().map(|(a, b)| (parsed(a), parsed(b))).collect();
+        let pairs = pairs
+            .iter()
+            .map(|(a, b)| (a.iter().collect(), b.iter().collect()));
+        super::mean_difference(&pairs.collect::<Vec<_>>())
     }
 
     fn texts(marks: &[String]) -> Vec<&str> {

@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use crate::run::outcome::Outcomes;
+
 /// More effective starts per start than this are not believed.
 const MOST_EFFECTIVE: f64 = 100.0;
 
 /// The marks of one side on one ego, with the side's sign.
-type Part<'a> = (f64, &'a [&'a str]);
+type Part<'a> = (f64, &'a [&'a Outcomes]);
 
 /// What an estimate is made of: sides, whose weighted means add up to it.
 pub(super) struct Scores {
@@ -34,12 +36,12 @@ pub(super) struct Spread {
 
 impl Scores {
     /// One side; `None` if no start counts.
-    pub(super) fn of_rate(solved: &[&str]) -> Option<Scores> {
+    pub(super) fn of_rate(solved: &[&Outcomes]) -> Option<Scores> {
         Scores::of(&[(1.0, solved)], 1)
     }
 
     /// Two sides, or more where egos met different numbers of trainings.
-    pub(super) fn of_difference(pairs: &[(Vec<&str>, Vec<&str>)]) -> Option<Scores> {
+    pub(super) fn of_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> Option<Scores> {
         let parts: Vec<Part> = pairs
             .iter()
             .flat_map(|(a, b)| [(1.0, &a[..]), (-1.0, &b[..])])
@@ -103,20 +105,11 @@ impl Scores {
 fn counted(ego: &[Part], starts: usize) -> Vec<bool> {
     let counts = |start: usize| {
         ego.iter().all(|(_, solved)| {
-            let mut marks = solved.iter().map(|marks| marks.as_bytes()[start]);
-            marks.any(|mark| score(mark).is_some())
+            let mut scores = solved.iter().map(|outcomes| outcomes[start].score());
+            scores.any(|score| score.is_some())
         })
     };
     (0..starts).map(counts).collect()
-}
-
-/// What a mark is worth; only starts that were played to a verdict count.
-fn score(mark: u8) -> Option<f64> {
-    match mark {
-        b'1' => Some(1.0),
-        b'0' => Some(0.0),
-        _ => None,
-    }
 }
 
 impl Side {
@@ -124,9 +117,9 @@ impl Side {
     ///
     /// A mark that does not count is replaced by the mean of its training
     /// against this ego, so that it neither helps nor harms.
-    fn add(&mut self, solved: &[&str], counts: &[bool], kept: &[usize]) {
-        let seen = |marks: &str, start: usize| match counts[start] {
-            true => score(marks.as_bytes()[start]),
+    fn add(&mut self, solved: &[&Outcomes], counts: &[bool], kept: &[usize]) {
+        let seen = |outcomes: &Outcomes, start: usize| match counts[start] {
+            true => outcomes[start].score(),
             false => None,
         };
         let means: Vec<Option<f64>> = solved

@@ -2,13 +2,12 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{
-    Alumnus, FigureError, Watch, extreme, near_starts, near_starts_markdown, start_with,
-    test_starts,
-};
-use brakecheck::rl::Policy;
-use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, PolicyActor, Replay, play};
+use crate::campaign::{Watch, test_starts};
+use crate::rl::Policy;
+use crate::sim::PlantKind;
+use crate::studies::extreme::extreme;
+use crate::studies::{Alumnus, FigureError, near_starts, near_starts_markdown, start_with};
+use crate::testbench::{Aftermath, PolicyActor, Replay, play};
 
 /// Brakes all the time, and values a start by the ego's speed.
 struct Brakes;
@@ -25,11 +24,7 @@ impl Policy for Brakes {
 
 fn watch() -> Watch<'static> {
     static GO_ON: AtomicBool = AtomicBool::new(false);
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO_ON,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO_ON)
 }
 
 const CENTRE: [(&str, f64); 3] = [
@@ -90,8 +85,8 @@ fn near_starts_are_counted_as_they_play() {
 fn the_extreme_sequence_is_the_best_of_all() {
     let world = super::acc().on(PlantKind::Kinematic);
     let start = start_with(&world, &CENTRE).expect("within the box");
-    let score = |episode: &brakecheck::testbench::Episode| {
-        let kept = !matches!(episode.verdict, brakecheck::rulebook::Verdict::Foul { .. });
+    let score = |episode: &crate::testbench::Episode| {
+        let kept = !matches!(episode.verdict, crate::rulebook::Verdict::Foul { .. });
         kept.then_some(-episode.robustness)
     };
     let found = extreme(&world, (&start, 0), 1, score, &watch()).expect("one is lawful");

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::Watch;
+use crate::campaign::Watch;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::sim::PlantKind;

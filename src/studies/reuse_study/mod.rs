@@ -19,23 +19,17 @@ use serde::{Deserialize, Serialize};
 pub use economy::Economy;
 pub use text::reuse_markdown;
 
-use super::Watch;
-use super::adapt::{AdaptRequest, Adapted, ENOUGH_SIMULATIONS, adapt};
 use super::case_studies::trained_run;
-use super::heuristic::{Heuristic, tune_heuristic};
-use super::identify::{Identified, IdentifyError, IdentifyRequest, identify};
-use super::reuse::{Relation, ReusedOn, Summary, reused_on, summarise};
-use super::train::TrainError;
-use super::{TestStarts, test_starts};
+use crate::campaign::{
+    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, EgoUnderTest, Heuristic, Identified, IdentifyError,
+    IdentifyRequest, RECORDED_RUNS, Relation, ReusedOn, Summary, TestStarts, TrainError, Watch,
+    adapt, identify, reused_on, summarise, test_starts, tune_heuristic,
+};
 use crate::run::{Row, RunDir, RunError};
-use crate::scenario::{Against, Change, Family, Member, Scenario};
+use crate::scenario::{Against, Family, Member, Scenario};
 use crate::seed::Seeds;
 use players::{Player, called};
 
-/// Runs of an ego that are recorded to identify it.
-const RECORDED_RUNS: usize = 10;
-/// Switches of the search that defines the reachable share.
-const SWITCHES: usize = 2;
 /// Simulations per start of held-random search; the smaller ones are cut from it.
 const HELD_BUDGETS: [u64; 3] = [10, 30, 100];
 
@@ -204,21 +198,18 @@ impl<'a> ReuseStudy<'a> {
         }))
     }
 
-    /// Lets everybody meet one ego: its name, how it was changed, and its
-    /// world. `None`: stopped.
+    /// Lets everybody meet one ego. `None`: stopped.
     ///
     /// # Errors
     /// It cannot be identified, or a run directory is damaged.
     pub fn meet(
         &self,
-        (ego, change, changed): (&str, &Change, &Scenario),
+        tested: &EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Result<Option<Met>, ReuseError> {
-        let relation = match (*change == Change::default(), self.family.covers(change)) {
-            (true, _) => Relation::Trained,
-            (_, true) => Relation::Inside,
-            (_, false) => Relation::Outside,
-        };
+        let (ego, changed) = (tested.name(), tested.scenario());
+        let conditional = &self.trios[0].conditional;
+        let relation = tested.relation(conditional, &conditional.scenario()?);
         let Some(identified) = self.identified((ego, changed), &[], watch)? else {
             return Ok(None);
         };

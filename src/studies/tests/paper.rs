@@ -2,23 +2,18 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{
-    Ado, EvalRequest, PaperRow, Watch, eval, measure_paper_row, milestones, paper_rows_markdown,
-    test_starts,
-};
-use brakecheck::rl::Control;
-use brakecheck::seed::{Purpose, Seeds};
-use brakecheck::sim::PlantKind;
-use brakecheck::testbench::Gym;
+use crate::campaign::{Ado, EvalRequest, Watch, eval, test_starts};
+use crate::rl::Control;
+use crate::seed::{Purpose, Seeds};
+use crate::sim::PlantKind;
+use crate::studies::milestones::milestones;
+use crate::studies::{PaperRow, measure_paper_row, paper_rows_markdown};
+use crate::testbench::Gym;
 
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 #[test]
@@ -91,16 +86,13 @@ fn a_row_whose_last_evaluation_was_stopped_is_none() {
     let starts = test_starts(&world, 3, 40, &quiet()).expect("not stopped");
     let stop = AtomicBool::new(false);
     let total = starts.starts.len() as u64;
-    let watch = Watch {
-        // Progress out of as many as there are starts is the evaluation's.
-        progress: &|done, of| {
-            if of == total && 0 < done {
-                stop.store(true, Ordering::Relaxed);
-            }
-        },
-        stop: &stop,
-        faults: Default::default(),
+    // Progress out of as many as there are starts is the evaluation's.
+    let progress = |done, of| {
+        if of == total && 0 < done {
+            stop.store(true, Ordering::Relaxed);
+        }
     };
+    let watch = Watch::new(&progress, &stop);
     assert!(milestones(&world, 5, &[], &starts, &watch).is_none());
     assert!(stop.load(Ordering::Relaxed));
 }

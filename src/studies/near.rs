@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{TestStarts, Watch};
+use crate::campaign::{TestStarts, Watch};
 use crate::rl::Policy;
 use crate::run::wilson;
 use crate::scenario::Scenario;

@@ -2,12 +2,12 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{
-    ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, Met, Relation,
-    ReuseAsked, ReuseError, ReuseStudy, Watch, reuse_markdown,
-};
-use brakecheck::scenario::{Change, Scenario};
-use brakecheck::seed::Seeds;
+use crate::campaign::{ENOUGH_SIMULATIONS, EgoUnderTest, LEAST_SIMULATIONS, Relation, Watch};
+use crate::run::StartOutcome::Solved;
+use crate::scenario::Scenario;
+use crate::seed::Seeds;
+use crate::studies::reuse_study::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Met};
+use crate::studies::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
 
 /// One training of a test: of an open seed, like everything that is looked at.
 const ONE: Seeds = Seeds {
@@ -19,16 +19,12 @@ const ONE: Seeds = Seeds {
 static GO: AtomicBool = AtomicBool::new(false);
 
 fn quiet() -> Watch<'static> {
-    Watch {
-        progress: &|_, _| {},
-        stop: &GO,
-        faults: Default::default(),
-    }
+    Watch::new(&|_, _| {}, &GO)
 }
 
 /// ACC on the kinematic plant with trainings of some seconds.
 fn brief() -> Scenario {
-    let text = include_str!("../../worlds/acc.ron")
+    let text = include_str!("../../../worlds/acc.ron")
         .replace("plant: Rigid", "plant: Kinematic")
         .replace("horizon_s: 15.0", "horizon_s: 8.0")
         .replace("Dqn(decisions: 300_000)", "Dqn(decisions: 6_000)")
@@ -64,15 +60,12 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     };
     let begun = ReuseStudy::begin(&world, asked, &quiet());
     let begun = begun.expect("trainings").expect("not stopped");
-    let meet = |name: &str, change: &Change| -> Met {
-        let changed = world.with(change).expect("it fits");
-        let met = begun.meet((name, change, &changed), &quiet());
+    let meet = |name: &str| -> Met {
+        let ego = EgoUnderTest::find(&world, name).expect("an ego");
+        let met = begun.meet(&ego[0], &quiet());
         met.expect("rows").expect("not stopped")
     };
-    let mut met = vec![meet("nominal", &Change::default())];
-    for name in ["softer brakes", "van"] {
-        met.push(meet(name, &world.reuse[name]));
-    }
+    let met = ["nominal", "softer brakes", "van"].map(meet).to_vec();
     let kept = serde_json::to_string(&met).expect("JSON");
     let study = begun.conclude(met);
     // What was kept of every ego says the same.
@@ -94,10 +87,8 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         assert!(ego.rows.iter().all(|row| row.solved.len() == starts));
         // More tries, and more simulations, never solve less.
         let no_worse = |less: &str, more: &str| {
-            let pairs = of(less).solved.bytes().zip(of(more).solved.bytes());
-            pairs
-                .into_iter()
-                .all(|(less, more)| less != b'1' || more == b'1')
+            let mut pairs = of(less).solved.iter().zip(of(more).solved.iter());
+            pairs.all(|(less, more)| *less != Solved || *more == Solved)
         };
         assert!(no_worse(CONDITIONAL, CONDITIONAL_TRIES));
         assert!(no_worse("search, held, 10", "search, held, 30"));
@@ -165,7 +156,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     // Finished trainings are used as they are.
     let again = ReuseStudy::begin(&world, asked, &quiet());
     let again = again.expect("trainings").expect("not stopped");
-    let same = again.meet(("nominal", &Change::default(), &world), &quiet());
+    let same = again.meet(&EgoUnderTest::nominal(&world), &quiet());
     let same = same.expect("rows").expect("not stopped");
     assert_eq!(same.rows[0].solved, study.rows[0].solved);
     assert_eq!(again.conclude(vec![same]).train_cpu_s, study.train_cpu_s);
@@ -173,7 +164,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
 
 #[test]
 fn a_world_without_a_family_is_refused() {
-    let world = Scenario::parse("cut_in.ron", include_str!("../../worlds/cut_in.ron"));
+    let world = Scenario::parse("cut_in.ron", include_str!("../../../worlds/cut_in.ron"));
     let world = world.expect("a world");
     let dir = tempfile::tempdir().expect("scratch");
     let asked = ReuseAsked {

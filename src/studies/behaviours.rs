@@ -4,16 +4,13 @@
 //! sequences with few switches, so the same pictures come out on every machine.
 
 use super::extreme::extreme;
-use super::search::{Method, SearchRequest, search};
-use super::{TestStarts, Watch};
+use crate::campaign::{Method, SWITCHES, SearchRequest, TestStarts, Watch, search};
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Constant, Episode, Replay, play};
 
-/// Switches of action at most.
-const SWITCHES: usize = 2;
 /// The same where all sequences are played and two switches would be too many.
 const FEW_SWITCHES: usize = 1;
 /// Offsets of an ado that has merged, and of one that is about to overlap.

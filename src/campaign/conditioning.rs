@@ -2,21 +2,23 @@
 
 use std::path::Path;
 
-use super::{Failure, NamedEgo, failure, talk};
-use crate::campaign::{
-    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, IdentifyRequest, Watch, adapt, identify, is_telling,
-    other_members,
-};
+use super::adapt::{AdaptRequest, Adapted, ENOUGH_SIMULATIONS, adapt};
+use super::ego_under_test::EgoUnderTest;
+use super::error::CampaignError;
+use super::identify::{IdentifyRequest, identify, is_telling};
+use super::tries::other_members;
+use super::watch::Watch;
 use crate::rl::Policy;
 use crate::run::{IdentifiedEgo, IdentifiedEgos, RunDir};
 use crate::scenario::{Against, Family, Member, Scenario};
 use crate::sim::PlantKind;
 
-/// Runs that are recorded of each ego for `--params identified`.
-pub(super) const RECORDED_RUNS: usize = 10;
+/// Runs of an ego that are recorded to identify it, unless told otherwise.
+pub const RECORDED_RUNS: usize = 10;
 
 /// Whence a conditional ado knows the ego it meets.
-pub(super) enum Params {
+#[derive(Clone, Debug)]
+pub enum ContextSource {
     /// It takes every ego for the nominal one.
     Nominal,
     /// It is told the parameters in the world file.
@@ -25,64 +27,56 @@ pub(super) enum Params {
     Identified,
     /// The same, and then adapted by how the ado fares.
     Adapted,
-    /// From a file that `identify` wrote.
+    /// From a file of identified egos: its name, and what it holds.
     File(String, IdentifiedEgos),
 }
 
 /// An ado, ready to meet one ego.
-pub(super) struct Playing {
-    /// It.
+pub struct ConditionedAdo {
+    /// Its policy; a conditional one is told what it takes the ego for.
     pub policy: Box<dyn Policy>,
-    /// The same told of other egos, for `--tries`.
+    /// The same told of other egos, for [`super::Tries`].
     pub others: Vec<Box<dyn Policy>>,
-    /// What it was told, for rows; `None`: it is not told anything.
+    /// What it was told, as rows have it; `None`: it is not told anything.
     pub told: Option<&'static str>,
 }
 
-impl Params {
-    /// Reads `--params` for a run.
-    pub(super) fn of(run: &RunDir, asked: Option<&str>) -> Result<Option<Params>, Failure> {
+impl ContextSource {
+    /// What `asked` means for a run: `nominal`, `true`, `identified`, `adapted`,
+    /// or a RON file that `identify` wrote; nothing for an ado that is told nothing.
+    ///
+    /// # Errors
+    /// The ado is told something and nothing was asked for, or the other way
+    /// round, or there is no such source.
+    pub fn find(
+        run: &RunDir,
+        asked: Option<&str>,
+        watch: &Watch<'_>,
+    ) -> Result<Option<ContextSource>, CampaignError> {
         let Some(asked) = asked else {
+            // A conditional ado refuses here to be played untold.
+            run.policy()?;
             return Ok(None);
         };
-        let against = run.manifest().against;
-        if against != Against::Conditional {
-            return Err(Failure::input(
+        let manifest = run.manifest();
+        if manifest.against != Against::Conditional {
+            return Err(CampaignError::request(
                 format!(
-                    "the ado in `{}` is {against}: it is not told parameters",
-                    run.path().display()
+                    "the ado in `{}` is {}: it is not told parameters",
+                    run.path().display(),
+                    manifest.against
                 ),
                 "leave out `--params`, or train with `--against conditional`",
             ));
         }
         Ok(Some(match asked {
-            "nominal" => Params::Nominal,
-            "true" => Params::True,
-            "identified" => Params::Identified,
-            "adapted" => Params::Adapted,
-            file if file.ends_with(".ron") => {
-                let path = Path::new(file);
-                if !path.is_file() {
-                    return Err(failure::wrong_kind(path, "file that `identify` wrote"));
-                }
-                let egos = IdentifiedEgos::load(path)?;
-                if egos.world != run.manifest().world {
-                    return Err(Failure::input(
-                        format!("`{file}` is about egos of the world `{}`", egos.world),
-                        "identify the ego with this run: `brakecheck identify RUN --ego … -o P.ron`",
-                    ));
-                }
-                if egos.world_sha256 != run.manifest().world_sha256 {
-                    talk::say(&format!(
-                        "`{file}` was made with another version of the world `{}`: if its ego or \
-                         its family changed, identify the egos again",
-                        egos.world
-                    ));
-                }
-                Params::File(file.to_owned(), egos)
-            }
+            "nominal" => ContextSource::Nominal,
+            "true" => ContextSource::True,
+            "identified" => ContextSource::Identified,
+            "adapted" => ContextSource::Adapted,
+            file if file.ends_with(".ron") => ContextSource::read(run, file, watch)?,
             other => {
-                return Err(Failure::input(
+                return Err(CampaignError::request(
                     format!("`--params {other}` is none of nominal, true, identified, adapted"),
                     "name one of them, or a RON file that `brakecheck identify -o` wrote",
                 ));
@@ -90,10 +84,42 @@ impl Params {
         }))
     }
 
+    fn read(run: &RunDir, file: &str, watch: &Watch<'_>) -> Result<ContextSource, CampaignError> {
+        let path = Path::new(file);
+        if !path.is_file() {
+            let what = match path.exists() {
+                true => format!("`{file}` is no file that `identify` wrote"),
+                false => format!("there is no `{file}`"),
+            };
+            return Err(CampaignError::request(
+                what,
+                "name a file that `identify` wrote",
+            ));
+        }
+        let egos = IdentifiedEgos::load(path)?;
+        if egos.world != run.manifest().world {
+            return Err(CampaignError::request(
+                format!("`{file}` is about egos of the world `{}`", egos.world),
+                "identify the ego with this run: `brakecheck identify RUN --ego … -o P.ron`",
+            ));
+        }
+        if egos.world_sha256 != run.manifest().world_sha256 {
+            watch.note(&format!(
+                "`{file}` was made with another version of the world `{}`: if its ego or its \
+                 family changed, identify the egos again",
+                egos.world
+            ));
+        }
+        Ok(ContextSource::File(file.to_owned(), egos))
+    }
+
     /// Sees to it that the parameters of all egos are there, before the first
     /// one is played.
-    pub(super) fn check(&self, run: &RunDir, egos: &[NamedEgo]) -> Result<(), Failure> {
-        let Params::File(file, known) = self else {
+    ///
+    /// # Errors
+    /// They are not, or are of another ego.
+    pub(super) fn check(&self, run: &RunDir, egos: &[EgoUnderTest]) -> Result<(), CampaignError> {
+        let ContextSource::File(file, known) = self else {
             return Ok(());
         };
         let world = run.world()?;
@@ -105,42 +131,51 @@ impl Params {
     }
 }
 
-/// The ado of a run, told of an ego what `params` says.
-pub(super) fn playing(
+/// The ado of a run, told of an ego what `source` says.
+///
+/// `source` is `None` for an ado that is not conditional. `seed` is that of the
+/// runs with which an ego is identified or adapted to.
+///
+/// # Errors
+/// The run has no policy, or the ego cannot be identified.
+pub fn conditioned(
     run: &RunDir,
-    params: Option<&Params>,
-    ego: &NamedEgo,
+    source: Option<&ContextSource>,
+    ego: &EgoUnderTest,
     seed: u64,
     watch: &Watch<'_>,
-) -> Result<Playing, Failure> {
-    let Some(params) = params else {
-        return Ok(Playing {
+) -> Result<ConditionedAdo, CampaignError> {
+    let Some(source) = source else {
+        return Ok(ConditionedAdo {
             policy: run.policy()?,
             others: Vec::new(),
             told: None,
         });
     };
     let world = run.world()?;
-    let (Some(family), Some(spec)) = (world.family(), ego.scenario.drive()) else {
-        return Err(Failure::fault("a conditional ado without a family", None));
+    let (Some(family), Some(spec)) = (world.family(), ego.scenario().drive()) else {
+        return Err(CampaignError::Fault(
+            "a conditional ado without a family".to_owned(),
+        ));
     };
     let nominal = || (family.nominal(spec.plant), "nominal");
-    let (members, told) = match params {
-        Params::Nominal => alone(nominal()),
-        Params::True => alone(match family.member_of(spec) {
+    let (members, told) = match source {
+        ContextSource::Nominal => alone(nominal()),
+        ContextSource::True => alone(match family.member_of(spec) {
             Ok(member) => (member, "true"),
             Err(error) => {
-                talk::say(&format!("`{}`: {error}; told the nominal values", ego.name));
+                let name = ego.name();
+                watch.note(&format!("`{name}`: {error}; told the nominal values"));
                 nominal()
             }
         }),
-        Params::Identified => alone(identified(&world, family, ego, seed, watch)?),
-        Params::Adapted => {
+        ContextSource::Identified => alone(identified(&world, family, ego, seed, watch)?),
+        ContextSource::Adapted => {
             let (first, told) = identified(&world, family, ego, seed, watch)?;
             let budget = (ENOUGH_SIMULATIONS, seed);
             match adapted(run, family, ego, &first, budget, &watch.quiet())? {
                 Some(found) => {
-                    say_adapted(family, ego, &found, told);
+                    say_adapted(family, ego, (&found, told), watch);
                     let members = std::iter::once(found.member).chain(found.others);
                     (members.collect(), "adapted")
                 }
@@ -148,13 +183,12 @@ pub(super) fn playing(
                 None => (vec![first], told),
             }
         }
-        Params::File(file, egos) => in_file(run, family, ego, file, egos)?,
+        ContextSource::File(file, egos) => in_file(run, family, ego, (file, egos), watch)?,
     };
     let mut policies = run.policies_told(&members)?.into_iter();
     let Some(policy) = policies.next() else {
-        return Err(Failure::fault(
-            "a conditional ado that is told nothing",
-            None,
+        return Err(CampaignError::Fault(
+            "a conditional ado that is told nothing".to_owned(),
         ));
     };
     let mut others: Vec<_> = policies.collect();
@@ -162,7 +196,7 @@ pub(super) fn playing(
     let most = drawn.len();
     others.extend(drawn);
     others.truncate(most);
-    Ok(Playing {
+    Ok(ConditionedAdo {
         policy,
         others,
         told: Some(told),
@@ -179,15 +213,15 @@ fn alone((member, told): (Member, &'static str)) -> (Vec<Member>, &'static str) 
 pub(super) fn adapted(
     run: &RunDir,
     family: &Family,
-    ego: &NamedEgo,
+    ego: &EgoUnderTest,
     first: &Member,
     (simulations, seed): (u64, u64),
     watch: &Watch<'_>,
-) -> Result<Option<Adapted>, Failure> {
+) -> Result<Option<Adapted>, CampaignError> {
     let request = AdaptRequest {
         run,
         family,
-        ego: &ego.scenario,
+        ego: ego.scenario(),
         first,
         simulations,
         seed,
@@ -198,13 +232,13 @@ pub(super) fn adapted(
 fn identified(
     world: &Scenario,
     family: &Family,
-    ego: &NamedEgo,
+    ego: &EgoUnderTest,
     seed: u64,
     watch: &Watch<'_>,
-) -> Result<(Member, &'static str), Failure> {
+) -> Result<(Member, &'static str), CampaignError> {
     let request = IdentifyRequest {
         world,
-        ego: &ego.scenario,
+        ego: ego.scenario(),
         runs: RECORDED_RUNS,
         seed,
         fixed: &[],
@@ -215,17 +249,17 @@ fn identified(
         return Ok((family.nominal(plant_of(ego)?), "nominal"));
     };
     let (member, told) = found.told(family);
-    say_stranger(ego, told, found.explains(), found.residual_m);
+    say_stranger(ego, told, (found.explains(), found.residual_m), watch);
     Ok((member, told))
 }
 
 fn in_file(
     run: &RunDir,
     family: &Family,
-    ego: &NamedEgo,
-    file: &str,
-    egos: &IdentifiedEgos,
-) -> Result<(Vec<Member>, &'static str), Failure> {
+    ego: &EgoUnderTest,
+    (file, egos): (&str, &IdentifiedEgos),
+    watch: &Watch<'_>,
+) -> Result<(Vec<Member>, &'static str), CampaignError> {
     let (found, member, adapted_members) = held(family, ego, file, egos)?;
     let plant = member.plant;
     if let Some(adapted) = &found.adapted {
@@ -233,16 +267,16 @@ fn in_file(
         if run.manifest().policy_sha256.as_deref() == Some(&*adapted.policy_sha256) {
             return Ok((adapted_members, "adapted"));
         }
-        talk::say(&format!(
+        watch.note(&format!(
             "`{}` in `{file}` was adapted to another policy: here the ado is told what was identified",
-            ego.name
+            ego.name()
         ));
     }
     let told = match is_telling(found.explains, found.residual_m, found.nominal_residual_m) {
         true => (member, "identified"),
         false => (family.nominal(plant), "nominal"),
     };
-    say_stranger(ego, told.1, found.explains, found.residual_m);
+    say_stranger(ego, told.1, (found.explains, found.residual_m), watch);
     Ok(alone(told))
 }
 
@@ -250,32 +284,32 @@ fn in_file(
 /// that the ado is best told, if they were looked for.
 fn held<'a>(
     family: &Family,
-    ego: &NamedEgo,
+    ego: &EgoUnderTest,
     file: &str,
     egos: &'a IdentifiedEgos,
-) -> Result<(&'a IdentifiedEgo, Member, Vec<Member>), Failure> {
-    let Some(found) = egos.egos.get(&ego.name) else {
+) -> Result<(&'a IdentifiedEgo, Member, Vec<Member>), CampaignError> {
+    let Some(found) = egos.egos.get(ego.name()) else {
         let known: Vec<&str> = egos.egos.keys().map(String::as_str).collect();
-        return Err(Failure::input(
-            format!("`{file}` does not hold the parameters of `{}`", ego.name),
+        return Err(CampaignError::request(
+            format!("`{file}` does not hold the parameters of `{}`", ego.name()),
             format!("it holds those of: {}", known.join(", ")),
         ));
     };
     if found
         .change
         .as_ref()
-        .is_some_and(|then| *then != ego.change)
+        .is_some_and(|then| then != ego.change())
     {
-        return Err(Failure::input(
-            format!("`{}` is another ego than the one in `{file}`", ego.name),
+        return Err(CampaignError::request(
+            format!("`{}` is another ego than the one in `{file}`", ego.name()),
             "it was changed since it was identified: identify it again",
         ));
     }
     let plant = plant_of(ego)?;
     let named = |values| {
         family.member_named(values, plant).map_err(|error| {
-            Failure::input(
-                format!("`{file}`, ego `{}`: {error}", ego.name),
+            CampaignError::request(
+                format!("`{file}`, ego `{}`: {error}", ego.name()),
                 "it was made with another family: identify the ego again with this run",
             )
         })
@@ -286,25 +320,36 @@ fn held<'a>(
     Ok((found, named(&found.parameters)?, adapted))
 }
 
-fn plant_of(ego: &NamedEgo) -> Result<PlantKind, Failure> {
-    let plant = ego.scenario.plant().plant();
-    plant.ok_or_else(|| Failure::fault("an ego on no plant", None))
+fn plant_of(ego: &EgoUnderTest) -> Result<PlantKind, CampaignError> {
+    let plant = ego.scenario().plant().plant();
+    plant.ok_or_else(|| CampaignError::Fault("an ego on no plant".to_owned()))
 }
 
 /// Says what an ado is told of an ego, and what it cost to know.
-fn say_adapted(family: &Family, ego: &NamedEgo, found: &Adapted, otherwise: &str) {
+fn say_adapted(
+    family: &Family,
+    ego: &EgoUnderTest,
+    (found, otherwise): (&Adapted, &str),
+    watch: &Watch<'_>,
+) {
     let told = match found.is_better {
         true => family.in_words(&found.member),
         false => format!("the {otherwise} parameters, none being clearly better"),
     };
-    talk::say(&format!(
+    watch.note(&format!(
         "`{}`: the ado is told {told} (once, after {} simulations of the ego)",
-        ego.name, found.simulations
+        ego.name(),
+        found.simulations
     ));
 }
 
 /// Says of an ego that no member explains what the ado is told instead.
-fn say_stranger(ego: &NamedEgo, told: &str, explains: bool, residual_m: f64) {
+fn say_stranger(
+    ego: &EgoUnderTest,
+    told: &str,
+    (explains, residual_m): (bool, f64),
+    watch: &Watch<'_>,
+) {
     if explains {
         return;
     }
@@ -312,8 +357,8 @@ fn say_stranger(ego: &NamedEgo, told: &str, explains: bool, residual_m: f64) {
         "identified" => "the ado is told its nearest member",
         _ => "which says nothing of it: the ado is told the nominal values",
     };
-    talk::say(&format!(
+    watch.note(&format!(
         "`{}` is none of the family, its nearest member is {residual_m:.2} m away; {what}",
-        ego.name
+        ego.name()
     ));
 }

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{CONDITIONAL, HELD_BUDGETS, Known};
-use crate::campaign::reuse::ReusedOn;
+use crate::campaign::ReusedOn;
 
 /// A conditional ado against held-random search at equal success, in
 /// simulations.
@@ -81,7 +81,7 @@ fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign::reuse::Relation;
+    use crate::campaign::Relation;
     use crate::run::Row;
     use serde_json::json;
 

@@ -5,17 +5,14 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::eval::{Ado, EvalRequest, best_constant, eval};
-use super::search::{Method, SearchRequest, search};
-use super::test_starts;
-use super::train::{TrainError, train};
-use super::{TestStarts, Watch};
-use crate::run::{Asked, Row, RunDir, RunError, paired_difference, seeds_interval};
+use crate::campaign::{
+    Ado, EvalRequest, Method, SWITCHES, SearchRequest, TestStarts, TrainError, Watch,
+    best_constant, eval, search, test_starts, train,
+};
+use crate::run::{Asked, Outcomes, Row, RunDir, RunError, paired_difference, seeds_interval};
 use crate::scenario::{Against, Scenario};
 use crate::seed::Seeds;
 
-/// Switches of the search that defines the reachable share.
-const SWITCHES: usize = 2;
 /// With more joint actions than this, all sequences with two switches are too
 /// many: one switch then, and the row of the search says so.
 const MAX_ACTIONS: usize = 9;
@@ -143,9 +140,9 @@ impl CaseStudy {
     /// The same with the intervals that its rows give today: a study that was
     /// kept may hold those of an earlier version.
     pub fn with_intervals(mut self) -> CaseStudy {
-        let of = |ado: &str| -> Vec<&str> {
+        let of = |ado: &str| -> Vec<&Outcomes> {
             let rows = self.rows.iter().filter(|row| row.ado == ado);
-            rows.map(|row| row.solved.as_str()).collect()
+            rows.map(|row| &row.solved).collect()
         };
         let trained = of("trained");
         let ci95 = seeds_interval(&trained);

@@ -15,15 +15,13 @@ use serde::{Deserialize, Serialize};
 
 pub use text::table1_markdown;
 pub use transfer::OpenLoop;
-pub use value::{DeltaNear, NearStarts};
+pub use value::DeltaNear;
 
 use maps::{Map, maps};
 
-use super::TestStarts;
-use super::eval::{Ado, EvalRequest, eval};
-use super::{TrainError, Watch};
+use crate::campaign::{Ado, EvalRequest, TestStarts, TrainError, Watch, eval};
 use crate::rl::{Control, Dice, LearnerConfig, Policy};
-use crate::run::{Row, seeds_interval, wilson};
+use crate::run::{Outcomes, Row, StartOutcome, seeds_interval, wilson};
 use crate::scenario::{ChangeError, Scenario};
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, chase};
@@ -328,7 +326,7 @@ fn measure(
         if watch.stopped() {
             return Ok(None);
         }
-        let solved: Vec<&str> = own.iter().map(|row| row.solved.as_str()).collect();
+        let solved: Vec<&Outcomes> = own.iter().map(|row| &row.solved).collect();
         let shares: Vec<f64> = own.iter().map(|row| row.success_rate).collect();
         trained.push(Trained {
             ci95: seeds_interval(&solved),
@@ -403,20 +401,20 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
             captured += starts.iter().filter(caught).count();
         }
         let n = ados * starts.len();
-        let solved: Vec<String> = (0..ados)
+        let solved: Vec<Outcomes> = (0..ados)
             .map(|index| {
                 let table = random_table(game, request.seeds.starts, index);
                 let mark = |start: &crate::scene::grid::Position| match game
                     .captures(*start, |at| table[game.pair(at)])
                 {
-                    true => '1',
-                    false => '0',
+                    true => StartOutcome::Solved,
+                    false => StartOutcome::Unsolved,
                 };
                 starts.iter().map(mark).collect()
             })
             .collect();
-        let ones: usize = solved.iter().map(|s| s.matches('1').count()).sum();
-        let solved: Vec<&str> = solved.iter().map(String::as_str).collect();
+        let ones: usize = solved.iter().map(|s| s.count(StartOutcome::Solved)).sum();
+        let solved: Vec<&Outcomes> = solved.iter().collect();
         RandomAdos {
             ados,
             paper,

@@ -7,10 +7,9 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Watch;
 use super::milestones::{Milestone, milestones};
-use super::{TestStarts, test_starts};
-use crate::run::seeds_interval;
+use crate::campaign::{TestStarts, Watch, test_starts};
+use crate::run::{Outcomes, seeds_interval};
 use crate::scenario::Scenario;
 use crate::seed::Seeds;
 
@@ -93,7 +92,7 @@ fn together<'a>(seeds: impl Iterator<Item = &'a Milestone>) -> Reached {
     let seeds: Vec<&Milestone> = seeds.collect();
     let n = seeds.len().max(1) as f64;
     let mean = |of: fn(&Milestone) -> f64| seeds.iter().map(|one| of(one)).sum::<f64>() / n;
-    let solved: Vec<&str> = seeds.iter().map(|one| one.row.solved.as_str()).collect();
+    let solved: Vec<&Outcomes> = seeds.iter().map(|one| &one.row.solved).collect();
     Reached {
         episodes: mean(|one| one.episodes as f64),
         decisions: mean(|one| one.decisions as f64),

@@ -1,14 +1,12 @@
 //! Who plays against one ego of the study of reuse.
 
-use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, SWITCHES, Trio, held_word};
-use crate::campaign::TestStarts;
-use crate::campaign::Watch;
-use crate::campaign::eval::{Ado, EvalRequest, best_constant, count_solved, eval};
-use crate::campaign::heuristic::Heuristic;
-use crate::campaign::search::{Found, Method, SearchRequest, Searched, count_contacts, search};
-use crate::campaign::tries::{Tries, other_members};
+use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
+use crate::campaign::{
+    Ado, EvalRequest, Found, Heuristic, Method, SWITCHES, SearchRequest, Searched, TestStarts,
+    Tries, Watch, best_constant, count_contacts, count_solved, eval, other_members, search,
+};
 use crate::rl::Policy;
-use crate::run::{Row, RunDir, RunError, Stored};
+use crate::run::{Row, RunDir, RunError, StartOutcome, Stored};
 use crate::scenario::{Family, Member, Scenario};
 
 /// One ego and the starts on which everybody meets it.
@@ -128,11 +126,11 @@ pub(super) fn called(word: &str, row: Row) -> Row {
 
 /// The row of a search that stopped after fewer simulations per start.
 fn cut(searched: &Searched, budget: u64) -> Row {
-    let marks = searched.row.solved.bytes().zip(&searched.found);
+    let marks = searched.row.solved.iter().zip(&searched.found);
     let within = |found: &Found| found.within(budget);
     let solved = marks.map(|(mark, found)| match (mark, found) {
-        (b'1', Some(found)) if !within(found).1 => '0',
-        (mark, _) => char::from(mark),
+        (StartOutcome::Solved, Some(found)) if !within(found).1 => StartOutcome::Unsolved,
+        (mark, _) => *mark,
     });
     let mut row = searched.row.clone();
     row.solved = solved.collect();

@@ -1,8 +1,7 @@
 //! The study of reuse as Markdown.
 
 use super::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
-use crate::campaign::identify::is_telling;
-use crate::campaign::reuse::{ReusedOn, Summary};
+use crate::campaign::{ReusedOn, Summary, is_telling};
 use crate::run::Row;
 
 /// The study as Markdown: every ego, then the means of every block.

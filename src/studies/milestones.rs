@@ -8,9 +8,7 @@
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use super::TestStarts;
-use super::Watch;
-use super::eval::{Ado, EvalRequest, eval};
+use crate::campaign::{Ado, EvalRequest, TestStarts, Watch, eval};
 use crate::rl::Control;
 use crate::run::Row;
 use crate::scenario::Scenario;

@@ -1,0 +1,197 @@
+//! The driving controller under test: which one, and what it is to an ado.
+
+use std::path::Path;
+
+use super::error::CampaignError;
+use super::reuse::Relation;
+use crate::ego::{ControllerSpec, Process};
+use crate::run::{ChangedEgo, RunDir};
+use crate::scenario::{Against, Change, Scenario};
+
+/// An ego under test: its name in rows, how it differs from the world's own
+/// ego, and the world with it.
+#[derive(Clone, Debug)]
+pub struct EgoUnderTest {
+    name: String,
+    change: Change,
+    scenario: Scenario,
+}
+
+impl EgoUnderTest {
+    /// The world's own.
+    pub fn nominal(world: &Scenario) -> EgoUnderTest {
+        EgoUnderTest {
+            name: "nominal".to_owned(),
+            change: Change::default(),
+            scenario: world.clone(),
+        }
+    }
+
+    /// The ego that `asked` means in a world: `nominal`, a name under `reuse`, a
+    /// RON file with a `Change`, or `all` of the world's.
+    ///
+    /// # Errors
+    /// There is no such ego, or it does not fit the world.
+    pub fn find(world: &Scenario, asked: &str) -> Result<Vec<EgoUnderTest>, CampaignError> {
+        let reused = |(name, change): (&String, &Change)| {
+            EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
+        };
+        let nominal = EgoUnderTest::nominal(world);
+        if asked == "nominal" {
+            return Ok(vec![nominal]);
+        }
+        if asked == "all" {
+            let changed = world.reuse.iter().map(reused);
+            return std::iter::once(Ok(nominal)).chain(changed).collect();
+        }
+        if let Some(named) = world.reuse.get_key_value(asked) {
+            return Ok(vec![reused(named)?]);
+        }
+        let path = Path::new(asked);
+        if path.extension().is_some_and(|extension| extension == "ron") {
+            let (change, scenario) = world.changed_by(path)?;
+            let name = asked.to_owned();
+            return Ok(vec![EgoUnderTest {
+                name,
+                change,
+                scenario,
+            }]);
+        }
+        let known: Vec<&str> = world.reuse.keys().map(String::as_str).collect();
+        Err(CampaignError::request(
+            format!("there is no ego `{asked}` in this world"),
+            format!(
+                "known: nominal, {}; or name a RON file with a `Change`",
+                known.join(", ")
+            ),
+        ))
+    }
+
+    /// A program as the ego; whoever names one here consents to start it.
+    ///
+    /// # Errors
+    /// The world is not driven.
+    pub fn program(world: &Scenario, command: &[String]) -> Result<EgoUnderTest, CampaignError> {
+        let change = EgoUnderTest::change_to(command);
+        let help = "a program drives the ego of a driving world";
+        let ego = EgoUnderTest::changed(world, &command.join(" "), &change, help)?;
+        Ok(EgoUnderTest {
+            scenario: ego.scenario.allow_programs(true),
+            ..ego
+        })
+    }
+
+    /// The program, if there is one, else what `asked` means.
+    ///
+    /// # Errors
+    /// Both name an ego, or there is none such.
+    pub fn find_or_program(
+        world: &Scenario,
+        asked: &str,
+        program: &[String],
+    ) -> Result<Vec<EgoUnderTest>, CampaignError> {
+        match (program.is_empty(), asked) {
+            (true, _) => EgoUnderTest::find(world, asked),
+            (false, "nominal") => Ok(vec![EgoUnderTest::program(world, program)?]),
+            (false, _) => Err(CampaignError::request(
+                "`--ego` names one ego, and the program after `--` is another",
+                "leave out one of the two",
+            )),
+        }
+    }
+
+    /// The change that makes a program the ego.
+    pub(crate) fn change_to(command: &[String]) -> Change {
+        Change {
+            controller: Some(ControllerSpec::Process(Process::new(command))),
+            ..Change::default()
+        }
+    }
+
+    fn changed(
+        world: &Scenario,
+        name: &str,
+        change: &Change,
+        help: &str,
+    ) -> Result<EgoUnderTest, CampaignError> {
+        let scenario = world.with(change);
+        Ok(EgoUnderTest {
+            name: name.to_owned(),
+            change: change.clone(),
+            scenario: scenario.map_err(|error| CampaignError::request(error.to_string(), help))?,
+        })
+    }
+
+    /// The ego that a run trains against: the world's, or the changed one that
+    /// its manifest names.
+    pub(super) fn of_training(
+        world: &Scenario,
+        ego: Option<&ChangedEgo>,
+    ) -> Result<EgoUnderTest, CampaignError> {
+        match ego {
+            None => Ok(EgoUnderTest::nominal(world)),
+            Some(ego) => {
+                EgoUnderTest::changed(world, &ego.name, &ego.change, "the run's world has changed")
+            }
+        }
+    }
+
+    /// What rows call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How it differs from the world's own.
+    pub fn change(&self) -> &Change {
+        &self.change
+    }
+
+    /// The world with it.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// As manifests name it; `None`: it is the world's own.
+    pub fn as_changed(&self) -> Option<ChangedEgo> {
+        (self.change != Change::default()).then(|| ChangedEgo {
+            name: self.name.clone(),
+            change: self.change.clone(),
+        })
+    }
+
+    /// What it was to the ado of a run; `nominal` is the run's world.
+    pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
+        let trained = run.manifest().ego.as_ref().map(|ego| &ego.change);
+        if self.change == trained.cloned().unwrap_or_default() {
+            return Relation::Trained;
+        }
+        match (nominal.against, nominal.family()) {
+            (Against::Nominal, _) | (_, None) => Relation::ZeroShot,
+            (_, Some(family)) if family.covers(&self.change) => Relation::Inside,
+            _ => Relation::Outside,
+        }
+    }
+}
+
+/// Asks for consent before any program is started that a file names as an ego:
+/// that of `world`, which is played for its trivial starts, or one of `egos`.
+///
+/// # Errors
+/// One is not allowed; nothing was started.
+pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), CampaignError> {
+    let own = std::iter::once(("nominal", world));
+    let egos = egos.iter().map(|ego| (ego.name(), ego.scenario()));
+    let programs = own
+        .chain(egos)
+        .filter_map(|(name, scenario)| Some((name, scenario.program()?)));
+    match programs
+        .into_iter()
+        .find(|(_, program)| !program.is_allowed())
+    {
+        Some((name, program)) => Err(CampaignError::NotAllowed {
+            who: format!("the ego `{name}`"),
+            command: program.command.clone(),
+        }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,62 @@
+//! Why a campaign could not be carried out.
+
+use super::identify::IdentifyError;
+use super::theorems::TheoremsError;
+use super::train::TrainError;
+use crate::run::{IdentifiedError, KeptError, RunError};
+use crate::scenario::LoadError;
+
+/// A campaign could not be carried out.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// What was asked for does not fit the world, the run or itself.
+    #[error("{what}")]
+    Request {
+        /// What does not fit.
+        what: String,
+        /// The cure.
+        help: String,
+    },
+    /// A file names a program, and nobody said that it may be started.
+    #[error("{who} is the program `{}`: nothing was started", command.join(" "))]
+    NotAllowed {
+        /// Whose program it is.
+        who: String,
+        /// The program and its arguments.
+        command: Vec<String>,
+    },
+    /// A world or a change.
+    #[error(transparent)]
+    World(#[from] LoadError),
+    /// A run directory.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A training.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// Counterexamples could not be kept.
+    #[error(transparent)]
+    Kept(#[from] KeptError),
+    /// A file of identified egos.
+    #[error(transparent)]
+    Identified(#[from] IdentifiedError),
+    /// An ego could not be identified.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A theorem does not apply.
+    #[error(transparent)]
+    Theorems(#[from] TheoremsError),
+    /// A fault of this program.
+    #[error("{0}")]
+    Fault(String),
+}
+
+impl CampaignError {
+    /// What was asked for does not fit.
+    pub(crate) fn request(what: impl Into<String>, help: impl Into<String>) -> CampaignError {
+        CampaignError::Request {
+            what: what.into(),
+            help: help.into(),
+        }
+    }
+}

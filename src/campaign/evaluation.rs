@@ -1,0 +1,501 @@
+//! A trained ado and its rivals on many egos: the table of reuse (Sec. IV).
+
+use std::path::Path;
+
+use super::baselines::{AdoKind, Baselines};
+use super::conditioning::{ConditionedAdo, ContextSource, conditioned};
+use super::ego_under_test::{EgoUnderTest, consent};
+use super::error::CampaignError;
+use super::eval::{Ado, EvalRequest, Evaluated, best_constant, eval, explain_first};
+use super::keep::{keep, keep_played};
+use super::repeatable::note_if_unrepeatable;
+use super::retrained::retrained;
+use super::reuse::{ReusedOn, reused_on};
+use super::search::{Method, SearchRequest, search};
+use super::starts::{TestStarts, test_starts};
+use super::theorems::{CarryOver, NearbyStarts, TheoremsRequest, carry_over, nearby_starts};
+use super::tries::{Tried, Tries};
+use super::watch::Watch;
+use crate::run::{Row, RunDir};
+use crate::scenario::Scenario;
+use crate::scene::grid::exact::{PositionPolicy, chase};
+use crate::stl::Explanation;
+use crate::testbench::Testbench;
+
+/// Share of starts on which a distance predicted for Theorem 3 may be exceeded.
+const ALPHA: f64 = 0.1;
+
+/// What to evaluate.
+#[derive(Clone, Copy)]
+pub struct Evaluation<'a> {
+    /// The run of the trained ado.
+    pub run: &'a RunDir,
+    /// Its world, on the plant to test on.
+    pub nominal: &'a Scenario,
+    /// The egos that are met.
+    pub egos: &'a [EgoUnderTest],
+    /// Who plays the ado.
+    pub ados: &'a [AdoKind],
+    /// Whence a conditional ado knows the egos; `None` for any other.
+    pub context: Option<&'a ContextSource>,
+    /// Test starts to draw, and the seed of their stream.
+    pub starts: (usize, u64),
+    /// Most switches of a search to compare with, if any.
+    pub search: Option<usize>,
+    /// Runs of the trained ado per start: the greedy one, then explored ones.
+    pub tries: u64,
+}
+
+/// Why the first counterexample of an ego is one.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Reason {
+    /// The ego.
+    pub ego: String,
+    /// Position of the start.
+    pub start: usize,
+    /// Which leaf decides, when, and with which value.
+    #[serde(rename = "explain")]
+    pub explanation: Explanation,
+}
+
+/// The paper's theorems, checked on a run.
+#[derive(Clone, Debug, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TheoremsChecked {
+    /// Theorems 1 and 2, on every pair of starts of a grid.
+    NearbyStarts(NearbyStarts),
+    /// Theorem 3 and Lemma 1, on changed egos.
+    CarryOver(CarryOver),
+}
+
+impl TheoremsChecked {
+    /// Whether one failed, which is a bug of this program.
+    pub fn is_refuted(&self) -> bool {
+        match self {
+            TheoremsChecked::NearbyStarts(nearby) => 0 < nearby.misses + nearby.misses_of_2,
+            TheoremsChecked::CarryOver(carried) => carried.rows.iter().any(|row| {
+                let sharper = row.sharper.as_ref().map_or(0, |sharper| sharper.misses);
+                0 < row.misses + sharper
+            }),
+        }
+    }
+}
+
+/// What an evaluation came to, as far as it came.
+pub struct EvaluationTable<'a> {
+    /// Every ego that was met.
+    pub egos: Vec<ReusedOn>,
+    /// Why each fails, if the trained ado made it.
+    pub reasons: Vec<Reason>,
+    /// Why it ended early, if it did.
+    pub failure: Option<CampaignError>,
+    /// The nominal ego's test starts.
+    pub starts: TestStarts,
+    asked: Evaluation<'a>,
+    found: Vec<Found<'a>>,
+}
+
+/// Counterexamples of one ego, to be kept if asked for.
+struct Found<'a> {
+    ego: &'a EgoUnderTest,
+    by: FoundBy,
+    ado: ConditionedAdo,
+    /// The ego's own starts, where it has others.
+    starts: Option<TestStarts>,
+}
+
+/// Whose counterexamples they are.
+enum FoundBy {
+    Trained(Evaluated),
+    /// The trained ado's, with several tries per start.
+    Tries(Tried),
+    /// The best ado's of a grid world.
+    Optimal(Evaluated),
+}
+
+impl<'a> Evaluation<'a> {
+    /// Lets all ados meet all egos. `None`: stopped before the first one.
+    ///
+    /// What fails later is in the table, beside all that was computed before.
+    ///
+    /// # Errors
+    /// The ado cannot be played, or a baseline cannot be made.
+    pub fn run(self, watch: &Watch<'_>) -> Result<Option<EvaluationTable<'a>>, CampaignError> {
+        let world = self.run.world()?;
+        consent(&world, self.egos)?;
+        if let Some(context) = self.context {
+            context.check(self.run, self.egos)?;
+        }
+        let Some(starts) = self.starts(&world, watch) else {
+            return Ok(None);
+        };
+        let baselines = Baselines::of(self.ados, self.run, self.nominal, watch)?;
+        let mut table = EvaluationTable {
+            egos: Vec::new(),
+            reasons: Vec::new(),
+            failure: None,
+            starts,
+            asked: self,
+            found: Vec::new(),
+        };
+        for ego in self.egos {
+            watch.phase(&format!("evaluating: {}", ego.name()));
+            let met = table.meet(ego, &baselines, watch);
+            table.failure = met.err();
+            if watch.stopped() || table.failure.is_some() {
+                break;
+            }
+        }
+        Ok(Some(table))
+    }
+
+    fn starts(&self, scenario: &Scenario, watch: &Watch<'_>) -> Option<TestStarts> {
+        let (count, seed) = self.starts;
+        test_starts(scenario, seed, count, watch)
+    }
+}
+
+impl<'a> EvaluationTable<'a> {
+    /// All rows, ego by ego.
+    pub fn rows(&self) -> Vec<Row> {
+        let rows = self.egos.iter().flat_map(|ego| &ego.rows);
+        rows.cloned().collect()
+    }
+
+    /// Lets all ados meet one ego; what was played before an error is kept.
+    fn meet(
+        &mut self,
+        ego: &'a EgoUnderTest,
+        baselines: &Baselines,
+        watch: &Watch<'_>,
+    ) -> Result<(), CampaignError> {
+        let asked = self.asked;
+        // On a map of another size the starts are others: drawn, or listed, anew.
+        let own = match ego.scenario().axes() == asked.nominal.axes() {
+            true => None,
+            false => match asked.starts(ego.scenario(), watch) {
+                Some(own) => Some(own),
+                None => return Ok(()),
+            },
+        };
+        let (_, seed) = asked.starts;
+        let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
+        let starts = own.as_ref().unwrap_or(&self.starts);
+        let mut meeting = Meeting {
+            asked,
+            ego,
+            ado: &ado,
+            starts,
+            baselines,
+            watch,
+            rows: Vec::new(),
+            reason: None,
+            found: None,
+        };
+        let played = meeting.play();
+        let (rows, reason, found) = (meeting.rows, meeting.reason, meeting.found);
+        if watch.interrupted() && rows.iter().all(|row| row.starts + row.invalid == 0) {
+            return played;
+        }
+        note_if_unrepeatable(ego, starts, watch);
+        let relation = ego.relation(asked.run, asked.nominal);
+        let named = (ego.name(), relation);
+        let reused = reused_on(ego.scenario(), named, starts, rows, watch);
+        self.egos.push(reused);
+        self.reasons.extend(reason);
+        self.found.extend(found.map(|by| Found {
+            ego,
+            by,
+            ado,
+            starts: own,
+        }));
+        played
+    }
+
+    /// Checks the theorems of the paper that apply: 1 and 2 on a grid, 3 and
+    /// Lemma 1 on the road, there on the changed egos that were met, or on all of
+    /// the world's if none was. `None`: stopped.
+    ///
+    /// # Errors
+    /// A theorem does not apply to the world.
+    pub fn theorems(&self, watch: &Watch<'_>) -> Result<Option<TheoremsChecked>, CampaignError> {
+        let Evaluation {
+            run,
+            nominal,
+            egos,
+            context,
+            starts: (_, seed),
+            ..
+        } = self.asked;
+        // One ado for all egos: a conditional one is told of the nominal ego.
+        let own = EgoUnderTest::nominal(nominal);
+        let ado = conditioned(run, context, &own, seed, watch)?;
+        let policy = &*ado.policy;
+        if nominal.grid().is_some() {
+            let nearby = nearby_starts(nominal, policy)?;
+            return Ok(Some(TheoremsChecked::NearbyStarts(nearby)));
+        }
+        let is_nominal = |ego: &EgoUnderTest| ego.name() == own.name();
+        let all = match egos.iter().all(is_nominal) {
+            true => EgoUnderTest::find(nominal, "all")?,
+            false => egos.to_vec(),
+        };
+        let changed = all.iter().filter(|ego| !is_nominal(ego));
+        let changed = changed.map(|ego| (ego.name().to_owned(), ego.scenario().clone()));
+        let request = TheoremsRequest {
+            nominal,
+            changed: &changed.collect::<Vec<_>>(),
+            policy,
+            starts: &self.starts,
+            alpha: ALPHA,
+        };
+        Ok(carry_over(&request, watch)?.map(TheoremsChecked::CarryOver))
+    }
+
+    /// Plays the counterexamples of every ego again and writes the first `most`
+    /// of each into a directory.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(&self, dir: &Path, most: usize, watch: &Watch<'_>) -> Result<(), CampaignError> {
+        for found in &self.found {
+            let (kept, of) = self.keep_those(found, dir, most)?;
+            watch.note(&format!(
+                "kept {kept} of {of} counterexamples of `{}` in {}",
+                found.ego.name(),
+                dir.display()
+            ));
+        }
+        Ok(())
+    }
+
+    fn keep_those(
+        &self,
+        found: &Found<'_>,
+        dir: &Path,
+        most: usize,
+    ) -> Result<(usize, usize), CampaignError> {
+        let starts = found.starts.as_ref().unwrap_or(&self.starts);
+        let trained = self.asked.trained(found.ego, &found.ado, starts);
+        let change = found.ego.change();
+        let (evaluated, files) = match &found.by {
+            FoundBy::Trained(evaluated) => {
+                (evaluated, keep(&trained, change, evaluated, dir, most)?)
+            }
+            FoundBy::Tries(Tried { evaluated, winners }) => {
+                let tries = self.asked.several(trained, &found.ado);
+                let mut again = |bench: &mut Testbench, index: usize| {
+                    tries.play(bench, index, winners[index].unwrap_or(0))
+                };
+                let files = keep_played(&trained, change, evaluated, dir, most, &mut again)?;
+                (evaluated, files)
+            }
+            FoundBy::Optimal(evaluated) => {
+                let (whole, policy) = ByRule::Optimal.policy(found.ego)?;
+                let request = EvalRequest {
+                    scenario: &whole,
+                    ado: ByRule::Optimal.ado(&policy),
+                    ..trained
+                };
+                (evaluated, keep(&request, change, evaluated, dir, most)?)
+            }
+        };
+        Ok((files.len(), evaluated.row.successes))
+    }
+}
+
+impl Evaluation<'_> {
+    fn trained<'b>(
+        &self,
+        ego: &'b EgoUnderTest,
+        ado: &'b ConditionedAdo,
+        starts: &'b TestStarts,
+    ) -> EvalRequest<'b> {
+        EvalRequest {
+            scenario: ego.scenario(),
+            ego: ego.name(),
+            ado: Ado::Trained(&*ado.policy, self.run.manifest().seed),
+            starts,
+        }
+    }
+
+    fn several<'b>(&self, request: EvalRequest<'b>, ado: &'b ConditionedAdo) -> Tries<'b> {
+        Tries {
+            request,
+            policy: &*ado.policy,
+            others: &ado.others,
+            tries: self.tries,
+        }
+    }
+}
+
+/// One ego, met by all ados in turn.
+struct Meeting<'a> {
+    asked: Evaluation<'a>,
+    ego: &'a EgoUnderTest,
+    ado: &'a ConditionedAdo,
+    starts: &'a TestStarts,
+    baselines: &'a Baselines,
+    watch: &'a Watch<'a>,
+    rows: Vec<Row>,
+    reason: Option<Reason>,
+    found: Option<FoundBy>,
+}
+
+impl<'a> Meeting<'a> {
+    fn play(&mut self) -> Result<(), CampaignError> {
+        for &kind in &self.baselines.ados {
+            for ado in self.baselines.made(kind) {
+                self.rows.push(self.evaluated(ado).row);
+            }
+            let row = self.one_ado(kind)?;
+            self.rows.extend(row);
+        }
+        if let Some(switches) = self.asked.search {
+            let request = SearchRequest {
+                scenario: self.ego.scenario(),
+                ego: self.ego.name(),
+                method: Method::Switches(switches),
+                budget: 0,
+                starts: self.starts,
+            };
+            let searched = search(&request, self.watch).row;
+            for row in &mut self.rows {
+                row.compare_with_search(&searched.solved);
+            }
+            self.rows.push(searched);
+        }
+        Ok(())
+    }
+
+    /// `None`: it does not apply, or has rows of its own.
+    fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, CampaignError> {
+        Ok(match kind {
+            AdoKind::Heuristic | AdoKind::Replays => None,
+            AdoKind::Trained | AdoKind::All => Some(self.trained()),
+            AdoKind::Random => Some(self.evaluated(Ado::Random).row),
+            AdoKind::Hold => Some(self.evaluated(Ado::Held).row),
+            AdoKind::Constant => {
+                let (scenario, name) = (self.ego.scenario(), self.ego.name());
+                Some(best_constant(scenario, name, self.starts, self.watch).row)
+            }
+            AdoKind::Retrained => self.retrained()?,
+            AdoKind::Chaser => Some(self.by_rule(ByRule::Chaser)?.row),
+            AdoKind::Optimal => {
+                let evaluated = self.by_rule(ByRule::Optimal)?;
+                let row = evaluated.row.clone();
+                // Files are named after world and ego: the trained ado's go first.
+                if !self.baselines.ados.contains(&AdoKind::Trained) {
+                    self.found = Some(FoundBy::Optimal(evaluated));
+                }
+                Some(row)
+            }
+        })
+    }
+
+    fn request<'b>(&'b self, ado: Ado<'b>) -> EvalRequest<'b> {
+        EvalRequest {
+            scenario: self.ego.scenario(),
+            ego: self.ego.name(),
+            ado,
+            starts: self.starts,
+        }
+    }
+
+    fn evaluated(&self, ado: Ado<'_>) -> Evaluated {
+        eval(&self.request(ado), self.watch)
+    }
+
+    /// The trained ado, with several tries per start where they are asked for.
+    fn trained(&mut self) -> Row {
+        let request = self.asked.trained(self.ego, self.ado, self.starts);
+        let (found, mut row) = if 1 < self.asked.tries {
+            let tried = self.asked.several(request, self.ado).run(self.watch);
+            let row = tried.evaluated.row.clone();
+            (FoundBy::Tries(tried), row)
+        } else {
+            let evaluated = eval(&request, self.watch);
+            let explained = explain_first(&request, &evaluated);
+            self.reason = explained.map(|(start, explanation)| Reason {
+                ego: self.ego.name().to_owned(),
+                start,
+                explanation,
+            });
+            let row = evaluated.row.clone();
+            (FoundBy::Trained(evaluated), row)
+        };
+        self.found = Some(found);
+        row.told = self.ado.told.map(str::to_owned);
+        row
+    }
+
+    /// One trained for this very ego; the nominal one has the trained ado.
+    fn retrained(&self) -> Result<Option<Row>, CampaignError> {
+        let Some(changed) = self.ego.as_changed() else {
+            return Ok(None);
+        };
+        let run = self.asked.run;
+        let Some(own) = retrained(run, &changed, self.ego.scenario(), self.watch)? else {
+            return Ok(None);
+        };
+        let policy = own.policy()?;
+        let mut row = self
+            .evaluated(Ado::Trained(&*policy, run.manifest().seed))
+            .row;
+        row.ado = "retrained".to_owned();
+        row.method = own.scenario()?.learner.name().to_lowercase();
+        Ok(Some(row))
+    }
+
+    fn by_rule(&self, rule: ByRule) -> Result<Evaluated, CampaignError> {
+        let (whole, policy) = rule.policy(self.ego)?;
+        let request = EvalRequest {
+            scenario: &whole,
+            ado: rule.ado(&policy),
+            ..self.request(Ado::Random)
+        };
+        Ok(eval(&request, self.watch))
+    }
+}
+
+/// Ados of grid worlds that nobody trained: they see both positions.
+#[derive(Clone, Copy)]
+enum ByRule {
+    /// The best one.
+    Optimal,
+    /// A step towards the ego along the larger axis.
+    Chaser,
+}
+
+impl ByRule {
+    fn ado(self, policy: &PositionPolicy) -> Ado<'_> {
+        match self {
+            ByRule::Optimal => Ado::Rule(policy, "optimal", "backward induction"),
+            ByRule::Chaser => Ado::Rule(policy, "chaser", "along the larger axis"),
+        }
+    }
+
+    /// The fully observed world and the rule's policy in it.
+    fn policy(self, ego: &EgoUnderTest) -> Result<(Scenario, PositionPolicy), CampaignError> {
+        let not_a_grid = || {
+            CampaignError::request(
+                format!("`{}` is no grid world", ego.scenario().name),
+                "only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`",
+            )
+        };
+        let whole = ego.scenario().fully_observed().ok_or_else(not_a_grid)?;
+        let grid = whole.grid().ok_or_else(not_a_grid)?;
+        let policy = match self {
+            ByRule::Chaser => {
+                let moves = &grid.spec().moves;
+                PositionPolicy::new(grid, |both| (chase(both, moves), 0.0))
+            }
+            ByRule::Optimal => {
+                let reward = whole.rulebook().reward;
+                PositionPolicy::optimal(grid, |rho| reward.lawful(rho))
+            }
+        };
+        let policy = policy.map_err(|error| CampaignError::Fault(error.to_string()))?;
+        Ok((whole, policy))
+    }
+}

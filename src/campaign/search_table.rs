@@ -1,0 +1,163 @@
+//! Searches of many egos, beside the trained ado of a run if there is one.
+
+use super::break_even::{BreakEven, Cost, break_even};
+use super::ego_under_test::{EgoUnderTest, consent};
+use super::error::CampaignError;
+use super::eval::{Ado, EvalRequest, eval};
+use super::repeatable::note_if_unrepeatable;
+use super::search::{Method, SearchRequest, Searched, search};
+use super::starts::{TestStarts, test_starts};
+use super::watch::Watch;
+use crate::rl::Policy;
+use crate::run::{Row, RunDir, RunError, Stored};
+use crate::scenario::Scenario;
+
+/// What to search.
+#[derive(Clone, Copy)]
+pub struct SearchCampaign<'a> {
+    /// The world as its file has it, from which test starts are drawn.
+    pub world: &'a Scenario,
+    /// The egos to be tested, each in its world.
+    pub egos: &'a [EgoUnderTest],
+    /// The run whose trained ado is played beside the search.
+    pub run: Option<&'a RunDir>,
+    /// How sequences are chosen.
+    pub method: Method<'a>,
+    /// Simulations per start; [`Method::Switches`] does without.
+    pub budget: u64,
+    /// Test starts to draw, and the seed of their stream.
+    pub starts: (usize, u64),
+}
+
+/// What the searches came to, as far as they came.
+#[derive(Clone, Debug)]
+pub struct SearchTable {
+    /// Per ego the trained ado's row, if there is one, and the search's.
+    pub rows: Vec<Row>,
+    /// From how many starts on the trained ado is cheaper.
+    pub break_even: Vec<BreakEven>,
+}
+
+/// The trained ado of the run that is searched.
+struct Trained<'a> {
+    policy: Box<dyn Policy>,
+    run: &'a RunDir,
+}
+
+impl SearchCampaign<'_> {
+    /// Searches every ego in turn. `None`: stopped before the first one.
+    ///
+    /// # Errors
+    /// The run's policy is damaged.
+    pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, CampaignError> {
+        consent(self.world, self.egos)?;
+        let trained = self.trained(watch)?;
+        let (count, seed) = self.starts;
+        let Some(starts) = test_starts(self.world, seed, count, watch) else {
+            return Ok(None);
+        };
+        let (mut rows, mut evens) = (Vec::new(), Vec::new());
+        for ego in self.egos {
+            watch.phase(&format!("searching: {}", ego.name()));
+            let request = SearchRequest {
+                scenario: ego.scenario(),
+                ego: ego.name(),
+                method: self.method,
+                budget: self.budget,
+                starts: &starts,
+            };
+            let searched = search(&request, watch);
+            if let Some(trained) = &trained {
+                let row = trained.row(ego, (&searched, &starts), watch);
+                evens.extend(trained.break_even(&request, &searched, &row, watch));
+                rows.push(row);
+            }
+            rows.push(searched.row);
+            note_if_unrepeatable(ego, &starts, watch);
+            if watch.stopped() {
+                break;
+            }
+        }
+        Ok(Some(SearchTable {
+            rows,
+            break_even: evens,
+        }))
+    }
+
+    fn trained(&self, watch: &Watch<'_>) -> Result<Option<Trained<'_>>, CampaignError> {
+        let finished = self.run.filter(|run| run.manifest().is_finished());
+        let Some(run) = finished else {
+            return Ok(None);
+        };
+        match run.policy() {
+            Ok(policy) => Ok(Some(Trained { policy, run })),
+            // A conditional ado plays only where it is told the ego's parameters.
+            Err(error @ RunError::Untold { .. }) => {
+                watch.note(&format!("{error}; searching without it"));
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+impl Trained<'_> {
+    fn row(
+        &self,
+        ego: &EgoUnderTest,
+        (searched, starts): (&Searched, &TestStarts),
+        watch: &Watch<'_>,
+    ) -> Row {
+        let request = EvalRequest {
+            scenario: ego.scenario(),
+            ego: ego.name(),
+            ado: Ado::Trained(&*self.policy, self.run.manifest().seed),
+            starts,
+        };
+        let mut row = eval(&request, watch).row;
+        row.compare_with_search(&searched.row.solved);
+        row
+    }
+
+    /// Of methods with a budget only: the others are no rival but a measure.
+    fn break_even(
+        &self,
+        request: &SearchRequest<'_>,
+        searched: &Searched,
+        trained: &Row,
+        watch: &Watch<'_>,
+    ) -> Option<BreakEven> {
+        let manifest = self.run.manifest();
+        let once = match request.method {
+            _ if watch.interrupted() => return None,
+            Method::Switches(_) => return None,
+            // It lives on a training as well: neither is charged for one.
+            Method::Mutate(_) => Cost::default(),
+            _ => Cost::of_training(manifest),
+        };
+        if manifest.physics_steps == 0 {
+            watch.note("an earlier version trained this run: it counted no physics steps");
+        }
+        break_even(searched, request.budget, trained, once)
+    }
+}
+
+/// The counterexamples of a run's training, to be mutated against some egos.
+///
+/// # Errors
+/// It stored none, or they do not fit the egos' worlds.
+pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, CampaignError> {
+    let (stored, source) = (run.counterexamples()?, run.scenario()?);
+    let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
+    let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));
+    match unlike.find(|(_, scenario)| shape(scenario) != shape(&source)) {
+        Some((ego, scenario)) => Err(CampaignError::request(
+            format!(
+                "the counterexamples of `{}` do not fit `{}` with the ego `{ego}`: other starts or actions",
+                source.name, scenario.name
+            ),
+            "name a run of the same world",
+        )),
+        None => Ok(stored),
+    }
+}

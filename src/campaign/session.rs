@@ -1,0 +1,347 @@
+//! A training from its world to its closing evaluation: begun, gone on with, or
+//! fine-tuned from another run.
+
+use std::path::Path;
+
+use super::ego_under_test::{EgoUnderTest, consent};
+use super::error::CampaignError;
+use super::eval::{Ado, EvalRequest, Evaluated, best_constant, eval};
+use super::keep::keep;
+use super::starts::{TestStarts, test_starts};
+use super::train::{TrainError, Trained, train};
+use super::watch::Watch;
+use crate::rl::Policy;
+use crate::run::{Asked, Beginning, ChangedEgo, Row, RunDir, RunError};
+use crate::scenario::{Against, Scenario};
+use crate::sim::PlantKind;
+
+/// Counterexamples of the closing evaluation that a run directory keeps.
+const KEPT_EPISODES: usize = 5;
+
+/// How to train in a world; what is left out is as the world says, or, going on
+/// with a run, as that was begun.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TrainRequest<'a> {
+    /// Seed of the training; 0 going on: the one it was begun with.
+    pub seed: u64,
+    /// Decisions to train for.
+    pub decisions: Option<u64>,
+    /// One of the world's `learners`.
+    pub learner: Option<&'a str>,
+    /// Against the world's ego, or its family.
+    pub against: Against,
+    /// Against a changed ego: a name under `reuse`, or a RON file.
+    pub ego: Option<&'a str>,
+    /// The physics to train in.
+    pub plant: Option<PlantKind>,
+    /// The run whose policy is fine-tuned.
+    pub from: Option<&'a RunDir>,
+}
+
+/// A training and its run directory.
+pub struct TrainSession {
+    run: RunDir,
+    world: Scenario,
+    ego: EgoUnderTest,
+}
+
+/// The closing evaluation of a training.
+pub struct Closing {
+    /// The trained ado beside the baselines.
+    pub rows: Vec<Row>,
+    policy: Box<dyn Policy>,
+    starts: TestStarts,
+    evaluated: Evaluated,
+}
+
+impl TrainSession {
+    /// Makes a run directory to train in.
+    ///
+    /// What does not fit is refused before anything is made.
+    ///
+    /// # Errors
+    /// The request does not fit the world, there is a run already, a program may
+    /// not be started, or the disk refuses.
+    pub fn begin(
+        world: &Scenario,
+        path: &Path,
+        request: &TrainRequest<'_>,
+    ) -> Result<TrainSession, CampaignError> {
+        let world = request.world(world)?;
+        let ego = request.ego(&world)?;
+        let seed = request.seed;
+        let from = request.from.map(|from| from.policy_bundle()).transpose()?;
+        if let (Some(source), Some(bundle)) = (request.from, &from) {
+            fits_kind(source, &world)?;
+            let fits = world.learner.build_from(&world.spaces(), seed, bundle);
+            fits.map_err(TrainError::from)?;
+        }
+        let begin = |ego| {
+            let from = from.as_ref();
+            RunDir::begin(path, &world, seed, Beginning { from, ego })
+        };
+        TrainSession::with(world.clone(), ego, begin)
+    }
+
+    /// Opens a run directory to go on with.
+    ///
+    /// # Errors
+    /// There is no run, or it was begun as another training.
+    pub fn resume(
+        world: &Scenario,
+        path: &Path,
+        request: &TrainRequest<'_>,
+    ) -> Result<TrainSession, CampaignError> {
+        let world = request.world(world)?;
+        // Before the run is opened: what cannot be asked for is no reason to hold it.
+        let asked = request.ego(&world)?;
+        let run = RunDir::resume(path)?;
+        let world = request.as_begun(world, &run);
+        let begun = run.manifest();
+        let ego = match request.ego {
+            Some(_) => asked,
+            None => begun.ego.clone(),
+        };
+        let seed = match request.seed {
+            0 => begun.seed,
+            seed => seed,
+        };
+        run.must_be_of(Asked {
+            scenario: &world,
+            seed,
+            ego: ego.as_ref(),
+        })?;
+        TrainSession::with(world, ego, |_| Ok(run))
+    }
+
+    /// Asks for consent, and only then opens the run.
+    fn with(
+        world: Scenario,
+        ego: Option<ChangedEgo>,
+        open: impl FnOnce(Option<ChangedEgo>) -> Result<RunDir, RunError>,
+    ) -> Result<TrainSession, CampaignError> {
+        let tested = EgoUnderTest::of_training(&world, ego.as_ref())?;
+        consent(&world, std::slice::from_ref(&tested))?;
+        let mut run = open(ego)?;
+        run.allow_programs(world.may_start_programs());
+        Ok(TrainSession {
+            run,
+            world,
+            ego: tested,
+        })
+    }
+
+    /// Trains until the decisions asked for are taken, or `watch` stops it.
+    ///
+    /// # Errors
+    /// The disk refuses, or the ego keeps failing to run.
+    pub fn train(&mut self, watch: &Watch<'_>) -> Result<Trained, CampaignError> {
+        Ok(train(self.ego.scenario(), &mut self.run, watch)?)
+    }
+
+    /// The trained ado beside the baselines, on the first test starts. `None`:
+    /// stopped before there was anything.
+    ///
+    /// # Errors
+    /// The policy cannot be read.
+    pub fn evaluate(
+        &self,
+        starts: usize,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Closing>, CampaignError> {
+        let policy = self.policy()?;
+        let Some(starts) = test_starts(&self.run.world()?, 0, starts, watch) else {
+            return Ok(None);
+        };
+        let request = |ado| self.request(ado, &starts);
+        let mut evaluated = eval(&request(self.trained(&*policy)), watch);
+        if self.world.against == Against::Conditional {
+            evaluated.row.told = Some("nominal".to_owned());
+        }
+        let (scenario, name) = (self.ego.scenario(), self.ego.name());
+        let rows = vec![
+            evaluated.row.clone(),
+            eval(&request(Ado::Held), watch).row,
+            eval(&request(Ado::Random), watch).row,
+            best_constant(scenario, name, &starts, watch).row,
+        ];
+        Ok(Some(Closing {
+            rows,
+            policy,
+            starts,
+            evaluated,
+        }))
+    }
+
+    /// Writes the closing evaluation and some counterexamples into the run.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(&self, closing: &Closing) -> Result<(), CampaignError> {
+        self.run.save_report(&closing.rows)?;
+        let episodes = self.run.path().join("episodes");
+        let trained = self.request(self.trained(&*closing.policy), &closing.starts);
+        let change = self.ego.change();
+        keep(
+            &trained,
+            change,
+            &closing.evaluated,
+            &episodes,
+            KEPT_EPISODES,
+        )?;
+        Ok(())
+    }
+
+    /// The run directory.
+    pub fn run(&self) -> &RunDir {
+        &self.run
+    }
+
+    /// The world with the learner, the plant and the egos that are trained with.
+    pub fn world(&self) -> &Scenario {
+        &self.world
+    }
+
+    fn trained<'a>(&self, policy: &'a dyn Policy) -> Ado<'a> {
+        Ado::Trained(policy, self.run.manifest().seed)
+    }
+
+    fn request<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
+        EvalRequest {
+            scenario: self.ego.scenario(),
+            ego: self.ego.name(),
+            ado,
+            starts,
+        }
+    }
+
+    /// The trained ado; a conditional one is told the nominal parameters.
+    fn policy(&self) -> Result<Box<dyn Policy>, CampaignError> {
+        let scenario = self.ego.scenario();
+        Ok(match (scenario.family(), scenario.drive()) {
+            (Some(family), Some(spec)) => self.run.policy_told(&family.nominal(spec.plant))?,
+            _ => self.run.policy()?,
+        })
+    }
+}
+
+impl TrainRequest<'_> {
+    /// The world, with what is asked for.
+    fn world(&self, world: &Scenario) -> Result<Scenario, CampaignError> {
+        let mut world = match self.plant {
+            Some(plant) => on_plant(world, plant)?,
+            None => world.clone(),
+        };
+        if let Some(name) = self.learner {
+            let known: Vec<&str> = world.learners.keys().map(String::as_str).collect();
+            let none = || {
+                CampaignError::request(
+                    format!("`{}` has no learner `{name}`", world.name),
+                    format!("known: {}; or leave out `--learner`", known.join(", ")),
+                )
+            };
+            world = world.learning_by(name).ok_or_else(none)?;
+        }
+        if !self.against.is_nominal() {
+            world = self.against_family(&world)?;
+        }
+        Ok(match self.decisions {
+            Some(decisions) => world.training_for(decisions),
+            None => world,
+        })
+    }
+
+    fn against_family(&self, world: &Scenario) -> Result<Scenario, CampaignError> {
+        let refused = |what: &str, help: &str| Err(CampaignError::request(what, help));
+        if self.ego.is_some() {
+            return refused(
+                "`--against` trains on a family of egos, `--ego` on one of them",
+                "leave out one of the two",
+            );
+        }
+        if self.learner.is_some() {
+            return refused(
+                "`--learner` is for training against the nominal ego",
+                "leave it out: a family names its own learners, `wide` and `conditional`",
+            );
+        }
+        if self.plant.is_some() {
+            return refused(
+                "`--plant` is for training against one ego",
+                "leave it out: a family names its plants under `train_against`",
+            );
+        }
+        world.training_against(self.against).ok_or_else(|| {
+            CampaignError::request(
+                format!("`{}` names no family of egos", world.name),
+                "add `train_against: Family(ego: { … })` to the world: docs/reuse.md",
+            )
+        })
+    }
+
+    /// The changed ego that is asked for; `None`: the nominal one.
+    fn ego(&self, world: &Scenario) -> Result<Option<ChangedEgo>, CampaignError> {
+        match self.ego {
+            None => Ok(None),
+            Some("all") => Err(CampaignError::request(
+                "`--ego all` names many egos, and an ado is trained against one",
+                "name one of them; `--against wide` trains against a family",
+            )),
+            Some(name) => {
+                let egos = EgoUnderTest::find(world, name)?;
+                Ok(egos.first().and_then(EgoUnderTest::as_changed))
+            }
+        }
+    }
+
+    /// What was not asked for is as it was when a run was begun.
+    fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Scenario {
+        let begun = run.manifest();
+        if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
+            world = world.on(plant);
+        }
+        if self.against.is_nominal()
+            && let Some(family) = world.training_against(begun.against)
+        {
+            world = family;
+        }
+        let learner = begun.learner.as_ref().filter(|_| self.learner.is_none());
+        if let Some(learner) = learner.and_then(|name| world.learning_by(name)) {
+            world = learner;
+        }
+        let decisions = self.decisions.unwrap_or(begun.decisions);
+        world.training_for(decisions)
+    }
+}
+
+/// The same driving world on the plant asked for.
+///
+/// # Errors
+/// The world is not driven.
+pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, CampaignError> {
+    match world.drive() {
+        Some(_) => Ok(world.on(plant)),
+        None => Err(CampaignError::request(
+            format!("`{}` runs on no plant", world.name),
+            "leave out `--plant`: it is for driving worlds",
+        )),
+    }
+}
+
+/// A conditional ado is told the ego's parameters, others are not: one cannot
+/// become the other.
+fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), CampaignError> {
+    let was = from.manifest().against;
+    if (was == Against::Conditional) == (world.against == Against::Conditional) {
+        return Ok(());
+    }
+    Err(CampaignError::request(
+        format!(
+            "the ado in `{}` is {was}, this training {}",
+            from.path().display(),
+            world.against
+        ),
+        "a conditional ado is told the ego's parameters, others are not: \
+         fine-tune a conditional ado with `--against conditional`, any other without",
+    ))
+}

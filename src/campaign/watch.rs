@@ -1,0 +1,83 @@
+//! How a campaign reports and is asked to stop.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::scene::Start;
+use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Testbench, play};
+
+/// What a campaign says on its way, for people; no result depends on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Remark<'a> {
+    /// What is done now.
+    Phase(&'a str),
+    /// Something that is worth a line.
+    Line(&'a str),
+}
+
+/// How a campaign reports and is asked to stop; it never changes a result.
+pub struct Watch<'a> {
+    /// Called when `done` of `total` units of work are finished, from any thread.
+    pub progress: &'a (dyn Fn(u64, u64) + Sync),
+    /// Called with what a person may want to read.
+    pub remarks: &'a (dyn Fn(Remark<'_>) + Sync),
+    /// Set from outside to stop early; what was computed is kept.
+    pub stop: &'a AtomicBool,
+    /// Is told of every episode, and gives up on an ego that does not run.
+    pub faults: FaultLog,
+}
+
+impl<'a> Watch<'a> {
+    /// Reports to `progress` and stops when `stop` is set or the ego is given up.
+    pub fn new(progress: &'a (dyn Fn(u64, u64) + Sync), stop: &'a AtomicBool) -> Watch<'a> {
+        Watch {
+            progress,
+            remarks: &|_| {},
+            stop,
+            faults: FaultLog::default(),
+        }
+    }
+
+    /// The same without progress: for work that is part of some other.
+    pub fn quiet(&self) -> Watch<'a> {
+        Watch {
+            progress: &|_, _| {},
+            faults: self.faults.clone(),
+            ..*self
+        }
+    }
+
+    /// Whether there is no point in going on: somebody asked to stop, or the
+    /// ego does not run.
+    pub fn stopped(&self) -> bool {
+        self.interrupted() || self.faults.has_given_up()
+    }
+
+    /// Whether somebody asked to stop.
+    pub fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Says what is done now.
+    pub fn phase(&self, what: &str) {
+        (self.remarks)(Remark::Phase(what));
+    }
+
+    /// Says something that is worth a line.
+    pub fn note(&self, line: &str) {
+        (self.remarks)(Remark::Line(line));
+    }
+
+    /// Plays an episode and tells the log of faults about it.
+    pub(crate) fn play(
+        &self,
+        bench: &mut Testbench,
+        (start, noise): (&Start, u64),
+        index: usize,
+        actor: &mut dyn Actor,
+        aftermath: Aftermath,
+    ) -> Episode {
+        let episode = play(bench, start, noise, actor, aftermath);
+        self.faults.note(index as u64, episode.fault.as_ref());
+        episode
+    }
+}

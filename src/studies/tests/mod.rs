@@ -1,0 +1,12 @@
+//! Studies, small enough for every `cargo test`.
+
+mod near;
+mod paper;
+mod reusing;
+
+use crate::scenario::Scenario;
+
+/// The ACC world.
+fn acc() -> Scenario {
+    Scenario::parse("acc.ron", include_str!("../../../worlds/acc.ron")).expect("a sound world")
+}
