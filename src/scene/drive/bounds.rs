@@ -1,9 +1,10 @@
 //! What the signals of a driving scene can be, and which no ado can change.
 
-use super::layout::schema_of;
+use super::light::LightDrive;
+use super::schema_of;
 use super::script::Script;
 use super::signals::{Between, Field, Lamp, Source, TTC_CAP_S};
-use super::spec::{Drive, DriveSpec, LightDrive};
+use super::spec::{Drive, DriveSpec};
 use crate::sim::BodyKind;
 use crate::stl::Interval;
 

@@ -1,8 +1,52 @@
-//! Traffic lights in motion.
+//! Traffic lights: a phase, and what turns it.
 
-use super::actions::Turn;
-use super::spec::{Light, LightDrive};
+use serde::{Deserialize, Serialize};
+
+use super::actions::{Actions, Turn};
+use super::trained::Trained;
 use crate::ego::Phase;
+
+/// A traffic light with its stop line across all lanes.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Name in signals.
+    pub name: String,
+    /// The stop line, along the road.
+    pub line_m: f64,
+    /// What it shows at first.
+    pub phase: Phase,
+    /// What turns it.
+    pub drive: LightDrive,
+}
+
+/// What turns a light.
+#[derive(Clone, Debug)]
+pub enum LightDrive {
+    /// Phases, each from its time on.
+    Schedule(Schedule),
+    /// A learning adversary.
+    Ado {
+        /// What it may choose from.
+        actions: Actions,
+        /// The action that leaves things alone.
+        neutral: usize,
+    },
+    /// An ado trained elsewhere, frozen.
+    Trained(Trained),
+}
+
+/// Phases, each from its time on: `[(at_s, phase), …]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Schedule(pub Vec<(f64, Phase)>);
+
+impl Schedule {
+    /// What it shows at a time; `first` before its first entry.
+    fn at(&self, time_s: f64, first: Phase) -> Phase {
+        let begun = self.0.iter();
+        let begun = begun.take_while(|(at_s, _)| *at_s <= time_s + 1e-9);
+        begun.last().map_or(first, |(_, phase)| *phase)
+    }
+}
 
 /// A light in motion.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,14 +6,13 @@ use rand::RngExt;
 
 use super::actions::Choice;
 use super::course::OnRoad;
-use super::layout::Layout;
-use super::light::Shown;
+use super::light::{LightDrive, Shown};
+use super::reading::scaled;
 use super::sensors::Sensing;
-use super::signals::scaled;
-use super::spec::{Agent, Drive, LightDrive, Place, Range, Trained};
-use super::staging;
+use super::spec::{Agent, Drive, Place, Range};
 use super::steering::LaneKeeper;
-use super::trained::Who;
+use super::trained::{Trained, Who};
+use super::{Layout, staging};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
@@ -109,7 +108,7 @@ impl DriveScene {
     fn decide_trained(&mut self) {
         let layout = Arc::clone(&self.layout);
         for frozen in &layout.frozen {
-            let Some(action) = frozen.act(self.sample, |source| self.value(source)) else {
+            let Some(action) = frozen.act(self) else {
                 continue;
             };
             match (frozen.who, frozen.actions.choice(action)) {

@@ -100,6 +100,14 @@ impl DriveScene {
     }
 }
 
+/// A row as an observation: positions, middles and scales.
+pub(super) fn scaled(row: &[f64], observed: &[(usize, f64, f64)], obs: &mut [f32]) {
+    for (value, &(position, mid, per_half)) in obs.iter_mut().zip(observed) {
+        // The one cast from signals to observations.
+        *value = ((row[position] - mid) * per_half) as f32;
+    }
+}
+
 fn truth(value: bool) -> f64 {
     f64::from(u8::from(value))
 }

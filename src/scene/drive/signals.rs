@@ -384,11 +384,3 @@ impl DriveSpec {
         offers
     }
 }
-
-/// A row as an observation: positions, middles and scales.
-pub(super) fn scaled(row: &[f64], observed: &[(usize, f64, f64)], obs: &mut [f32]) {
-    for (value, &(position, mid, per_half)) in obs.iter_mut().zip(observed) {
-        // The one cast from signals to observations.
-        *value = ((row[position] - mid) * per_half) as f32;
-    }
-}

@@ -3,14 +3,14 @@
 use std::sync::Arc;
 
 use super::actions::Actions;
+use super::light::{Light, LightDrive};
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
+use super::trained::Trained;
 use indexmap::IndexMap;
-use serde::{Deserialize, Serialize};
 
-use crate::ego::{Controller, ControllerSpec, Phase};
-use crate::rl::Policy;
+use crate::ego::{Controller, ControllerSpec};
 use crate::scene::{Axis, Clock, Derived, Observed};
 use crate::sim::{Body, PlantKind};
 use crate::stl::Constants;
@@ -263,70 +263,5 @@ impl DriveSpec {
             }
         }
         axes
-    }
-}
-
-/// A traffic light with its stop line across all lanes.
-#[derive(Clone, Debug)]
-pub struct Light {
-    /// Name in signals.
-    pub name: String,
-    /// The stop line, along the road.
-    pub line_m: f64,
-    /// What it shows at first.
-    pub phase: Phase,
-    /// What turns it.
-    pub drive: LightDrive,
-}
-
-/// What turns a light.
-#[derive(Clone, Debug)]
-pub enum LightDrive {
-    /// Phases, each from its time on.
-    Schedule(Schedule),
-    /// A learning adversary.
-    Ado {
-        /// What it may choose from.
-        actions: Actions,
-        /// The action that leaves things alone.
-        neutral: usize,
-    },
-    /// An ado trained elsewhere, frozen.
-    Trained(Trained),
-}
-
-/// Phases, each from its time on: `[(at_s, phase), …]`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Schedule(pub Vec<(f64, Phase)>);
-
-impl Schedule {
-    /// What it shows at a time; `first` before its first entry.
-    pub(super) fn at(&self, time_s: f64, first: Phase) -> Phase {
-        let begun = self.0.iter();
-        let begun = begun.take_while(|(at_s, _)| *at_s <= time_s + 1e-9);
-        begun.last().map_or(first, |(_, phase)| *phase)
-    }
-}
-
-/// A trained ado and what it knows.
-#[derive(Clone)]
-pub struct Trained {
-    /// The world it was trained in.
-    pub home: Arc<DriveSpec>,
-    /// Its name there.
-    pub part: String,
-    /// What it may choose from.
-    pub actions: Actions,
-    /// Time constant with which its acceleration follows; 0 is none.
-    pub lag_s: f64,
-    /// How it chooses.
-    pub policy: Arc<dyn Policy>,
-    /// Who plays whose part: names at home to names here.
-    pub names: IndexMap<String, String>,
-}
-
-impl std::fmt::Debug for Trained {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Trained({} of {})", self.part, self.home.world)
     }
 }

@@ -7,13 +7,40 @@
 
 use std::sync::Arc;
 
+use indexmap::IndexMap;
+
 use super::actions::Actions;
-use super::signals::{Offer, Source, scaled};
-use super::spec::{DriveSpec, Trained};
+use super::motion::DriveScene;
+use super::reading::scaled;
+use super::signals::{Offer, Source};
+use super::spec::DriveSpec;
 use crate::rl::Policy;
 use crate::scene::Derived;
 use crate::stl::{BoundExpr, StlError};
 use crate::trace::{Schema, SchemaError};
+
+/// A trained ado and what it knows.
+#[derive(Clone)]
+pub struct Trained {
+    /// The world it was trained in.
+    pub home: Arc<DriveSpec>,
+    /// Its name there.
+    pub part: String,
+    /// What it may choose from.
+    pub actions: Actions,
+    /// Time constant with which its acceleration follows; 0 is none.
+    pub lag_s: f64,
+    /// How it chooses.
+    pub policy: Arc<dyn Policy>,
+    /// Who plays whose part: names at home to names here.
+    pub names: IndexMap<String, String>,
+}
+
+impl std::fmt::Debug for Trained {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Trained({} of {})", self.part, self.home.world)
+    }
+}
 
 /// A trained ado that cannot act in a world.
 #[derive(Debug, thiserror::Error)]
@@ -269,12 +296,12 @@ fn input(
 }
 
 impl Frozen {
-    /// What it does at a sample, given the scene's values there, if it decides.
-    pub(super) fn act(&self, sample: usize, value: impl Fn(Source) -> f64) -> Option<usize> {
-        if !sample.is_multiple_of(self.samples_per_decision) {
+    /// What it does at a sample, if it decides there.
+    pub(super) fn act(&self, scene: &DriveScene) -> Option<usize> {
+        if !scene.sample.is_multiple_of(self.samples_per_decision) {
             return None;
         }
-        let inputs = self.inputs.iter().map(|input| input.value(&value));
+        let inputs = self.inputs.iter().map(|input| input.value(scene));
         let mut row: Vec<f64> = inputs.collect();
         let basic = row.len();
         row.resize(basic + self.derived.len(), 0.0);
@@ -288,11 +315,11 @@ impl Frozen {
 }
 
 impl Input {
-    fn value(self, value: impl Fn(Source) -> f64) -> f64 {
+    fn value(self, scene: &DriveScene) -> f64 {
         match self {
-            Input::Here(source) => value(source),
-            Input::TimeLeft { horizon_s } => value(Source::TimeLeft).min(horizon_s),
-            Input::Time { later_s } => (value(Source::Time) - later_s).max(0.0),
+            Input::Here(source) => scene.value(source),
+            Input::TimeLeft { horizon_s } => scene.value(Source::TimeLeft).min(horizon_s),
+            Input::Time { later_s } => (scene.value(Source::Time) - later_s).max(0.0),
         }
     }
 }

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use super::DriveWorld;
-use super::layout::Layout;
 use super::sensors::Sensors;
 use super::spec::{Drive, EgoDrive};
+use super::{DriveWorld, Layout};
 use crate::ego::ControllerSpec;
 use crate::sim::PlantKind;
 
