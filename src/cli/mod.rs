@@ -30,7 +30,7 @@ use serde_json::json;
 pub use failure::{Exit, Failure, Note};
 
 use crate::campaign::{TestStarts, Watch, answers_differ};
-use crate::ego::{ControllerSpec, Process};
+use crate::ego::Process;
 use crate::run::{RunDir, RunError};
 use crate::scenario::{Change, Scenario};
 use crate::sim::PlantKind;
@@ -301,7 +301,7 @@ fn egos_or_program(
         ));
     }
     let change = Change {
-        controller: Some(ControllerSpec::Process(Process::new(program))),
+        controller: Some(Process::new(program).into()),
         ..Change::default()
     };
     let changed = scenario.with(&change).map_err(|error| {

@@ -22,8 +22,6 @@ parameters! {
         max_brake_mps2, at_least 0.0;
         /// Hardest acceleration it asks for, m/s².
         max_accel_mps2, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 

@@ -30,8 +30,6 @@ parameters! {
         filter_margin_m, at_least 0.0;
         /// Time for which the filter counts the closing speed as lost, s.
         filter_delay_s, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 

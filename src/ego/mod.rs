@@ -2,7 +2,8 @@
 //!
 //! A [`Controller`] sees a [`Percept`] once per sample and answers with a
 //! [`Command`]. It never sees the ado's mind: percepts hold what sensors could
-//! measure. To test your own, implement the trait and hand it to the test bench.
+//! measure. To test your own, implement the trait and hand it to the test bench:
+//! its commands pass the actuator of the car it drives ([`Actuated`]).
 //!
 //! ```
 //! use brakecheck::ego::{Command, Controller, Fault, Percept};
@@ -55,7 +56,7 @@ mod yellow;
 use serde::{Deserialize, Serialize};
 
 pub use acc::Acc;
-pub use actuator::Actuator;
+pub use actuator::{Actuated, Actuator};
 pub use aeb::Aeb;
 pub use fault::{Fault, FaultKind, PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use filtered::FilteredAcc;
@@ -216,6 +217,9 @@ impl Percept {
 pub struct Briefing {
     /// Time between two percepts.
     pub sample_s: f64,
+    /// Time constant of the lag behind its commands; programs are not told.
+    #[serde(skip)]
+    pub lag_s: f64,
     /// The law's limit on this road, where the world file names one.
     pub speed_limit_mps: Option<f64>,
     /// The road.

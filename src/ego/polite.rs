@@ -26,8 +26,6 @@ parameters! {
         soft_brake_mps2, at_least 0.0;
         /// Time gap below which somebody follows closely, s.
         rear_gap_s, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 

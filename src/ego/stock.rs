@@ -2,18 +2,43 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::actuator::written_as;
 use super::{
-    Acc, Aeb, Controller, FilteredAcc, Idm, Merge, Parameter, PoliteAcc, Process, UnknownParameter,
-    YellowLight, YellowLightFixed,
+    Acc, Actuated, Aeb, Controller, FilteredAcc, Idm, Merge, Parameter, PoliteAcc, Process,
+    UnknownParameter, YellowLight, YellowLightFixed,
 };
 
 /// Declares the enum of stock controllers and passes every call on.
 macro_rules! stock {
     ($( $(#[doc = $about:literal])+ $kind:ident by $make:ident; )*) => {
         /// A controller as named in a world file, with its parameters.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, PartialEq)]
         pub enum ControllerSpec {
             $( $(#[doc = $about])+ $kind($kind), )*
+        }
+
+        #[derive(Serialize, Deserialize)]
+        #[serde(rename = "ControllerSpec")]
+        enum InFile {
+            $( $kind(Actuated<$kind>), )*
+        }
+
+        impl From<InFile> for Actuated<ControllerSpec> {
+            fn from(file: InFile) -> Actuated<ControllerSpec> {
+                match file {
+                    $( InFile::$kind(it) => it.map(ControllerSpec::$kind), )*
+                }
+            }
+        }
+
+        impl From<Actuated<ControllerSpec>> for InFile {
+            fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> InFile {
+                match controller {
+                    $( ControllerSpec::$kind(controller) => {
+                        InFile::$kind(Actuated { controller, lag_s })
+                    } )*
+                }
+            }
         }
 
         impl ControllerSpec {
@@ -47,15 +72,50 @@ macro_rules! stock {
                     $( ControllerSpec::$kind(it) => it.set(name, value), )*
                 }
             }
-
-            /// Time constant of the first-order lag behind the command; 0 is none.
-            pub fn lag_s(&self) -> f64 {
-                match self {
-                    $( ControllerSpec::$kind(it) => it.lag_s, )*
-                }
-            }
         }
     };
+}
+
+written_as!(ControllerSpec, InFile);
+
+impl Actuated<ControllerSpec> {
+    /// The controller's numeric parameters, and the lag.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let mut parameters = self.controller.parameters();
+        parameters.push(Parameter {
+            name: "lag_s",
+            about: "Time constant of the actuator behind the command, s; 0 is none.",
+            value: self.lag_s,
+            at_least: 0.0,
+        });
+        parameters
+    }
+
+    /// Sets one of them by name.
+    ///
+    /// # Errors
+    /// The name is none of them.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
+        if name == "lag_s" {
+            self.lag_s = value;
+            return Ok(());
+        }
+        let set = self.controller.set(name, value);
+        set.map_err(|mut error| {
+            error.known.push("lag_s");
+            error
+        })
+    }
+}
+
+impl From<Process> for Actuated<ControllerSpec> {
+    /// A program as the ego of a car whose actuator does not lag.
+    fn from(process: Process) -> Actuated<ControllerSpec> {
+        Actuated {
+            controller: ControllerSpec::Process(process),
+            lag_s: 0.0,
+        }
+    }
 }
 
 impl ControllerSpec {
@@ -89,9 +149,9 @@ stock! {
     /// The switching merge controller, Sec. V-C.
     Merge by build;
     /// Stops for lights by the paper's d(t), Sec. V-D.
-    YellowLight by clone;
+    YellowLight by build;
     /// Stops for lights by the stopping distance.
-    YellowLightFixed by clone;
+    YellowLightFixed by build;
     /// Another program, on its stdin and stdout.
     Process by controller;
 }

@@ -10,7 +10,7 @@ use super::file::{
 use super::language::formula;
 use super::locate::Path;
 use super::trained::{self, TrainedFile};
-use crate::scene::drive::{Agent, Drive, EgoDrive, Light, LightDrive, Place, Range, Trained};
+use crate::scene::drive::{Agent, Drive, EgoController, Light, LightDrive, Place, Range, Trained};
 use crate::sim::{Body, BodyKind};
 
 /// Everybody in a world file, with what their ados observe and obey.
@@ -189,7 +189,7 @@ impl Cast {
                     let help = "write `Ado(actions: Walks([…]), …)` or `Scripted(Walk([…]))`";
                     problems.add(path, what, "here", Some(help.to_owned()));
                 }
-                Drive::Ego(EgoDrive::Stock(controller.clone()))
+                Drive::Ego(controller.clone().map(EgoController::Stock))
             }
             DriveFile::Scripted(script) => {
                 let walks = acts_as == ActsAs::Walker;

@@ -45,7 +45,7 @@ impl DriveScene {
     pub(super) fn new(layout: Arc<Layout>) -> DriveScene {
         let spec = &layout.spec;
         let agents = spec.agents.len();
-        let mut controller = layout.ego_drive.build();
+        let mut controller = layout.ego_drive.controller.build();
         controller.brief(&layout.briefing());
         DriveScene {
             plant: sim::plant(spec.plant, ground(&layout)),
@@ -89,7 +89,7 @@ impl DriveScene {
         let body = self.plant.spawn(&agent.body, pose, speed_mps);
         self.bodies.push(body);
         let (lag_s, lateral_lag_s) = match &agent.drive {
-            Drive::Ego(drive) => (drive.lag_s(), drive.lag_s()),
+            Drive::Ego(drive) => (drive.lag_s, drive.lag_s),
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
             Drive::Trained(Trained { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
             Drive::Scripted(_) => (0.0, 0.0),
