@@ -66,6 +66,9 @@ macro_rules! parameters {
         };
 
         impl $name {
+            /// The names of its numeric parameters.
+            pub const PARAMETERS: &[&str] = &[$( stringify!($field) ),*];
+
             /// Its numeric parameters with their present values.
             pub fn parameters(&self) -> Vec<$crate::ego::Parameter> {
                 vec![$( $crate::ego::Parameter {
@@ -89,7 +92,7 @@ macro_rules! parameters {
                     $( stringify!($field) => self.$field = value, )*
                     _ => return Err($crate::ego::UnknownParameter {
                         name: name.to_owned(),
-                        known: vec![$( stringify!($field) ),*],
+                        known: Self::PARAMETERS.to_vec(),
                     }),
                 }
                 Ok(())

@@ -11,9 +11,9 @@
 //! before the line's far side and stops braking once past −δ; on green it
 //! follows. τ − t is the yellow time it believes in less the time it has seen.
 
-use super::acc::Follow;
+use super::acc::acc_in;
 use super::parameters::parameters;
-use super::{Briefing, Command, Controller, Fault, Percept, Phase, SeenLight};
+use super::{Acc, Briefing, Command, Controller, Fault, Percept, Phase, SeenLight};
 
 /// Declares a controller that stops for lights; both have the same parameters.
 macro_rules! stops_for_lights {
@@ -45,14 +45,7 @@ macro_rules! stops_for_lights {
         impl $name {
             pub(super) fn build(&self) -> Stopping {
                 Stopping {
-                    follow: Follow {
-                        kp_per_s2: self.kp_per_s2,
-                        kd_per_s: self.kd_per_s,
-                        standstill_headway_m: self.standstill_headway_m,
-                        time_gap_s: self.time_gap_s,
-                    },
-                    max_brake_mps2: self.max_brake_mps2,
-                    max_accel_mps2: self.max_accel_mps2,
+                    follow: acc_in!(self),
                     stop_brake_mps2: self.stop_brake_mps2,
                     junction_m: self.junction_m,
                     yellow_s: self.yellow_s,
@@ -86,9 +79,7 @@ enum Reach {
 /// The controller, and the lag of its actuator, of which it is told.
 #[derive(Clone, Debug)]
 pub(super) struct Stopping {
-    follow: Follow,
-    max_brake_mps2: f64,
-    max_accel_mps2: f64,
+    follow: Acc,
     stop_brake_mps2: f64,
     junction_m: f64,
     yellow_s: f64,
@@ -139,10 +130,7 @@ impl Controller for Stopping {
         if self.must_stop(percept) {
             return Ok(Command::accelerate(-self.stop_brake_mps2));
         }
-        let wish_mps2 = self.follow.wish_mps2(percept);
-        Ok(Command::accelerate(
-            wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2),
-        ))
+        self.follow.control(percept)
     }
 
     fn fork(&self) -> Option<Box<dyn Controller>> {

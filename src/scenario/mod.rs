@@ -43,7 +43,7 @@ pub use locate::Path;
 pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 
-use crate::ego::{Actuated, Command, ControllerSpec, Process, Recorded};
+use crate::ego::{Actuated, Command, Controller, ControllerSpec, Process, Recorded};
 use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
 use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoController, Tuning};
@@ -362,20 +362,10 @@ impl Scenario {
     /// They pass the actuator of the present ego. A world that is not driven
     /// stays as it is.
     pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
-        let World::Drive(world) = &self.world else {
-            return self.clone();
-        };
-        let mut spec = world.spec().clone();
-        for agent in &mut spec.agents {
-            if let Drive::Ego(drive) = &mut agent.drive {
-                let commands = Arc::clone(commands);
-                drive.controller = EgoController::Own {
-                    name: "recorded".to_owned(),
-                    factory: Arc::new(move || Box::new(Recorded::new(Arc::clone(&commands)))),
-                };
-            }
-        }
-        self.remade(spec)
+        let commands = Arc::clone(commands);
+        let recorded =
+            move || Box::new(Recorded::new(Arc::clone(&commands))) as Box<dyn Controller>;
+        self.with_ego("recorded", Arc::new(recorded))
     }
 
     /// The ego's stock controller and its actuator, if it has one.

@@ -90,6 +90,9 @@ fn default_timeout_s() -> f64 {
 }
 
 impl Process {
+    /// The names of its numeric parameters.
+    pub const PARAMETERS: &[&str] = &["timeout_s"];
+
     /// A program that somebody typed, with the usual timeout.
     ///
     /// Like one read from a file it is not started before [`Process::allow`].
@@ -162,7 +165,7 @@ impl Process {
             _ => {
                 return Err(UnknownParameter {
                     name: name.to_owned(),
-                    known: vec!["timeout_s"],
+                    known: Self::PARAMETERS.to_vec(),
                 });
             }
         }
