@@ -6,7 +6,7 @@ use super::error::{did_you_mean, known_names};
 use super::file::Change;
 use crate::ego::Process;
 use crate::scene::drive::{Drive, DriveSpec, EgoController};
-use crate::sim::{Body, BodyKind};
+use crate::sim::Body;
 
 /// Applies a change to a spec.
 pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeError> {
@@ -99,9 +99,9 @@ fn ego_body(spec: &DriveSpec, name: &str) -> Result<Body, ChangeError> {
         };
         return Err(fail(format!("no body `{name}`"), help));
     };
-    match body.kind {
-        BodyKind::Vehicle(_) => Ok(body),
-        BodyKind::Walker(_) => Err(fail(
+    match body.is_on_foot() {
+        false => Ok(body),
+        true => Err(fail(
             format!("`{name}` is no vehicle"),
             "controllers drive vehicles".to_owned(),
         )),
