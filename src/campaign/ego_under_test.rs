@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::CampaignError;
 use super::reuse::Relation;
-use crate::ego::{ControllerSpec, Process};
+use crate::ego::Process;
 use crate::run::{ChangedEgo, RunDir};
 use crate::scenario::{Against, Change, Scenario};
 
@@ -103,7 +103,7 @@ impl EgoUnderTest {
     /// The change that makes a program the ego.
     pub(crate) fn change_to(command: &[String]) -> Change {
         Change {
-            controller: Some(ControllerSpec::Process(Process::new(command))),
+            controller: Some(Process::new(command).into()),
             ..Change::default()
         }
     }

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::{Common, Exit, Failure, failure, finite_or_word, print_json, table_of, talk};
 use crate::campaign::{Regressions, Replayed};
-use crate::ego::{ControllerSpec, Process};
+use crate::ego::Process;
 use crate::rulebook::RulesUntilContact;
 use crate::run::{StartRepeated, wilson};
 use crate::scenario::{Change, Scenario};
@@ -159,7 +159,7 @@ fn against(
     }
     if !program.is_empty() {
         let change = Change {
-            controller: Some(ControllerSpec::Process(Process::new(program))),
+            controller: Some(Process::new(program).into()),
             ..Change::default()
         };
         // Whoever types a program means it to be started.

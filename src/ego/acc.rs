@@ -22,44 +22,12 @@ parameters! {
         max_brake_mps2, at_least 0.0;
         /// Hardest acceleration it asks for, m/s².
         max_accel_mps2, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 
-impl Controller for Acc {
-    fn reset(&mut self, _seed: u64) {}
-
-    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let follow = Follow {
-            kp_per_s2: self.kp_per_s2,
-            kd_per_s: self.kd_per_s,
-            standstill_headway_m: self.standstill_headway_m,
-            time_gap_s: self.time_gap_s,
-        };
-        let wish_mps2 = follow.wish_mps2(percept);
-        Ok(Command::accelerate(
-            wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2),
-        ))
-    }
-
-    fn fork(&self) -> Option<Box<dyn Controller>> {
-        Some(Box::new(self.clone()))
-    }
-}
-
-/// The law of Eq. (12), shared by all followers.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Follow {
-    pub kp_per_s2: f64,
-    pub kd_per_s: f64,
-    pub standstill_headway_m: f64,
-    pub time_gap_s: f64,
-}
-
-impl Follow {
-    /// What it wants before saturation; 0 with nobody ahead.
-    pub fn wish_mps2(&self, percept: &Percept) -> f64 {
+impl Acc {
+    /// The law of Eq. (12) before saturation; 0 with nobody ahead.
+    fn wish_mps2(&self, percept: &Percept) -> f64 {
         let Some(lead) = percept.leader() else {
             return 0.0;
         };
@@ -67,5 +35,39 @@ impl Follow {
         let reference_m = self.standstill_headway_m + self.time_gap_s * speed_mps;
         self.kp_per_s2 * (lead.headway_m - reference_m)
             + self.kd_per_s * (lead.speed_mps - speed_mps)
+    }
+
+    /// What it asks for, shared by all followers.
+    pub(super) fn accel_mps2(&self, percept: &Percept) -> f64 {
+        let wish_mps2 = self.wish_mps2(percept);
+        wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2)
+    }
+}
+
+/// The follower in a controller whose parameters include those of [`Acc`].
+macro_rules! acc_in {
+    ($it:expr) => {
+        $crate::ego::Acc {
+            kp_per_s2: $it.kp_per_s2,
+            kd_per_s: $it.kd_per_s,
+            standstill_headway_m: $it.standstill_headway_m,
+            time_gap_s: $it.time_gap_s,
+            max_brake_mps2: $it.max_brake_mps2,
+            max_accel_mps2: $it.max_accel_mps2,
+        }
+    };
+}
+
+pub(super) use acc_in;
+
+impl Controller for Acc {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        Ok(Command::accelerate(self.accel_mps2(percept)))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
     }
 }

@@ -1,4 +1,47 @@
 //! The actuator between a command and the vehicle: a first-order lag.
+//!
+//! It belongs to the car, not to whoever drives it: another controller in the
+//! same car, a Rust type of the user's included, meets the same lag. World
+//! files write it as `lag_s` among the controller's parameters.
+
+/// A controller, and the lag of the actuator behind it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Actuated<C> {
+    /// Who commands.
+    pub controller: C,
+    /// Time constant of the first-order lag behind the command; 0 is none.
+    pub lag_s: f64,
+}
+
+impl<C> Actuated<C> {
+    /// The same actuator behind another form of the controller.
+    pub fn map<D>(self, form: impl FnOnce(C) -> D) -> Actuated<D> {
+        Actuated {
+            controller: form(self.controller),
+            lag_s: self.lag_s,
+        }
+    }
+}
+
+/// Reads and writes `Actuated<$of>` in the form `$file`, which holds the lag
+/// among the controller's own fields.
+macro_rules! written_as {
+    ($of:ty, $file:ty) => {
+        impl serde::Serialize for $crate::ego::Actuated<$of> {
+            fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+                <$file>::from(self.clone()).serialize(to)
+            }
+        }
+
+        impl<'de> serde::Deserialize<'de> for $crate::ego::Actuated<$of> {
+            fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+                <$file>::deserialize(from).map(Self::from)
+            }
+        }
+    };
+}
+
+pub(super) use written_as;
 
 /// A first-order lag, discretised exactly: a' = u + (a − u) e^(−dt/τ).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -25,8 +25,6 @@ parameters! {
         side_m, at_least 0.0;
         /// How far ahead lateral motion is predicted, s.
         look_ahead_s, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 

@@ -5,7 +5,7 @@
 //! the car ahead. When that, the way it covers while its brakes build up, and
 //! the margin do not fit into the clearance, it brakes with a.
 
-use super::acc::Follow;
+use super::acc::acc_in;
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Percept};
 
@@ -30,8 +30,6 @@ parameters! {
         filter_margin_m, at_least 0.0;
         /// Time for which the filter counts the closing speed as lost, s.
         filter_delay_s, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 
@@ -53,14 +51,7 @@ impl Controller for FilteredAcc {
     fn reset(&mut self, _seed: u64) {}
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let follow = Follow {
-            kp_per_s2: self.kp_per_s2,
-            kd_per_s: self.kd_per_s,
-            standstill_headway_m: self.standstill_headway_m,
-            time_gap_s: self.time_gap_s,
-        };
-        let follow_mps2 = follow.wish_mps2(percept);
-        let follow_mps2 = follow_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2);
+        let follow_mps2 = acc_in!(self).accel_mps2(percept);
         let wish_mps2 = match self.must_brake(percept) {
             true => follow_mps2.min(-self.filter_brake_mps2),
             false => follow_mps2,

@@ -21,8 +21,6 @@ parameters! {
         comfort_brake_mps2, at_least 0.01;
         /// Hardest braking it asks for, m/s².
         max_brake_mps2, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 

@@ -20,8 +20,6 @@ parameters! {
         cruise_limit_mps2, at_least 0.0;
         /// Deceleration of the hard brake, m/s².
         max_brake_mps2, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 

@@ -33,13 +33,42 @@ macro_rules! parameters {
         }
     ) => {
         $(#[$meta])*
-        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-        #[serde(deny_unknown_fields)]
+        #[derive(Clone, Debug, PartialEq)]
         pub struct $name {
             $( $(#[doc = $about])+ pub $field: f64, )*
         }
 
+        // A block of its own: the form in files has the name of the type.
+        const _: () = {
+            use $crate::ego::Actuated;
+            type Law = self::$name;
+
+            #[derive(serde::Serialize, serde::Deserialize)]
+            #[serde(deny_unknown_fields)]
+            struct $name {
+                $( $field: f64, )*
+                lag_s: f64,
+            }
+
+            impl From<$name> for Actuated<Law> {
+                fn from($name { $( $field, )* lag_s }: $name) -> Actuated<Law> {
+                    Actuated { controller: Law { $( $field ),* }, lag_s }
+                }
+            }
+
+            impl From<Actuated<Law>> for $name {
+                fn from(Actuated { controller: law, lag_s }: Actuated<Law>) -> $name {
+                    $name { $( $field: law.$field, )* lag_s }
+                }
+            }
+
+            $crate::ego::actuator::written_as!(Law, $name);
+        };
+
         impl $name {
+            /// The names of its numeric parameters.
+            pub const PARAMETERS: &[&str] = &[$( stringify!($field) ),*];
+
             /// Its numeric parameters with their present values.
             pub fn parameters(&self) -> Vec<$crate::ego::Parameter> {
                 vec![$( $crate::ego::Parameter {
@@ -63,7 +92,7 @@ macro_rules! parameters {
                     $( stringify!($field) => self.$field = value, )*
                     _ => return Err($crate::ego::UnknownParameter {
                         name: name.to_owned(),
-                        known: vec![$( stringify!($field) ),*],
+                        known: Self::PARAMETERS.to_vec(),
                     }),
                 }
                 Ok(())

@@ -3,9 +3,9 @@
 //! While somebody follows closer than a time gap it brakes only softly, so as
 //! not to be hit from behind; alone, it brakes with all it has.
 
-use super::acc::Follow;
+use super::acc::acc_in;
 use super::parameters::parameters;
-use super::{Command, Controller, Fault, Percept};
+use super::{Acc, Command, Controller, Fault, Percept};
 
 parameters! {
     /// The follower of `Acc`, braking softly when tailgated.
@@ -26,8 +26,6 @@ parameters! {
         soft_brake_mps2, at_least 0.0;
         /// Time gap below which somebody follows closely, s.
         rear_gap_s, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
     }
 }
 
@@ -44,20 +42,15 @@ impl Controller for PoliteAcc {
     fn reset(&mut self, _seed: u64) {}
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let follow = Follow {
-            kp_per_s2: self.kp_per_s2,
-            kd_per_s: self.kd_per_s,
-            standstill_headway_m: self.standstill_headway_m,
-            time_gap_s: self.time_gap_s,
-        };
-        let brake_mps2 = match self.is_tailgated(percept) {
+        let max_brake_mps2 = match self.is_tailgated(percept) {
             true => self.soft_brake_mps2.min(self.max_brake_mps2),
             false => self.max_brake_mps2,
         };
-        let wish_mps2 = follow.wish_mps2(percept);
-        Ok(Command::accelerate(
-            wish_mps2.clamp(-brake_mps2, self.max_accel_mps2),
-        ))
+        let follow = Acc {
+            max_brake_mps2,
+            ..acc_in!(self)
+        };
+        Ok(Command::accelerate(follow.accel_mps2(percept)))
     }
 
     fn fork(&self) -> Option<Box<dyn Controller>> {

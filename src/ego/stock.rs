@@ -1,40 +1,74 @@
-//! The stock controllers by name, as world files give them.
+//! The list of stock controllers: worlds name them, and `check`, families and
+//! the table in `docs/worlds.md` follow from it.
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Acc, Aeb, Controller, FilteredAcc, Idm, Merge, Parameter, PoliteAcc, Process, UnknownParameter,
-    YellowLight, YellowLightFixed,
-};
+use super::actuator::written_as;
+use super::{Actuated, Controller, Parameter, UnknownParameter};
 
-/// Declares the enum of stock controllers and passes every call on.
-macro_rules! stock {
-    ($( $(#[doc = $about:literal])+ $kind:ident by $make:ident; )*) => {
+/// Declares the enum of stock controllers and passes every call on: a line is
+/// the file and the type in it, and the method that makes a controller of it.
+macro_rules! egos {
+    ($(
+        $(#[doc = $about:literal])+
+        $(#[cfg($when:meta)])?
+        $file:ident::$kind:ident by $make:ident;
+    )*) => {
+        $( $(#[cfg($when)])? pub use super::$file::$kind; )*
+
+        /// The names of all kinds and of their parameters, for the docs' table.
+        #[cfg(test)]
+        const KINDS: &[(&str, &[&str])] = &[$( (stringify!($kind), $kind::PARAMETERS) ),*];
+
         /// A controller as named in a world file, with its parameters.
-        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[derive(Clone, Debug, PartialEq)]
         pub enum ControllerSpec {
-            $( $(#[doc = $about])+ $kind($kind), )*
+            $( $(#[doc = $about])+ $(#[cfg($when)])? $kind($kind), )*
+        }
+
+        #[derive(Serialize, Deserialize)]
+        #[serde(rename = "ControllerSpec")]
+        enum InFile {
+            $( $(#[cfg($when)])? $kind(Actuated<$kind>), )*
+        }
+
+        impl From<InFile> for Actuated<ControllerSpec> {
+            fn from(file: InFile) -> Actuated<ControllerSpec> {
+                match file {
+                    $( $(#[cfg($when)])? InFile::$kind(it) => it.map(ControllerSpec::$kind), )*
+                }
+            }
+        }
+
+        impl From<Actuated<ControllerSpec>> for InFile {
+            fn from(Actuated { controller, lag_s }: Actuated<ControllerSpec>) -> InFile {
+                match controller {
+                    $( $(#[cfg($when)])? ControllerSpec::$kind(controller) => {
+                        InFile::$kind(Actuated { controller, lag_s })
+                    } )*
+                }
+            }
         }
 
         impl ControllerSpec {
             /// The controller itself, ready for `reset`.
             pub fn build(&self) -> Box<dyn Controller> {
                 match self {
-                    $( ControllerSpec::$kind(it) => Box::new(it.$make()), )*
+                    $( $(#[cfg($when)])? ControllerSpec::$kind(it) => Box::new(it.$make()), )*
                 }
             }
 
             /// Name of the kind, as written in the world file.
             pub fn kind(&self) -> &'static str {
                 match self {
-                    $( ControllerSpec::$kind(_) => stringify!($kind), )*
+                    $( $(#[cfg($when)])? ControllerSpec::$kind(_) => stringify!($kind), )*
                 }
             }
 
             /// Its numeric parameters: name, unit, meaning and value.
             pub fn parameters(&self) -> Vec<Parameter> {
                 match self {
-                    $( ControllerSpec::$kind(it) => it.parameters(), )*
+                    $( $(#[cfg($when)])? ControllerSpec::$kind(it) => it.parameters(), )*
                 }
             }
 
@@ -44,18 +78,53 @@ macro_rules! stock {
             /// The name is none of this controller's parameters.
             pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
                 match self {
-                    $( ControllerSpec::$kind(it) => it.set(name, value), )*
-                }
-            }
-
-            /// Time constant of the first-order lag behind the command; 0 is none.
-            pub fn lag_s(&self) -> f64 {
-                match self {
-                    $( ControllerSpec::$kind(it) => it.lag_s, )*
+                    $( $(#[cfg($when)])? ControllerSpec::$kind(it) => it.set(name, value), )*
                 }
             }
         }
     };
+}
+
+written_as!(ControllerSpec, InFile);
+
+impl Actuated<ControllerSpec> {
+    /// The controller's numeric parameters, and the lag.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let mut parameters = self.controller.parameters();
+        parameters.push(Parameter {
+            name: "lag_s",
+            about: "Time constant of the actuator behind the command, s; 0 is none.",
+            value: self.lag_s,
+            at_least: 0.0,
+        });
+        parameters
+    }
+
+    /// Sets one of them by name.
+    ///
+    /// # Errors
+    /// The name is none of them.
+    pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
+        if name == "lag_s" {
+            self.lag_s = value;
+            return Ok(());
+        }
+        let set = self.controller.set(name, value);
+        set.map_err(|mut error| {
+            error.known.push("lag_s");
+            error
+        })
+    }
+}
+
+impl From<Process> for Actuated<ControllerSpec> {
+    /// A program as the ego of a car whose actuator does not lag.
+    fn from(process: Process) -> Actuated<ControllerSpec> {
+        Actuated {
+            controller: ControllerSpec::Process(process),
+            lag_s: 0.0,
+        }
+    }
 }
 
 impl ControllerSpec {
@@ -75,23 +144,105 @@ impl ControllerSpec {
     }
 }
 
-stock! {
-    /// Adaptive cruise control, Sec. V-B.
-    Acc by clone;
-    /// Adaptive cruise control under a braking safety filter.
-    FilteredAcc by clone;
-    /// Adaptive cruise control that brakes softly when tailgated.
-    PoliteAcc by clone;
+egos! {
+    /// Follows the car ahead, Sec. V-B.
+    acc::Acc by clone;
+    /// The same under a braking safety filter.
+    filtered::FilteredAcc by clone;
+    /// The same, but brakes softly when tailgated.
+    polite::PoliteAcc by clone;
     /// The intelligent driver model.
-    Idm by clone;
-    /// Cruise control with automatic emergency braking.
-    Aeb by build;
+    idm::Idm by clone;
+    /// Cruises, and brakes for whoever crosses its path.
+    aeb::Aeb by build;
     /// The switching merge controller, Sec. V-C.
-    Merge by build;
-    /// Stops for lights by the paper's d(t), Sec. V-D.
-    YellowLight by clone;
-    /// Stops for lights by the stopping distance.
-    YellowLightFixed by clone;
+    merge::Merge by build;
+    /// Follows, and stops for lights by the paper's d(t), Sec. V-D.
+    yellow::YellowLight by build;
+    /// The same by the stopping distance.
+    yellow::YellowLightFixed by build;
     /// Another program, on its stdin and stdout.
-    Process by controller;
+    process::Process by controller;
+    /// What tests add, to show that a file and a line are all it takes.
+    #[cfg(test)]
+    dummy::Dummy by clone;
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::scenario::Scenario;
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::{Aftermath, Constant, play};
+
+    const GUIDE: &str = include_str!("../../docs/worlds.md");
+    const WORLD: &str = include_str!("../../worlds/acc.ron");
+
+    #[test]
+    fn a_file_and_a_line_are_all_it_takes_to_add_an_ego() {
+        let begin = WORLD.find("Acc(").expect("the ego");
+        let end = begin + WORLD[begin..].find("))").expect("its end") + 1;
+        // Reuse and the family name parameters of `Acc`.
+        let reuse = WORLD.find("    reuse:").expect("a reuse");
+        let with = |ego: &str| {
+            let text = format!("{}{ego}{})", &WORLD[..begin], &WORLD[end..reuse]);
+            Scenario::parse("acc.ron", &text)
+        };
+        let world = with("Dummy(brake_mps2: 1.0, lag_s: 0.4)").expect("a world");
+        let ego = world.controller().expect("a stock ego");
+        assert_eq!((ego.controller.kind(), ego.lag_s), ("Dummy", 0.4));
+        let names: Vec<_> = ego.parameters().iter().map(|p| p.name).collect();
+        assert_eq!(names, ["brake_mps2", "lag_s"]);
+        let mut bench = world.bench();
+        let start = bench.draw(StartKey {
+            purpose: Purpose::Train,
+            seed: 1,
+            index: 0,
+        });
+        let played = play(&mut bench, &start, 0, &mut Constant(1), Aftermath::Skip);
+        let speed = played.trace.signal("ego.speed").expect("published");
+        assert!(speed[20] < speed[0] - 0.5, "{} {}", speed[0], speed[20]);
+        for (wrong, says) in [
+            ("Dummy(brake_mps2: -1.0, lag_s: 0.4)", "below 0"),
+            ("Dummy(brake_mps2: 1.0, lag_s: -0.4)", "`lag_s` is -0.4"),
+            ("Dummy(brake: 1.0, lag_s: 0.4)", "brake_mps2"),
+        ] {
+            let error = with(wrong).unwrap_err();
+            let problem = &error.problems[0];
+            let help = problem.help.as_deref().unwrap_or_default();
+            assert!(
+                format!("{} {help}", problem.what).contains(says),
+                "{wrong}: {error}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_table_of_the_guide_has_every_ego_with_its_parameters() {
+        let (_, table) = GUIDE.split_once("| controller |").expect("the table");
+        let (table, _) = table.split_once("\n\n").expect("its end");
+        let rows: Vec<Vec<&str>> = table
+            .lines()
+            .skip(2)
+            .map(|row| row.split('|').collect())
+            .collect();
+        let quoted = |cell: &'static str| cell.split('`').skip(1).step_by(2);
+        let kinds = KINDS.iter().filter(|(kind, _)| *kind != "Dummy");
+        assert_eq!(rows.len(), kinds.clone().count());
+        for ((kind, names), row) in kinds.zip(rows) {
+            assert_eq!(quoted(row[1]).collect::<Vec<_>>(), [*kind]);
+            let said = quoted(row[3]).filter(|word| !["command", "lag_s"].contains(word));
+            let said: BTreeSet<&str> = said
+                .flat_map(
+                    |word| match KINDS.iter().find(|(other, _)| *other == word) {
+                        Some((_, names)) => names.to_vec(),
+                        None => vec![word],
+                    },
+                )
+                .collect();
+            assert_eq!(said, names.iter().copied().collect(), "{kind}");
+        }
+    }
 }

@@ -11,133 +11,129 @@
 //! before the line's far side and stops braking once past −δ; on green it
 //! follows. τ − t is the yellow time it believes in less the time it has seen.
 
-use super::acc::Follow;
+use super::acc::acc_in;
 use super::parameters::parameters;
-use super::{Command, Controller, Fault, Percept, Phase, SeenLight};
+use super::{Acc, Briefing, Command, Controller, Fault, Percept, Phase, SeenLight};
 
-parameters! {
-    /// Follows, and stops for lights by the paper's d(t).
-    pub struct YellowLight {
-        /// Gain on the headway error, 1/s².
-        kp_per_s2, at_least 0.0;
-        /// Gain on the speed difference, 1/s.
-        kd_per_s, at_least 0.0;
-        /// Reference headway at standstill, front to front, m.
-        standstill_headway_m, at_least 0.0;
-        /// Reference headway per speed, s.
-        time_gap_s, at_least 0.0;
-        /// Hardest braking it asks for, m/s².
-        max_brake_mps2, at_least 0.0;
-        /// Hardest acceleration it asks for, m/s².
-        max_accel_mps2, at_least 0.0;
-        /// Deceleration it stops with, |a_max|, m/s².
-        stop_brake_mps2, at_least 0.1;
-        /// Length of the junction behind the stop line, δ, m.
-        junction_m, at_least 0.0;
-        /// How long it takes a light to turn from yellow to red, τ, s.
-        yellow_s, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
-    }
-}
-
-parameters! {
-    /// Follows, and stops for lights by the stopping distance.
-    pub struct YellowLightFixed {
-        /// Gain on the headway error, 1/s².
-        kp_per_s2, at_least 0.0;
-        /// Gain on the speed difference, 1/s.
-        kd_per_s, at_least 0.0;
-        /// Reference headway at standstill, front to front, m.
-        standstill_headway_m, at_least 0.0;
-        /// Reference headway per speed, s.
-        time_gap_s, at_least 0.0;
-        /// Hardest braking it asks for, m/s².
-        max_brake_mps2, at_least 0.0;
-        /// Hardest acceleration it asks for, m/s².
-        max_accel_mps2, at_least 0.0;
-        /// Deceleration it stops with, |a_max|, m/s².
-        stop_brake_mps2, at_least 0.1;
-        /// Length of the junction behind the stop line, δ, m.
-        junction_m, at_least 0.0;
-        /// How long it takes a light to turn from yellow to red, τ, s.
-        yellow_s, at_least 0.0;
-        /// Time constant of the actuator behind the command, s; 0 is none.
-        lag_s, at_least 0.0;
-    }
-}
-
-impl YellowLight {
-    /// d(t): what full braking covers until red, Eq. (17).
-    fn reach_m(&self, speed_mps: f64, light: &SeenLight) -> f64 {
-        let left_s = (self.yellow_s - light.phase_s).max(0.0);
-        let braking_s = left_s.min(speed_mps.max(0.0) / self.stop_brake_mps2);
-        speed_mps * braking_s - 0.5 * self.stop_brake_mps2 * braking_s * braking_s
-    }
-
-    /// On red it brakes wherever it is before the far side of the line.
-    fn stops_on_red(&self, _speed_mps: f64, _light: &SeenLight) -> bool {
-        true
-    }
-}
-
-impl YellowLightFixed {
-    /// v²/2a, and the way that the lag of the brakes costs.
-    fn reach_m(&self, speed_mps: f64, _light: &SeenLight) -> f64 {
-        let stopping_m = speed_mps * speed_mps / (2.0 * self.stop_brake_mps2);
-        stopping_m + speed_mps * self.lag_s
-    }
-
-    /// On red it brakes as late as on yellow.
-    fn stops_on_red(&self, speed_mps: f64, light: &SeenLight) -> bool {
-        light.line_m <= self.reach_m(speed_mps, light) + self.junction_m
-    }
-}
-
-/// Both differ in `reach_m` and on red.
+/// Declares a controller that stops for lights; both have the same parameters.
 macro_rules! stops_for_lights {
-    ($name:ident) => {
-        impl $name {
-            fn must_stop(&self, percept: &Percept) -> bool {
-                let Some(light) = percept.light(self.junction_m) else {
-                    return false;
-                };
-                match light.phase {
-                    Phase::Green => false,
-                    Phase::Yellow => {
-                        let reach_m = self.reach_m(percept.own.speed_mps, light);
-                        light.line_m <= reach_m + self.junction_m
-                    }
-                    Phase::Red => self.stops_on_red(percept.own.speed_mps, light),
-                }
+    ($(#[doc = $about:literal])+ $name:ident by $reach:expr) => {
+        parameters! {
+            $(#[doc = $about])+
+            pub struct $name {
+                /// Gain on the headway error, 1/s².
+                kp_per_s2, at_least 0.0;
+                /// Gain on the speed difference, 1/s.
+                kd_per_s, at_least 0.0;
+                /// Reference headway at standstill, front to front, m.
+                standstill_headway_m, at_least 0.0;
+                /// Reference headway per speed, s.
+                time_gap_s, at_least 0.0;
+                /// Hardest braking it asks for, m/s².
+                max_brake_mps2, at_least 0.0;
+                /// Hardest acceleration it asks for, m/s².
+                max_accel_mps2, at_least 0.0;
+                /// Deceleration it stops with, |a_max|, m/s².
+                stop_brake_mps2, at_least 0.1;
+                /// Length of the junction behind the stop line, δ, m.
+                junction_m, at_least 0.0;
+                /// How long it takes a light to turn from yellow to red, τ, s.
+                yellow_s, at_least 0.0;
             }
         }
 
-        impl Controller for $name {
-            fn reset(&mut self, _seed: u64) {}
-
-            fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-                if self.must_stop(percept) {
-                    return Ok(Command::accelerate(-self.stop_brake_mps2));
+        impl $name {
+            pub(super) fn build(&self) -> Stopping {
+                Stopping {
+                    follow: acc_in!(self),
+                    stop_brake_mps2: self.stop_brake_mps2,
+                    junction_m: self.junction_m,
+                    yellow_s: self.yellow_s,
+                    reach: $reach,
+                    lag_s: 0.0,
                 }
-                let follow = Follow {
-                    kp_per_s2: self.kp_per_s2,
-                    kd_per_s: self.kd_per_s,
-                    standstill_headway_m: self.standstill_headway_m,
-                    time_gap_s: self.time_gap_s,
-                };
-                let wish_mps2 = follow.wish_mps2(percept);
-                Ok(Command::accelerate(
-                    wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2),
-                ))
-            }
-
-            fn fork(&self) -> Option<Box<dyn Controller>> {
-                Some(Box::new(self.clone()))
             }
         }
     };
 }
 
-stops_for_lights!(YellowLight);
-stops_for_lights!(YellowLightFixed);
+stops_for_lights! {
+    /// Follows, and stops for lights by the paper's d(t).
+    YellowLight by Reach::UntilRed
+}
+
+stops_for_lights! {
+    /// Follows, and stops for lights by the stopping distance.
+    YellowLightFixed by Reach::Stopping
+}
+
+/// What it compares with the distance to the line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Reach {
+    /// d(t): what full braking covers until red, Eq. (17).
+    UntilRed,
+    /// v²/2a, and the way that the lag of the brakes costs.
+    Stopping,
+}
+
+/// The controller, and the lag of its actuator, of which it is told.
+#[derive(Clone, Debug)]
+pub(super) struct Stopping {
+    follow: Acc,
+    stop_brake_mps2: f64,
+    junction_m: f64,
+    yellow_s: f64,
+    reach: Reach,
+    lag_s: f64,
+}
+
+impl Stopping {
+    fn reach_m(&self, speed_mps: f64, light: &SeenLight) -> f64 {
+        match self.reach {
+            Reach::UntilRed => {
+                let left_s = (self.yellow_s - light.phase_s).max(0.0);
+                let braking_s = left_s.min(speed_mps.max(0.0) / self.stop_brake_mps2);
+                speed_mps * braking_s - 0.5 * self.stop_brake_mps2 * braking_s * braking_s
+            }
+            Reach::Stopping => {
+                let stopping_m = speed_mps * speed_mps / (2.0 * self.stop_brake_mps2);
+                stopping_m + speed_mps * self.lag_s
+            }
+        }
+    }
+
+    fn must_stop(&self, percept: &Percept) -> bool {
+        let Some(light) = percept.light(self.junction_m) else {
+            return false;
+        };
+        match (light.phase, self.reach) {
+            (Phase::Green, _) => false,
+            // By d(t) it brakes wherever it is before the far side of the line.
+            (Phase::Red, Reach::UntilRed) => true,
+            // By the stopping distance it brakes as late as on yellow.
+            (Phase::Yellow, _) | (Phase::Red, Reach::Stopping) => {
+                let reach_m = self.reach_m(percept.own.speed_mps, light);
+                light.line_m <= reach_m + self.junction_m
+            }
+        }
+    }
+}
+
+impl Controller for Stopping {
+    fn brief(&mut self, briefing: &Briefing) {
+        self.lag_s = briefing.lag_s;
+    }
+
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        if self.must_stop(percept) {
+            return Ok(Command::accelerate(-self.stop_brake_mps2));
+        }
+        self.follow.control(percept)
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

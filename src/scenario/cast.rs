@@ -10,8 +10,8 @@ use super::file::{
 use super::language::formula;
 use super::locate::Path;
 use super::trained::{self, TrainedFile};
-use crate::scene::drive::{Agent, Drive, EgoDrive, Light, LightDrive, Place, Range, Trained};
-use crate::sim::{Body, BodyKind};
+use crate::scene::drive::{Agent, Drive, EgoController, Light, LightDrive, Place, Range, Trained};
+use crate::sim::Body;
 
 /// Everybody in a world file, with what their ados observe and obey.
 #[derive(Default)]
@@ -150,9 +150,9 @@ impl Cast {
         let place = self.place(problems, &path.to("start"), start);
         let body = find_body(problems, &path.to("body"), file, body)?;
         let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
-        let acts_as = match body.kind {
-            BodyKind::Vehicle(_) => ActsAs::Vehicle,
-            BodyKind::Walker(_) => ActsAs::Walker,
+        let acts_as = match body.is_on_foot() {
+            true => ActsAs::Walker,
+            false => ActsAs::Vehicle,
         };
         if on_foot != (acts_as == ActsAs::Walker) {
             let what = match on_foot {
@@ -189,7 +189,7 @@ impl Cast {
                     let help = "write `Ado(actions: Walks([…]), …)` or `Scripted(Walk([…]))`";
                     problems.add(path, what, "here", Some(help.to_owned()));
                 }
-                Drive::Ego(EgoDrive::Stock(controller.clone()))
+                Drive::Ego(controller.clone().map(EgoController::Stock))
             }
             DriveFile::Scripted(script) => {
                 let walks = acts_as == ActsAs::Walker;

@@ -5,8 +5,8 @@ use super::check::sensor_flaw;
 use super::error::{did_you_mean, known_names};
 use super::file::Change;
 use crate::ego::Process;
-use crate::scene::drive::{Drive, DriveSpec, EgoDrive};
-use crate::sim::{Body, BodyKind};
+use crate::scene::drive::{Drive, DriveSpec, EgoController};
+use crate::sim::Body;
 
 /// Applies a change to a spec.
 pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeError> {
@@ -49,13 +49,13 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
             agent.body = body.clone();
         }
         if let Some(controller) = &change.controller {
-            *drive = EgoDrive::Stock(controller.clone());
+            *drive = controller.clone().map(EgoController::Stock);
         }
-        let EgoDrive::Stock(controller) = drive else {
+        let Some(mut stock) = drive.stock() else {
             continue;
         };
         for (name, value) in &change.ego.0 {
-            controller.set(name, *value).map_err(|error| {
+            stock.set(name, *value).map_err(|error| {
                 let known = known_names("parameters", error.known.iter().copied());
                 let help = match did_you_mean(name, error.known.iter().copied()) {
                     Some(guess) => format!("{guess} — {known}"),
@@ -64,10 +64,10 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
                 fail(error.to_string(), Some(help), &["ego", name])
             })?;
         }
-        if let Some((field, what, help)) = controller.program().and_then(Process::flaw) {
+        if let Some((field, what, help)) = stock.controller.program().and_then(Process::flaw) {
             return Err(fail(what, Some(help.to_owned()), &["controller", field]));
         }
-        if let Some(low) = controller
+        if let Some(low) = stock
             .parameters()
             .iter()
             .find(|p| !(p.at_least..).contains(&p.value))
@@ -75,6 +75,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
             let what = format!("`{}` is {}, below {}", low.name, low.value, low.at_least);
             return Err(fail(what, None, &["ego", low.name]));
         }
+        *drive = stock.map(EgoController::Stock);
     }
     Ok(())
 }
@@ -98,9 +99,9 @@ fn ego_body(spec: &DriveSpec, name: &str) -> Result<Body, ChangeError> {
         };
         return Err(fail(format!("no body `{name}`"), help));
     };
-    match body.kind {
-        BodyKind::Vehicle(_) => Ok(body),
-        BodyKind::Walker(_) => Err(fail(
+    match body.is_on_foot() {
+        false => Ok(body),
+        true => Err(fail(
             format!("`{name}` is no vehicle"),
             "controllers drive vehicles".to_owned(),
         )),

@@ -5,7 +5,7 @@ use super::file::AdoFile;
 use super::locate::Path;
 use super::repeats::{MAX_REPEATS, Repeats};
 use super::{ChangeError, Scenario};
-use crate::ego::{ControllerSpec, Parameter, Process};
+use crate::ego::{Actuated, ControllerSpec, Parameter, Process};
 use crate::rl::LearnerConfig;
 use crate::rulebook::Reward;
 use crate::scene::Clock;
@@ -276,12 +276,12 @@ pub(super) fn repeats(problems: &mut Problems, path: &Path, repeats: Repeats) {
     }
 }
 
-pub(super) fn controller(problems: &mut Problems, path: &Path, controller: &ControllerSpec) {
-    if let Some((field, what, help)) = controller.program().and_then(Process::flaw) {
+pub(super) fn controller(problems: &mut Problems, path: &Path, ego: &Actuated<ControllerSpec>) {
+    if let Some((field, what, help)) = ego.controller.program().and_then(Process::flaw) {
         problems.add(&path.to(field), what, "here", Some(help.to_owned()));
         return;
     }
-    parameters(problems, path, &controller.parameters());
+    parameters(problems, path, &ego.parameters());
 }
 
 fn parameters(problems: &mut Problems, path: &Path, parameters: &[Parameter]) {
@@ -416,6 +416,7 @@ pub(super) fn script(problems: &mut Problems, path: &Path, script: &Script) {
         Script::Profile(points) => points.iter().map(|point| point.0).collect(),
         Script::Walk(points) => points.iter().map(|point| point.0).collect(),
         Script::Idm(idm) => {
+            let idm = idm.clone().map(ControllerSpec::Idm);
             parameters(problems, &path.at(0), &idm.parameters());
             Vec::new()
         }

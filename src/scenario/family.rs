@@ -19,9 +19,9 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::file::Change;
 use super::quantity::{Quantity, Varied};
-use crate::ego::ControllerSpec;
+use crate::ego::{Actuated, ControllerSpec};
 use crate::rl::{DqnConfig, LearnerConfig};
-use crate::scene::drive::{DriveSpec, EgoDrive, Sensors, Tuning};
+use crate::scene::drive::{DriveSpec, Sensors, Tuning};
 use crate::seed::StartKey;
 use crate::sim::PlantKind;
 
@@ -156,7 +156,7 @@ pub struct Family {
 /// What the world's own ego is, as far as families go.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Base {
-    pub(super) controller: ControllerSpec,
+    pub(super) controller: Actuated<ControllerSpec>,
     pub(super) sensors: Sensors,
     pub(super) friction: f64,
     pub(super) plant: PlantKind,
@@ -373,7 +373,7 @@ impl Family {
         let mut altered: Vec<(Varied, f64, f64)> = Vec::new();
         let mut controller = base.controller.clone();
         if let Some(other) = &change.controller {
-            if other.kind() != base.controller.kind() {
+            if other.controller.kind() != base.controller.controller.kind() {
                 return false;
             }
             controller = other.clone();
@@ -433,15 +433,12 @@ impl fmt::Display for Against {
     }
 }
 
-/// The stock controller of a scene's ego.
-pub(super) fn controller(spec: &DriveSpec) -> Option<&ControllerSpec> {
-    spec.egos().find_map(|(_, drive)| match drive {
-        EgoDrive::Stock(spec) => Some(spec),
-        EgoDrive::Own { .. } => None,
-    })
+/// The stock controller of a scene's ego, and its actuator.
+pub(super) fn controller(spec: &DriveSpec) -> Option<Actuated<ControllerSpec>> {
+    spec.egos().find_map(|(_, drive)| drive.stock())
 }
 
-pub(super) fn parameter(controller: &ControllerSpec, name: &str) -> Option<f64> {
+pub(super) fn parameter(controller: &Actuated<ControllerSpec>, name: &str) -> Option<f64> {
     let parameters = controller.parameters();
     let found = parameters.iter().find(|p| p.name == name)?;
     Some(found.value)

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::repeats::Repeats;
 use super::trained::TrainedFile;
-use crate::ego::{ControllerSpec, Phase};
+use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scene::Clock;
@@ -137,7 +137,7 @@ pub(super) enum StartFile {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) enum DriveFile {
-    Ego(ControllerSpec),
+    Ego(Actuated<ControllerSpec>),
     Ado(AdoFile),
     Trained(TrainedFile),
     Scripted(Script),
@@ -178,8 +178,8 @@ pub(super) struct RuleFile {
 pub struct Change {
     /// Parameters of the ego's controller, by name.
     pub ego: Patch,
-    /// Another controller altogether.
-    pub controller: Option<ControllerSpec>,
+    /// Another controller altogether, and its actuator.
+    pub controller: Option<Actuated<ControllerSpec>>,
     /// Another body for the ego.
     pub ego_body: Option<String>,
     /// Another road surface.

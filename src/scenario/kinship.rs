@@ -22,7 +22,7 @@ pub(super) fn family(
     file: FamilyFile,
     spec: &DriveSpec,
 ) -> Option<Family> {
-    let Some(controller) = controller(spec).cloned() else {
+    let Some(controller) = controller(spec) else {
         let what = "a family needs a stock controller as the ego";
         problems.add(path, what, "here", None);
         return None;
@@ -33,7 +33,7 @@ pub(super) fn family(
         let place = path.to("ego").to(name);
         let Some(parameter) = parameters.iter().find(|p| p.name == name) else {
             let known: Vec<&str> = parameters.iter().map(|p| p.name).collect();
-            unknown(problems, &place, name, controller.kind(), &known);
+            unknown(problems, &place, name, controller.controller.kind(), &known);
             continue;
         };
         quantities.extend(of_ego(problems, &place, *range, parameter));

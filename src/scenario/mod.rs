@@ -43,10 +43,10 @@ pub use locate::Path;
 pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 
-use crate::ego::{Command, ControllerSpec, Process, Recorded};
+use crate::ego::{Actuated, Command, Controller, ControllerSpec, Process, Recorded};
 use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
-use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoDrive, Tuning};
+use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoController, Tuning};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Axis, Dynamics, Held, Scene, Start, World};
 use crate::sim::PlantKind;
@@ -269,7 +269,10 @@ impl Scenario {
         match &self.world {
             World::Drive(world) => {
                 let mut tuning = tuning.clone();
-                tuning.controller.allow_programs(self.programs_allowed);
+                tuning
+                    .controller
+                    .controller
+                    .allow_programs(self.programs_allowed);
                 Some(Box::new(world.tuned(&tuning).scene()))
             }
             World::Grid(_) => None,
@@ -278,7 +281,11 @@ impl Scenario {
 
     /// Programs that playing this world starts: its ego, if it is one.
     pub fn program(&self) -> Option<&Process> {
-        self.controller()?.program()
+        let mut egos = self.drive()?.egos();
+        egos.find_map(|(_, drive)| match &drive.controller {
+            EgoController::Stock(spec) => spec.program(),
+            EgoController::Own { .. } => None,
+        })
     }
 
     /// Every program that the world's file names, with the ego's name.
@@ -286,7 +293,7 @@ impl Scenario {
         let own = self.program().map(|program| ("nominal", program));
         let reused = self.reuse.iter().filter_map(|(name, change)| {
             let controller = change.controller.as_ref()?;
-            Some((name.as_str(), controller.program()?))
+            Some((name.as_str(), controller.controller.program()?))
         });
         own.into_iter().chain(reused).collect()
     }
@@ -346,8 +353,8 @@ impl Scenario {
 
     /// The same world with the user's own controller as the ego.
     ///
-    /// `name` is what rows and files call it. A world that is not driven stays
-    /// as it is.
+    /// `name` is what rows and files call it. Its commands pass the actuator of
+    /// the present ego. A world that is not driven stays as it is.
     pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
         let World::Drive(world) = &self.world else {
             return self.clone();
@@ -355,10 +362,9 @@ impl Scenario {
         let mut spec = world.spec().clone();
         for agent in &mut spec.agents {
             if let Drive::Ego(drive) = &mut agent.drive {
-                *drive = EgoDrive::Own {
+                drive.controller = EgoController::Own {
                     name: name.to_owned(),
                     factory: Arc::clone(&factory),
-                    lag_s: 0.0,
                 };
             }
         }
@@ -367,32 +373,18 @@ impl Scenario {
 
     /// The same world with an ego that repeats what this one commanded.
     ///
-    /// Its actuator lags as the present ego's does. A world that is not driven
+    /// They pass the actuator of the present ego. A world that is not driven
     /// stays as it is.
     pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
-        let World::Drive(world) = &self.world else {
-            return self.clone();
-        };
-        let mut spec = world.spec().clone();
-        for agent in &mut spec.agents {
-            if let Drive::Ego(drive) = &mut agent.drive {
-                let commands = Arc::clone(commands);
-                *drive = EgoDrive::Own {
-                    name: "recorded".to_owned(),
-                    factory: Arc::new(move || Box::new(Recorded::new(Arc::clone(&commands)))),
-                    lag_s: drive.lag_s(),
-                };
-            }
-        }
-        self.remade(spec)
+        let commands = Arc::clone(commands);
+        let recorded =
+            move || Box::new(Recorded::new(Arc::clone(&commands))) as Box<dyn Controller>;
+        self.with_ego("recorded", Arc::new(recorded))
     }
 
-    /// The ego's stock controller, if it has one.
-    pub fn controller(&self) -> Option<&ControllerSpec> {
-        self.drive()?.egos().find_map(|(_, drive)| match drive {
-            EgoDrive::Stock(spec) => Some(spec),
-            EgoDrive::Own { .. } => None,
-        })
+    /// The ego's stock controller and its actuator, if it has one.
+    pub fn controller(&self) -> Option<Actuated<ControllerSpec>> {
+        family::controller(self.drive()?)
     }
 
     /// A change read from a file, for `--ego FILE`.
@@ -442,7 +434,9 @@ impl Scenario {
 /// Gives or takes back the consent to start a program that is the ego.
 fn permit(spec: &mut DriveSpec, allowed: bool) {
     for agent in &mut spec.agents {
-        if let Drive::Ego(EgoDrive::Stock(controller)) = &mut agent.drive {
+        if let Drive::Ego(drive) = &mut agent.drive
+            && let EgoController::Stock(controller) = &mut drive.controller
+        {
             controller.allow_programs(allowed);
         }
     }

@@ -35,7 +35,7 @@ impl Varied {
     /// Its value in a driving scene; `None`: the ego has no such parameter.
     pub(super) fn read(&self, spec: &DriveSpec) -> Option<f64> {
         match self {
-            Varied::Ego(name) => parameter(controller(spec)?, name),
+            Varied::Ego(name) => parameter(&controller(spec)?, name),
             Varied::Delay => Some(spec.sensors.delay_s),
             Varied::PositionNoise => Some(spec.sensors.position_sd_m),
             Varied::SpeedNoise => Some(spec.sensors.speed_sd_mps),

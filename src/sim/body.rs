@@ -1,6 +1,6 @@
 //! Bodies: what drives and walks, as data.
 //!
-//! A [`Body`] is read from a RON file such as `assets/vehicles/sedan.ron`; five
+//! A [`Body`] is read from a RON file such as `assets/vehicles/sedan.ron`; some
 //! are built into the binary ([`Body::shipped`]). Every length is of the body
 //! standing still on flat ground.
 
@@ -182,6 +182,11 @@ impl Body {
         0.5 * self.length_m
     }
 
+    /// Whether it walks; everybody else drives.
+    pub fn is_on_foot(&self) -> bool {
+        self.vehicle().is_none()
+    }
+
     /// The vehicle's data, or `None` for a walker.
     pub fn vehicle(&self) -> Option<&Vehicle> {
         match &self.kind {
@@ -258,19 +263,16 @@ fn within(field: &'static str, value: f64, low: f64, high: f64) -> Result<(), In
     Err(InvalidBody { field, value, want })
 }
 
-const SHIPPED: [(&str, &str); 5] = [
-    ("sedan", include_str!("../../assets/vehicles/sedan.ron")),
-    ("van", include_str!("../../assets/vehicles/van.ron")),
-    ("truck", include_str!("../../assets/vehicles/truck.ron")),
-    (
-        "motorcycle",
-        include_str!("../../assets/vehicles/motorcycle.ron"),
-    ),
-    (
-        "pedestrian",
-        include_str!("../../assets/vehicles/pedestrian.ron"),
-    ),
-];
+/// The bodies built in: a file in `assets/vehicles/`, and its name in the list.
+macro_rules! shipped {
+    ($($name:literal),*) => {
+        const SHIPPED: &[(&str, &str)] = &[$(
+            ($name, include_str!(concat!("../../assets/vehicles/", $name, ".ron")))
+        ),*];
+    };
+}
+
+shipped!["sedan", "van", "truck", "motorcycle", "pedestrian"];
 
 fn one() -> f64 {
     1.0

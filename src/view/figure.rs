@@ -238,7 +238,7 @@ fn limbs(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Capsul
 mod tests {
     use super::*;
     use crate::scene::Role;
-    use crate::sim::{Body, BodyKind};
+    use crate::sim::Body;
 
     #[test]
     fn shipped_bodies_are_recognised_and_drawn_within_their_size() {
@@ -257,7 +257,7 @@ mod tests {
                 body: name.to_owned(),
                 size_m: [body.length_m, body.width_m, body.height_m],
                 colour: body.color_rgb,
-                on_foot: matches!(body.kind, BodyKind::Walker(_)),
+                on_foot: body.is_on_foot(),
             };
             assert_eq!(Figure::of(&cast), figure, "{name}");
             let scale = Scale::of(&cast);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use brakecheck::campaign::{RegressionError, Regressions};
-use brakecheck::ego::{ControllerSpec, Process};
+use brakecheck::ego::Process;
 use brakecheck::run::Counterexample;
 use brakecheck::scenario::Change;
 use serde_json::Value;
@@ -235,7 +235,7 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
         let mut process = Process::new(["sh", "-c", &program]);
         process.set("timeout_s", timeout_s).expect("it has one");
         let change = Change {
-            controller: Some(ControllerSpec::Process(process)),
+            controller: Some(process.into()),
             ..Change::default()
         };
         let guard = Regressions::load(&kept).expect("kept").with_change(change);
@@ -408,7 +408,7 @@ fn nothing_that_a_file_names_is_started_without_consent() {
     let kept = root().join("tests/regressions/acc-2D-plant-0002.ron");
     let mut with_program = Counterexample::load(&kept).expect("kept");
     let program = Process::new(["sh", "-c", &touch]);
-    with_program.change.controller = Some(ControllerSpec::Process(program));
+    with_program.change.controller = Some(program.into());
     let samples = with_program.samples(&kept).expect("whole").expect("there");
     let tampered = path(&dir, "tampered.ron");
     with_program

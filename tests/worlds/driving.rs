@@ -1,8 +1,10 @@
 //! Driving worlds of every kind: curves, lights, walkers, sensors, mistakes.
 
+use std::sync::Arc;
+
 use brakecheck::cli::{Failure, plain_theme};
 use brakecheck::ego::Phase;
-use brakecheck::scenario::Scenario;
+use brakecheck::scenario::{Change, Patch, Scenario};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, film, play};
@@ -250,4 +252,29 @@ fn mistakes_in_driving_worlds_have_a_place_a_reason_and_a_cure() {
         shown.push_str(&format!("=== {what}\n{rendered}\n"));
     }
     insta::assert_snapshot!("driving_mistakes", shown);
+}
+
+#[test]
+fn an_ego_written_in_rust_meets_the_lag_of_the_car_it_drives() {
+    let mut lagged = 0;
+    for (name, world) in super::shipped() {
+        let lag_s = |lag_s| Change {
+            ego: Patch([("lag_s".to_owned(), lag_s)].into()),
+            ..Change::default()
+        };
+        let Ok(other) = world.with(&lag_s(0.7)) else {
+            continue;
+        };
+        for world in [world, other] {
+            let stock = world.controller().expect("a stock ego").controller;
+            // The same law as a type of the user's: equal percepts, equal
+            // wishes, so equal bits show the same actuator behind them.
+            let mine = world.with_ego("mine", Arc::new(move || stock.build()));
+            let played = episode(&world, 0, 5);
+            assert_eq!(episode(&mine, 0, 5).trace, played.trace, "{name}");
+            let prompt = world.with(&lag_s(0.0)).expect("a parameter");
+            lagged += usize::from(episode(&prompt, 0, 5).trace != played.trace);
+        }
+    }
+    assert!(10 <= lagged, "the lag decides in {lagged} worlds only");
 }

@@ -125,7 +125,7 @@ fn inside_and_outside_are_computed_from_the_change() {
     }
     assert!(family.covers(&Change::default()));
     let same = Change {
-        controller: world.controller().cloned(),
+        controller: world.controller(),
         friction: Some(0.9),
         ..Change::default()
     };

@@ -27,8 +27,9 @@ use serde::{Deserialize, Serialize};
 pub use exercise::{Exercise, Finding, exercise};
 pub use protocol::{DOCUMENT, Hello, PROTOCOL};
 
+use super::actuator::written_as;
 use super::{
-    Briefing, Command, Controller, Fault, FaultKind, Parameter, Percept, UnknownParameter,
+    Actuated, Briefing, Command, Controller, Fault, FaultKind, Parameter, Percept, UnknownParameter,
 };
 use pool::{Pool, Talk};
 
@@ -38,38 +39,67 @@ const MAX_TIMEOUT_S: f64 = 86_400.0;
 const MIN_TIMEOUT_S: f64 = 0.001;
 
 /// A program as the ego, as named in a world file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Process {
     /// The program and its arguments, found as a shell would find it.
     pub command: Vec<String>,
     /// Longest wait for an answer; generous, since machines are busy.
-    #[serde(default = "default_timeout_s")]
     pub timeout_s: f64,
-    /// Time constant of the actuator behind the command; 0 is none.
-    #[serde(default)]
-    pub lag_s: f64,
     /// Whether somebody consented to start it; no file can say so.
-    #[serde(skip)]
     allowed: bool,
     /// Started programs that wait for an episode, shared by all clones.
-    #[serde(skip)]
     pool: Pool,
 }
+
+#[derive(Serialize, Deserialize)]
+#[serde(rename = "Process", deny_unknown_fields)]
+struct InFile {
+    command: Vec<String>,
+    #[serde(default = "default_timeout_s")]
+    timeout_s: f64,
+    #[serde(default)]
+    lag_s: f64,
+}
+
+impl From<InFile> for Actuated<Process> {
+    fn from(file: InFile) -> Actuated<Process> {
+        Actuated {
+            controller: Process {
+                timeout_s: file.timeout_s,
+                ..Process::new(file.command)
+            },
+            lag_s: file.lag_s,
+        }
+    }
+}
+
+impl From<Actuated<Process>> for InFile {
+    fn from(Actuated { controller, lag_s }: Actuated<Process>) -> InFile {
+        InFile {
+            command: controller.command,
+            timeout_s: controller.timeout_s,
+            lag_s,
+        }
+    }
+}
+
+written_as!(Process, InFile);
 
 fn default_timeout_s() -> f64 {
     10.0
 }
 
 impl Process {
-    /// A program that somebody typed, with the usual timeout and no lag.
+    /// The names of its numeric parameters.
+    pub const PARAMETERS: &[&str] = &["timeout_s"];
+
+    /// A program that somebody typed, with the usual timeout.
     ///
     /// Like one read from a file it is not started before [`Process::allow`].
     pub fn new(command: impl IntoIterator<Item = impl Into<String>>) -> Process {
         Process {
             command: command.into_iter().map(Into::into).collect(),
             timeout_s: default_timeout_s(),
-            lag_s: 0.0,
             allowed: false,
             pool: Pool::default(),
         }
@@ -117,40 +147,25 @@ impl Process {
 
     /// Its numeric parameters; what the program does is its own affair.
     pub fn parameters(&self) -> Vec<Parameter> {
-        let parameter = |name, about, value, at_least| Parameter {
-            name,
-            about,
-            value,
-            at_least,
-        };
-        vec![
-            parameter(
-                "timeout_s",
-                "Longest wait for an answer, s.",
-                self.timeout_s,
-                MIN_TIMEOUT_S,
-            ),
-            parameter(
-                "lag_s",
-                "Time constant of the actuator, s; 0 is none.",
-                self.lag_s,
-                0.0,
-            ),
-        ]
+        vec![Parameter {
+            name: "timeout_s",
+            about: "Longest wait for an answer, s.",
+            value: self.timeout_s,
+            at_least: MIN_TIMEOUT_S,
+        }]
     }
 
     /// Sets one parameter by name.
     ///
     /// # Errors
-    /// The name is neither `timeout_s` nor `lag_s`.
+    /// The name is not `timeout_s`.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
         match name {
             "timeout_s" => self.timeout_s = value,
-            "lag_s" => self.lag_s = value,
             _ => {
                 return Err(UnknownParameter {
                     name: name.to_owned(),
-                    known: vec!["timeout_s", "lag_s"],
+                    known: Self::PARAMETERS.to_vec(),
                 });
             }
         }

@@ -31,7 +31,7 @@ pub use road::Road;
 pub use script::Script;
 pub use sensors::Sensors;
 pub use signals::{Offer, TTC_CAP_S, current_name};
-pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoDrive, Place, Range};
+pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Place, Range};
 pub use trained::{Trained, TrainedError};
 pub use tuning::Tuning;
 
@@ -192,6 +192,7 @@ impl Layout {
         let road = &self.spec.road;
         Briefing {
             sample_s: self.spec.clock.sample_s,
+            lag_s: self.ego_drive.lag_s,
             speed_limit_mps: road.speed_limit_mps(),
             road: RoadGeometry {
                 lanes: road.lanes(),

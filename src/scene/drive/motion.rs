@@ -17,7 +17,7 @@ use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
-use crate::sim::{self, BodyId, BodyKind, BodyState, Command, Contact, Ground, Plant, Pose};
+use crate::sim::{self, BodyId, BodyState, Command, Contact, Ground, Plant, Pose};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
@@ -45,7 +45,7 @@ impl DriveScene {
     pub(super) fn new(layout: Arc<Layout>) -> DriveScene {
         let spec = &layout.spec;
         let agents = spec.agents.len();
-        let mut controller = layout.ego_drive.build();
+        let mut controller = layout.ego_drive.controller.build();
         controller.brief(&layout.briefing());
         DriveScene {
             plant: sim::plant(spec.plant, ground(&layout)),
@@ -89,7 +89,7 @@ impl DriveScene {
         let body = self.plant.spawn(&agent.body, pose, speed_mps);
         self.bodies.push(body);
         let (lag_s, lateral_lag_s) = match &agent.drive {
-            Drive::Ego(drive) => (drive.lag_s(), drive.lag_s()),
+            Drive::Ego(drive) => (drive.lag_s, drive.lag_s),
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
             Drive::Trained(Trained { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
             Drive::Scripted(_) => (0.0, 0.0),
@@ -139,15 +139,15 @@ impl DriveScene {
             let wish = match &agent.drive {
                 Drive::Ego(_) => asked,
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
-                Drive::Scripted(script) => match &agent.body.kind {
-                    BodyKind::Walker(_) => {
+                Drive::Scripted(script) => match agent.body.is_on_foot() {
+                    true => {
                         let (along_mps, left_mps) = script.walk_mps(self.time_s());
                         Choice::Walk {
                             along_mps,
                             left_mps,
                         }
                     }
-                    BodyKind::Vehicle(_) => {
+                    false => {
                         let speed_mps = self.states[i].speed_mps;
                         let leader = || self.leader_of(i);
                         Choice::Drive {
@@ -318,8 +318,8 @@ impl Scene for DriveScene {
     }
 
     fn publish(&self, row: &mut [f64]) {
-        for (value, &source) in row.iter_mut().zip(&self.layout.sources) {
-            *value = self.value(source);
+        for (value, source) in row.iter_mut().zip(&self.layout.sources) {
+            *value = source.value(self);
         }
         let published = self.layout.sources.len();
         for (i, expr) in self.layout.derived.iter().enumerate() {

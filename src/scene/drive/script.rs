@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::ego::Idm;
+use crate::ego::{Actuated, Idm};
 
 /// A background road user's plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,7 +13,8 @@ pub enum Script {
     /// Net accelerations, each from its time on: `[(at_s, accel_mps2), …]`.
     Profile(Vec<(f64, f64)>),
     /// Follows whoever is ahead in its lane, by the intelligent driver model.
-    Idm(Idm),
+    /// Traffic has no actuators: the lag that is written is not used.
+    Idm(Actuated<Idm>),
     /// On foot: velocities along the road and to the left, each from its time
     /// on: `[(at_s, along_mps, left_mps), …]`.
     Walk(Vec<(f64, f64, f64)>),
@@ -34,7 +35,7 @@ impl Script {
     ) -> f64 {
         match self {
             Script::ConstantSpeed | Script::Walk(_) => 0.0,
-            Script::Idm(idm) => idm.accel_mps2(speed_mps, leader()),
+            Script::Idm(idm) => idm.controller.accel_mps2(speed_mps, leader()),
             Script::Profile(points) => points
                 .iter()
                 .take_while(|(at_s, _)| *at_s <= time_s + 1e-9)

@@ -10,7 +10,7 @@ use super::sensors::Sensors;
 use super::trained::Trained;
 use indexmap::IndexMap;
 
-use crate::ego::{Controller, ControllerSpec};
+use crate::ego::{Actuated, Controller, ControllerSpec};
 use crate::scene::{Axis, Clock, Derived, Observed};
 use crate::sim::{Body, PlantKind};
 use crate::stl::Constants;
@@ -72,9 +72,12 @@ impl Place {
 /// Makes a fresh controller, once per worker.
 pub type ControllerFactory = Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>;
 
+/// What drives the ego: its controller, and the lag of its actuator.
+pub type EgoDrive = Actuated<EgoController>;
+
 /// The ego's controller: a stock one from the world file, or the user's own.
 #[derive(Clone)]
-pub enum EgoDrive {
+pub enum EgoController {
     /// From the world file.
     Stock(ControllerSpec),
     /// A Rust type implementing [`Controller`].
@@ -83,42 +86,45 @@ pub enum EgoDrive {
         name: String,
         /// Makes one.
         factory: ControllerFactory,
-        /// Time constant of the lag behind its commands; 0 is none.
-        lag_s: f64,
     },
 }
 
 impl EgoDrive {
-    /// A fresh controller.
-    pub fn build(&self) -> Box<dyn Controller> {
-        match self {
-            EgoDrive::Stock(spec) => spec.build(),
-            EgoDrive::Own { factory, .. } => factory(),
+    /// The stock controller with its actuator, if it is one.
+    pub fn stock(&self) -> Option<Actuated<ControllerSpec>> {
+        match &self.controller {
+            EgoController::Stock(spec) => Some(Actuated {
+                controller: spec.clone(),
+                lag_s: self.lag_s,
+            }),
+            EgoController::Own { .. } => None,
         }
     }
 
     /// Whether nobody here wrote it: equal percepts may get unequal answers.
     pub fn is_foreign(&self) -> bool {
         matches!(
-            self,
-            EgoDrive::Own { .. } | EgoDrive::Stock(ControllerSpec::Process(_))
+            self.controller,
+            EgoController::Own { .. } | EgoController::Stock(ControllerSpec::Process(_))
         )
     }
+}
 
-    /// Time constant of the lag behind its commands.
-    pub fn lag_s(&self) -> f64 {
+impl EgoController {
+    /// A fresh controller.
+    pub fn build(&self) -> Box<dyn Controller> {
         match self {
-            EgoDrive::Stock(spec) => spec.lag_s(),
-            EgoDrive::Own { lag_s, .. } => *lag_s,
+            EgoController::Stock(spec) => spec.build(),
+            EgoController::Own { factory, .. } => factory(),
         }
     }
 }
 
-impl std::fmt::Debug for EgoDrive {
+impl std::fmt::Debug for EgoController {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            EgoDrive::Stock(spec) => spec.fmt(f),
-            EgoDrive::Own { name, .. } => write!(f, "Own({name})"),
+            EgoController::Stock(spec) => spec.fmt(f),
+            EgoController::Own { name, .. } => write!(f, "Own({name})"),
         }
     }
 }

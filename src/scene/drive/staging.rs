@@ -3,7 +3,6 @@
 use super::Layout;
 use super::spec::Drive;
 use crate::scene::{Cast, LightPost, Role, Stage};
-use crate::sim::BodyKind;
 
 /// The cast, the lanes and the lights.
 pub(super) fn stage(layout: &Layout) -> Stage {
@@ -18,7 +17,7 @@ pub(super) fn stage(layout: &Layout) -> Stage {
         body: agent.body.name.clone(),
         size_m: [agent.body.length_m, agent.body.width_m, agent.body.height_m],
         colour: agent.body.color_rgb,
-        on_foot: matches!(agent.body.kind, BodyKind::Walker(_)),
+        on_foot: agent.body.is_on_foot(),
     });
     let borders = spec.road.borders_m();
     let lights = spec.lights.iter().map(|light| {

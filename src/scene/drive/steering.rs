@@ -2,7 +2,7 @@
 
 use super::course::OnRoad;
 use crate::ego::Actuator;
-use crate::sim::{Body, BodyKind};
+use crate::sim::Body;
 
 /// Natural frequency of the lateral loop, 1/s.
 const OMEGA_PER_S: f64 = 1.2;
@@ -35,10 +35,9 @@ impl LaneKeeper {
             reference_m: lateral_m,
             reference_mps: 0.0,
             lag: Actuator::new(lag_s, sample_s),
-            lever_m: match &body.kind {
-                BodyKind::Vehicle(vehicle) => vehicle.wheelbase_m + vehicle.front_overhang_m,
-                BodyKind::Walker(_) => 0.0,
-            },
+            lever_m: body.vehicle().map_or(0.0, |vehicle| {
+                vehicle.wheelbase_m + vehicle.front_overhang_m
+            }),
         }
     }
 

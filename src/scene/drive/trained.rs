@@ -12,7 +12,7 @@ use indexmap::IndexMap;
 use super::actions::Actions;
 use super::motion::DriveScene;
 use super::reading::scaled;
-use super::signals::{Offer, Source};
+use super::signals::{Of, Offer, Source};
 use super::spec::DriveSpec;
 use crate::rl::Policy;
 use crate::scene::Derived;
@@ -128,9 +128,11 @@ enum Input {
     Here(Source),
     /// Times count as if its own episode ended with this one.
     TimeLeft {
+        source: Source,
         horizon_s: f64,
     },
     Time {
+        source: Source,
         later_s: f64,
     },
 }
@@ -280,18 +282,26 @@ fn input(
         Some(Who::Light(i)) => Ok(i),
         _ => Err(nobody(&offer.signal.name, &home.lights[i].name)),
     };
-    Ok(match offer.source {
-        Source::Time => Input::Time {
+    let Source { quantity, whose } = offer.source;
+    let [a, b] = whose;
+    let whose = match quantity.of {
+        Of::Clock | Of::Scene => whose,
+        Of::Agent => [agent(a)?, 0],
+        Of::Pair => [agent(a)?, agent(b)?],
+        Of::Light => [light(a)?, 0],
+        Of::AgentAndLight => [agent(a)?, light(b)?],
+    };
+    let source = Source { quantity, whose };
+    Ok(match (quantity.of, quantity.name) {
+        (Of::Clock, "time") => Input::Time {
+            source,
             later_s: here.clock.horizon_s - home.clock.horizon_s,
         },
-        Source::TimeLeft => Input::TimeLeft {
+        (Of::Clock, "time_left") => Input::TimeLeft {
+            source,
             horizon_s: home.clock.horizon_s,
         },
-        Source::Contact => Input::Here(Source::Contact),
-        Source::Agent(i, field) => Input::Here(Source::Agent(agent(i)?, field)),
-        Source::Pair(a, b, between) => Input::Here(Source::Pair(agent(a)?, agent(b)?, between)),
-        Source::Light(i, lamp) => Input::Here(Source::Light(light(i)?, lamp)),
-        Source::Line(a, i) => Input::Here(Source::Line(agent(a)?, light(i)?)),
+        _ => Input::Here(source),
     })
 }
 
@@ -317,9 +327,9 @@ impl Frozen {
 impl Input {
     fn value(self, scene: &DriveScene) -> f64 {
         match self {
-            Input::Here(source) => scene.value(source),
-            Input::TimeLeft { horizon_s } => scene.value(Source::TimeLeft).min(horizon_s),
-            Input::Time { later_s } => (scene.value(Source::Time) - later_s).max(0.0),
+            Input::Here(source) => source.value(scene),
+            Input::TimeLeft { source, horizon_s } => source.value(scene).min(horizon_s),
+            Input::Time { source, later_s } => (source.value(scene) - later_s).max(0.0),
         }
     }
 }

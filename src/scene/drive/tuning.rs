@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::sensors::Sensors;
-use super::spec::{Drive, EgoDrive};
+use super::spec::{Drive, EgoController};
 use super::{DriveWorld, Layout};
-use crate::ego::ControllerSpec;
+use crate::ego::{Actuated, ControllerSpec};
 use crate::sim::PlantKind;
 
 /// Another ego, other sensors, another road surface, another plant.
@@ -13,8 +13,8 @@ use crate::sim::PlantKind;
 /// None of them changes signals, observations or starts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuning {
-    /// The ego's controller.
-    pub controller: ControllerSpec,
+    /// The ego's controller and actuator.
+    pub controller: Actuated<ControllerSpec>,
     /// The ego's sensors.
     pub sensors: Sensors,
     /// The road's coefficient of friction.
@@ -27,7 +27,7 @@ impl DriveWorld {
     /// The same world tuned; nothing is bound anew, so it is cheap.
     pub fn tuned(&self, tuning: &Tuning) -> DriveWorld {
         let mut layout = Layout::clone(&self.0);
-        layout.ego_drive = EgoDrive::Stock(tuning.controller.clone());
+        layout.ego_drive = tuning.controller.clone().map(EgoController::Stock);
         if let Drive::Ego(drive) = &mut layout.spec.agents[layout.ego].drive {
             *drive = layout.ego_drive.clone();
         }
