@@ -6,6 +6,7 @@ use std::path::Path;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
 use crate::campaign::{IdentifyError, RegressionError, ReuseError, Table1Error, TrainError};
+use crate::rl::ConfigError;
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError};
 use crate::testbench::Complaint;
@@ -144,6 +145,12 @@ impl From<LoadError> for Failure {
                 "name a world file, such as worlds/acc.ron",
             ),
         }
+    }
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Failure {
+        Failure::input(error.what(), &error.help)
     }
 }
 

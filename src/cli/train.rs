@@ -93,7 +93,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         scenario = against(args, &scenario)?;
     }
     if let Some(decisions) = args.decisions {
-        scenario.learner = scenario.learner.with_decisions(decisions);
+        scenario.learner = scenario.learner.with_decisions(decisions)?;
     }
     let seed = args.common.seed;
     let default = || PathBuf::from(format!("runs/{}-{seed}", scenario.name));
@@ -286,7 +286,7 @@ fn resume(
         *scenario = learner;
     }
     let decisions = args.decisions.unwrap_or(begun.decisions);
-    scenario.learner = scenario.learner.clone().with_decisions(decisions);
+    scenario.learner = scenario.learner.clone().with_decisions(decisions)?;
     let ego = match &args.ego {
         Some(name) => one_ego(scenario, name)?,
         None => begun.ego.clone(),

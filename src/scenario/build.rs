@@ -44,10 +44,8 @@ pub(super) fn assemble(
     check::road(&mut problems, &top.to("road"), &file.road);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
-    check::learner(&mut problems, &top.to("learner"), &file.learner);
-    for (name, learner) in &file.learners.0 {
-        check::learner(&mut problems, &top.to("learners").to(name), learner);
-    }
+    let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
+    let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     let constants = constants(
         &mut problems,
         &top.to("constants"),
@@ -144,8 +142,8 @@ pub(super) fn assemble(
         ego_spec,
         rules,
         names,
-        learner: file.learner,
-        learners: file.learners.0,
+        learner,
+        learners,
         learning: None,
         against: Against::Nominal,
         family: family.map(Arc::new),
