@@ -10,13 +10,18 @@ use super::family::Against;
 use super::file::ScenarioFile;
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
+use super::runs::Origin;
 use super::{kinship, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 
-/// A checked scenario, tried as well; `name` is its file's.
-pub(super) fn build(name: &str, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
-    let mut scenario = assemble(name, text, file)?;
+/// A checked scenario, tried as well.
+pub(super) fn build(
+    origin: Origin<'_>,
+    text: &str,
+    file: ScenarioFile,
+) -> Result<Scenario, Vec<Problem>> {
+    let mut scenario = assemble(origin, text, file)?;
     let mut problems = Problems::new(text);
     let top = Path::top();
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
@@ -34,7 +39,7 @@ pub(super) fn build(name: &str, text: &str, file: ScenarioFile) -> Result<Scenar
 
 /// A scenario that was not tried.
 pub(super) fn assemble(
-    name: &str,
+    origin: Origin<'_>,
     text: &str,
     file: ScenarioFile,
 ) -> Result<Scenario, Vec<Problem>> {
@@ -58,7 +63,7 @@ pub(super) fn assemble(
         &file.sensors,
         &file.clock,
     );
-    let cast = Cast::read(&mut problems, name, &file);
+    let cast = Cast::read(&mut problems, origin, &file);
     problems.done()?;
     let Cast {
         agents,
