@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 18] = [
+const FLOORS: [(&str, u32); 19] = [
     ("seed", 0),
     ("seal", 0),
     ("trace", 0),
@@ -16,6 +16,7 @@ const FLOORS: [(&str, u32); 18] = [
     ("rulebook", 2),
     ("scene", 2),
     ("testbench", 3),
+    ("conformance", 3),
     ("scenario", 4),
     ("run", 5),
     ("campaign", 6),

@@ -13,7 +13,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::{Bundle, BundleError};
+use super::bundle::Bundle;
 use super::dice::Dice;
 use super::learner::{ConfigError, Learner, Tally, epsilon, expect_sizes, linear, within};
 use super::list::{Built, Kind, Shaped};
@@ -111,14 +111,6 @@ impl Kind for DqnSettings {
         [POLICY, CHECKPOINT]
     }
 
-    fn decisions(&self) -> u64 {
-        self.decisions
-    }
-
-    fn decisions_mut(&mut self) -> &mut u64 {
-        &mut self.decisions
-    }
-
     fn check(&self) -> Result<(), ConfigError> {
         within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
         for width in &self.hidden {
@@ -153,7 +145,7 @@ impl Kind for DqnSettings {
         within("last_gain", self.last_gain, 0.0, 10.0)
     }
 
-    fn build(&self, spaces: &Spaces, seed: u64) -> Built {
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let mut dice = Dice::new(seed);
         let mut sizes = vec![spaces.observation];
         sizes.extend(&self.hidden);
@@ -163,12 +155,7 @@ impl Kind for DqnSettings {
     }
 
     /// The policy's network counts, whatever `hidden` says.
-    fn build_from(
-        &self,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<Built, BundleError> {
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
         let net = Mlp::load("q", policy)?;
         let expected = [spaces.observation, spaces.actions];
         expect_sizes(
@@ -179,7 +166,7 @@ impl Kind for DqnSettings {
         Ok(Box::new(Dqn::around(self, spaces, net, Dice::new(seed))))
     }
 
-    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Result<Built, BundleError> {
+    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
         let online = Mlp::load("online", bundle)?;
         let expected = [spaces.observation, spaces.actions];
         expect_sizes(
@@ -197,7 +184,7 @@ impl Kind for DqnSettings {
         Ok(Box::new(dqn))
     }
 
-    fn load(&self, policy: &Bundle) -> Result<Shaped, BundleError> {
+    fn load(&self, policy: &Bundle) -> Shaped {
         let net = Mlp::load("q", policy)?;
         let shape = net.ends();
         Ok((Box::new(QPolicy { net }), shape))

@@ -18,12 +18,6 @@ pub(super) trait Kind {
     /// First words of its bundles: of policies, of checkpoints.
     fn bundles(&self) -> [&'static str; 2];
 
-    /// Decisions to train for.
-    fn decisions(&self) -> u64;
-
-    /// The same, to be changed.
-    fn decisions_mut(&mut self) -> &mut u64;
-
     /// Refuses the first field, other than `decisions`, that is out of range.
     fn check(&self) -> Result<(), ConfigError>;
 
@@ -31,18 +25,17 @@ pub(super) trait Kind {
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner>;
 
     /// A learner that starts from a kept policy.
-    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle)
-    -> Result<Built, BundleError>;
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built;
 
     /// A learner that goes on from a checkpoint.
-    fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Result<Built, BundleError>;
+    fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built;
 
     /// A kept policy, with its observation length and number of actions.
-    fn load(&self, policy: &Bundle) -> Result<Shaped, BundleError>;
+    fn load(&self, policy: &Bundle) -> Shaped;
 }
 
-pub(super) type Built = Box<dyn Learner>;
-pub(super) type Shaped = (Box<dyn Policy>, [usize; 2]);
+pub(super) type Built = Result<Box<dyn Learner>, BundleError>;
+pub(super) type Shaped = Result<(Box<dyn Policy>, [usize; 2]), BundleError>;
 
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
@@ -79,9 +72,15 @@ macro_rules! learners {
                 }
             }
 
-            fn kind_mut(&mut self) -> &mut dyn Kind {
+            fn decisions(&self) -> u64 {
                 match self {
-                    $($(#[cfg($when)])? LearnerSettings::$name(settings) => settings,)+
+                    $($(#[cfg($when)])? LearnerSettings::$name(own) => own.decisions,)+
+                }
+            }
+
+            fn decisions_mut(&mut self) -> &mut u64 {
+                match self {
+                    $($(#[cfg($when)])? LearnerSettings::$name(own) => &mut own.decisions,)+
                 }
             }
         }
@@ -137,9 +136,8 @@ impl TryFrom<LearnerSettings> for LearnerConfig {
     type Error = ConfigError;
 
     fn try_from(settings: LearnerSettings) -> Result<LearnerConfig, ConfigError> {
-        let kind = settings.kind();
-        within("decisions", kind.decisions() as f64, 1.0, 1e12)?;
-        kind.check()?;
+        within("decisions", settings.decisions() as f64, 1.0, 1e12)?;
+        settings.kind().check()?;
         Ok(LearnerConfig(settings))
     }
 }
@@ -161,7 +159,7 @@ impl LearnerConfig {
 
     /// Decisions to train for.
     pub fn decisions(&self) -> u64 {
-        self.0.kind().decisions()
+        self.0.decisions()
     }
 
     /// The same, with another number of decisions.
@@ -169,7 +167,7 @@ impl LearnerConfig {
     /// # Errors
     /// It is 0 or above 10¹².
     pub fn with_decisions(mut self, decisions: u64) -> Result<LearnerConfig, ConfigError> {
-        *self.0.kind_mut().decisions_mut() = decisions;
+        *self.0.decisions_mut() = decisions;
         self.0.try_into()
     }
 
@@ -179,7 +177,7 @@ impl LearnerConfig {
     }
 
     /// A learner that has seen nothing; equal seeds learn equally.
-    pub fn build(&self, spaces: &Spaces, seed: u64) -> Built {
+    pub fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         self.0.kind().build(spaces, seed)
     }
 
@@ -187,12 +185,7 @@ impl LearnerConfig {
     ///
     /// # Errors
     /// When the policy is of another learner, or its shapes are others.
-    pub fn build_from(
-        &self,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<Built, BundleError> {
+    pub fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
         let kind = self.0.kind();
         expect_kind(policy, kind.bundles()[0])?;
         kind.build_from(spaces, seed, policy)
@@ -202,7 +195,7 @@ impl LearnerConfig {
     ///
     /// # Errors
     /// When the checkpoint is of another learner, or its shapes are others.
-    pub fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Result<Built, BundleError> {
+    pub fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built {
         let kind = self.0.kind();
         expect_kind(checkpoint, kind.bundles()[1])?;
         kind.restore(spaces, checkpoint)
@@ -228,7 +221,7 @@ pub fn load_policy_for(spaces: &Spaces, bundle: &Bundle) -> Result<Box<dyn Polic
     Ok(policy)
 }
 
-fn load_shaped(bundle: &Bundle) -> Result<Shaped, BundleError> {
+fn load_shaped(bundle: &Bundle) -> Shaped {
     let all = LearnerSettings::all();
     let policy = |learner: &LearnerSettings| learner.kind().bundles()[0];
     match all.iter().find(|learner| policy(learner) == bundle.meta()) {

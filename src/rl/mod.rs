@@ -27,7 +27,6 @@ pub mod kernel;
 mod learner;
 mod list;
 pub mod nn;
-#[cfg(test)]
 mod paid;
 mod ppo;
 mod q_table;

@@ -17,7 +17,7 @@ const CHECKPOINT: &str = "brakecheck paid checkpoint 1";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PaidSettings {
-    decisions: u64,
+    pub decisions: u64,
     /// Share of a new payment in the kept one.
     rate: f64,
 }
@@ -36,36 +36,28 @@ impl Kind for PaidSettings {
         [POLICY, CHECKPOINT]
     }
 
-    fn decisions(&self) -> u64 {
-        self.decisions
-    }
-
-    fn decisions_mut(&mut self) -> &mut u64 {
-        &mut self.decisions
-    }
-
     fn check(&self) -> Result<(), ConfigError> {
         within("rate", self.rate, 1e-6, 1.0)
     }
 
-    fn build(&self, spaces: &Spaces, seed: u64) -> Built {
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let paid = Paid::knowing(spaces.observation, vec![0.0; spaces.actions]);
         Box::new(Learning::of(self, paid, Dice::new(seed)))
     }
 
-    fn build_from(&self, _: &Spaces, seed: u64, policy: &Bundle) -> Result<Built, BundleError> {
+    fn build_from(&self, _: &Spaces, seed: u64, policy: &Bundle) -> Built {
         let paid = Paid::load(policy)?;
         Ok(Box::new(Learning::of(self, paid, Dice::new(seed))))
     }
 
-    fn restore(&self, _: &Spaces, checkpoint: &Bundle) -> Result<Built, BundleError> {
+    fn restore(&self, _: &Spaces, checkpoint: &Bundle) -> Built {
         let paid = Paid::load(checkpoint)?;
         let mut learning = Learning::of(self, paid, Dice::restore(checkpoint)?);
         learning.tally.restore(checkpoint)?;
         Ok(Box::new(learning))
     }
 
-    fn load(&self, policy: &Bundle) -> Result<Shaped, BundleError> {
+    fn load(&self, policy: &Bundle) -> Shaped {
         let paid = Paid::load(policy)?;
         let shape = [paid.observation, paid.each.len()];
         Ok((Box::new(paid), shape))
@@ -215,7 +207,7 @@ fn a_learner_is_one_file_and_one_line() {
     });
     let mut actor = PolicyActor(&*policy);
     let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Skip);
-    assert!(0 < episode.actions.len());
+    assert!(!episode.actions.is_empty());
     assert!(
         episode
             .actions

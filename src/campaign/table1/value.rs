@@ -107,9 +107,8 @@ impl Plan {
             .par_iter()
             .map(|&(index, seed)| {
                 let learner = &learners[index].1;
-                let longer = learner.clone();
-                let longer = longer.with_decisions(LONGER * learner.decisions());
-                // Who is asked for all the decisions there are has no longer training.
+                // There is no longer training than the longest that is allowed.
+                let longer = learner.clone().with_decisions(LONGER * learner.decisions());
                 let longer = longer.unwrap_or_else(|_| learner.clone());
                 let learned = learn(&self.training(seed)?, &longer, (index, seed), progress)?;
                 Some((index, self.known(&learned, &best)))

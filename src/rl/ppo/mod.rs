@@ -112,19 +112,11 @@ impl Kind for PpoSettings {
         [POLICY, CHECKPOINT]
     }
 
-    fn decisions(&self) -> u64 {
-        self.decisions
-    }
-
-    fn decisions_mut(&mut self) -> &mut u64 {
-        &mut self.decisions
-    }
-
     fn check(&self) -> Result<(), ConfigError> {
         self.bounds()
     }
 
-    fn build(&self, spaces: &Spaces, seed: u64) -> Built {
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let mut dice = Dice::new(seed);
         // A small last layer: all actions start equally likely.
         let actor = Mlp::orthogonal(&self.sizes(spaces, spaces.actions), 0.01, &mut dice);
@@ -132,12 +124,7 @@ impl Kind for PpoSettings {
         Box::new(Ppo::around(self, actor, critic, dice))
     }
 
-    fn build_from(
-        &self,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<Built, BundleError> {
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
         Ok(Box::new(Ppo::with_nets(
             self,
             spaces,
@@ -146,7 +133,7 @@ impl Kind for PpoSettings {
         )?))
     }
 
-    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Result<Built, BundleError> {
+    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
         let mut ppo = Ppo::with_nets(self, spaces, bundle, Dice::restore(bundle)?)?;
         ppo.actor_adam = Adam::load(&ppo.actor, "actor_adam", bundle)?;
         ppo.critic_adam = Adam::load(&ppo.critic, "critic_adam", bundle)?;
@@ -169,7 +156,7 @@ impl Kind for PpoSettings {
         Ok(Box::new(ppo))
     }
 
-    fn load(&self, policy: &Bundle) -> Result<Shaped, BundleError> {
+    fn load(&self, policy: &Bundle) -> Shaped {
         let policy = ActorCritic::load(policy)?;
         let shape = policy.actor.ends();
         Ok((Box::new(policy), shape))

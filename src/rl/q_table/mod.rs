@@ -104,14 +104,6 @@ impl Kind for QTableSettings {
         [POLICY, CHECKPOINT]
     }
 
-    fn decisions(&self) -> u64 {
-        self.decisions
-    }
-
-    fn decisions_mut(&mut self) -> &mut u64 {
-        &mut self.decisions
-    }
-
     fn check(&self) -> Result<(), ConfigError> {
         match self.learning_rate {
             LearningRate::Constant(rate) => within("learning_rate", rate, 1e-9, 1.0)?,
@@ -139,7 +131,7 @@ impl Kind for QTableSettings {
         Ok(())
     }
 
-    fn build(&self, spaces: &Spaces, seed: u64) -> Built {
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let table = Table {
             observation: spaces.observation,
             actions: spaces.actions,
@@ -151,12 +143,7 @@ impl Kind for QTableSettings {
         Box::new(QTable::around(self, spaces, table, Dice::new(seed)))
     }
 
-    fn build_from(
-        &self,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<Built, BundleError> {
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
         let table = QTable::fitting(self, spaces, policy)?;
         Ok(Box::new(QTable::around(
             self,
@@ -166,7 +153,7 @@ impl Kind for QTableSettings {
         )))
     }
 
-    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Result<Built, BundleError> {
+    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
         let table = QTable::fitting(self, spaces, bundle)?;
         let mut learner = QTable::around(self, spaces, table, Dice::restore(bundle)?);
         let shape = [learner.table.rows.len(), spaces.actions];
@@ -175,7 +162,7 @@ impl Kind for QTableSettings {
         Ok(Box::new(learner))
     }
 
-    fn load(&self, policy: &Bundle) -> Result<Shaped, BundleError> {
+    fn load(&self, policy: &Bundle) -> Shaped {
         let table = Table::load(policy)?;
         let shape = [table.observation, table.actions];
         Ok((Box::new(TablePolicy { table }), shape))
