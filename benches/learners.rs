@@ -5,7 +5,8 @@
 use brakecheck::rl::nn::{Adam, Mlp, argmax};
 use brakecheck::rl::replay::{Batch, Replay, Transition};
 use brakecheck::rl::{
-    Control, Dice, DqnConfig, End, Env, LearnerConfig, PpoConfig, QTableConfig, Spaces, Step,
+    Control, Dice, DqnSettings, End, Env, LearnerConfig, LearnerSettings, PpoSettings,
+    QTableSettings, Spaces, Step,
 };
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
@@ -83,23 +84,24 @@ const DECISIONS: u64 = 20_000;
 /// Deciding and learning, on an environment that costs next to nothing.
 #[divan::bench(sample_count = 5)]
 fn dqn_decisions(bencher: Bencher) {
-    train(bencher, &LearnerConfig::Dqn(DqnConfig::default()));
+    train(bencher, DqnSettings::default());
 }
 
 /// Deciding and learning, on an environment that costs next to nothing.
 #[divan::bench(sample_count = 5)]
 fn ppo_decisions(bencher: Bencher) {
-    train(bencher, &LearnerConfig::Ppo(PpoConfig::default()));
+    train(bencher, PpoSettings::default());
 }
 
 /// Deciding and learning, on an environment that costs next to nothing.
 #[divan::bench(sample_count = 5)]
 fn q_table_decisions(bencher: Bencher) {
-    train(bencher, &LearnerConfig::QTable(QTableConfig::default()));
+    train(bencher, QTableSettings::default());
 }
 
-fn train(bencher: Bencher, config: &LearnerConfig) {
-    let config = config.clone().with_decisions(DECISIONS);
+fn train(bencher: Bencher, settings: impl Into<LearnerSettings>) {
+    let config = LearnerConfig::new(settings).expect("in range");
+    let config = config.with_decisions(DECISIONS).expect("in range");
     bencher.counter(ItemsCount::new(DECISIONS)).bench(|| {
         let mut env = Drift::new();
         let mut learner = config.build(env.spaces(), 1);

@@ -288,7 +288,11 @@ fn training(bencher: Bencher, kind: PlantKind) {
     const DECISIONS: u64 = 40_000;
     let world = acc(kind);
     bencher.counter(DECISIONS).bench_local(|| {
-        let config = world.learner.clone().with_decisions(DECISIONS);
+        let config = world
+            .learner
+            .clone()
+            .with_decisions(DECISIONS)
+            .expect("in range");
         let mut gym = Gym::new(world.bench(), Purpose::Train, 0);
         let mut learner = config.build(gym.spaces(), 0);
         learner.train(&mut gym, &mut |_| Control::Continue);

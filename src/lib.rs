@@ -32,6 +32,7 @@
 
 pub mod campaign;
 pub mod cli;
+pub mod conformance;
 pub mod ego;
 pub mod report;
 pub mod rl;

@@ -3,6 +3,7 @@
 use super::identify::IdentifyError;
 use super::theorems::TheoremsError;
 use super::train::TrainError;
+use crate::rl::ConfigError;
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::LoadError;
 
@@ -34,6 +35,9 @@ pub enum CampaignError {
     /// A training.
     #[error(transparent)]
     Train(#[from] TrainError),
+    /// Settings of a learner out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// Counterexamples could not be kept.
     #[error(transparent)]
     Kept(#[from] KeptError),

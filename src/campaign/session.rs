@@ -96,7 +96,7 @@ impl TrainSession {
         // Before the run is opened: what cannot be asked for is no reason to hold it.
         let asked = request.ego(&world)?;
         let run = RunDir::resume(path)?;
-        let world = request.as_begun(world, &run);
+        let world = request.as_begun(world, &run)?;
         let begun = run.manifest();
         let ego = match request.ego {
             Some(_) => asked,
@@ -246,7 +246,7 @@ impl TrainRequest<'_> {
             world = self.against_family(&world)?;
         }
         Ok(match self.decisions {
-            Some(decisions) => world.training_for(decisions),
+            Some(decisions) => world.training_for(decisions)?,
             None => world,
         })
     }
@@ -295,7 +295,7 @@ impl TrainRequest<'_> {
     }
 
     /// What was not asked for is as it was when a run was begun.
-    fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Scenario {
+    fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Result<Scenario, CampaignError> {
         let begun = run.manifest();
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
             world = world.on(plant);
@@ -310,7 +310,7 @@ impl TrainRequest<'_> {
             world = learner;
         }
         let decisions = self.decisions.unwrap_or(begun.decisions);
-        world.training_for(decisions)
+        Ok(world.training_for(decisions)?)
     }
 }
 

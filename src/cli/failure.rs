@@ -6,6 +6,7 @@ use std::path::Path;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
 use crate::campaign::{CampaignError, IdentifyError, RegressionError, TheoremsError, TrainError};
+use crate::rl::ConfigError;
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError};
 use crate::studies::{ReuseError, Table1Error};
@@ -148,6 +149,12 @@ impl From<LoadError> for Failure {
     }
 }
 
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Failure {
+        Failure::input(error.what(), &error.help)
+    }
+}
+
 impl From<RunError> for Failure {
     fn from(error: RunError) -> Failure {
         let help = error.help();
@@ -176,6 +183,7 @@ impl From<CampaignError> for Failure {
             CampaignError::World(error) => error.into(),
             CampaignError::Run(error) => error.into(),
             CampaignError::Train(error) => error.into(),
+            CampaignError::Config(error) => error.into(),
             CampaignError::Kept(error) => error.into(),
             CampaignError::Identified(error) => error.into(),
             CampaignError::Identify(error) => error.into(),

@@ -13,25 +13,24 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::{Bundle, BundleError};
+use super::bundle::Bundle;
 use super::dice::Dice;
-use super::learner::{
-    ConfigError, Learner, Tally, epsilon, expect_kind, expect_sizes, linear, within,
-};
+use super::learner::{ConfigError, Learner, Tally, epsilon, expect_sizes, linear, within};
+use super::list::{Built, Kind, Shaped};
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, Lived, Replay, Tail};
 use super::starts::Starts;
 use super::{End, Env, Policy, Spaces};
 
 /// The kind of a kept policy.
-pub(super) const POLICY: &str = "brakecheck dqn policy 1";
+const POLICY: &str = "brakecheck dqn policy 1";
 /// The kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck dqn checkpoint 1";
 
-/// Hyperparameters of [`Dqn`]; the defaults are recipe R.
+/// Hyperparameters of deep Q-learning; the defaults are recipe R.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct DqnConfig {
+#[serde(rename = "DqnConfig", deny_unknown_fields, default)]
+pub struct DqnSettings {
     /// Decisions to train for (300000): the hardest stock world has converged.
     pub decisions: u64,
     /// Widths of the hidden ReLU layers ([64, 64]): larger ones did not help.
@@ -78,9 +77,9 @@ pub struct DqnConfig {
     pub last_gain: f64,
 }
 
-impl Default for DqnConfig {
+impl Default for DqnSettings {
     fn default() -> Self {
-        DqnConfig {
+        DqnSettings {
             decisions: 300_000,
             hidden: vec![64, 64],
             batch: 64,
@@ -107,13 +106,12 @@ impl Default for DqnConfig {
     }
 }
 
-impl DqnConfig {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// Names the first field that is out of range, and what would be right.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        within("decisions", self.decisions as f64, 1.0, 1e12)?;
+impl Kind for DqnSettings {
+    fn bundles(&self) -> [&'static str; 2] {
+        [POLICY, CHECKPOINT]
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
         within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
         for width in &self.hidden {
             within("hidden", *width as f64, 1.0, 4096.0)?;
@@ -147,17 +145,55 @@ impl DqnConfig {
         within("last_gain", self.last_gain, 0.0, 10.0)
     }
 
-    fn sizes(&self, spaces: &Spaces) -> Vec<usize> {
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
+        let mut dice = Dice::new(seed);
         let mut sizes = vec![spaces.observation];
         sizes.extend(&self.hidden);
         sizes.push(spaces.actions);
-        sizes
+        let online = Mlp::orthogonal(&sizes, self.last_gain as f32, &mut dice);
+        Box::new(Dqn::around(self, spaces, online, dice))
+    }
+
+    /// The policy's network counts, whatever `hidden` says.
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+        let net = Mlp::load("q", policy)?;
+        let expected = [spaces.observation, spaces.actions];
+        expect_sizes(
+            "the policy's observation and actions",
+            &net.ends(),
+            &expected,
+        )?;
+        Ok(Box::new(Dqn::around(self, spaces, net, Dice::new(seed))))
+    }
+
+    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
+        let online = Mlp::load("online", bundle)?;
+        let expected = [spaces.observation, spaces.actions];
+        expect_sizes(
+            "the checkpoint's observation and actions",
+            &online.ends(),
+            &expected,
+        )?;
+        let mut dqn = Dqn::around(self, spaces, online, Dice::restore(bundle)?);
+        let target = dqn.online.load_as("target", bundle)?;
+        dqn.target.parameters_mut().copy_from_slice(&target);
+        dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
+        dqn.replay.restore(bundle, spaces.actions)?;
+        dqn.starts.restore(bundle)?;
+        dqn.tally.restore(bundle)?;
+        Ok(Box::new(dqn))
+    }
+
+    fn load(&self, policy: &Bundle) -> Shaped {
+        let net = Mlp::load("q", policy)?;
+        let shape = net.ends();
+        Ok((Box::new(QPolicy { net }), shape))
     }
 }
 
 /// The learner: everything that changes while it trains.
-pub struct Dqn {
-    config: DqnConfig,
+struct Dqn {
+    config: DqnSettings,
     online: Mlp,
     target: Mlp,
     adam: Adam,
@@ -178,63 +214,7 @@ struct Room {
 }
 
 impl Dqn {
-    /// A learner that has seen nothing.
-    pub fn new(config: &DqnConfig, spaces: &Spaces, seed: u64) -> Dqn {
-        let mut dice = Dice::new(seed);
-        let sizes = config.sizes(spaces);
-        let online = Mlp::orthogonal(&sizes, config.last_gain as f32, &mut dice);
-        Dqn::around(config, spaces, online, dice)
-    }
-
-    /// A learner that starts from the network of a kept policy, whatever
-    /// `hidden` says.
-    ///
-    /// # Errors
-    /// When the bundle is no policy of this kind and shape.
-    pub fn from_policy(
-        config: &DqnConfig,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<Dqn, BundleError> {
-        let net = QPolicy::load(policy)?.net;
-        let expected = [spaces.observation, spaces.actions];
-        expect_sizes(
-            "the policy's observation and actions",
-            &net.ends(),
-            &expected,
-        )?;
-        Ok(Dqn::around(config, spaces, net, Dice::new(seed)))
-    }
-
-    /// A learner that goes on where [`Learner::checkpoint`] was taken.
-    ///
-    /// # Errors
-    /// When the bundle is no checkpoint of this kind and shape.
-    pub fn restore(
-        config: &DqnConfig,
-        spaces: &Spaces,
-        bundle: &Bundle,
-    ) -> Result<Dqn, BundleError> {
-        expect_kind(bundle, CHECKPOINT)?;
-        let online = Mlp::load("online", bundle)?;
-        let expected = [spaces.observation, spaces.actions];
-        expect_sizes(
-            "the checkpoint's observation and actions",
-            &online.ends(),
-            &expected,
-        )?;
-        let mut dqn = Dqn::around(config, spaces, online, Dice::restore(bundle)?);
-        let target = dqn.online.load_as("target", bundle)?;
-        dqn.target.parameters_mut().copy_from_slice(&target);
-        dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
-        dqn.replay.restore(bundle, spaces.actions)?;
-        dqn.starts.restore(bundle)?;
-        dqn.tally.restore(bundle)?;
-        Ok(dqn)
-    }
-
-    fn around(config: &DqnConfig, spaces: &Spaces, online: Mlp, dice: Dice) -> Dqn {
+    fn around(config: &DqnSettings, spaces: &Spaces, online: Mlp, dice: Dice) -> Dqn {
         let capacity = config.capacity.unwrap_or(usize::MAX - 1);
         let parameters = online.parameters().len();
         Dqn {
@@ -414,27 +394,8 @@ impl Learner for Dqn {
 }
 
 /// Greedy in Q; V(s) = max Q(s, ·).
-#[derive(Clone, Debug, PartialEq)]
-pub struct QPolicy {
+struct QPolicy {
     net: Mlp,
-}
-
-impl QPolicy {
-    /// Reads what [`Learner::policy_bundle`] of a [`Dqn`] gave.
-    ///
-    /// # Errors
-    /// When the bundle is no policy of this kind, or misshapen.
-    pub fn load(bundle: &Bundle) -> Result<QPolicy, BundleError> {
-        expect_kind(bundle, POLICY)?;
-        Ok(QPolicy {
-            net: Mlp::load("q", bundle)?,
-        })
-    }
-
-    /// Observation length and number of actions.
-    pub fn shape(&self) -> [usize; 2] {
-        [self.net.inputs(), self.net.outputs()]
-    }
 }
 
 impl Policy for QPolicy {

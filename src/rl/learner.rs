@@ -1,12 +1,7 @@
-//! The learner-neutral surface: configuration, state, and loading a policy.
-
-use serde::{Deserialize, Serialize};
+//! The learner-neutral surface: what a learner does, and how it says no.
 
 use super::bundle::{Bundle, BundleError};
-use super::dqn::{self, Dqn, DqnConfig};
-use super::ppo::{self, Ppo, PpoConfig};
-use super::q_table::{self, QTable, QTableConfig};
-use super::{Control, Env, Policy, Progress, Spaces};
+use super::{Control, Env, Policy, Progress};
 
 /// How much of what a learner was asked to do is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,180 +92,16 @@ pub trait Learner: Send {
     /// The greedy policy learned so far.
     fn policy(&self) -> Box<dyn Policy>;
 
-    /// The same policy, to be kept; [`load_policy`] reads it.
+    /// The same policy, to be kept; [`super::load_policy`] reads it.
     fn policy_bundle(&self) -> Bundle;
 
     /// Everything that training needs to go on as if never interrupted.
     fn checkpoint(&self) -> Bundle;
 }
 
-/// Which learner, with every hyperparameter: the `learner` of a world file.
-///
-/// ```
-/// use brakecheck::rl::LearnerConfig;
-///
-/// let ron = ron::Options::default()
-///     .with_default_extension(ron::extensions::Extensions::UNWRAP_VARIANT_NEWTYPES);
-/// let learner: LearnerConfig = ron.from_str("Dqn(decisions: 50_000)")?;
-/// assert_eq!(learner.decisions(), 50_000);
-/// # Ok::<(), ron::error::SpannedError>(())
-/// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum LearnerConfig {
-    /// Deep Q-learning: the default, for driving.
-    Dqn(DqnConfig),
-    /// Tabular Q-learning: for small or binned worlds.
-    QTable(QTableConfig),
-    /// Proximal policy optimisation.
-    Ppo(PpoConfig),
-}
-
-impl Default for LearnerConfig {
-    fn default() -> Self {
-        LearnerConfig::Dqn(DqnConfig::default())
-    }
-}
-
-impl LearnerConfig {
-    /// Decisions to train for.
-    pub fn decisions(&self) -> u64 {
-        match self {
-            LearnerConfig::Dqn(config) => config.decisions,
-            LearnerConfig::QTable(config) => config.decisions,
-            LearnerConfig::Ppo(config) => config.decisions,
-        }
-    }
-
-    /// The same, with another number of decisions.
-    pub fn with_decisions(mut self, decisions: u64) -> Self {
-        match &mut self {
-            LearnerConfig::Dqn(config) => config.decisions = decisions,
-            LearnerConfig::QTable(config) => config.decisions = decisions,
-            LearnerConfig::Ppo(config) => config.decisions = decisions,
-        }
-        self
-    }
-
-    /// The name of the learner, as in a world file.
-    pub fn name(&self) -> &'static str {
-        match self {
-            LearnerConfig::Dqn(_) => "Dqn",
-            LearnerConfig::QTable(_) => "QTable",
-            LearnerConfig::Ppo(_) => "Ppo",
-        }
-    }
-
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// Names the first field that is out of range, and what would be right.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        match self {
-            LearnerConfig::Dqn(config) => config.validate(),
-            LearnerConfig::QTable(config) => config.validate(),
-            LearnerConfig::Ppo(config) => config.validate(),
-        }
-    }
-
-    /// A learner that has seen nothing; equal seeds learn equally.
-    pub fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
-        match self {
-            LearnerConfig::Dqn(config) => Box::new(Dqn::new(config, spaces, seed)),
-            LearnerConfig::QTable(config) => Box::new(QTable::new(config, spaces, seed)),
-            LearnerConfig::Ppo(config) => Box::new(Ppo::new(config, spaces, seed)),
-        }
-    }
-
-    /// A learner that starts from a policy kept earlier (fine-tuning).
-    ///
-    /// # Errors
-    /// When the policy is of another learner, or its shapes are others.
-    pub fn build_from(
-        &self,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<Box<dyn Learner>, BundleError> {
-        Ok(match self {
-            LearnerConfig::Dqn(config) => Box::new(Dqn::from_policy(config, spaces, seed, policy)?),
-            LearnerConfig::QTable(config) => {
-                Box::new(QTable::from_policy(config, spaces, seed, policy)?)
-            }
-            LearnerConfig::Ppo(config) => Box::new(Ppo::from_policy(config, spaces, seed, policy)?),
-        })
-    }
-
-    /// A learner that goes on from a checkpoint.
-    ///
-    /// # Errors
-    /// When the checkpoint is of another learner, or its shapes are others.
-    pub fn restore(
-        &self,
-        spaces: &Spaces,
-        checkpoint: &Bundle,
-    ) -> Result<Box<dyn Learner>, BundleError> {
-        Ok(match self {
-            LearnerConfig::Dqn(config) => Box::new(Dqn::restore(config, spaces, checkpoint)?),
-            LearnerConfig::QTable(config) => Box::new(QTable::restore(config, spaces, checkpoint)?),
-            LearnerConfig::Ppo(config) => Box::new(Ppo::restore(config, spaces, checkpoint)?),
-        })
-    }
-}
-
-/// The policy of any learner, from what [`Learner::policy_bundle`] gave.
-///
-/// # Errors
-/// When the bundle is no policy, or its shapes do not fit each other.
-pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
-    Ok(load_shaped(bundle)?.0)
-}
-
-/// The same, for a world with these spaces.
-///
-/// # Errors
-/// When the bundle is no policy, or one for other observations or actions.
-pub fn load_policy_for(spaces: &Spaces, bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
-    let (policy, shape) = load_shaped(bundle)?;
-    let expected = [spaces.observation, spaces.actions];
-    expect_sizes("the policy's observation and actions", &shape, &expected)?;
-    Ok(policy)
-}
-
-/// A policy and its observation length and number of actions.
-fn load_shaped(bundle: &Bundle) -> Result<(Box<dyn Policy>, [usize; 2]), BundleError> {
-    match bundle.meta() {
-        dqn::POLICY => {
-            let policy = dqn::QPolicy::load(bundle)?;
-            let shape = policy.shape();
-            Ok((Box::new(policy), shape))
-        }
-        q_table::POLICY => {
-            let policy = q_table::TablePolicy::load(bundle)?;
-            let shape = policy.shape();
-            Ok((Box::new(policy), shape))
-        }
-        ppo::POLICY => {
-            let policy = ppo::ActorCritic::load(bundle)?;
-            let shape = policy.shape();
-            Ok((Box::new(policy), shape))
-        }
-        other => Err(BundleError::Mismatch {
-            what: "the kind of the bundle",
-            expected: format!(
-                "`{}`, `{}` or `{}`",
-                dqn::POLICY,
-                q_table::POLICY,
-                ppo::POLICY
-            ),
-            found: format!("`{other}`"),
-        }),
-    }
-}
-
 /// A hyperparameter that is out of range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("learner field `{field}` {why}")]
+#[error("{}; {help}", self.what())]
 pub struct ConfigError {
     /// The field, as in a world file.
     pub field: &'static str,
@@ -278,6 +109,13 @@ pub struct ConfigError {
     pub why: String,
     /// What would be right.
     pub help: String,
+}
+
+impl ConfigError {
+    /// The field and what is wrong with it.
+    pub fn what(&self) -> String {
+        format!("learner field `{}` {}", self.field, self.why)
+    }
 }
 
 /// Refuses a number outside of [low, high], and NaN.

@@ -18,24 +18,28 @@
 //! | `bundle` | named tensors: how policies and checkpoints are kept | |
 //! | `dice` | the learners' random numbers | |
 //! | `learner` | the learner-neutral surface | |
+//! | `list` | all learners; configuring, building and loading them | |
 
 mod bundle;
 mod dice;
-pub mod dqn;
+mod dqn;
 pub mod kernel;
 mod learner;
+mod list;
 pub mod nn;
-pub mod ppo;
-pub mod q_table;
+mod paid;
+mod ppo;
+mod q_table;
 pub mod replay;
 mod starts;
 
 pub use bundle::{Bundle, BundleError, Data, Element};
 pub use dice::Dice;
-pub use dqn::DqnConfig;
-pub use learner::{ConfigError, Learner, LearnerConfig, Tally, load_policy, load_policy_for};
-pub use ppo::PpoConfig;
-pub use q_table::{Bins, LearningRate, QTableConfig};
+pub use dqn::DqnSettings;
+pub use learner::{ConfigError, Learner, Tally};
+pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
+pub use ppo::PpoSettings;
+pub use q_table::{Bins, LearningRate, QTableSettings};
 
 /// The shapes of a decision problem.
 #[derive(Clone, Debug, PartialEq, Eq)]

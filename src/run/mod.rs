@@ -27,6 +27,7 @@ mod identified;
 mod interval;
 mod kept;
 mod manifest;
+mod named;
 mod outcome;
 mod progress;
 mod repeated;
@@ -49,6 +50,7 @@ pub use interval::{
 };
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Window};
+pub use named::RunsOnDisk;
 pub use outcome::{Outcomes, StartOutcome, UnknownMark};
 pub use progress::Progress;
 pub use repeated::{Repeated, StartRepeated};
@@ -316,11 +318,14 @@ impl RunDir {
     /// # Errors
     /// There is none yet, or its file is damaged.
     pub fn policy_bundle(&self) -> Result<Bundle, RunError> {
+        Bundle::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
+    }
+
+    fn policy_bytes(&self) -> Result<Vec<u8>, RunError> {
         let Some(expected) = &self.manifest.policy_sha256 else {
             return Err(self.unfinished());
         };
-        let bytes = self.read_verified("policy.safetensors", Some(expected))?;
-        Bundle::from_bytes(&bytes).map_err(self.damaged("policy.safetensors"))
+        self.read_verified("policy.safetensors", Some(expected))
     }
 
     /// The checkpoint to go on from, if training was interrupted.

@@ -10,13 +10,18 @@ use super::family::Against;
 use super::file::ScenarioFile;
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
+use super::runs::Origin;
 use super::{kinship, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 
-/// A checked scenario, tried as well; `name` is its file's.
-pub(super) fn build(name: &str, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
-    let mut scenario = assemble(name, text, file)?;
+/// A checked scenario, tried as well.
+pub(super) fn build(
+    origin: Origin<'_>,
+    text: &str,
+    file: ScenarioFile,
+) -> Result<Scenario, Vec<Problem>> {
+    let mut scenario = assemble(origin, text, file)?;
     let mut problems = Problems::new(text);
     let top = Path::top();
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
@@ -34,7 +39,7 @@ pub(super) fn build(name: &str, text: &str, file: ScenarioFile) -> Result<Scenar
 
 /// A scenario that was not tried.
 pub(super) fn assemble(
-    name: &str,
+    origin: Origin<'_>,
     text: &str,
     file: ScenarioFile,
 ) -> Result<Scenario, Vec<Problem>> {
@@ -44,10 +49,8 @@ pub(super) fn assemble(
     check::road(&mut problems, &top.to("road"), &file.road);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
-    check::learner(&mut problems, &top.to("learner"), &file.learner);
-    for (name, learner) in &file.learners.0 {
-        check::learner(&mut problems, &top.to("learners").to(name), learner);
-    }
+    let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
+    let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     let constants = constants(
         &mut problems,
         &top.to("constants"),
@@ -60,7 +63,7 @@ pub(super) fn assemble(
         &file.sensors,
         &file.clock,
     );
-    let cast = Cast::read(&mut problems, name, &file);
+    let cast = Cast::read(&mut problems, origin, &file);
     problems.done()?;
     let Cast {
         agents,
@@ -144,8 +147,8 @@ pub(super) fn assemble(
         ego_spec,
         rules,
         names,
-        learner: file.learner,
-        learners: file.learners.0,
+        learner,
+        learners,
         learning: None,
         against: Against::Nominal,
         family: family.map(Arc::new),

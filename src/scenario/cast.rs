@@ -9,13 +9,13 @@ use super::file::{
 };
 use super::language::formula;
 use super::locate::Path;
+use super::runs::Origin;
 use super::trained::{self, TrainedFile};
 use crate::scene::drive::{Agent, Drive, EgoController, Light, LightDrive, Place, Range, Trained};
 use crate::sim::Body;
 
 /// Everybody in a world file, with what their ados observe and obey.
-#[derive(Default)]
-pub(super) struct Cast {
+pub(super) struct Cast<'a> {
     pub(super) agents: Vec<Agent>,
     /// Position of each agent in the file's list.
     pub(super) entries: Vec<usize>,
@@ -29,17 +29,27 @@ pub(super) struct Cast {
     pub(super) written_out: Vec<(Path, String)>,
     /// Names of the road users read so far, broken ones included.
     declared: Vec<String>,
-    /// The world file's name.
-    file: String,
+    origin: Origin<'a>,
 }
 
-impl Cast {
+impl Cast<'_> {
     /// Reads all agents and notes what is wrong with them.
-    pub(super) fn read(problems: &mut Problems, name: &str, file: &ScenarioFile) -> Cast {
+    pub(super) fn read<'a>(
+        problems: &mut Problems,
+        origin: Origin<'a>,
+        file: &ScenarioFile,
+    ) -> Cast<'a> {
         let list = Path::top().to("agents");
         let mut cast = Cast {
-            file: name.to_owned(),
-            ..Cast::default()
+            agents: Vec::new(),
+            entries: Vec::new(),
+            lights: Vec::new(),
+            light_entries: Vec::new(),
+            observed: Vec::new(),
+            rules: Vec::new(),
+            written_out: Vec::new(),
+            declared: Vec::new(),
+            origin,
         };
         for (name, body) in &file.bodies.0 {
             if let Err(error) = body.validate() {
@@ -228,7 +238,7 @@ impl Cast {
         file: &TrainedFile,
         acts_as: ActsAs,
     ) -> Option<Trained> {
-        let (trained, written_out) = trained::open(problems, (path, &self.file), file, acts_as)?;
+        let (trained, written_out) = trained::open(problems, (path, self.origin), file, acts_as)?;
         self.written_out.extend(written_out);
         Some(trained)
     }

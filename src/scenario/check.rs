@@ -1,12 +1,14 @@
 //! Semantic checks of a world: what the types cannot say.
 
+use indexmap::IndexMap;
+
 use super::error::Problem;
-use super::file::AdoFile;
+use super::file::{AdoFile, Ordered};
 use super::locate::Path;
 use super::repeats::{MAX_REPEATS, Repeats};
 use super::{ChangeError, Scenario};
 use crate::ego::{Actuated, ControllerSpec, Parameter, Process};
-use crate::rl::LearnerConfig;
+use crate::rl::{LearnerConfig, LearnerSettings};
 use crate::rulebook::Reward;
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, DriveSpec, Range, Road, Script, Sensors};
@@ -201,11 +203,29 @@ pub(super) fn reward(problems: &mut Problems, path: &Path, reward: &Reward) {
     }
 }
 
-pub(super) fn learner(problems: &mut Problems, path: &Path, learner: &LearnerConfig) {
-    if let Err(error) = learner.validate() {
+pub(super) fn learner(
+    problems: &mut Problems,
+    path: &Path,
+    settings: &LearnerSettings,
+) -> LearnerConfig {
+    LearnerConfig::new(settings.clone()).unwrap_or_else(|error| {
         let place = path.to(error.field);
-        problems.add(&place, error.to_string(), "here", Some(error.help));
-    }
+        problems.add(&place, error.what(), "here", Some(error.help));
+        LearnerConfig::default()
+    })
+}
+
+pub(super) fn learners(
+    problems: &mut Problems,
+    path: &Path,
+    learners: &Ordered<LearnerSettings>,
+) -> IndexMap<String, LearnerConfig> {
+    let learners = learners.0.iter();
+    let checked = learners.map(|(name, settings)| {
+        let config = learner(problems, &path.to(name), settings);
+        (name.clone(), config)
+    });
+    checked.collect()
 }
 
 pub(super) fn range(problems: &mut Problems, path: &Path, range: Range) {

@@ -20,7 +20,7 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 use super::file::Change;
 use super::quantity::{Quantity, Varied};
 use crate::ego::{Actuated, ControllerSpec};
-use crate::rl::{DqnConfig, LearnerConfig};
+use crate::rl::{DqnSettings, LearnerConfig, LearnerSettings};
 use crate::scene::drive::{DriveSpec, Sensors, Tuning};
 use crate::seed::StartKey;
 use crate::sim::PlantKind;
@@ -92,9 +92,9 @@ pub(super) struct FamilyFile {
     #[serde(default = "nominal")]
     pub(super) nominal: f64,
     #[serde(default = "patient")]
-    pub(super) wide: LearnerConfig,
+    pub(super) wide: LearnerSettings,
     #[serde(default = "patient")]
-    pub(super) conditional: LearnerConfig,
+    pub(super) conditional: LearnerSettings,
 }
 
 /// A plant as a key of a map.
@@ -119,12 +119,12 @@ fn nominal() -> f64 {
 
 /// How ados learn against a family, unless the world says otherwise: longer,
 /// but for a smaller share of it exploring, and in smaller steps.
-fn patient() -> LearnerConfig {
-    LearnerConfig::Dqn(DqnConfig {
+fn patient() -> LearnerSettings {
+    LearnerSettings::Dqn(DqnSettings {
         decisions: 3_000_000,
         exploration_fraction: 0.05,
         learning_rate: 5e-4,
-        ..DqnConfig::default()
+        ..DqnSettings::default()
     })
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::repeats::Repeats;
 use super::trained::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
-use crate::rl::LearnerConfig;
+use crate::rl::LearnerSettings;
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, Range, Road, Schedule, Script, Sensors};
@@ -46,9 +46,9 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) reward: Reward,
     #[serde(default)]
-    pub(super) learner: LearnerConfig,
+    pub(super) learner: LearnerSettings,
     #[serde(default)]
-    pub(super) learners: Ordered<LearnerConfig>,
+    pub(super) learners: Ordered<LearnerSettings>,
     #[serde(default)]
     pub(super) train_against: Option<FamilyFile>,
     #[serde(default)]

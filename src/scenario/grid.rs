@@ -13,7 +13,7 @@ use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
 use super::trial;
 use super::{Change, ChangeError, Repeats, RuleSpec, Scenario};
-use crate::rl::LearnerConfig;
+use crate::rl::LearnerSettings;
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
 use crate::scene::{Observed, World};
@@ -52,9 +52,9 @@ pub(super) struct GridFile {
     #[serde(default)]
     reward: Reward,
     #[serde(default)]
-    learner: LearnerConfig,
+    learner: LearnerSettings,
     #[serde(default)]
-    learners: Ordered<LearnerConfig>,
+    learners: Ordered<LearnerSettings>,
     #[serde(default)]
     reuse: Ordered<GridChange>,
 }
@@ -90,10 +90,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     let mut problems = Problems::new(text);
     let top = Path::top();
     check::reward(&mut problems, &top.to("reward"), &file.reward);
-    check::learner(&mut problems, &top.to("learner"), &file.learner);
-    for (name, learner) in &file.learners.0 {
-        check::learner(&mut problems, &top.to("learners").to(name), learner);
-    }
+    let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
+    let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     moves(&mut problems, &top.to("ado"), &file.ado);
     let rules = rules(
         &mut problems,
@@ -176,8 +174,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         ego_spec,
         rules,
         names,
-        learner: file.learner,
-        learners: file.learners.0,
+        learner,
+        learners,
         learning: None,
         against: Against::Nominal,
         family: None,

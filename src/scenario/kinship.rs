@@ -74,8 +74,8 @@ pub(super) fn family(
     }
     let plants = plants(problems, path, &file, spec.plant);
     check::within(problems, &path.to("nominal"), file.nominal, 0.0, 1.0);
-    check::learner(problems, &path.to("wide"), &file.wide);
-    check::learner(problems, &path.to("conditional"), &file.conditional);
+    let wide = check::learner(problems, &path.to("wide"), &file.wide);
+    let conditional = check::learner(problems, &path.to("conditional"), &file.conditional);
     if quantities.is_empty() && problems.is_empty() {
         let what = "a family in which nothing varies";
         let help = "write `ego: { \"max_brake_mps2\": (4.0, 8.0) }`, or leave it out".to_owned();
@@ -85,8 +85,8 @@ pub(super) fn family(
         quantities,
         plants,
         nominal_share: file.nominal,
-        wide: file.wide,
-        conditional: file.conditional,
+        wide,
+        conditional,
         base: Base {
             controller,
             sensors: spec.sensors,

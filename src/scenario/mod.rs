@@ -26,6 +26,7 @@ mod locate;
 mod quantity;
 mod read;
 mod repeats;
+mod runs;
 mod starts;
 mod trained;
 mod trial;
@@ -42,9 +43,10 @@ pub use file::{Change, GridChange, Patch};
 pub use locate::Path;
 pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
+pub use runs::{NamedRun, RunRefused, RunSource};
 
 use crate::ego::{Actuated, Command, Controller, ControllerSpec, Process, Recorded};
-use crate::rl::{LearnerConfig, Spaces};
+use crate::rl::{ConfigError, LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
 use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoController, Tuning};
 use crate::scene::grid::GridWorld;
@@ -132,21 +134,36 @@ pub enum LoadError {
 }
 
 impl Scenario {
-    /// Reads and checks a world file.
+    /// Reads and checks a world file; `runs` finds the runs that it names.
     ///
     /// # Errors
     /// The file cannot be read, or it is not a world.
-    pub fn load(path: &FilePath) -> Result<Scenario, LoadError> {
+    pub fn load_with(path: &FilePath, runs: &dyn RunSource) -> Result<Scenario, LoadError> {
         let file = path.display().to_string();
         let text = read::text(&file, path)?;
-        Scenario::parse(&file, &text).map_err(|error| LoadError::Scenario(Box::new(error)))
+        Scenario::parse_with(&file, &text, runs)
+            .map_err(|error| LoadError::Scenario(Box::new(error)))
     }
 
     /// Checks the text of a world file; `file` names it in errors.
     ///
+    /// Nothing is read: a text that names a run directory is refused.
+    ///
     /// # Errors
     /// What is wrong, where, and how to cure it.
     pub fn parse(file: &str, text: &str) -> Result<Scenario, ScenarioError> {
+        Scenario::parse_with(file, text, &runs::Nowhere)
+    }
+
+    /// The same of a text whose runs `runs` finds.
+    ///
+    /// # Errors
+    /// What is wrong, where, and how to cure it.
+    pub fn parse_with(
+        file: &str,
+        text: &str,
+        runs: &dyn RunSource,
+    ) -> Result<Scenario, ScenarioError> {
         let fail = |problems| ScenarioError {
             file: file.to_owned(),
             text: text.to_owned(),
@@ -156,7 +173,7 @@ impl Scenario {
         match read::kind(text).map_err(one)? {
             read::Kind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
-                build::build(file, text, parsed).map_err(fail)
+                build::build(runs::Origin { file, runs }, text, parsed).map_err(fail)
             }
             read::Kind::Grid => {
                 let parsed = read::parse(text).map_err(one)?;
@@ -226,12 +243,14 @@ impl Scenario {
     }
 
     /// The same world, to learn for so many decisions.
-    #[must_use]
-    pub fn training_for(&self, decisions: u64) -> Scenario {
-        Scenario {
-            learner: self.learner.clone().with_decisions(decisions),
+    ///
+    /// # Errors
+    /// There are none, or more than a learner takes.
+    pub fn training_for(&self, decisions: u64) -> Result<Scenario, ConfigError> {
+        Ok(Scenario {
+            learner: self.learner.clone().with_decisions(decisions)?,
             ..self.clone()
-        }
+        })
     }
 
     /// The family of egos under `train_against`, if the world has one.

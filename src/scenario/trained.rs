@@ -1,14 +1,13 @@
-//! Trained ados in a world file: found in their run directory, then written out.
+//! Trained ados in a world file: their run is found, then written out.
 //!
-//! `Trained(run: "runs/acc")` names a run directory. Once it is read, the
-//! scenario's text has `Trained(run: Kept(…))` in its stead, with the run's
+//! `Trained(run: "runs/acc")` names a run, which a [`super::RunSource`] finds. The
+//! scenario's text then has `Trained(run: Kept(…))` in its stead, with the run's
 //! world and policy in it, so that run directories and kept counterexamples of
 //! such a world need nothing else.
 
 mod nested;
 
 use std::fmt;
-use std::path::{Path as FilePath, PathBuf};
 use std::sync::Arc;
 
 use base64::Engine;
@@ -20,15 +19,11 @@ use super::check::{self, ActsAs, Problems};
 use super::error::{did_you_mean, known_names};
 use super::file::Ordered;
 use super::locate::Path;
+use super::runs::{NamedRun, Origin, RunRefused, refused};
 use super::{build, read};
 use crate::rl::{Bundle, Policy, load_policy_for};
 use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec, LightDrive, Trained, TrainedError};
-use crate::seal;
-
-/// Versions of run directories that are understood; the first held no hash of
-/// its manifest.
-const FORMATS: std::ops::RangeInclusive<u32> = 1..=2;
 
 #[derive(Deserialize)]
 #[serde(rename = "Trained", deny_unknown_fields)]
@@ -78,21 +73,11 @@ impl<'de> Deserialize<'de> for RunFile {
     }
 }
 
-/// What of a run's manifest matters here.
-#[derive(Deserialize)]
-struct Manifest {
-    format: u32,
-    #[serde(default)]
-    sha256: String,
-    world_sha256: String,
-    policy_sha256: Option<String>,
-}
-
 /// A run, read.
 struct Run {
     from: String,
-    /// Where it was found; `None`: in the text.
-    dir: Option<PathBuf>,
+    /// What tells it from others; `None`: it is in the text.
+    identity: Option<String>,
     world: String,
     policy: Vec<u8>,
 }
@@ -104,32 +89,17 @@ impl Run {
     }
 }
 
-/// Why a run cannot be used, and the cure.
-struct Refused {
-    what: String,
-    help: String,
-}
-
-fn refused(what: String, help: &str) -> Refused {
-    Refused {
-        what,
-        help: help.to_owned(),
-    }
-}
-
 /// A trained ado, and the text that says the same without its directory.
-///
-/// `file` is the world file's name: runs are looked for beside it as well.
 pub(super) fn open(
     problems: &mut Problems,
-    (path, file): (&Path, &str),
+    (path, origin): (&Path, Origin<'_>),
     trained: &TrainedFile,
     acts_as: ActsAs,
 ) -> Option<(Trained, Option<(Path, String)>)> {
     let place = path.to("run");
-    let made = opened(&trained.run, file).and_then(|run| {
-        nested::check(&run)?;
-        let drive = made_from(&run, &trained.names)?;
+    let made = opened(&trained.run, origin).and_then(|run| {
+        nested::check(&run, origin)?;
+        let drive = made_from(&run, &trained.names, origin)?;
         Ok((run, drive))
     });
     let (run, drive) = match made {
@@ -153,82 +123,26 @@ pub(super) fn open(
 }
 
 /// The run that a world file names or holds.
-fn opened(run: &RunFile, file: &str) -> Result<Run, Refused> {
+fn opened(run: &RunFile, origin: Origin<'_>) -> Result<Run, RunRefused> {
     match run {
-        RunFile::Directory(name) => from_directory(name, &find(name, file)?),
+        RunFile::Directory(name) => {
+            let NamedRun {
+                identity,
+                world,
+                policy,
+            } = origin.runs.find(name, origin.file)?;
+            Ok(Run {
+                from: name.clone(),
+                identity: Some(identity),
+                world,
+                policy,
+            })
+        }
         RunFile::Kept(kept) => from_text(kept),
     }
 }
 
-fn find(name: &str, file: &str) -> Result<PathBuf, Refused> {
-    let beside = FilePath::new(file).parent().map(|dir| dir.join(name));
-    let places = [Some(PathBuf::from(name)), beside];
-    let mut places = places.into_iter().flatten();
-    places.find(|place| place.is_dir()).ok_or_else(|| {
-        refused(
-            format!("there is no run `{name}`"),
-            "looked for from here and beside the world file; \
-             make one with `brakecheck train WORLD -o RUN`",
-        )
-    })
-}
-
-fn from_directory(name: &str, dir: &FilePath) -> Result<Run, Refused> {
-    let bytes_of = |file: &str| {
-        std::fs::read(dir.join(file)).map_err(|error| {
-            refused(
-                format!("`{name}` is no run directory: `{file}`: {error}"),
-                "make one with `brakecheck train WORLD -o RUN`",
-            )
-        })
-    };
-    let damaged = |file: &str, why: String| {
-        refused(
-            format!("`{file}` of the run `{name}` is damaged: {why}"),
-            "restore the file from a backup, or train again",
-        )
-    };
-    let text = bytes_of("manifest.json")?;
-    let manifest: Manifest = serde_json::from_slice(&text)
-        .map_err(|error| damaged("manifest.json", error.to_string()))?;
-    if !FORMATS.contains(&manifest.format) {
-        let (first, last) = (FORMATS.start(), FORMATS.end());
-        let why = format!("format {} is not {first} to {last}", manifest.format);
-        return Err(damaged("manifest.json", why));
-    }
-    if *FORMATS.start() < manifest.format || !manifest.sha256.is_empty() {
-        seal::check(&String::from_utf8_lossy(&text), &manifest.sha256)
-            .map_err(|why| damaged("manifest.json", why))?;
-    }
-    let Some(policy_sha256) = manifest.policy_sha256 else {
-        return Err(refused(
-            format!("the training in `{name}` has not finished"),
-            "go on with `brakecheck train WORLD -o RUN --resume`",
-        ));
-    };
-    let verified = |file: &str, expected: &str| {
-        let bytes = bytes_of(file)?;
-        let found = seal::sha256(&bytes);
-        match found == expected {
-            true => Ok(bytes),
-            false => Err(damaged(
-                file,
-                format!("SHA-256 is {found}, the manifest says {expected}"),
-            )),
-        }
-    };
-    let world = String::from_utf8(verified("world.ron", &manifest.world_sha256)?)
-        .map_err(|error| damaged("world.ron", error.to_string()))?;
-    Ok(Run {
-        from: name.to_owned(),
-        // One directory may have several names.
-        dir: Some(dir.canonicalize().unwrap_or_else(|_| dir.to_owned())),
-        world,
-        policy: verified("policy.safetensors", &policy_sha256)?,
-    })
-}
-
-fn from_text(kept: &KeptRun) -> Result<Run, Refused> {
+fn from_text(kept: &KeptRun) -> Result<Run, RunRefused> {
     let policy = STANDARD.decode(&kept.policy).map_err(|error| {
         refused(
             format!("the policy kept from `{}` is damaged: {error}", kept.from),
@@ -237,15 +151,19 @@ fn from_text(kept: &KeptRun) -> Result<Run, Refused> {
     })?;
     Ok(Run {
         from: kept.from.clone(),
-        dir: None,
+        identity: None,
         world: kept.world.clone(),
         policy,
     })
 }
 
-fn made_from(run: &Run, names: &Ordered<String>) -> Result<Trained, Refused> {
+fn made_from(
+    run: &Run,
+    names: &Ordered<String>,
+    origin: Origin<'_>,
+) -> Result<Trained, RunRefused> {
     let from = &run.from;
-    let world = world_of(run)?;
+    let world = world_of(run, origin)?;
     let World::Drive(world) = world else {
         return Err(refused(
             format!("the run `{from}` is of a grid"),
@@ -290,8 +208,12 @@ fn lag_s(home: &DriveSpec) -> f64 {
 }
 
 /// The run's world; it was tried when it was trained in.
-fn world_of(run: &Run) -> Result<World, Refused> {
+fn world_of(run: &Run, origin: Origin<'_>) -> Result<World, RunRefused> {
     let name = run.world_name();
+    let inner = Origin {
+        file: &name,
+        ..origin
+    };
     let help = "this version cannot use it: train again";
     let unusable = |what: &dyn fmt::Display| refused(format!("the world of a run: {what}"), help);
     let first = |problems: Vec<super::Problem>| match problems.first() {
@@ -301,7 +223,7 @@ fn world_of(run: &Run) -> Result<World, Refused> {
     match read::kind(&run.world).map_err(|problem| first(vec![problem]))? {
         read::Kind::Scenario => {
             let parsed = read::parse(&run.world).map_err(|problem| first(vec![problem]))?;
-            let scenario = build::assemble(&name, &run.world, parsed).map_err(first)?;
+            let scenario = build::assemble(inner, &run.world, parsed).map_err(first)?;
             Ok(scenario.world().clone())
         }
         read::Kind::Grid => Err(refused(

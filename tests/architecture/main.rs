@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 19] = [
+const FLOORS: [(&str, u32); 20] = [
     ("seed", 0),
     ("seal", 0),
     ("trace", 0),
@@ -21,6 +21,7 @@ const FLOORS: [(&str, u32); 19] = [
     ("rulebook", 2),
     ("scene", 2),
     ("testbench", 3),
+    ("conformance", 3),
     ("scenario", 4),
     ("run", 5),
     ("view", 6),

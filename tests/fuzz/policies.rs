@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use brakecheck::rl::{
-    Bins, Bundle, DqnConfig, End, Env, LearnerConfig, Policy, PpoConfig, QTableConfig, Spaces,
-    Step, load_policy, load_policy_for,
+    Bins, Bundle, DqnSettings, End, Env, LearnerConfig, LearnerSettings, Policy, PpoSettings,
+    QTableSettings, Spaces, Step, load_policy, load_policy_for,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
@@ -61,33 +61,34 @@ impl Env for Walk {
 }
 
 fn learners() -> Vec<(&'static str, LearnerConfig)> {
-    let dqn = DqnConfig {
+    let dqn = DqnSettings {
         decisions: 64,
         hidden: vec![4],
         batch: 4,
         learning_starts: 8,
         capacity: Some(32),
-        ..DqnConfig::default()
+        ..DqnSettings::default()
     };
-    let ppo = PpoConfig {
+    let ppo = PpoSettings {
         decisions: 64,
         hidden: vec![4],
-        ..PpoConfig::default()
+        ..PpoSettings::default()
     };
     let bins = Bins {
         low: -1.0,
         high: 1.0,
         count: 6,
     };
-    let table = QTableConfig {
+    let table = QTableSettings {
         decisions: 64,
         bins: vec![bins],
-        ..QTableConfig::default()
+        ..QTableSettings::default()
     };
+    let checked = |settings: LearnerSettings| LearnerConfig::new(settings).expect("in range");
     vec![
-        ("dqn", LearnerConfig::Dqn(dqn)),
-        ("ppo", LearnerConfig::Ppo(ppo)),
-        ("q table", LearnerConfig::QTable(table)),
+        ("dqn", checked(dqn.into())),
+        ("ppo", checked(ppo.into())),
+        ("q table", checked(table.into())),
     ]
 }
 

@@ -1,6 +1,6 @@
 //! Every setting of every learner: the last value that is allowed, the next not.
 
-use brakecheck::rl::LearnerConfig;
+use brakecheck::rl::{LearnerConfig, LearnerSettings};
 
 /// Field, then: too small, smallest, largest, too large.
 type Bounds = (&'static str, [&'static str; 4]);
@@ -96,10 +96,18 @@ const Q_TABLE: [Bounds; 9] = [
 fn validated(text: &str) -> Result<(), String> {
     let options = ron::Options::default()
         .with_default_extension(ron::extensions::Extensions::UNWRAP_VARIANT_NEWTYPES);
-    let config: LearnerConfig = options
+    let settings: LearnerSettings = options
         .from_str(text)
         .unwrap_or_else(|e| panic!("{text}: {e}"));
-    config.validate().map_err(|error| error.to_string())
+    let checked = LearnerConfig::new(settings);
+    assert_eq!(
+        checked.is_ok(),
+        options.from_str::<LearnerConfig>(text).is_ok()
+    );
+    checked.map(drop).map_err(|error| {
+        assert!(!error.help.is_empty(), "{text}: no cure");
+        error.to_string()
+    })
 }
 
 #[test]

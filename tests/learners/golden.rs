@@ -119,7 +119,6 @@ fn outcome(case: &Case, seed: Option<u64>) -> Result<usize, String> {
         Dice::new(seed).save(&mut before);
     }
     let learner = config(case.data["learner"].as_str().unwrap());
-    learner.validate().unwrap();
     let mut learner = learner.restore(&case.spaces, &before).unwrap();
     let mut env = Scripted::new(&case.spaces, |_| case.episode.clone());
     learner.episode(&mut env);

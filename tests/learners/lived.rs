@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use brakecheck::rl::replay::{Batch, Replay, Transition};
-use brakecheck::rl::{Bins, Bundle, Dice, End, LearnerConfig, Spaces};
+use brakecheck::rl::{Bins, Bundle, Dice, End, LearnerConfig, QTableSettings, Spaces};
 
 use crate::config;
 use crate::scripted::{Episode, Scripted, level};
@@ -290,10 +290,11 @@ fn numbers_fall_into_cells_of_equal_width_and_those_outside_into_the_last() {
         high: 6.0,
         count: 4,
     };
-    let LearnerConfig::QTable(mut table) = config("QTable()") else {
-        panic!("another learner");
+    let table = QTableSettings {
+        bins: vec![bins],
+        ..QTableSettings::default()
     };
-    table.bins = vec![bins];
+    let table = LearnerConfig::new(table).expect("in range");
     for (x, cell) in [
         (-9.0, 0),
         (-2.0, 0),
@@ -305,7 +306,7 @@ fn numbers_fall_into_cells_of_equal_width_and_those_outside_into_the_last() {
         (6.0, 3),
         (1e9, 3),
     ] {
-        let mut learner = LearnerConfig::QTable(table.clone()).build(&spaces(2), 1);
+        let mut learner = table.build(&spaces(2), 1);
         learner.episode(&mut Scripted::new(&spaces(2), |_| Episode {
             observations: vec![vec![x], vec![x]],
             ..Episode::paying(1.0)

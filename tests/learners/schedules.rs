@@ -16,7 +16,6 @@ fn spaces(actions: usize) -> Spaces {
 /// A learner with this many decisions behind it, whose greedy action is 0.
 fn after(decisions: u64, ron: &str, actions: usize) -> Box<dyn Learner> {
     let learner = config(ron);
-    learner.validate().unwrap();
     let mut checkpoint = learner.build(&spaces(actions), 5).checkpoint();
     checkpoint.put("counters", &[3], vec![decisions, 0, 0]);
     learner.restore(&spaces(actions), &checkpoint).unwrap()

@@ -175,7 +175,11 @@ fn a_tuned_scene_drives_like_the_changed_world() {
 fn nominal_training_is_what_it_was_without_a_family() {
     // The same decisions on a plain gym: nothing of the family leaks in.
     let world = acc().on(PlantKind::Kinematic);
-    let config = world.learner.clone().with_decisions(1500);
+    let config = world
+        .learner
+        .clone()
+        .with_decisions(1500)
+        .expect("in range");
     let mut plain = config.build(world.world().spaces(), 5);
     let mut gym = Gym::new(world.bench(), Purpose::Train, 5);
     plain.train(&mut gym, &mut |_| Control::Continue);
@@ -193,7 +197,7 @@ fn nominal_training_is_what_it_was_without_a_family() {
 /// The ACC world against its family, briefly.
 fn brief(against: Against, decisions: u64) -> Scenario {
     let mut world = acc().training_against(against).expect("a family");
-    world.learner = world.learner.with_decisions(decisions);
+    world.learner = world.learner.with_decisions(decisions).expect("in range");
     world
 }
 
@@ -218,7 +222,7 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
         let mut cut = RunDir::resume(&path("cut")).expect("a run");
         assert_eq!(cut.manifest().against, against);
         let mut kept = cut.scenario().expect("its world");
-        kept.learner = kept.learner.with_decisions(5000);
+        kept.learner = kept.learner.with_decisions(5000).expect("in range");
         assert_eq!((kept.against, &kept.learner), (against, &world.learner));
         train(&kept, &mut cut, &quiet()).expect("trained");
         let bytes = |run: &RunDir| std::fs::read(run.path().join("policy.safetensors")).expect("p");

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use brakecheck::run::RunsOnDisk;
 use brakecheck::scenario::{Problem, Scenario};
 
 use super::trained::{PLACED, fake, quick_acc, trained};
@@ -17,7 +18,7 @@ fn among(run: &str, names: &str) -> String {
 
 fn first_problem(dir: &Path, text: &str) -> Problem {
     let file = dir.join("placed.ron").display().to_string();
-    let mut error = Scenario::parse(&file, text).expect_err("refused");
+    let mut error = Scenario::parse_with(&file, text, &RunsOnDisk).expect_err("refused");
     error.problems.remove(0)
 }
 

@@ -30,7 +30,7 @@ fn stored() -> &'static (Stored, Cost) {
     STORED.get_or_init(|| {
         let dir = tempfile::tempdir().expect("a directory");
         let mut world = acc();
-        world.learner = world.learner.with_decisions(15_000);
+        world.learner = world.learner.with_decisions(15_000).expect("in range");
         let mut run = RunDir::create(&dir.path().join("run"), &world, 11).expect("a run");
         train(&world, &mut run, &quiet()).expect("it trains");
         let run = RunDir::open(run.path()).expect("a finished run");

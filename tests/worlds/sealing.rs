@@ -14,7 +14,11 @@ const ACC: &str = include_str!("../../worlds/acc.ron");
 fn quick(decisions: u64) -> Scenario {
     let acc = Scenario::parse("acc.ron", ACC).expect("a world");
     let mut acc = acc.on(PlantKind::Kinematic);
-    acc.learner = acc.learner.clone().with_decisions(decisions);
+    acc.learner = acc
+        .learner
+        .clone()
+        .with_decisions(decisions)
+        .expect("in range");
     acc
 }
 

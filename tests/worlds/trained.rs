@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::campaign::{Regressions, Watch, train};
-use brakecheck::run::{Counterexample, RunDir};
+use brakecheck::run::{Counterexample, RunDir, RunsOnDisk};
 use brakecheck::scenario::{Change, Scenario, ScenarioError};
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
@@ -57,7 +57,7 @@ pub(super) fn trained(dir: &Path) -> RunDir {
 
 fn placed(dir: &Path, text: &str) -> Result<Scenario, ScenarioError> {
     let file = dir.join("placed.ron").display().to_string();
-    Scenario::parse(&file, text)
+    Scenario::parse_with(&file, text, &RunsOnDisk)
 }
 
 fn test_start(bench: &Testbench, index: u64) -> Start {
@@ -182,7 +182,9 @@ pub(super) fn fake(dir: &Path, world: &str, policy: &[u8]) {
     std::fs::create_dir(dir).expect("a directory");
     let (world_sha256, policy_sha256) = (sha256(world.as_bytes()), sha256(policy));
     let manifest = format!(
-        "{{\"format\": 1, \"world_sha256\": \"{world_sha256}\", \"policy_sha256\": \"{policy_sha256}\"}}"
+        r#"{{"format": 1, "brakecheck": "0.1.0", "target": "", "world": "", "plant": "Rigid",
+            "seed": 1, "decisions": 1, "decisions_done": 1, "episodes": 1,
+            "world_sha256": "{world_sha256}", "policy_sha256": "{policy_sha256}"}}"#
     );
     std::fs::write(dir.join("manifest.json"), manifest).expect("written");
     std::fs::write(dir.join("world.ron"), world).expect("written");
@@ -266,4 +268,26 @@ fn what_does_not_fit_has_a_place_a_reason_and_a_cure() {
         ));
     }
     insta::assert_snapshot!("trained_mistakes", shown);
+}
+
+#[test]
+fn a_text_without_a_file_finds_no_run_and_says_so() {
+    let dir = tempfile::tempdir().expect("a directory");
+    let run = trained(dir.path());
+    // Were it looked for, it would be found.
+    let text = PLACED.replace(
+        "\"acc\"",
+        &format!("{:?}", run.path().display().to_string()),
+    );
+    let here = placed(dir.path(), &text).expect("a world");
+    let error = Scenario::parse("placed.ron", &text).expect_err("refused");
+    let problem = &error.problems[0];
+    assert!(
+        problem.what.contains("is not looked for"),
+        "{}",
+        problem.what
+    );
+    let help = problem.help.as_deref().expect("a cure");
+    assert!(help.contains("load the world from its file"), "{help}");
+    Scenario::parse("placed.ron", &here.text).expect("a written-out world needs no disk");
 }

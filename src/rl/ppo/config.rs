@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 use crate::rl::Spaces;
 use crate::rl::learner::{ConfigError, within};
 
-/// Hyperparameters of [`Ppo`].
+/// Hyperparameters of proximal policy optimisation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PpoConfig {
+#[serde(rename = "PpoConfig", deny_unknown_fields, default)]
+pub struct PpoSettings {
     /// Decisions to train for (300000): as many as the DQN's.
     pub decisions: u64,
     /// Widths of the hidden ReLU layers of actor and critic ([64, 64]).
@@ -35,9 +35,9 @@ pub struct PpoConfig {
     pub max_gradient: f64,
 }
 
-impl Default for PpoConfig {
+impl Default for PpoSettings {
     fn default() -> Self {
-        PpoConfig {
+        PpoSettings {
             decisions: 300_000,
             hidden: vec![64, 64],
             horizon: 2048,
@@ -54,13 +54,8 @@ impl Default for PpoConfig {
     }
 }
 
-impl PpoConfig {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// Names the first field that is out of range, and what would be right.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        within("decisions", self.decisions as f64, 1.0, 1e12)?;
+impl PpoSettings {
+    pub(super) fn bounds(&self) -> Result<(), ConfigError> {
         within("hidden", self.hidden.len() as f64, 1.0, 8.0)?;
         for width in &self.hidden {
             within("hidden", *width as f64, 1.0, 4096.0)?;

@@ -10,18 +10,19 @@
 mod config;
 mod policy;
 
-pub use config::PpoConfig;
-pub use policy::ActorCritic;
+pub use config::PpoSettings;
+use policy::ActorCritic;
 
 use crate::rl::bundle::{Bundle, BundleError};
 use crate::rl::dice::Dice;
-use crate::rl::learner::{Learner, Tally, expect_kind, expect_sizes, linear};
+use crate::rl::learner::{ConfigError, Learner, Tally, expect_sizes, linear};
+use crate::rl::list::{Built, Kind, Shaped};
 use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
 use crate::rl::{End, Env, Policy, Spaces};
 
 /// The kind of a kept policy.
-pub(super) const POLICY: &str = "brakecheck ppo policy 1";
+const POLICY: &str = "brakecheck ppo policy 1";
 /// The kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck ppo checkpoint 1";
 
@@ -81,8 +82,8 @@ impl Rollout {
 }
 
 /// The learner: everything that changes while it trains.
-pub struct Ppo {
-    config: PpoConfig,
+struct Ppo {
+    config: PpoSettings,
     actor: Mlp,
     critic: Mlp,
     actor_adam: Adam,
@@ -106,41 +107,34 @@ struct Room {
     critic_gradient: Vec<f32>,
 }
 
-impl Ppo {
-    /// A learner that has seen nothing.
-    pub fn new(config: &PpoConfig, spaces: &Spaces, seed: u64) -> Ppo {
+impl Kind for PpoSettings {
+    fn bundles(&self) -> [&'static str; 2] {
+        [POLICY, CHECKPOINT]
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
+        self.bounds()
+    }
+
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let mut dice = Dice::new(seed);
         // A small last layer: all actions start equally likely.
-        let actor = Mlp::orthogonal(&config.sizes(spaces, spaces.actions), 0.01, &mut dice);
-        let critic = Mlp::orthogonal(&config.sizes(spaces, 1), 1.0, &mut dice);
-        Ppo::around(config, actor, critic, dice)
+        let actor = Mlp::orthogonal(&self.sizes(spaces, spaces.actions), 0.01, &mut dice);
+        let critic = Mlp::orthogonal(&self.sizes(spaces, 1), 1.0, &mut dice);
+        Box::new(Ppo::around(self, actor, critic, dice))
     }
 
-    /// A learner that starts from the networks of a kept policy.
-    ///
-    /// # Errors
-    /// When the bundle is no policy of this kind and shape.
-    pub fn from_policy(
-        config: &PpoConfig,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<Ppo, BundleError> {
-        expect_kind(policy, POLICY)?;
-        Ppo::with_nets(config, spaces, policy, Dice::new(seed))
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+        Ok(Box::new(Ppo::with_nets(
+            self,
+            spaces,
+            policy,
+            Dice::new(seed),
+        )?))
     }
 
-    /// A learner that goes on where [`Learner::checkpoint`] was taken.
-    ///
-    /// # Errors
-    /// When the bundle is no checkpoint of this kind and shape.
-    pub fn restore(
-        config: &PpoConfig,
-        spaces: &Spaces,
-        bundle: &Bundle,
-    ) -> Result<Ppo, BundleError> {
-        expect_kind(bundle, CHECKPOINT)?;
-        let mut ppo = Ppo::with_nets(config, spaces, bundle, Dice::restore(bundle)?)?;
+    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
+        let mut ppo = Ppo::with_nets(self, spaces, bundle, Dice::restore(bundle)?)?;
         ppo.actor_adam = Adam::load(&ppo.actor, "actor_adam", bundle)?;
         ppo.critic_adam = Adam::load(&ppo.critic, "critic_adam", bundle)?;
         ppo.tally.restore(bundle)?;
@@ -159,11 +153,19 @@ impl Ppo {
             returns: floats("rollout/returns")?,
             ..Rollout::default()
         };
-        Ok(ppo)
+        Ok(Box::new(ppo))
     }
 
+    fn load(&self, policy: &Bundle) -> Shaped {
+        let policy = ActorCritic::load(policy)?;
+        let shape = policy.actor.ends();
+        Ok((Box::new(policy), shape))
+    }
+}
+
+impl Ppo {
     fn with_nets(
-        config: &PpoConfig,
+        config: &PpoSettings,
         spaces: &Spaces,
         bundle: &Bundle,
         dice: Dice,
@@ -184,7 +186,7 @@ impl Ppo {
         Ok(Ppo::around(config, actor, critic, dice))
     }
 
-    fn around(config: &PpoConfig, actor: Mlp, critic: Mlp, dice: Dice) -> Ppo {
+    fn around(config: &PpoSettings, actor: Mlp, critic: Mlp, dice: Dice) -> Ppo {
         Ppo {
             config: config.clone(),
             actor_adam: Adam::new(actor.parameters().len()),

@@ -11,24 +11,25 @@ mod table;
 
 use serde::{Deserialize, Serialize};
 
-pub use table::Table;
+use table::Table;
 
 use crate::rl::bundle::{Bundle, BundleError};
 use crate::rl::dice::Dice;
-use crate::rl::learner::{ConfigError, Learner, Tally, epsilon, expect_kind, expect_sizes, within};
+use crate::rl::learner::{ConfigError, Learner, Tally, epsilon, expect_sizes, within};
+use crate::rl::list::{Built, Kind, Shaped};
 use crate::rl::nn::argmax;
 use crate::rl::replay::Lived;
 use crate::rl::{End, Env, Policy, Spaces};
 
 /// The kind of a kept policy.
-pub(super) const POLICY: &str = "brakecheck q-table policy 1";
+const POLICY: &str = "brakecheck q-table policy 1";
 /// The kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck q-table checkpoint 1";
 
-/// Hyperparameters of [`QTable`].
+/// Hyperparameters of tabular Q-learning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct QTableConfig {
+#[serde(rename = "QTableConfig", deny_unknown_fields, default)]
+pub struct QTableSettings {
     /// Decisions to train for (300000): as many as the DQN's.
     pub decisions: u64,
     /// α (Constant(0.3)): cells are coarse, so old targets must fade.
@@ -72,9 +73,9 @@ pub struct Bins {
     pub count: u32,
 }
 
-impl Default for QTableConfig {
+impl Default for QTableSettings {
     fn default() -> Self {
-        QTableConfig {
+        QTableSettings {
             decisions: 300_000,
             learning_rate: LearningRate::Constant(0.3),
             discount: 1.0,
@@ -98,13 +99,12 @@ impl Default for Bins {
     }
 }
 
-impl QTableConfig {
-    /// Checks every field.
-    ///
-    /// # Errors
-    /// Names the first field that is out of range, and what would be right.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        within("decisions", self.decisions as f64, 1.0, 1e12)?;
+impl Kind for QTableSettings {
+    fn bundles(&self) -> [&'static str; 2] {
+        [POLICY, CHECKPOINT]
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
         match self.learning_rate {
             LearningRate::Constant(rate) => within("learning_rate", rate, 1e-9, 1.0)?,
             LearningRate::Power(omega) => within("learning_rate", omega, 0.0, 1.0)?,
@@ -130,11 +130,48 @@ impl QTableConfig {
         }
         Ok(())
     }
+
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
+        let table = Table {
+            observation: spaces.observation,
+            actions: spaces.actions,
+            neutral: spaces.neutral,
+            bins: self.bins.clone(),
+            rows: Default::default(),
+            values: Vec::new(),
+        };
+        Box::new(QTable::around(self, spaces, table, Dice::new(seed)))
+    }
+
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+        let table = QTable::fitting(self, spaces, policy)?;
+        Ok(Box::new(QTable::around(
+            self,
+            spaces,
+            table,
+            Dice::new(seed),
+        )))
+    }
+
+    fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
+        let table = QTable::fitting(self, spaces, bundle)?;
+        let mut learner = QTable::around(self, spaces, table, Dice::restore(bundle)?);
+        let shape = [learner.table.rows.len(), spaces.actions];
+        learner.visits = bundle.get::<u32>("visits", &shape)?.to_vec();
+        learner.tally.restore(bundle)?;
+        Ok(Box::new(learner))
+    }
+
+    fn load(&self, policy: &Bundle) -> Shaped {
+        let table = Table::load(policy)?;
+        let shape = [table.observation, table.actions];
+        Ok((Box::new(TablePolicy { table }), shape))
+    }
 }
 
 /// The learner: everything that changes while it trains.
-pub struct QTable {
-    config: QTableConfig,
+struct QTable {
+    config: QTableSettings,
     spaces: Spaces,
     table: Table,
     visits: Vec<u32>,
@@ -147,54 +184,8 @@ pub struct QTable {
 }
 
 impl QTable {
-    /// A learner that has seen nothing.
-    pub fn new(config: &QTableConfig, spaces: &Spaces, seed: u64) -> QTable {
-        let table = Table {
-            observation: spaces.observation,
-            actions: spaces.actions,
-            neutral: spaces.neutral,
-            bins: config.bins.clone(),
-            rows: Default::default(),
-            values: Vec::new(),
-        };
-        QTable::around(config, spaces, table, Dice::new(seed))
-    }
-
-    /// A learner that starts from the table of a kept policy.
-    ///
-    /// # Errors
-    /// When the bundle is no policy of this kind and shape.
-    pub fn from_policy(
-        config: &QTableConfig,
-        spaces: &Spaces,
-        seed: u64,
-        policy: &Bundle,
-    ) -> Result<QTable, BundleError> {
-        expect_kind(policy, POLICY)?;
-        let table = QTable::fitting(config, spaces, policy)?;
-        Ok(QTable::around(config, spaces, table, Dice::new(seed)))
-    }
-
-    /// A learner that goes on where [`Learner::checkpoint`] was taken.
-    ///
-    /// # Errors
-    /// When the bundle is no checkpoint of this kind and shape.
-    pub fn restore(
-        config: &QTableConfig,
-        spaces: &Spaces,
-        bundle: &Bundle,
-    ) -> Result<QTable, BundleError> {
-        expect_kind(bundle, CHECKPOINT)?;
-        let table = QTable::fitting(config, spaces, bundle)?;
-        let mut learner = QTable::around(config, spaces, table, Dice::restore(bundle)?);
-        let shape = [learner.table.rows.len(), spaces.actions];
-        learner.visits = bundle.get::<u32>("visits", &shape)?.to_vec();
-        learner.tally.restore(bundle)?;
-        Ok(learner)
-    }
-
     fn fitting(
-        config: &QTableConfig,
+        config: &QTableSettings,
         spaces: &Spaces,
         bundle: &Bundle,
     ) -> Result<Table, BundleError> {
@@ -214,7 +205,7 @@ impl QTable {
         Ok(table)
     }
 
-    fn around(config: &QTableConfig, spaces: &Spaces, table: Table, dice: Dice) -> QTable {
+    fn around(config: &QTableSettings, spaces: &Spaces, table: Table, dice: Dice) -> QTable {
         QTable {
             config: config.clone(),
             spaces: spaces.clone(),
@@ -357,27 +348,8 @@ impl Learner for QTable {
 }
 
 /// Greedy in the table; in a cell never seen, neutral with value 0.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TablePolicy {
+struct TablePolicy {
     table: Table,
-}
-
-impl TablePolicy {
-    /// Reads what [`Learner::policy_bundle`] of a [`QTable`] gave.
-    ///
-    /// # Errors
-    /// When the bundle is no policy of this kind, or misshapen.
-    pub fn load(bundle: &Bundle) -> Result<TablePolicy, BundleError> {
-        expect_kind(bundle, POLICY)?;
-        Ok(TablePolicy {
-            table: Table::load(bundle)?,
-        })
-    }
-
-    /// Observation length and number of actions.
-    pub fn shape(&self) -> [usize; 2] {
-        [self.table.observation, self.table.actions]
-    }
 }
 
 impl Policy for TablePolicy {

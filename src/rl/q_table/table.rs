@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{Bins, QTableConfig};
+use super::{Bins, QTableSettings};
 use crate::rl::bundle::{Bundle, BundleError};
+use crate::rl::list::Kind;
 use crate::rl::replay::check;
 
 /// Cells in alphabetical order of their indices, with a row for each.
@@ -82,14 +83,14 @@ impl Table {
                 count: b[2] as u32,
             })
             .collect();
-        let config = QTableConfig {
+        let config = QTableSettings {
             bins,
-            ..QTableConfig::default()
+            ..QTableSettings::default()
         };
-        config.validate().map_err(|error| BundleError::Mismatch {
+        config.check().map_err(|error| BundleError::Mismatch {
             what: "a bin of the table",
             expected: error.help.clone(),
-            found: error.to_string(),
+            found: error.what(),
         })?;
         let keys = cells.chunks_exact(width.max(1)).map(Box::from);
         let rows: Rows = keys.zip(0..n).collect();

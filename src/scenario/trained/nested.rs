@@ -5,11 +5,10 @@
 //! the run itself) or for too long (texts within texts), so the runs are
 //! walked before, down to a limit.
 
-use std::path::PathBuf;
-
 use super::super::file::{AgentFile, DriveFile, LightFile, ScenarioFile};
 use super::super::read;
-use super::{Refused, Run, TrainedFile, opened, refused};
+use super::super::runs::{Origin, RunRefused, refused};
+use super::{Run, TrainedFile, opened};
 
 /// Most runs within each other; each costs some of the stack.
 const MOST_NESTED: usize = 16;
@@ -19,17 +18,17 @@ const SHOWN: usize = 3;
 /// Refuses a run that is within itself, or too many within each other.
 ///
 /// What else is wrong with them is found when they are assembled.
-pub(super) fn check(run: &Run) -> Result<(), Refused> {
-    walk(run, &mut Vec::new())
+pub(super) fn check(run: &Run, origin: Origin<'_>) -> Result<(), RunRefused> {
+    walk(run, origin, &mut Vec::new())
 }
 
-/// A run on the way down: its name and, if it was found there, its directory.
-type Link = (String, Option<PathBuf>);
+/// A run on the way down: its name and, if it was found, its identity.
+type Link = (String, Option<String>);
 
-fn walk(run: &Run, chain: &mut Vec<Link>) -> Result<(), Refused> {
+fn walk(run: &Run, origin: Origin<'_>, chain: &mut Vec<Link>) -> Result<(), RunRefused> {
     let mut above = chain.iter();
-    let again = run.dir.is_some() && above.any(|(_, dir)| *dir == run.dir);
-    chain.push((run.from.clone(), run.dir.clone()));
+    let again = run.identity.is_some() && above.any(|(_, other)| *other == run.identity);
+    chain.push((run.from.clone(), run.identity.clone()));
     if again {
         return Err(refused(
             format!("the run `{}` is within itself: {}", run.from, names(chain)),
@@ -44,8 +43,8 @@ fn walk(run: &Run, chain: &mut Vec<Link>) -> Result<(), Refused> {
             "train an ado again in a world whose trained ados were trained among others",
         ));
     }
-    for inner in runs_in(run) {
-        walk(&inner, chain)?;
+    for inner in runs_in(run, origin) {
+        walk(&inner, origin, chain)?;
     }
     chain.pop();
     Ok(())
@@ -58,7 +57,7 @@ fn names(chain: &[Link]) -> String {
 }
 
 /// The runs that the world of a run holds, as far as they can be read.
-fn runs_in(run: &Run) -> Vec<Run> {
+fn runs_in(run: &Run, origin: Origin<'_>) -> Vec<Run> {
     let Ok(read::Kind::Scenario) = read::kind(&run.world) else {
         return Vec::new();
     };
@@ -66,7 +65,11 @@ fn runs_in(run: &Run) -> Vec<Run> {
         return Vec::new();
     };
     let trained = file.agents.iter().filter_map(trained);
-    let runs = trained.filter_map(|trained| opened(&trained.run, &run.world_name()).ok());
+    let inner = Origin {
+        file: &run.world_name(),
+        ..origin
+    };
+    let runs = trained.filter_map(|trained| opened(&trained.run, inner).ok());
     runs.collect()
 }
 

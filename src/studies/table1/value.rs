@@ -107,7 +107,9 @@ impl Plan {
             .par_iter()
             .map(|&(index, seed)| {
                 let learner = &learners[index].1;
+                // There is no longer training than the longest that is allowed.
                 let longer = learner.clone().with_decisions(LONGER * learner.decisions());
+                let longer = longer.unwrap_or_else(|_| learner.clone());
                 let learned = learn(&self.training(seed)?, &longer, (index, seed), progress)?;
                 Some((index, self.known(&learned, &best)))
             })

@@ -1,0 +1,140 @@
+//! Promises of a controller.
+
+use super::recorded::{Row, Subject, examine};
+use super::{Nonconformities, Promise};
+use crate::ego::{Briefing, Controller, Own, Percept, Phase, RoadGeometry, Seen, SeenLight};
+
+/// Samples of an episode: 6 s, of 0.05 s each.
+const SAMPLES: usize = 120;
+const SAMPLE_S: f64 = 0.05;
+
+/// Checks that a controller answers finitely and within what a car can do,
+/// forgets at `reset`, follows from its seed, and copies itself in `fork`.
+///
+/// `make` makes one that has played nothing. It follows a car that brakes,
+/// beside another one, before a light that turns, with somebody crossing.
+///
+/// # Errors
+/// The promises it does not keep, each with the first step that shows it.
+pub fn check_controller(
+    make: &(dyn Fn() -> Box<dyn Controller> + Sync),
+) -> Result<(), Nonconformities> {
+    examine(|| {
+        let mut controller = make();
+        controller.brief(&Briefing {
+            sample_s: SAMPLE_S,
+            lag_s: 0.1,
+            speed_limit_mps: Some(25.0),
+            road: RoadGeometry {
+                lanes: 2,
+                lane_width_m: 3.5,
+                pieces: Vec::new(),
+            },
+        });
+        Driven {
+            controller,
+            fault: None,
+        }
+    })
+}
+
+struct Driven {
+    controller: Box<dyn Controller>,
+    fault: Option<(Promise, String)>,
+}
+
+impl Driven {
+    fn answer(&mut self, episode: u64, step: usize) -> Row {
+        let answer = self.controller.control(&percept(episode, step));
+        let flaw = answer.as_ref().ok().and_then(|command| command.flaw());
+        self.fault = match (&answer, flaw) {
+            (Err(fault), _) => Some((Promise::Finite, format!("answers with a fault: {fault}"))),
+            (Ok(command), Some(flaw)) if command.accel_mps2.is_finite() => {
+                Some((Promise::Spaces, flaw.to_string()))
+            }
+            _ => None,
+        };
+        let command = answer.unwrap_or_default();
+        vec![command.accel_mps2, command.lateral_mps]
+    }
+}
+
+impl Subject for Driven {
+    fn names(&self) -> Vec<String> {
+        ["accel_mps2", "lateral_mps"].map(str::to_owned).into()
+    }
+
+    fn begin(&mut self, episode: u64) -> Row {
+        self.controller.reset(17 + episode);
+        self.answer(episode, 0)
+    }
+
+    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+        if SAMPLES <= step {
+            self.controller.finish();
+            return None;
+        }
+        Some(self.answer(episode, step))
+    }
+
+    fn fault(&self) -> Option<(Promise, String)> {
+        self.fault.clone()
+    }
+
+    fn fork(&self) -> Option<Self> {
+        Some(Driven {
+            controller: self.controller.fork()?,
+            fault: None,
+        })
+    }
+}
+
+/// What is seen, whatever was commanded: the nearer the later.
+fn percept(episode: u64, step: usize) -> Percept {
+    let time_s = step as f64 * SAMPLE_S;
+    let speed_mps = 18.0 - time_s;
+    let seen = |name: &str, headway_m: f64, lateral_m: f64, speed_mps: f64| Seen {
+        name: name.to_owned(),
+        headway_m,
+        lateral_m,
+        speed_mps,
+        lane: usize::from(2.0 < lateral_m),
+        x_m: headway_m,
+        y_m: lateral_m,
+        vx_mps: speed_mps,
+        length_m: 4.6,
+        width_m: 1.8,
+        ..Seen::default()
+    };
+    let crossing = Seen {
+        lateral_mps: 1.4,
+        vy_mps: 1.4,
+        length_m: 0.5,
+        width_m: 0.5,
+        ..seen("walker", 70.0 - 9.0 * time_s, -6.0 + 1.4 * time_s, 0.0)
+    };
+    let beside = seen("beside", 2.0 - time_s, 3.5 - 0.4 * time_s, 17.0);
+    let ahead = seen("ahead", 40.0 - 4.0 * time_s, 0.0, 14.0 - time_s);
+    Percept {
+        time_s,
+        sample_s: SAMPLE_S,
+        own: Own {
+            speed_mps,
+            accel_mps2: -1.0,
+            s_m: 18.0 * time_s,
+            length_m: 4.6,
+            width_m: 1.8,
+            ..Own::default()
+        },
+        others: match episode {
+            0 => vec![ahead, beside],
+            _ => vec![beside, crossing],
+        },
+        lights: vec![SeenLight {
+            name: "light".to_owned(),
+            line_m: 90.0 - 15.0 * time_s,
+            phase: [Phase::Green, Phase::Yellow, Phase::Red][step / 40 % 3],
+            phase_s: (step % 40) as f64 * SAMPLE_S,
+        }],
+    }
+}

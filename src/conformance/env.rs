@@ -1,0 +1,103 @@
+//! Promises of an environment.
+
+use super::recorded::{Row, Subject, action, examine};
+use super::{Nonconformities, Promise};
+use crate::rl::{End, Env, Spaces};
+
+/// Longest episode that is still believed to end.
+const MOST_STEPS: usize = 10_000;
+/// Observations beyond this are not scaled: learners expect about ±1.
+const WIDEST: f64 = 100.0;
+
+/// Checks that an environment keeps its spaces and that its episodes are pure
+/// functions of their index and the actions, and end.
+///
+/// `make` makes one that has played nothing.
+///
+/// # Errors
+/// The promises it does not keep, each with the first step that shows it.
+pub fn check_env(make: &(dyn Fn() -> Box<dyn Env> + Sync)) -> Result<(), Nonconformities> {
+    examine(|| {
+        let env = make();
+        Stepped {
+            spaces: env.spaces().clone(),
+            env,
+            over: false,
+            endless: false,
+        }
+    })
+}
+
+struct Stepped {
+    env: Box<dyn Env>,
+    spaces: Spaces,
+    over: bool,
+    endless: bool,
+}
+
+/// What is wrong with the shapes of a decision problem.
+pub(super) fn shapes(spaces: &Spaces) -> Option<String> {
+    if spaces.observation == 0 || spaces.actions == 0 {
+        return Some("nothing to observe, or nothing to do".to_owned());
+    }
+    let (neutral, actions) = (spaces.neutral, spaces.actions);
+    (actions <= neutral).then(|| format!("the neutral action {neutral} is none of {actions}"))
+}
+
+/// The names of an observation's numbers.
+pub(super) fn observed(spaces: &Spaces) -> impl Iterator<Item = String> {
+    (0..spaces.observation).map(|i| format!("observation[{i}]"))
+}
+
+/// What is wrong with a number of an observation.
+pub(super) fn unscaled(value: f64) -> Option<String> {
+    (WIDEST < value.abs()).then(|| format!("is {value}, beyond ±{WIDEST}"))
+}
+
+impl Subject for Stepped {
+    fn names(&self) -> Vec<String> {
+        let rest = ["reward", "end"].map(str::to_owned);
+        observed(&self.spaces).chain(rest).collect()
+    }
+
+    fn shapes(&self) -> Option<String> {
+        shapes(&self.spaces)
+    }
+
+    fn begin(&mut self, episode: u64) -> Row {
+        (self.over, self.endless) = (false, false);
+        // What is not written stays no number.
+        let mut obs = vec![f32::NAN; self.spaces.observation];
+        self.env.reset(episode, &mut obs);
+        let obs = obs.iter().map(|value| f64::from(*value));
+        obs.chain([0.0, 0.0]).collect()
+    }
+
+    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+        if self.over || self.endless {
+            return None;
+        }
+        let mut obs = vec![f32::NAN; self.spaces.observation];
+        let action = action(episode, step, self.spaces.actions);
+        let taken = self.env.step(action, &mut obs);
+        self.over = taken.end.is_some();
+        self.endless = !self.over && MOST_STEPS <= step;
+        let end = match taken.end {
+            None => 0.0,
+            Some(End::Terminated) => 1.0,
+            Some(End::Truncated) => 2.0,
+            Some(End::Aborted) => 3.0,
+        };
+        let obs = obs.iter().map(|value| f64::from(*value));
+        Some(obs.chain([f64::from(taken.reward), end]).collect())
+    }
+
+    fn flaw(&self, at: usize, value: f64) -> Option<String> {
+        unscaled(value).filter(|_| at < self.spaces.observation)
+    }
+
+    fn fault(&self) -> Option<(Promise, String)> {
+        let what = format!("no end after {MOST_STEPS} steps");
+        self.endless.then_some((Promise::Ends, what))
+    }
+}

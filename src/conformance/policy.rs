@@ -1,0 +1,61 @@
+//! Promises of a policy.
+
+use super::Nonconformities;
+use super::env::shapes;
+use super::recorded::{Row, Subject, examine};
+use crate::rl::{Dice, Policy, Spaces};
+
+/// Observations of an episode.
+const OBSERVATIONS: usize = 100;
+
+/// Checks that a policy is a pure function of the observation: an action that
+/// there is, a finite value, the same in any order and on any thread.
+///
+/// # Errors
+/// The promises it does not keep, each with the first step that shows it.
+pub fn check_policy(policy: &dyn Policy, spaces: &Spaces) -> Result<(), Nonconformities> {
+    examine(|| Asked { policy, spaces })
+}
+
+struct Asked<'a> {
+    policy: &'a dyn Policy,
+    spaces: &'a Spaces,
+}
+
+impl Asked<'_> {
+    fn answer(&self, episode: u64, step: usize) -> Row {
+        let mut dice = Dice::new(1000 * episode + step as u64);
+        // The middle, what learners see, and what is far outside of it.
+        let wide = [0.0, 1.0, 1.0, 1.0, 50.0][step % 5];
+        let mut draw = |_| (wide * (2.0 * dice.unit() - 1.0)) as f32;
+        let obs: Vec<f32> = (0..self.spaces.observation).map(&mut draw).collect();
+        vec![
+            self.policy.act(&obs) as f64,
+            f64::from(self.policy.value(&obs)),
+        ]
+    }
+}
+
+impl Subject for Asked<'_> {
+    fn names(&self) -> Vec<String> {
+        ["action", "value"].map(str::to_owned).into()
+    }
+
+    fn shapes(&self) -> Option<String> {
+        shapes(self.spaces)
+    }
+
+    fn begin(&mut self, episode: u64) -> Row {
+        self.answer(episode, 0)
+    }
+
+    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+        (step < OBSERVATIONS).then(|| self.answer(episode, step))
+    }
+
+    fn flaw(&self, at: usize, value: f64) -> Option<String> {
+        let actions = self.spaces.actions;
+        let none = at == 0 && actions as f64 <= value;
+        none.then(|| format!("is {value}, and there are {actions}"))
+    }
+}

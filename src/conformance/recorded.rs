@@ -1,0 +1,205 @@
+//! The one examination: whoever can be recorded is played in every order.
+
+use std::thread;
+
+use super::{Nonconformities, Nonconformity, Place, Promise};
+
+/// Episodes that everybody plays.
+const EPISODES: u64 = 2;
+/// Steps after which a copy is taken.
+const FORKS_AT: [usize; 2] = [0, 7];
+
+/// Numbers of one step: the reset, or what an action brought.
+pub(super) type Row = Vec<f64>;
+
+/// Somebody who can be recorded.
+pub(super) trait Subject: Sized {
+    /// What a row holds.
+    fn names(&self) -> Vec<String>;
+
+    /// What is wrong before anything is played.
+    fn shapes(&self) -> Option<String> {
+        None
+    }
+
+    /// Begins an episode.
+    fn begin(&mut self, episode: u64) -> Row;
+
+    /// Takes step number `step`, from 1 on; `None`: the episode is over.
+    fn step(&mut self, episode: u64, step: usize) -> Option<Row>;
+
+    /// What is wrong with a number, by its position in the row.
+    fn flaw(&self, _at: usize, _value: f64) -> Option<String> {
+        None
+    }
+
+    /// What went wrong in the last step, other than its numbers.
+    fn fault(&self) -> Option<(Promise, String)> {
+        None
+    }
+
+    /// A copy, if there can be one.
+    fn fork(&self) -> Option<Self> {
+        None
+    }
+}
+
+/// A deterministic action: all of them come up, in no plain order.
+pub(super) fn action(episode: u64, step: usize, actions: usize) -> usize {
+    (step * 7 + step / 3 + episode as usize) % actions.max(1)
+}
+
+/// Plays the rest of an episode that stands at `step`.
+fn rest<S: Subject>(subject: &mut S, episode: u64, step: usize) -> Vec<Row> {
+    (step + 1..)
+        .map_while(|step| subject.step(episode, step))
+        .collect()
+}
+
+fn whole<S: Subject>(subject: &mut S, episode: u64) -> Vec<Row> {
+    let mut rows = vec![subject.begin(episode)];
+    rows.extend(rest(subject, episode, 0));
+    rows
+}
+
+/// Looks for the first broken promise of each kind.
+///
+/// `make` makes one who has played nothing; equals in every respect.
+pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Nonconformities> {
+    let mut found = Findings {
+        names: make().names(),
+        list: Vec::new(),
+    };
+    if let Some(what) = make().shapes() {
+        found.add(Promise::Spaces, None, None, what);
+        return Err(Nonconformities(found.list));
+    }
+    let reference: Vec<Vec<Row>> = (0..EPISODES)
+        .map(|episode| found.sound(&mut make(), episode))
+        .collect();
+    let episodes = || (0..EPISODES).zip(&reference);
+
+    for (episode, expected) in episodes() {
+        let again = whole(&mut make(), episode);
+        found.same(Promise::Deterministic, (episode, 0), &again, expected);
+    }
+    // Whoever rolls dice fails in every other respect as well.
+    if found.has(Promise::Deterministic) {
+        return Err(Nonconformities(found.list));
+    }
+
+    let mut veteran = make();
+    for (episode, expected) in episodes().chain(episodes()) {
+        let again = whole(&mut veteran, episode);
+        found.same(Promise::PureReset, (episode, 0), &again, expected);
+        // The next reset comes in the middle of an episode.
+        veteran.begin(episode);
+        veteran.step(episode, 1);
+    }
+
+    for (episode, expected) in episodes() {
+        for at in FORKS_AT.into_iter().filter(|at| at + 1 < expected.len()) {
+            let mut original = make();
+            original.begin(episode);
+            (1..=at).for_each(|step| drop(original.step(episode, step)));
+            let (Some(mut copy), Some(mut other)) = (original.fork(), original.fork()) else {
+                continue;
+            };
+            // Played to the end, and elsewhere, before the original goes on.
+            let copied = rest(&mut copy, episode, at);
+            whole(&mut other, (episode + 1) % EPISODES);
+            let went_on = rest(&mut original, episode, at);
+            for rows in [copied, went_on] {
+                found.same(Promise::Fork, (episode, at + 1), &rows, &expected[at + 1..]);
+            }
+        }
+    }
+
+    let play = &|episode| whole(&mut make(), episode);
+    let together: Vec<Vec<Row>> = thread::scope(|scope| {
+        let threads: Vec<_> = (0..EPISODES)
+            .chain(0..EPISODES)
+            .map(|episode| scope.spawn(move || play(episode)))
+            .collect();
+        let rows = threads
+            .into_iter()
+            .map(|one| one.join().unwrap_or_default());
+        rows.collect()
+    });
+    for ((episode, expected), rows) in episodes().chain(episodes()).zip(&together) {
+        found.same(Promise::Parallel, (episode, 0), rows, expected);
+    }
+    match found.list.is_empty() {
+        true => Ok(()),
+        false => Err(Nonconformities(found.list)),
+    }
+}
+
+struct Findings {
+    names: Vec<String>,
+    list: Vec<Nonconformity>,
+}
+
+impl Findings {
+    fn has(&self, promise: Promise) -> bool {
+        self.list.iter().any(|one| one.promise == promise)
+    }
+
+    /// Only the first of a kind: the others follow from it.
+    fn add(
+        &mut self,
+        promise: Promise,
+        step: Option<(u64, usize)>,
+        signal: Option<usize>,
+        what: String,
+    ) {
+        if !self.has(promise) {
+            let signal = signal.and_then(|at| self.names.get(at).cloned());
+            self.list.push(Nonconformity {
+                promise,
+                place: Place { step, signal },
+                what,
+            });
+        }
+    }
+
+    /// Plays an episode and looks at every number.
+    fn sound<S: Subject>(&mut self, subject: &mut S, episode: u64) -> Vec<Row> {
+        let mut rows = Vec::new();
+        let mut next = Some(subject.begin(episode));
+        while let Some(row) = next {
+            let step = Some((episode, rows.len()));
+            for (at, &value) in row.iter().enumerate() {
+                if !value.is_finite() {
+                    let what = format!("is {value}, or was not written");
+                    self.add(Promise::Finite, step, Some(at), what);
+                } else if let Some(what) = subject.flaw(at, value) {
+                    self.add(Promise::Spaces, step, Some(at), what);
+                }
+            }
+            if let Some((promise, what)) = subject.fault() {
+                self.add(promise, step, None, what);
+            }
+            rows.push(row);
+            next = subject.step(episode, rows.len());
+        }
+        rows
+    }
+
+    /// Compares bit for bit; the first row is that of step `from.1`.
+    fn same(&mut self, promise: Promise, from: (u64, usize), found: &[Row], expected: &[Row]) {
+        let (episode, first) = from;
+        for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
+            let pairs = found.iter().zip(expected);
+            let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
+            if let Some(at) = pairs.clone().position(differs) {
+                let what = format!("is {:?}, and was {:?} before", found[at], expected[at]);
+                return self.add(promise, Some((episode, first + i)), Some(at), what);
+            }
+        }
+        if found.len() != expected.len() {
+            let what = format!("{} steps, and {} before", found.len(), expected.len());
+            self.add(promise, Some((episode, first)), None, what);
+        }
+    }
+}

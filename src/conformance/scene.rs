@@ -1,0 +1,126 @@
+//! Promises of a scene.
+
+use super::env::{observed, shapes, unscaled};
+use super::recorded::{Row, Subject, action, examine};
+use super::{Nonconformities, Promise};
+use crate::scene::{Flow, Scene, Start};
+use crate::seed::{Purpose, StartKey};
+
+/// Samples of an episode that are played, if it is as long.
+const MOST_SAMPLES: usize = 60;
+
+/// Checks that a scene draws its starts within its axes, publishes and
+/// observes what it states, follows from start, noise and actions, and copies
+/// itself in `fork`.
+///
+/// `make` makes one that has played nothing. The first 60 samples are played.
+///
+/// # Errors
+/// The promises it does not keep, each with the first sample that shows it.
+pub fn check_scene(make: &(dyn Fn() -> Box<dyn Scene> + Sync)) -> Result<(), Nonconformities> {
+    examine(|| Played {
+        scene: make(),
+        over: false,
+        fault: None,
+    })
+}
+
+struct Played {
+    scene: Box<dyn Scene>,
+    over: bool,
+    fault: Option<(Promise, String)>,
+}
+
+impl Played {
+    fn start(&self, episode: u64) -> Start {
+        self.scene.draw(StartKey {
+            purpose: Purpose::Train,
+            seed: 3,
+            index: episode,
+        })
+    }
+
+    fn row(&mut self) -> Row {
+        // What is not written stays no number.
+        let mut row = vec![f64::NAN; self.scene.schema().len()];
+        let mut obs = vec![f32::NAN; self.scene.spaces().observation];
+        self.scene.publish(&mut row);
+        self.scene.observe(&row, &mut obs);
+        let obs = obs.iter().map(|value| f64::from(*value));
+        row.into_iter().chain(obs).collect()
+    }
+
+    /// What is wrong with a start, if anything is.
+    fn misplaced(&self, start: &Start) -> Option<String> {
+        let axes = self.scene.axes();
+        if start.0.len() != axes.len() {
+            let (found, expected) = (start.0.len(), axes.len());
+            return Some(format!("a start has {found} numbers for {expected} axes"));
+        }
+        let mut pairs = start.0.iter().zip(axes);
+        let outside = pairs.find(|(value, axis)| !(axis.lo..=axis.hi).contains(*value));
+        outside.map(|(value, axis)| {
+            let (name, lo, hi) = (&axis.name, axis.lo, axis.hi);
+            format!("a start has {name} = {value}, outside of {lo} to {hi}")
+        })
+    }
+}
+
+impl Subject for Played {
+    fn names(&self) -> Vec<String> {
+        let signals = self.scene.schema().signals().iter();
+        let signals = signals.map(|signal| signal.name.to_string());
+        signals.chain(observed(self.scene.spaces())).collect()
+    }
+
+    fn shapes(&self) -> Option<String> {
+        let clock = self.scene.clock();
+        let still = clock.samples() == 0 || clock.samples_per_decision() == 0;
+        let still = still.then(|| "an episode without samples".to_owned());
+        shapes(self.scene.spaces()).or(still)
+    }
+
+    fn begin(&mut self, episode: u64) -> Row {
+        let start = self.start(episode);
+        let misplaced = self.misplaced(&start);
+        self.fault = misplaced.map(|what| (Promise::Spaces, what));
+        self.over = false;
+        self.scene.reset(&start, 11 + episode);
+        self.row()
+    }
+
+    fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
+        let clock = self.scene.clock();
+        if self.over || clock.samples().min(MOST_SAMPLES) <= step {
+            self.scene.finish();
+            return None;
+        }
+        if (step - 1).is_multiple_of(clock.samples_per_decision()) {
+            let actions = self.scene.spaces().actions;
+            self.scene.decide(action(episode, step, actions));
+        }
+        let flow = self.scene.advance();
+        self.over = flow != Flow::Going;
+        self.fault = match flow {
+            Flow::Fault(fault) => Some((Promise::Finite, format!("a fault: {fault}"))),
+            Flow::Going | Flow::Contact(_) => None,
+        };
+        Some(self.row())
+    }
+
+    fn flaw(&self, at: usize, value: f64) -> Option<String> {
+        unscaled(value).filter(|_| self.scene.schema().len() <= at)
+    }
+
+    fn fault(&self) -> Option<(Promise, String)> {
+        self.fault.clone()
+    }
+
+    fn fork(&self) -> Option<Self> {
+        Some(Played {
+            scene: self.scene.fork()?,
+            over: self.over,
+            fault: None,
+        })
+    }
+}

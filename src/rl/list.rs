@@ -1,0 +1,238 @@
+//! The list of learners, and what follows from it: names in world files,
+//! checked configurations, building, and loading policies.
+//!
+//! A new learner is one module beside this one, whose settings implement
+//! [`Kind`], and one line in the list.
+
+use serde::{Deserialize, Serialize};
+
+use super::bundle::{Bundle, BundleError};
+use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, within};
+use super::{DqnSettings, Policy, PpoSettings, QTableSettings, Spaces};
+
+/// What the settings of a learner offer, so that it can stand in the list.
+///
+/// Settings are checked before they build anything ([`LearnerConfig`]), and
+/// bundles are of the right kind.
+pub(super) trait Kind {
+    /// First words of its bundles: of policies, of checkpoints.
+    fn bundles(&self) -> [&'static str; 2];
+
+    /// Refuses the first field, other than `decisions`, that is out of range.
+    fn check(&self) -> Result<(), ConfigError>;
+
+    /// A learner that has seen nothing.
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner>;
+
+    /// A learner that starts from a kept policy.
+    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built;
+
+    /// A learner that goes on from a checkpoint.
+    fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built;
+
+    /// A kept policy, with its observation length and number of actions.
+    fn load(&self, policy: &Bundle) -> Shaped;
+}
+
+pub(super) type Built = Result<Box<dyn Learner>, BundleError>;
+pub(super) type Shaped = Result<(Box<dyn Policy>, [usize; 2]), BundleError>;
+
+macro_rules! learners {
+    ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
+        /// A learner's settings as somebody wrote them, to be checked by
+        /// [`LearnerConfig::new`].
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub enum LearnerSettings {
+            $($(#[doc = $doc])+ $(#[cfg($when)])? $name($settings),)+
+        }
+
+        $($(#[cfg($when)])? impl From<$settings> for LearnerSettings {
+            fn from(settings: $settings) -> LearnerSettings {
+                LearnerSettings::$name(settings)
+            }
+        })+
+
+        impl LearnerSettings {
+            /// Every learner there is, with its defaults.
+            pub fn all() -> Vec<LearnerSettings> {
+                [$($(#[cfg($when)])? <$settings>::default().into(),)+].into()
+            }
+
+            /// The name of the learner, as in a world file.
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $($(#[cfg($when)])? LearnerSettings::$name(_) => stringify!($name),)+
+                }
+            }
+
+            fn kind(&self) -> &dyn Kind {
+                match self {
+                    $($(#[cfg($when)])? LearnerSettings::$name(settings) => settings,)+
+                }
+            }
+
+            fn decisions(&self) -> u64 {
+                match self {
+                    $($(#[cfg($when)])? LearnerSettings::$name(own) => own.decisions,)+
+                }
+            }
+
+            fn decisions_mut(&mut self) -> &mut u64 {
+                match self {
+                    $($(#[cfg($when)])? LearnerSettings::$name(own) => &mut own.decisions,)+
+                }
+            }
+        }
+    };
+}
+
+learners! {
+    /// Deep Q-learning: the default, for driving.
+    Dqn(DqnSettings),
+    /// Tabular Q-learning: for small or binned worlds.
+    QTable(QTableSettings),
+    /// Proximal policy optimisation.
+    Ppo(PpoSettings),
+    /// The action that paid most so far: shows what a learner takes.
+    #[cfg(test)]
+    Paid(super::paid::PaidSettings),
+}
+
+impl Default for LearnerSettings {
+    fn default() -> Self {
+        LearnerSettings::Dqn(DqnSettings::default())
+    }
+}
+
+/// Which learner, with every hyperparameter, each within its bounds.
+///
+/// ```
+/// use brakecheck::rl::{DqnSettings, LearnerConfig};
+///
+/// let learner = LearnerConfig::new(DqnSettings {
+///     decisions: 50_000,
+///     ..DqnSettings::default()
+/// })?;
+/// assert_eq!((learner.name(), learner.decisions()), ("Dqn", 50_000));
+///
+/// let no_layers = DqnSettings { hidden: vec![], ..DqnSettings::default() };
+/// let error = LearnerConfig::new(no_layers).unwrap_err();
+/// assert_eq!(error.to_string(), "learner field `hidden` is 0; give a number from 1 to 8");
+/// # Ok::<(), brakecheck::rl::ConfigError>(())
+/// ```
+#[derive(Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "LearnerSettings", into = "LearnerSettings")]
+pub struct LearnerConfig(LearnerSettings);
+
+/// As its settings: run directories hold a hash of this text.
+impl std::fmt::Debug for LearnerConfig {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl TryFrom<LearnerSettings> for LearnerConfig {
+    type Error = ConfigError;
+
+    fn try_from(settings: LearnerSettings) -> Result<LearnerConfig, ConfigError> {
+        within("decisions", settings.decisions() as f64, 1.0, 1e12)?;
+        settings.kind().check()?;
+        Ok(LearnerConfig(settings))
+    }
+}
+
+impl From<LearnerConfig> for LearnerSettings {
+    fn from(config: LearnerConfig) -> LearnerSettings {
+        config.0
+    }
+}
+
+impl LearnerConfig {
+    /// Checks every setting of a learner.
+    ///
+    /// # Errors
+    /// Names the first field that is out of range, and what would be right.
+    pub fn new(settings: impl Into<LearnerSettings>) -> Result<LearnerConfig, ConfigError> {
+        settings.into().try_into()
+    }
+
+    /// Decisions to train for.
+    pub fn decisions(&self) -> u64 {
+        self.0.decisions()
+    }
+
+    /// The same, with another number of decisions.
+    ///
+    /// # Errors
+    /// It is 0 or above 10¹².
+    pub fn with_decisions(mut self, decisions: u64) -> Result<LearnerConfig, ConfigError> {
+        *self.0.decisions_mut() = decisions;
+        self.0.try_into()
+    }
+
+    /// The name of the learner, as in a world file.
+    pub fn name(&self) -> &'static str {
+        self.0.name()
+    }
+
+    /// A learner that has seen nothing; equal seeds learn equally.
+    pub fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
+        self.0.kind().build(spaces, seed)
+    }
+
+    /// A learner that starts from a policy kept earlier (fine-tuning).
+    ///
+    /// # Errors
+    /// When the policy is of another learner, or its shapes are others.
+    pub fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
+        let kind = self.0.kind();
+        expect_kind(policy, kind.bundles()[0])?;
+        kind.build_from(spaces, seed, policy)
+    }
+
+    /// A learner that goes on from a checkpoint.
+    ///
+    /// # Errors
+    /// When the checkpoint is of another learner, or its shapes are others.
+    pub fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built {
+        let kind = self.0.kind();
+        expect_kind(checkpoint, kind.bundles()[1])?;
+        kind.restore(spaces, checkpoint)
+    }
+}
+
+/// The policy of any learner, from what [`Learner::policy_bundle`] gave.
+///
+/// # Errors
+/// When the bundle is no policy, or its shapes do not fit each other.
+pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
+    Ok(load_shaped(bundle)?.0)
+}
+
+/// The same, for a world with these spaces.
+///
+/// # Errors
+/// When the bundle is no policy, or one for other observations or actions.
+pub fn load_policy_for(spaces: &Spaces, bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
+    let (policy, shape) = load_shaped(bundle)?;
+    let expected = [spaces.observation, spaces.actions];
+    expect_sizes("the policy's observation and actions", &shape, &expected)?;
+    Ok(policy)
+}
+
+fn load_shaped(bundle: &Bundle) -> Shaped {
+    let all = LearnerSettings::all();
+    let policy = |learner: &LearnerSettings| learner.kind().bundles()[0];
+    match all.iter().find(|learner| policy(learner) == bundle.meta()) {
+        Some(learner) => learner.kind().load(bundle),
+        None => {
+            let known: Vec<String> = all.iter().map(|one| format!("`{}`", policy(one))).collect();
+            Err(BundleError::Mismatch {
+                what: "the kind of the bundle",
+                expected: format!("one of {}", known.join(", ")),
+                found: format!("`{}`", bundle.meta()),
+            })
+        }
+    }
+}

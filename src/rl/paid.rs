@@ -1,0 +1,220 @@
+#![cfg(test)]
+//! A learner as small as they come, to show what one takes: this file and one
+//! line in `list`. It plays actions at random and keeps what each was paid.
+
+use serde::{Deserialize, Serialize};
+
+use super::bundle::{Bundle, BundleError};
+use super::dice::Dice;
+use super::learner::{ConfigError, Learner, Tally, within};
+use super::list::{Built, Kind, Shaped};
+use super::nn::argmax;
+use super::{Env, Policy, Spaces};
+
+const POLICY: &str = "brakecheck paid policy 1";
+const CHECKPOINT: &str = "brakecheck paid checkpoint 1";
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PaidSettings {
+    pub decisions: u64,
+    /// Share of a new payment in the kept one.
+    rate: f64,
+}
+
+impl Default for PaidSettings {
+    fn default() -> Self {
+        PaidSettings {
+            decisions: 1000,
+            rate: 0.1,
+        }
+    }
+}
+
+impl Kind for PaidSettings {
+    fn bundles(&self) -> [&'static str; 2] {
+        [POLICY, CHECKPOINT]
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
+        within("rate", self.rate, 1e-6, 1.0)
+    }
+
+    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
+        let paid = Paid::knowing(spaces.observation, vec![0.0; spaces.actions]);
+        Box::new(Learning::of(self, paid, Dice::new(seed)))
+    }
+
+    fn build_from(&self, _: &Spaces, seed: u64, policy: &Bundle) -> Built {
+        let paid = Paid::load(policy)?;
+        Ok(Box::new(Learning::of(self, paid, Dice::new(seed))))
+    }
+
+    fn restore(&self, _: &Spaces, checkpoint: &Bundle) -> Built {
+        let paid = Paid::load(checkpoint)?;
+        let mut learning = Learning::of(self, paid, Dice::restore(checkpoint)?);
+        learning.tally.restore(checkpoint)?;
+        Ok(Box::new(learning))
+    }
+
+    fn load(&self, policy: &Bundle) -> Shaped {
+        let paid = Paid::load(policy)?;
+        let shape = [paid.observation, paid.each.len()];
+        Ok((Box::new(paid), shape))
+    }
+}
+
+#[derive(Clone)]
+struct Paid {
+    observation: usize,
+    each: Vec<f32>,
+}
+
+impl Paid {
+    fn knowing(observation: usize, each: Vec<f32>) -> Paid {
+        Paid { observation, each }
+    }
+
+    fn save(&self, bundle: &mut Bundle) {
+        bundle.put("paid", &[self.each.len()], self.each.clone());
+        bundle.put("observation", &[1], vec![self.observation as u64]);
+    }
+
+    fn load(bundle: &Bundle) -> Result<Paid, BundleError> {
+        let each = bundle.rows::<f32>("paid", &[])?.to_vec();
+        Ok(Paid::knowing(
+            bundle.one::<u64>("observation")? as usize,
+            each,
+        ))
+    }
+}
+
+impl Policy for Paid {
+    fn act(&self, _: &[f32]) -> usize {
+        argmax(&self.each)
+    }
+
+    fn value(&self, _: &[f32]) -> f32 {
+        self.each[argmax(&self.each)]
+    }
+}
+
+struct Learning {
+    rate: f32,
+    paid: Paid,
+    dice: Dice,
+    tally: Tally,
+}
+
+impl Learning {
+    fn of(settings: &PaidSettings, paid: Paid, dice: Dice) -> Learning {
+        Learning {
+            rate: settings.rate as f32,
+            paid,
+            dice,
+            tally: Tally::new(settings.decisions),
+        }
+    }
+}
+
+impl Learner for Learning {
+    fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        let mut obs = vec![0.0; self.paid.observation];
+        env.reset(self.tally.begun(), &mut obs);
+        let action = self.dice.below(self.paid.each.len());
+        let mut total = 0.0;
+        loop {
+            let step = env.step(action, &mut obs);
+            self.tally.decisions += 1;
+            total += step.reward;
+            if step.end.is_some() {
+                break;
+            }
+        }
+        self.tally.episodes += 1;
+        self.paid.each[action] += self.rate * (total - self.paid.each[action]);
+        total
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    fn exploration(&self) -> f64 {
+        1.0
+    }
+
+    fn policy(&self) -> Box<dyn Policy> {
+        Box::new(self.paid.clone())
+    }
+
+    fn policy_bundle(&self) -> Bundle {
+        let mut bundle = Bundle::new(POLICY);
+        self.paid.save(&mut bundle);
+        bundle
+    }
+
+    fn checkpoint(&self) -> Bundle {
+        let mut bundle = Bundle::new(CHECKPOINT);
+        self.paid.save(&mut bundle);
+        self.dice.save(&mut bundle);
+        self.tally.save(&mut bundle);
+        bundle
+    }
+}
+
+/// From a world file to a policy that plays, by the doors all learners use.
+#[test]
+fn a_learner_is_one_file_and_one_line() {
+    use crate::campaign::{Watch, train};
+    use crate::run::RunDir;
+    use crate::scenario::Scenario;
+    use crate::testbench::{Aftermath, PolicyActor, play};
+
+    let acc = include_str!("../../worlds/acc.ron");
+    let with = |learner: &str| {
+        let text = acc.replace("Dqn(decisions: 300_000)", learner);
+        Scenario::parse("acc.ron", &text.replace("plant: Rigid", "plant: Kinematic"))
+    };
+    let wrong = with("Paid(rate: 2.0)")
+        .expect_err("out of range")
+        .to_string();
+    assert!(wrong.contains("learner field `rate` is 2"), "{wrong}");
+    assert!(wrong.contains("from 0.000001 to 1"), "{wrong}");
+    let unknown = with("Pad()").expect_err("unknown").to_string();
+    assert!(unknown.contains("did you mean `Paid`"), "{unknown}");
+
+    let world = with("Paid(decisions: 600)").expect("a world");
+    assert_eq!(world.learner.name(), "Paid");
+    let dir = tempfile::tempdir().expect("a directory");
+    let path = dir.path().join("run");
+    let mut run = RunDir::create(&path, &world, 1).expect("a run");
+    let stop = std::sync::atomic::AtomicBool::new(false);
+    let watch = Watch::new(&|_, _| {}, &stop);
+    train(&world, &mut run, &watch).expect("trained");
+
+    let run = RunDir::open(&path).expect("a run");
+    let policy = run.policy().expect("loaded by its kind");
+    let mut bench = world.bench();
+    let start = bench.draw(crate::seed::StartKey {
+        purpose: crate::seed::Purpose::Test,
+        seed: 5,
+        index: 0,
+    });
+    let mut actor = PolicyActor(&*policy);
+    let episode = play(&mut bench, &start, 0, &mut actor, Aftermath::Skip);
+    assert!(!episode.actions.is_empty());
+    assert!(
+        episode
+            .actions
+            .iter()
+            .all(|action| *action == policy.act(&[]))
+    );
+    let learner = world
+        .learner
+        .build_from(&world.spaces(), 1, &run.policy_bundle().expect("kept"));
+    assert_eq!(
+        learner.expect("fine-tuned").policy().value(&[]),
+        policy.value(&[])
+    );
+}
