@@ -29,11 +29,14 @@
 //! println!("{:?} after {} samples", episode.verdict, episode.judged);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! [`guide`] has an example for every verb of the command line.
 
 pub mod campaign;
 pub mod cli;
 pub mod conformance;
 pub mod ego;
+pub mod guide;
 pub mod report;
 pub mod rl;
 pub mod rulebook;

@@ -6,6 +6,7 @@ use super::adapt::{AdaptRequest, Adapted, ENOUGH_SIMULATIONS, adapt};
 use super::ego_under_test::EgoUnderTest;
 use super::error::CampaignError;
 use super::identify::{IdentifyRequest, identify, is_telling};
+use super::replay::wrong_kind;
 use super::tries::other_members;
 use super::watch::Watch;
 use crate::rl::Policy;
@@ -87,14 +88,7 @@ impl ContextSource {
     fn read(run: &RunDir, file: &str, watch: &Watch<'_>) -> Result<ContextSource, CampaignError> {
         let path = Path::new(file);
         if !path.is_file() {
-            let what = match path.exists() {
-                true => format!("`{file}` is no file that `identify` wrote"),
-                false => format!("there is no `{file}`"),
-            };
-            return Err(CampaignError::request(
-                what,
-                "name a file that `identify` wrote",
-            ));
+            return Err(wrong_kind(path, "file that `identify` wrote"));
         }
         let egos = IdentifiedEgos::load(path)?;
         if egos.world != run.manifest().world {

@@ -1,6 +1,7 @@
 //! Why a campaign could not be carried out.
 
 use super::identify::IdentifyError;
+use super::replay::RegressionError;
 use super::theorems::TheoremsError;
 use super::train::TrainError;
 use crate::rl::ConfigError;
@@ -38,6 +39,9 @@ pub enum CampaignError {
     /// Settings of a learner out of range.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// Kept counterexamples could not be replayed.
+    #[error(transparent)]
+    Regression(#[from] RegressionError),
     /// Counterexamples could not be kept.
     #[error(transparent)]
     Kept(#[from] KeptError),

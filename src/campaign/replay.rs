@@ -1,11 +1,13 @@
 //! Replaying kept counterexamples: bit for bit, or against a changed ego.
 
 mod difference;
+mod find;
 
 use std::path::{Path, PathBuf};
 
 pub use difference::Difference;
 use difference::first_difference;
+pub(super) use find::wrong_kind;
 
 use crate::ego::Fault;
 use crate::rulebook::Verdict;

@@ -6,8 +6,8 @@ use clap::Args;
 use serde_json::json;
 
 use super::{
-    Common, Exit, Failure, interrupted_early, one_of, open_run, print_json, start_count, table,
-    talk, theorems,
+    Common, Exit, Failure, exit_of, interrupted_early, one_of, open_run, print_json, start_count,
+    table, talk, theorems,
 };
 use crate::campaign::{
     AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, TheoremsChecked, Watch,
@@ -162,13 +162,9 @@ fn ended(
     evaluated: EvaluationTable<'_>,
     theorems: Option<TheoremsChecked>,
 ) -> Result<Exit, Failure> {
-    let found = evaluated.rows().iter().any(|row| 0 < row.successes);
+    let rows = evaluated.rows();
     if let Some(failure) = evaluated.failure {
         return Err(failure.into());
-    }
-    if talk::stopped() {
-        talk::say("interrupted: the rows cover the starts that were finished");
-        return Ok(Exit::Interrupted);
     }
     if theorems.is_some_and(|theorems| theorems.is_refuted()) {
         return Err(Failure::fault(
@@ -176,8 +172,5 @@ fn ended(
             Some("this is a bug of brakecheck: please report it with the run".to_owned()),
         ));
     }
-    Ok(match found && args.fail_on_counterexample {
-        true => Exit::Counterexample,
-        false => Exit::Done,
-    })
+    Ok(exit_of(&rows, args.fail_on_counterexample))
 }

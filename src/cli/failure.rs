@@ -1,7 +1,6 @@
 //! Every error, rendered once: place, reason, cure, and the exit code.
 
 use std::fmt;
-use std::path::Path;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
@@ -184,6 +183,7 @@ impl From<CampaignError> for Failure {
             CampaignError::Run(error) => error.into(),
             CampaignError::Train(error) => error.into(),
             CampaignError::Config(error) => error.into(),
+            CampaignError::Regression(error) => error.into(),
             CampaignError::Kept(error) => error.into(),
             CampaignError::Identified(error) => error.into(),
             CampaignError::Identify(error) => error.into(),
@@ -360,13 +360,4 @@ impl From<Complaint> for Failure {
         );
         Failure::fault(complaint.to_string(), Some(help))
     }
-}
-
-/// A path is given as one thing and is another.
-pub fn wrong_kind(path: &Path, want: &str) -> Failure {
-    let what = match path.exists() {
-        true => format!("`{}` is no {want}", path.display()),
-        false => format!("there is no `{}`", path.display()),
-    };
-    Failure::input(what, format!("name a {want}"))
 }

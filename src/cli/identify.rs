@@ -72,6 +72,14 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
     if file.egos.is_empty() {
         return interrupted_early(&args.common);
     }
+    say_where(args);
+    if args.common.json {
+        print_json(&json!(file))?;
+    }
+    Ok(finished(Exit::Done))
+}
+
+fn say_where(args: &IdentifyArgs) {
     if let Some(path) = &args.output {
         talk::say(&format!(
             "kept in {}; play it with `brakecheck eval {} --ego … --params {}`",
@@ -80,10 +88,6 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
             path.display()
         ));
     }
-    if args.common.json {
-        print_json(&json!(file))?;
-    }
-    Ok(finished(Exit::Done))
 }
 
 /// What is known now, in words.

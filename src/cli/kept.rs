@@ -1,16 +1,14 @@
 //! `brakecheck replay` and `brakecheck view`: kept counterexamples.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, failure, finite_or_word, print_json, table_of, talk};
+use super::{Common, Exit, Failure, finite_or_word, print_json, table_of, talk};
 use crate::campaign::{Regressions, Replayed};
-use crate::ego::Process;
 use crate::rulebook::RulesUntilContact;
 use crate::run::{StartRepeated, wilson};
-use crate::scenario::{Change, Scenario};
 use crate::testbench::Episode;
 
 #[derive(Args, Debug)]
@@ -47,14 +45,14 @@ enum Expect {
 }
 
 pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
-    let mut regressions = find(&args.what, args.episode.as_deref())?
+    let mut regressions = Regressions::find(&args.what, args.episode.as_deref())?
         .allow_programs(args.common.allow_programs)
         .allow_invalid(args.common.allow_invalid);
     let recorded = args.expect == Some(Expect::Recorded);
     let replayed = match (&args.ego, args.program.is_empty()) {
         (None, true) if recorded => regressions.replay_recorded()?,
         (ego, _) => {
-            regressions = against(regressions, ego.as_deref(), &args.program)?;
+            regressions = regressions.against(ego.as_deref(), &args.program)?;
             regressions.replay()?
         }
     };
@@ -105,79 +103,6 @@ fn seal(
         }
     }
     Ok(())
-}
-
-/// The kept counterexamples under a path, or one of them.
-fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, Failure> {
-    let inside = what.join("episodes");
-    let dir = match what.join("manifest.json").is_file() {
-        true => inside.as_path(),
-        false => what,
-    };
-    if !dir.exists() {
-        return Err(failure::wrong_kind(
-            dir,
-            "kept counterexample or directory of them",
-        ));
-    }
-    let Some(episode) = episode else {
-        return Ok(Regressions::load(dir)?);
-    };
-    if let Ok(number) = episode.parse::<usize>() {
-        let all = Regressions::load(dir)?;
-        let count = all.kept().len();
-        let Some(kept) = all.kept().get(number) else {
-            return Err(Failure::input(
-                format!("there is no episode {number} in `{}`", dir.display()),
-                format!("it holds {count}, counted from 0"),
-            ));
-        };
-        return Ok(Regressions::load(&kept.path)?);
-    }
-    let file = dir.join(episode);
-    let file = match file.exists() {
-        true => file,
-        false => dir.join(format!("{episode}.ron")),
-    };
-    if !file.is_file() {
-        return Err(failure::wrong_kind(&file, "kept counterexample"));
-    }
-    Ok(Regressions::load(&file)?)
-}
-
-/// The ego asked for: the recorded one, one by name or file, or a program.
-fn against(
-    regressions: Regressions,
-    ego: Option<&str>,
-    program: &[String],
-) -> Result<Regressions, Failure> {
-    if !program.is_empty() && ego.is_some() {
-        return Err(Failure::input(
-            "`--ego` names one ego, and the program after `--` is another",
-            "leave out one of the two",
-        ));
-    }
-    if !program.is_empty() {
-        let change = Change {
-            controller: Some(Process::new(program).into()),
-            ..Change::default()
-        };
-        // Whoever types a program means it to be started.
-        return Ok(regressions.with_change(change).allow_programs(true));
-    }
-    let Some(ego) = ego else {
-        return Ok(regressions);
-    };
-    let path = Path::new(ego);
-    if path.extension().is_none_or(|extension| extension != "ron") {
-        return Ok(regressions.with_named_ego(ego));
-    }
-    let Some(first) = regressions.kept().first() else {
-        return Ok(regressions);
-    };
-    let world: Scenario = first.counterexample.nominal(&first.path)?;
-    let (change, _) = world.changed_by(path)?;
-    Ok(regressions.with_change(change))
 }
 
 fn row(replayed: &Replayed) -> serde_json::Value {
@@ -301,13 +226,17 @@ pub(super) struct ViewArgs {
 pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
     let single = args.what.is_file();
     let episode = (!single).then_some(args.episode.as_str());
-    let regressions = find(&args.what, episode)?.allow_programs(args.common.allow_programs);
-    let replayed = match &args.ego {
-        Some(ego) => against(regressions, Some(ego), &[])?.replay()?,
+    let regressions =
+        Regressions::find(&args.what, episode)?.allow_programs(args.common.allow_programs);
+    let replayed = match args.ego.as_deref() {
+        Some(ego) => regressions.against(Some(ego), &[])?.replay()?,
         None => regressions.replay_recorded()?,
     };
     let Some(replayed) = replayed.first() else {
-        return Err(failure::wrong_kind(&args.what, "kept counterexample"));
+        return Err(Failure::input(
+            format!("`{}` holds no kept counterexample", args.what.display()),
+            "name one, or a directory of them",
+        ));
     };
     let name = replayed.path.with_extension("rrd");
     let name = name.file_name().map(PathBuf::from).unwrap_or(name);

@@ -29,12 +29,13 @@ use strum::{EnumMessage, VariantArray};
 
 pub use failure::{Exit, Failure, Note};
 
-use crate::run::{RunDir, RunError};
+use crate::run::{Row, RunDir, RunError};
 use crate::scenario::Scenario;
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
 #[command(name = "brakecheck", version, max_term_width = 100)]
+#[command(after_long_help = "`brakecheck reproduce` makes the paper's tables and figures again.")]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -85,7 +86,8 @@ enum Verb {
     Stl(stl::StlArgs),
     /// Write one page, and JUnit XML, about a run.
     Report(report::ReportArgs),
-    /// Make the tables and figures again, from nothing.
+    /// Make the paper's tables and figures again, from nothing.
+    #[command(hide = true)]
     Reproduce(reproduce::ReproduceArgs),
     /// Write an episode as a recording for the rerun viewer.
     #[cfg(feature = "rerun")]
@@ -247,6 +249,19 @@ fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
         print_json(&json!({ "rows": [], "faults": faults }))?;
     }
     Ok(Exit::Fault)
+}
+
+/// How a verb ends that printed rows.
+fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
+    let found = rows.iter().any(|row| 0 < row.successes);
+    if talk::stopped() {
+        talk::say("interrupted: the rows cover the starts that were finished");
+        return Exit::Interrupted;
+    }
+    match found && fail_on_counterexample {
+        true => Exit::Counterexample,
+        false => Exit::Done,
+    }
 }
 
 /// How a verb ends that may have been interrupted.

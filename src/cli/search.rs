@@ -6,11 +6,12 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{
-    Common, Exit, Failure, interrupted_early, load_world, one_of, open_run, print_json,
+    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
     start_count, table, talk,
 };
 use crate::campaign::{
-    BreakEven, Cem, EgoUnderTest, Method, SWITCHES, SearchCampaign, counterexamples_for, on_plant,
+    BreakEven, Cem, EgoUnderTest, Method, SWITCHES, SearchCampaign, SearchTable,
+    counterexamples_for, on_plant,
 };
 use crate::run::{Row, RunDir, Stored};
 use crate::sim::PlantKind;
@@ -99,6 +100,11 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     drop(bar);
+    show(args, &searched)?;
+    Ok(exit_of(&searched.rows, args.fail_on_counterexample))
+}
+
+fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     let (rows, evens) = (&searched.rows, &searched.break_even);
     match args.common.json {
         true => print_json(&json!({ "rows": rows, "break_even": evens })),
@@ -108,16 +114,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
             anytime_lines(rows),
             evens.iter().map(in_words).collect::<String>()
         )),
-    }?;
-    if talk::stopped() {
-        talk::say("interrupted: the rows cover the starts that were finished");
-        return Ok(Exit::Interrupted);
     }
-    let found = rows.iter().any(|row| 0 < row.successes);
-    Ok(match found && args.fail_on_counterexample {
-        true => Exit::Counterexample,
-        false => Exit::Done,
-    })
 }
 
 /// Refuses options that the method would ignore.

@@ -8,7 +8,9 @@ use serde_json::json;
 use super::{Common, Exit, Failure, finite_or_word, print_json, talk};
 use crate::run::trace_of_csv;
 use crate::scenario::{Problem, ScenarioError};
-use crate::stl::{Constants, Formula, Names, Scratch, Settings, StlError, TraceEnd, Until};
+use crate::stl::{
+    Constants, Explanation, Formula, Names, Scratch, Settings, StlError, TraceEnd, Until,
+};
 use crate::trace::Trace;
 
 #[derive(Args, Debug)]
@@ -70,53 +72,81 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         constants: constants(&args.constants)?,
         ..Names::default()
     };
-    let settings = Settings {
-        until: match args.until {
-            UntilArg::HalfOpen => Until::HalfOpen,
-            UntilArg::Closed => Until::Closed,
-        },
-        end: match args.end {
-            EndArg::Truncate => TraceEnd::Truncate,
-            EndArg::Hold => TraceEnd::Hold,
-            EndArg::Strict => TraceEnd::Strict,
-        },
-        ..Settings::default()
-    };
-    let monitor = formula.bind_with(trace.schema(), &names, &settings);
+    let monitor = formula.bind_with(trace.schema(), &names, &args.settings());
     let monitor = monitor.map_err(in_formula)?;
     let mut scratch = Scratch::default();
-    let robustness = monitor.robustness(&trace, &mut scratch);
-    // At ρ = 0 the formula itself decides; a rule is "kept" only when ρ > 0.
-    let satisfied = monitor.satisfied(&trace, &mut scratch);
-    let all = args.all.then(|| monitor.robustness_all(&trace));
-    let explanation = args.explain.then(|| monitor.explain(&trace));
-    if args.common.json {
-        let mut object = json!({
-            "robustness": finite_or_word(robustness),
-            "satisfied": satisfied,
-        });
-        if let Some(all) = &all {
-            object["robustness_all"] = all.iter().map(|&value| finite_or_word(value)).collect();
-        }
-        if let Some(explanation) = &explanation {
-            object["explain"] = json!(explanation);
-        }
-        print_json(&object)?;
-    } else {
-        match &all {
-            None => talk::data(&format!("{robustness}"))?,
-            Some(all) => talk::data(&lines(all, trace.dt_s()))?,
-        }
-        let word = if satisfied { "satisfied" } else { "violated" };
-        talk::say(&format!("{word}, ρ = {robustness}"));
-        if let Some(explanation) = &explanation {
-            talk::data(&explanation.to_string())?;
-        }
-    }
-    Ok(match args.fail_on_counterexample && !satisfied {
+    let measured = Measured {
+        robustness: monitor.robustness(&trace, &mut scratch),
+        // At ρ = 0 the formula itself decides; a rule is "kept" only when ρ > 0.
+        satisfied: monitor.satisfied(&trace, &mut scratch),
+        all: args.all.then(|| monitor.robustness_all(&trace)),
+        explanation: args.explain.then(|| monitor.explain(&trace)),
+    };
+    match args.common.json {
+        true => print_json(&measured.json()),
+        false => measured.show(trace.dt_s()),
+    }?;
+    Ok(match args.fail_on_counterexample && !measured.satisfied {
         true => Exit::Counterexample,
         false => Exit::Done,
     })
+}
+
+impl StlArgs {
+    fn settings(&self) -> Settings {
+        Settings {
+            until: match self.until {
+                UntilArg::HalfOpen => Until::HalfOpen,
+                UntilArg::Closed => Until::Closed,
+            },
+            end: match self.end {
+                EndArg::Truncate => TraceEnd::Truncate,
+                EndArg::Hold => TraceEnd::Hold,
+                EndArg::Strict => TraceEnd::Strict,
+            },
+            ..Settings::default()
+        }
+    }
+}
+
+/// What a formula comes to on a trace.
+struct Measured {
+    robustness: f64,
+    satisfied: bool,
+    all: Option<Vec<f64>>,
+    explanation: Option<Explanation>,
+}
+
+impl Measured {
+    fn json(&self) -> serde_json::Value {
+        let mut object = json!({
+            "robustness": finite_or_word(self.robustness),
+            "satisfied": self.satisfied,
+        });
+        if let Some(all) = &self.all {
+            object["robustness_all"] = all.iter().map(|&value| finite_or_word(value)).collect();
+        }
+        if let Some(explanation) = &self.explanation {
+            object["explain"] = json!(explanation);
+        }
+        object
+    }
+
+    fn show(&self, dt_s: f64) -> Result<(), Failure> {
+        match &self.all {
+            None => talk::data(&format!("{}", self.robustness))?,
+            Some(all) => talk::data(&lines(all, dt_s))?,
+        }
+        let word = match self.satisfied {
+            true => "satisfied",
+            false => "violated",
+        };
+        talk::say(&format!("{word}, ρ = {}", self.robustness));
+        match &self.explanation {
+            Some(explanation) => talk::data(&explanation.to_string()),
+            None => Ok(()),
+        }
+    }
 }
 
 fn lines(all: &[f64], dt_s: f64) -> String {

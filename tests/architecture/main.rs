@@ -10,9 +10,10 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 20] = [
+const FLOORS: [(&str, u32); 21] = [
     ("seed", 0),
     ("seal", 0),
+    ("guide", 0),
     ("trace", 0),
     ("rl", 0),
     ("sim", 0),

@@ -91,39 +91,13 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
             "use `--first-seed` or `--start-seed`",
         ));
     }
-    let parts: &[Part] = match args.what {
-        What::Table1 => &[grids::run],
-        What::CaseStudies => &[driving::run],
-        What::PaperRows => &[paper::run],
-        What::Reuse => &[reuse::run],
-        What::NearStarts => &[near::run],
-        What::Figures => &[figures::run],
-        What::All => &[
-            grids::run,
-            driving::run,
-            paper::run,
-            reuse::run,
-            near::run,
-            figures::run,
-        ],
-    };
     let mut results = serde_json::Map::new();
-    for part in parts {
+    for part in args.what.parts() {
         let Some(made) = part(args)? else {
             talk::say("interrupted: what is finished is kept; run the same command to go on");
             return Ok(Exit::Interrupted);
         };
-        save(
-            &args.output,
-            &format!("{}.md", made.name),
-            made.markdown.as_bytes(),
-        )?;
-        let json = made.json.to_string();
-        save(
-            &args.output,
-            &format!("{}.json", made.name),
-            json.as_bytes(),
-        )?;
+        made.save(&args.output)?;
         if !args.common.json {
             talk::data(made.markdown.trim_end())?;
         }
@@ -137,6 +111,27 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+impl What {
+    fn parts(self) -> &'static [Part] {
+        match self {
+            What::Table1 => &[grids::run],
+            What::CaseStudies => &[driving::run],
+            What::PaperRows => &[paper::run],
+            What::Reuse => &[reuse::run],
+            What::NearStarts => &[near::run],
+            What::Figures => &[figures::run],
+            What::All => &[
+                grids::run,
+                driving::run,
+                paper::run,
+                reuse::run,
+                near::run,
+                figures::run,
+            ],
+        }
+    }
+}
+
 /// One part of the tables; `None`: interrupted.
 type Part = fn(&ReproduceArgs) -> Result<Option<Made>, Failure>;
 
@@ -147,6 +142,15 @@ struct Made {
     markdown: String,
     /// An object; its keys differ from those of every other part.
     json: Value,
+}
+
+impl Made {
+    /// Writes the table, for people and for programs.
+    fn save(&self, dir: &Path) -> Result<(), Failure> {
+        save(dir, &format!("{}.md", self.name), self.markdown.as_bytes())?;
+        let json = self.json.to_string();
+        save(dir, &format!("{}.json", self.name), json.as_bytes())
+    }
 }
 
 /// Makes a piece of a part, or takes what an earlier command kept of it.

@@ -1,0 +1,95 @@
+//! Which kept counterexamples are replayed, and against whom.
+
+use std::path::Path;
+
+use super::Regressions;
+use crate::campaign::ego_under_test::EgoUnderTest;
+use crate::campaign::error::CampaignError;
+use crate::scenario::Scenario;
+
+impl Regressions {
+    /// The kept counterexamples under a path (a file, a directory, or a run), or
+    /// the one of them that is named by its number, from 0, or its file.
+    ///
+    /// # Errors
+    /// There is none such, or one is damaged.
+    pub fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, CampaignError> {
+        let inside = what.join("episodes");
+        let dir = match what.join("manifest.json").is_file() {
+            true => inside.as_path(),
+            false => what,
+        };
+        if !dir.exists() {
+            return Err(wrong_kind(dir, "kept counterexample or directory of them"));
+        }
+        let Some(episode) = episode else {
+            return Ok(Regressions::load(dir)?);
+        };
+        if let Ok(number) = episode.parse::<usize>() {
+            let all = Regressions::load(dir)?;
+            let count = all.kept().len();
+            return match all.kept().get(number) {
+                Some(kept) => Ok(Regressions::load(&kept.path)?),
+                None => Err(CampaignError::request(
+                    format!("there is no episode {number} in `{}`", dir.display()),
+                    format!("it holds {count}, counted from 0"),
+                )),
+            };
+        }
+        let file = dir.join(episode);
+        let file = match file.exists() {
+            true => file,
+            false => dir.join(format!("{episode}.ron")),
+        };
+        match file.is_file() {
+            true => Ok(Regressions::load(&file)?),
+            false => Err(wrong_kind(&file, "kept counterexample")),
+        }
+    }
+
+    /// The same against another ego: one under `reuse` or in a RON file, or a
+    /// program; whoever names one here consents to start it.
+    ///
+    /// # Errors
+    /// Both are named, or the file holds no change that fits.
+    pub fn against(
+        self,
+        ego: Option<&str>,
+        program: &[String],
+    ) -> Result<Regressions, CampaignError> {
+        let Some(ego) = ego else {
+            return Ok(match program.is_empty() {
+                true => self,
+                false => {
+                    let change = EgoUnderTest::change_to(program);
+                    self.with_change(change).allow_programs(true)
+                }
+            });
+        };
+        if !program.is_empty() {
+            return Err(CampaignError::request(
+                "`--ego` names one ego, and the program after `--` is another",
+                "leave out one of the two",
+            ));
+        }
+        let path = Path::new(ego);
+        if path.extension().is_none_or(|extension| extension != "ron") {
+            return Ok(self.with_named_ego(ego));
+        }
+        let Some(first) = self.kept().first() else {
+            return Ok(self);
+        };
+        let world: Scenario = first.counterexample.nominal(&first.path)?;
+        let (change, _) = world.changed_by(path)?;
+        Ok(self.with_change(change))
+    }
+}
+
+/// A path is given as one thing and is another.
+pub(in crate::campaign) fn wrong_kind(path: &Path, want: &str) -> CampaignError {
+    let what = match path.exists() {
+        true => format!("`{}` is no {want}", path.display()),
+        false => format!("there is no `{}`", path.display()),
+    };
+    CampaignError::request(what, format!("name a {want}"))
+}

@@ -1,0 +1,50 @@
+//! The documentation that is not of single items: how to write a world, bring an
+//! ego, read a report, and what was measured.
+
+/// Every verb of the command line, from Rust.
+#[doc = include_str!("../docs/library.md")]
+pub mod library {}
+
+/// Writing a world, from an empty file to a trained ado.
+#[doc = include_str!("../docs/worlds.md")]
+pub mod worlds {}
+
+/// Bringing an ego in any language.
+#[doc = include_str!("../docs/ego-protocol.md")]
+pub mod ego_protocol {}
+
+/// Reusing an ado on changed egos.
+#[doc = include_str!("../docs/reuse.md")]
+pub mod reuse {}
+
+/// Searching without learning.
+#[doc = include_str!("../docs/search.md")]
+pub mod search {}
+
+/// Every hyperparameter with its reason.
+#[doc = include_str!("../docs/learners.md")]
+pub mod learners {}
+
+/// What the plants model and what not.
+#[doc = include_str!("../docs/physics.md")]
+pub mod physics {}
+
+/// Run directories and kept files.
+#[doc = include_str!("../docs/files.md")]
+pub mod files {}
+
+/// The page and the JUnit file of a run.
+#[doc = include_str!("../docs/report.md")]
+pub mod report {}
+
+/// The paper's theorems as checks.
+#[doc = include_str!("../docs/theorems.md")]
+pub mod theorems {}
+
+/// Of what the intervals speak.
+#[doc = include_str!("../docs/intervals.md")]
+pub mod intervals {}
+
+/// Equation, function, deviation.
+#[doc = include_str!("../docs/paper.md")]
+pub mod paper {}
