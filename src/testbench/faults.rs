@@ -70,7 +70,7 @@ pub fn count_faults<'a>(faults: impl IntoIterator<Item = (u64, &'a Fault)>) -> V
 /// What went wrong over a whole campaign, told by everybody who plays.
 ///
 /// It gives up on an ego that does not run: when a program cannot be started,
-/// or when [`PATIENCE`] episodes in a row end with a fault of one kind. Where
+/// or when three episodes in a row end with a fault of one kind. Where
 /// some faults are allowed, only an ego that never ran at all is given up.
 ///
 /// Clones share what they count.
