@@ -289,7 +289,7 @@ fn training(bencher: Bencher, kind: PlantKind) {
     let world = acc(kind);
     bencher.counter(DECISIONS).bench_local(|| {
         let config = world
-            .learner
+            .learner()
             .clone()
             .with_decisions(DECISIONS)
             .expect("in range");

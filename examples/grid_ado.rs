@@ -12,7 +12,7 @@ use brakecheck::testbench::{Aftermath, Gym, PolicyActor, play};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let world = Scenario::load("worlds/grid_hard.ron".as_ref())?;
     let mut gym = Gym::new(world.bench(), Purpose::Train, 0);
-    let mut learner = world.learner.build(world.world().spaces(), 0);
+    let mut learner = world.learner().build(world.world().spaces(), 0);
     learner.train(&mut gym, &mut |_| Control::Continue);
     let policy = learner.policy();
     for size in [4, 5, 10] {

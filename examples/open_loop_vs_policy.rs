@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .into(),
     )?;
     let mut gym = Gym::new(world.bench(), Purpose::Train, 0);
-    let mut learner = world.learner.build(world.world().spaces(), 0);
+    let mut learner = world.learner().build(world.world().spaces(), 0);
     learner.train(&mut gym, &mut |_| Control::Continue);
     let policy = learner.policy();
 

@@ -16,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cheap = world.on(PlantKind::Kinematic);
 
     // Train on the cheap plant …
-    let config: LearnerConfig = world.learner.clone().with_decisions(40_000)?;
+    let config: LearnerConfig = world.learner().clone().with_decisions(40_000)?;
     let mut gym = Gym::new(cheap.bench(), Purpose::Train, 0);
     let mut learner: Box<dyn Learner> = config.build(cheap.world().spaces(), 0);
     learner.train(&mut gym, &mut |_| Control::Continue);

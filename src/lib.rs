@@ -19,7 +19,7 @@
 //! // A world is one RON file: road, agents, what the ego must never do, and
 //! // which rules the ado must keep.
 //! let world = Scenario::parse("acc.ron", include_str!("../worlds/acc.ron"))?;
-//! assert_eq!(world.ego_spec.to_string(), "always[0, T] (headway >= d_safe)");
+//! assert_eq!(world.ego_spec().to_string(), "always[0, T] (headway >= d_safe)");
 //!
 //! // Play one episode: the ado brakes all the time, which its rules forbid.
 //! let mut bench = world.bench();

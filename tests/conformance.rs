@@ -22,7 +22,7 @@ fn shipped() -> Vec<(String, Scenario)> {
     files.sort();
     let load = |file: PathBuf| {
         let world = Scenario::load(&file).unwrap_or_else(|error| panic!("{error}"));
-        (world.name.clone(), world)
+        (world.name().to_owned(), world)
     };
     files.into_iter().map(load).collect()
 }
@@ -39,7 +39,7 @@ fn every_shipped_world_and_its_egos_conform() {
             panic!("{name}: {broken}");
         }
         let reused = world
-            .reuse
+            .reuse()
             .values()
             .filter_map(|change| change.controller.clone());
         for driven in world.controller().into_iter().chain(reused) {

@@ -31,6 +31,7 @@ mod starts;
 mod trained;
 mod trial;
 mod vacuous;
+mod variants;
 
 use std::path::Path as FilePath;
 use std::sync::Arc;
@@ -45,13 +46,12 @@ pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 pub use runs::{NamedRun, RunRefused, RunSource};
 
-use crate::ego::{Actuated, Command, Controller, ControllerSpec, Process, Recorded};
-use crate::rl::{ConfigError, LearnerConfig, Spaces};
+use crate::ego::{Actuated, ControllerSpec, Process};
+use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
-use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoController, Tuning};
+use crate::scene::drive::{DriveSpec, EgoController, Tuning};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Axis, Dynamics, Held, Scene, Start, World};
-use crate::sim::PlantKind;
 use crate::stl::{Formula, Names};
 use crate::testbench::Testbench;
 use crate::trace::Signal;
@@ -60,34 +60,34 @@ use crate::trace::Signal;
 #[derive(Clone)]
 pub struct Scenario {
     /// Name of the world; part of every start's key.
-    pub name: String,
+    pub(crate) name: String,
     /// The question it asks.
-    pub question: String,
+    pub(crate) question: String,
     /// Where it comes from.
-    pub source: String,
+    pub(crate) source: String,
     /// The file's text, verbatim but for trained ados: what their run
     /// directories held is written out.
-    pub text: String,
+    pub(crate) text: String,
     /// ψ_ego.
-    pub ego_spec: Formula,
+    pub(crate) ego_spec: Formula,
     /// The ados' rules, in the file's order.
-    pub rules: Vec<RuleSpec>,
+    pub(crate) rules: Vec<RuleSpec>,
     /// Constants and named formulas.
-    pub names: Names,
+    pub(crate) names: Names,
     /// How to learn.
-    pub learner: LearnerConfig,
+    pub(crate) learner: LearnerConfig,
     /// Other ways to learn, by name.
-    pub learners: IndexMap<String, LearnerConfig>,
+    pub(crate) learners: IndexMap<String, LearnerConfig>,
     /// Which of them is `learner`; `None`: the world's own.
-    pub learning: Option<String>,
+    pub(crate) learning: Option<String>,
     /// What an ado is trained against.
-    pub against: Against,
+    pub(crate) against: Against,
     /// What the same trained ado is reused on.
-    pub reuse: IndexMap<String, Change>,
+    pub(crate) reuse: IndexMap<String, Change>,
     /// How often each start is played, for egos that do not answer twice alike.
-    pub repeats: Repeats,
+    pub(crate) repeats: Repeats,
     /// What looked odd but is allowed.
-    pub warnings: Vec<Problem>,
+    pub(crate) warnings: Vec<Problem>,
     family: Option<Arc<Family>>,
     world: World,
     rulebook: Arc<Rulebook>,
@@ -182,6 +182,71 @@ impl Scenario {
         }
     }
 
+    /// Name of the world; part of every start's key.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The question it asks.
+    pub fn question(&self) -> &str {
+        &self.question
+    }
+
+    /// Where it comes from.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// The file's text, verbatim but for trained ados, which are written out.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// ψ_ego.
+    pub fn ego_spec(&self) -> &Formula {
+        &self.ego_spec
+    }
+
+    /// The ados' rules, in the file's order.
+    pub fn rules(&self) -> &[RuleSpec] {
+        &self.rules
+    }
+
+    /// Constants and named formulas.
+    pub fn names(&self) -> &Names {
+        &self.names
+    }
+
+    /// How to learn.
+    pub fn learner(&self) -> &LearnerConfig {
+        &self.learner
+    }
+
+    /// Other ways to learn, by name.
+    pub fn learners(&self) -> &IndexMap<String, LearnerConfig> {
+        &self.learners
+    }
+
+    /// What an ado is trained against.
+    pub fn against(&self) -> Against {
+        self.against
+    }
+
+    /// What the same trained ado is reused on.
+    pub fn reuse(&self) -> &IndexMap<String, Change> {
+        &self.reuse
+    }
+
+    /// How often each start is played.
+    pub fn repeats(&self) -> Repeats {
+        self.repeats
+    }
+
+    /// What looked odd but is allowed.
+    pub fn warnings(&self) -> &[Problem] {
+        &self.warnings
+    }
+
     /// What the scene of a driving world is made of.
     pub fn drive(&self) -> Option<&DriveSpec> {
         match &self.world {
@@ -233,45 +298,9 @@ impl Scenario {
         self.world.dynamics()
     }
 
-    /// The same world with another of its ways to learn; `None`: no such name.
-    pub fn learning_by(&self, name: &str) -> Option<Scenario> {
-        Some(Scenario {
-            learner: self.learners.get(name)?.clone(),
-            learning: Some(name.to_owned()),
-            ..self.clone()
-        })
-    }
-
-    /// The same world, to learn for so many decisions.
-    ///
-    /// # Errors
-    /// There are none, or more than a learner takes.
-    pub fn training_for(&self, decisions: u64) -> Result<Scenario, ConfigError> {
-        Ok(Scenario {
-            learner: self.learner.clone().with_decisions(decisions)?,
-            ..self.clone()
-        })
-    }
-
     /// The family of egos under `train_against`, if the world has one.
     pub fn family(&self) -> Option<&Family> {
         self.family.as_deref()
-    }
-
-    /// The same world, to train against its family as that says.
-    ///
-    /// `None`: it has no family.
-    pub fn training_against(&self, against: Against) -> Option<Scenario> {
-        let learner = match (against, self.family()) {
-            (Against::Nominal, _) => self.learner.clone(),
-            (Against::Wide, family) => family?.wide.clone(),
-            (Against::Conditional, family) => family?.conditional.clone(),
-        };
-        Some(Scenario {
-            learner,
-            against,
-            ..self.clone()
-        })
     }
 
     /// Shapes of what an ado sees, with what a conditional one is told.
@@ -317,88 +346,9 @@ impl Scenario {
         own.into_iter().chain(reused).collect()
     }
 
-    /// The same world, and the consent to start the programs that it and its
-    /// changes name, or no such consent.
-    ///
-    /// A world that was read has none, wherever it was read from: files cannot
-    /// consent. Without it a program as the ego is a fault in every episode.
-    #[must_use]
-    pub fn allow_programs(&self, allowed: bool) -> Scenario {
-        let mut same = match &self.world {
-            World::Drive(world) => {
-                let mut spec = world.spec().clone();
-                permit(&mut spec, allowed);
-                self.remade(spec)
-            }
-            World::Grid(_) => self.clone(),
-        };
-        same.programs_allowed = allowed;
-        same
-    }
-
     /// Whether programs that files name may be started.
     pub fn may_start_programs(&self) -> bool {
         self.programs_allowed
-    }
-
-    /// The same world with something changed.
-    ///
-    /// # Errors
-    /// What is wrong, with its path within the change.
-    pub fn with(&self, change: &Change) -> Result<Scenario, ChangeError> {
-        match &self.world {
-            World::Drive(world) => {
-                let mut spec = world.spec().clone();
-                changed::apply(&mut spec, change)?;
-                permit(&mut spec, self.programs_allowed);
-                check::still_apart(&spec)?;
-                Ok(self.remade(spec))
-            }
-            World::Grid(world) => self.with_grid(world, change),
-        }
-    }
-
-    /// The same driving world on another plant; any other world as it is.
-    pub fn on(&self, plant: PlantKind) -> Scenario {
-        match &self.world {
-            World::Drive(world) => {
-                let mut spec = world.spec().clone();
-                spec.plant = plant;
-                self.remade(spec)
-            }
-            World::Grid(_) => self.clone(),
-        }
-    }
-
-    /// The same world with the user's own controller as the ego.
-    ///
-    /// `name` is what rows and files call it. Its commands pass the actuator of
-    /// the present ego. A world that is not driven stays as it is.
-    pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
-        let World::Drive(world) = &self.world else {
-            return self.clone();
-        };
-        let mut spec = world.spec().clone();
-        for agent in &mut spec.agents {
-            if let Drive::Ego(drive) = &mut agent.drive {
-                drive.controller = EgoController::Own {
-                    name: name.to_owned(),
-                    factory: Arc::clone(&factory),
-                };
-            }
-        }
-        self.remade(spec)
-    }
-
-    /// The same world with an ego that repeats what this one commanded.
-    ///
-    /// They pass the actuator of the present ego. A world that is not driven
-    /// stays as it is.
-    pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
-        let commands = Arc::clone(commands);
-        let recorded =
-            move || Box::new(Recorded::new(Arc::clone(&commands))) as Box<dyn Controller>;
-        self.with_ego("recorded", Arc::new(recorded))
     }
 
     /// The ego's stock controller and its actuator, if it has one.
@@ -406,58 +356,9 @@ impl Scenario {
         family::controller(self.drive()?)
     }
 
-    /// A change read from a file, for `--ego FILE`.
-    ///
-    /// # Errors
-    /// The file cannot be read, is no change, or does not fit this world.
-    pub fn changed_by(&self, path: &FilePath) -> Result<(Change, Scenario), LoadError> {
-        let file = path.display().to_string();
-        let text = read::text(&file, path)?;
-        let fail = |problem| {
-            LoadError::Scenario(Box::new(ScenarioError {
-                file: file.clone(),
-                text: text.clone(),
-                problems: vec![problem],
-            }))
-        };
-        let change = match &self.world {
-            World::Drive(_) => read::parse(&text).map_err(fail)?,
-            World::Grid(_) => read::parse::<GridChange>(&text).map_err(fail)?.into(),
-        };
-        match self.with(&change) {
-            Ok(scenario) => Ok((change, scenario)),
-            Err(error) => {
-                let at = error.path(&Path::top());
-                Err(fail(error.problem(at.find(&text))))
-            }
-        }
-    }
-
     /// Every signal that formulas may use, derived ones included.
     pub fn signals(&self) -> Vec<(Signal, Held)> {
         self.world.signals()
-    }
-
-    fn remade(&self, spec: DriveSpec) -> Scenario {
-        // Invariant: signals and observations do not depend on what a change
-        // can change, so a world that was assembled once assembles again.
-        let world = DriveWorld::new(spec).map(World::Drive);
-        assert!(world.is_ok(), "a changed world assembles like the original");
-        Scenario {
-            world: world.unwrap_or_else(|_| self.world.clone()),
-            ..self.clone()
-        }
-    }
-}
-
-/// Gives or takes back the consent to start a program that is the ego.
-fn permit(spec: &mut DriveSpec, allowed: bool) {
-    for agent in &mut spec.agents {
-        if let Drive::Ego(drive) = &mut agent.drive
-            && let EgoController::Stock(controller) = &mut drive.controller
-        {
-            controller.allow_programs(allowed);
-        }
     }
 }
 

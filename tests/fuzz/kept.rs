@@ -78,7 +78,7 @@ fn any_kept_file_is_refused_or_replays_alike_each_time() {
         );
         let clock = *scenario.world().clock();
         let steps = clock.samples() as u64 * u64::from(clock.substeps);
-        if AFFORDABLE < steps * scenario.repeats.runs as u64 {
+        if AFFORDABLE < steps * scenario.repeats().runs as u64 {
             return Seen::Accepted;
         }
         let kept = Kept {

@@ -41,7 +41,7 @@ fn theorem_1_holds_on_every_pair_of_starts() {
 #[test]
 fn theorem_2_carries_closeness_over_to_the_exact_values() {
     let scenario = world(B);
-    let config = &scenario.learners["q"];
+    let config = &scenario.learners()["q"];
     let mut learner = config.build(scenario.world().spaces(), 1);
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, 1);
     learner.train(&mut gym, &mut |_| Control::Continue);

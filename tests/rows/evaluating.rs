@@ -463,7 +463,7 @@ fn starts_played_several_times_are_solved_from_the_gate_on() {
             ..Quirky::failing_from(&[])
         };
         let mut world = quirky.drives(&chase());
-        world.repeats = Repeats { runs: 5, gate };
+        world = world.repeated(Repeats { runs: 5, gate });
         let row = evaluated(&world, Ado::Constant(3), &starts()).row;
         assert_eq!(row.successes, if solves { 14 } else { 0 });
         assert_eq!((row.starts, row.sims_per_start), (16, 5.0));
@@ -485,7 +485,7 @@ fn starts_played_several_times_are_solved_from_the_gate_on() {
         ..Quirky::failing_from(&[16.5])
     };
     let mut world = quirky.drives(&chase());
-    world.repeats = Repeats { runs: 5, gate: 2 };
+    world = world.repeated(Repeats { runs: 5, gate: 2 });
     let request = EvalRequest {
         scenario: &world,
         ego: "quirky",

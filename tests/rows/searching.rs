@@ -484,7 +484,7 @@ fn a_search_asks_for_as_many_failures_as_the_gate() {
             ..Quirky::failing_from(&[])
         };
         let mut world = quirky.drives(&chase());
-        world.repeats = brakecheck::scenario::Repeats { runs: 5, gate };
+        world = world.repeated(brakecheck::scenario::Repeats { runs: 5, gate });
         let stored = Stored::new(
             vec![Success {
                 decisions: 0,

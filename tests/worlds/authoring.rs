@@ -30,7 +30,11 @@ fn example() -> &'static str {
 
 fn world(name: &str, text: &str) -> Scenario {
     let world = Scenario::parse(name, text).unwrap_or_else(|error| panic!("{error}"));
-    assert!(world.warnings.is_empty(), "{name}: {:?}", world.warnings);
+    assert!(
+        world.warnings().is_empty(),
+        "{name}: {:?}",
+        world.warnings()
+    );
     world
 }
 
@@ -73,8 +77,8 @@ fn the_example_of_the_documentation_becomes_a_trained_ado() {
 fn worlds_of_other_kinds_ask_something_that_search_can_answer() {
     for (name, text) in AUTHORED {
         let world = world(name, text);
-        for name in world.reuse.keys() {
-            world.with(&world.reuse[name]).expect("it fits");
+        for name in world.reuse().keys() {
+            world.with(&world.reuse()[name]).expect("it fits");
         }
         let starts = test_starts(&world, 77, 10, &quiet()).expect("not stopped");
         let request = SearchRequest {

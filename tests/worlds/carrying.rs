@@ -138,7 +138,7 @@ fn no_covered_counterexample_is_lost_in_any_shipped_world() {
         }
         let nominal = world.on(PlantKind::Kinematic);
         let changed: Vec<(String, Scenario)> = nominal
-            .reuse
+            .reuse()
             .iter()
             .map(|(ego, change)| (ego.clone(), nominal.with(change).expect("a change")))
             .collect();

@@ -255,13 +255,17 @@ fn rules_that_exclude_each_other_or_nothing_are_warned_about() {
         "rulebook: [Rule(name: \"is there\", stl: \"always (ego.ado.gap >= -1)\"),",
     );
     let world = Scenario::parse("acc.ron", &text).expect("odd, but allowed");
-    let warned: Vec<&str> = world.warnings.iter().map(|odd| odd.what.as_str()).collect();
+    let warned: Vec<&str> = world
+        .warnings()
+        .iter()
+        .map(|odd| odd.what.as_str())
+        .collect();
     let expected = [
         "the rules `never stops or reverses` and `keeps the speed limit` were never kept together",
         "the rule `is there` cannot be broken",
     ];
     assert_eq!(warned, expected);
-    assert!(text[world.warnings[0].span.clone()].contains("<= 15"));
+    assert!(text[world.warnings()[0].span.clone()].contains("<= 15"));
 }
 
 #[test]

@@ -119,7 +119,7 @@ fn inside_and_outside_are_computed_from_the_change() {
         "tired",
         "careful",
     ];
-    for (name, change) in &world.reuse {
+    for (name, change) in world.reuse() {
         let covered = family.covers(change);
         assert_eq!(covered, inside.contains(&name.as_str()), "{name}");
     }
@@ -148,7 +148,7 @@ fn a_tuned_scene_drives_like_the_changed_world() {
     let world = acc();
     let family = family(&world);
     for name in ["sporty", "tired", "2D plant", "late sensors"] {
-        let changed = world.with(&world.reuse[name]).expect("it fits");
+        let changed = world.with(&world.reuse()[name]).expect("it fits");
         let spec = changed.drive().expect("a driving world");
         let member = family.member_of(spec).expect("a member");
         let mut tuned = world.bench();
@@ -176,7 +176,7 @@ fn nominal_training_is_what_it_was_without_a_family() {
     // The same decisions on a plain gym: nothing of the family leaks in.
     let world = acc().on(PlantKind::Kinematic);
     let config = world
-        .learner
+        .learner()
         .clone()
         .with_decisions(1500)
         .expect("in range");
@@ -185,7 +185,7 @@ fn nominal_training_is_what_it_was_without_a_family() {
     plain.train(&mut gym, &mut |_| Control::Continue);
     let dir = tempfile::tempdir().expect("scratch");
     let mut short = world.clone();
-    short.learner = config;
+    short = short.learning_with(config);
     let mut run = RunDir::create(&dir.path().join("run"), &short, 5).expect("a run");
     train(&short, &mut run, &quiet()).expect("trained");
     let kept = run.policy_bundle().expect("a policy");
@@ -197,7 +197,7 @@ fn nominal_training_is_what_it_was_without_a_family() {
 /// The ACC world against its family, briefly.
 fn brief(against: Against, decisions: u64) -> Scenario {
     let mut world = acc().training_against(against).expect("a family");
-    world.learner = world.learner.with_decisions(decisions).expect("in range");
+    world = world.training_for(decisions).expect("in range");
     world
 }
 
@@ -221,9 +221,12 @@ fn training_against_a_family_is_deterministic_and_resumes_to_the_same_bytes() {
         drop(cut);
         let mut cut = RunDir::resume(&path("cut")).expect("a run");
         assert_eq!(cut.manifest().against, against);
-        let mut kept = cut.scenario().expect("its world");
-        kept.learner = kept.learner.with_decisions(5000).expect("in range");
-        assert_eq!((kept.against, &kept.learner), (against, &world.learner));
+        let kept = cut.scenario().expect("its world");
+        let kept = kept.training_for(5000).expect("in range");
+        assert_eq!(
+            (kept.against(), &kept.learner()),
+            (against, &world.learner())
+        );
         train(&kept, &mut cut, &quiet()).expect("trained");
         let bytes = |run: &RunDir| std::fs::read(run.path().join("policy.safetensors")).expect("p");
         assert_eq!(bytes(&whole), bytes(&cut), "{against}");
@@ -242,7 +245,7 @@ fn every_episode_of_a_family_meets_the_ego_of_its_key() {
     let spec = world.drive().expect("driven");
     let told = |member: brakecheck::scenario::Member| run.policy_told(&member).expect("a policy");
     let nominal = told(family.nominal(spec.plant));
-    let sporty = world.with(&world.reuse["sporty"]).expect("it fits");
+    let sporty = world.with(&world.reuse()["sporty"]).expect("it fits");
     let sporty = told(
         family
             .member_of(sporty.drive().expect("driven"))
@@ -349,7 +352,7 @@ fn an_ego_that_switches_is_found_where_no_slope_leads() {
 #[test]
 fn an_ego_of_another_kind_is_not_explained() {
     let world = acc().on(PlantKind::Kinematic);
-    let ego = world.with(&world.reuse["aeb"]).expect("it fits");
+    let ego = world.with(&world.reuse()["aeb"]).expect("it fits");
     let request = IdentifyRequest {
         world: &world,
         ego: &ego.on(PlantKind::Kinematic),

@@ -72,7 +72,7 @@ fn a_run_within_itself_is_refused_with_the_chain() {
 fn chain(depth: usize, policy: &str) -> String {
     let mut run = format!(
         "Kept(from: \"1\", world: r#\"{}\"#, policy: \"{policy}\")",
-        quick_acc().text
+        quick_acc().text()
     );
     for level in 2..=depth {
         let names = match level {

@@ -179,9 +179,11 @@ fn repeats_are_checked_and_read_in_both_ways() {
         );
         Scenario::parse("acc.ron", &text)
     };
-    let five = with("repeats: 5").expect("sound").repeats;
+    let five = with("repeats: 5").expect("sound").repeats();
     assert_eq!((five.runs, five.gate), (5, 1));
-    let three = with("repeats: (runs: 5, gate: 3)").expect("sound").repeats;
+    let three = with("repeats: (runs: 5, gate: 3)")
+        .expect("sound")
+        .repeats();
     assert_eq!((three.runs, three.gate), (5, 3));
     for wrong in [
         "repeats: 0",

@@ -30,7 +30,7 @@ fn stored() -> &'static (Stored, Cost) {
     STORED.get_or_init(|| {
         let dir = tempfile::tempdir().expect("a directory");
         let mut world = acc();
-        world.learner = world.learner.with_decisions(15_000).expect("in range");
+        world = world.training_for(15_000).expect("in range");
         let mut run = RunDir::create(&dir.path().join("run"), &world, 11).expect("a run");
         train(&world, &mut run, &quiet()).expect("it trains");
         let run = RunDir::open(run.path()).expect("a finished run");
@@ -141,7 +141,7 @@ fn cross_entropy_beats_uniform_actions() {
 #[test]
 fn mutated_counterexamples_beat_held_random_ones_on_a_changed_ego() {
     let world = acc();
-    let changed = world.with(&world.reuse["wet road"]).expect("it fits");
+    let changed = world.with(&world.reuse()["wet road"]).expect("it fits");
     let starts = test_starts(&world, 77, 150, &quiet()).expect("not stopped");
     let rate = |method| {
         let row = search(&request(&changed, method, 30, &starts), &quiet()).row;

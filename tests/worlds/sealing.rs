@@ -13,13 +13,8 @@ const ACC: &str = include_str!("../../worlds/acc.ron");
 
 fn quick(decisions: u64) -> Scenario {
     let acc = Scenario::parse("acc.ron", ACC).expect("a world");
-    let mut acc = acc.on(PlantKind::Kinematic);
-    acc.learner = acc
-        .learner
-        .clone()
-        .with_decisions(decisions)
-        .expect("in range");
-    acc
+    let acc = acc.on(PlantKind::Kinematic);
+    acc.training_for(decisions).expect("in range")
 }
 
 /// Trains until so many decisions are taken.
@@ -208,7 +203,7 @@ fn a_training_goes_on_only_as_what_it_was_begun_as() {
     );
     let text = ACC.replace("\"v_lim\": 30.0", "\"v_lim\": 31.0");
     let mut other = Scenario::parse("acc.ron", &text).expect("a world");
-    other.learner = world.learner.clone();
+    other = other.learning_with(world.learner().clone());
     let told = differences(&other, 7);
     assert!(
         told[0].starts_with("world file, line ") && told[0].contains("31.0"),

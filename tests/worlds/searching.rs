@@ -114,7 +114,9 @@ fn trivial_starts_are_fixed_on_the_nominal_ego() {
     let trivial = starts.trivial.iter().filter(|t| **t).count();
     // PAPER's point mass has 3 to 7 %.
     assert!((2..=20).contains(&trivial), "{trivial}");
-    let weak = world.with(&world.reuse["softer brakes"]).expect("it fits");
+    let weak = world
+        .with(&world.reuse()["softer brakes"])
+        .expect("it fits");
     let row = eval(
         &EvalRequest {
             scenario: &weak,

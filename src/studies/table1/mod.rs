@@ -310,7 +310,7 @@ fn measure(
     let quiet = watch.quiet();
     let mut trained = Vec::new();
     for (learner, (_, config)) in learners.iter().enumerate() {
-        changed.learner = config.clone();
+        changed = changed.learning_with(config.clone());
         let of = learned.iter().filter(|learned| learned.learner == learner);
         let own: Vec<Row> = of
             .map(|learned| {

@@ -19,7 +19,7 @@ fn quiet() -> Watch<'static> {
 #[test]
 fn milestones_are_of_one_training_that_nobody_disturbed() {
     let mut world = super::acc().on(PlantKind::Kinematic);
-    world.learner = world.learner.with_decisions(6_000).expect("in range");
+    world = world.training_for(6_000).expect("in range");
     let starts = test_starts(&world, 3, 40, &quiet()).expect("not stopped");
     let on_the_way =
         milestones(&world, 5, &[20, 60, 1_000_000], &starts, &quiet()).expect("not stopped");
@@ -50,7 +50,7 @@ fn milestones_are_of_one_training_that_nobody_disturbed() {
 #[test]
 fn a_row_of_the_paper_is_the_mean_of_its_seeds() {
     let mut world = super::acc().on(PlantKind::Kinematic);
-    world.learner = world.learner.with_decisions(4_000).expect("in range");
+    world = world.training_for(4_000).expect("in range");
     let row = PaperRow {
         paper: "a row",
         scenario: &world,
@@ -82,7 +82,7 @@ fn a_row_whose_last_evaluation_was_stopped_is_none() {
     use std::sync::atomic::Ordering;
 
     let mut world = super::acc().on(PlantKind::Kinematic);
-    world.learner = world.learner.with_decisions(500).expect("in range");
+    world = world.training_for(500).expect("in range");
     let starts = test_starts(&world, 3, 40, &quiet()).expect("not stopped");
     let stop = AtomicBool::new(false);
     let total = starts.starts.len() as u64;

@@ -1,0 +1,195 @@
+//! The same world, changed: another ego, plant, learner or consent.
+
+use std::path::Path as FilePath;
+use std::sync::Arc;
+
+use super::file::{Change, GridChange};
+use super::{Against, ChangeError, LoadError, Path, Repeats, Scenario, ScenarioError};
+use super::{changed, check, read};
+use crate::ego::{Command, Controller, Recorded};
+use crate::rl::{ConfigError, LearnerConfig};
+use crate::scene::World;
+use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoController};
+use crate::sim::PlantKind;
+
+impl Scenario {
+    /// The same world, to learn so.
+    #[must_use]
+    pub fn learning_with(&self, learner: LearnerConfig) -> Scenario {
+        Scenario {
+            learner,
+            ..self.clone()
+        }
+    }
+
+    /// The same world, each start played so often.
+    #[must_use]
+    pub fn repeated(&self, repeats: Repeats) -> Scenario {
+        Scenario {
+            repeats,
+            ..self.clone()
+        }
+    }
+
+    /// The same world with another of its ways to learn; `None`: no such name.
+    pub fn learning_by(&self, name: &str) -> Option<Scenario> {
+        Some(Scenario {
+            learner: self.learners.get(name)?.clone(),
+            learning: Some(name.to_owned()),
+            ..self.clone()
+        })
+    }
+
+    /// The same world, to learn for so many decisions.
+    ///
+    /// # Errors
+    /// There are none, or more than a learner takes.
+    pub fn training_for(&self, decisions: u64) -> Result<Scenario, ConfigError> {
+        let learner = self.learner.clone().with_decisions(decisions)?;
+        Ok(self.learning_with(learner))
+    }
+
+    /// The same world, to train against its family as that says.
+    ///
+    /// `None`: it has no family.
+    pub fn training_against(&self, against: Against) -> Option<Scenario> {
+        let learner = match (against, self.family()) {
+            (Against::Nominal, _) => self.learner.clone(),
+            (Against::Wide, family) => family?.wide.clone(),
+            (Against::Conditional, family) => family?.conditional.clone(),
+        };
+        Some(Scenario {
+            learner,
+            against,
+            ..self.clone()
+        })
+    }
+
+    /// The same world, and the consent to start the programs that it and its
+    /// changes name, or no such consent.
+    ///
+    /// A world that was read has none, wherever it was read from: files cannot
+    /// consent. Without it a program as the ego is a fault in every episode.
+    #[must_use]
+    pub fn allow_programs(&self, allowed: bool) -> Scenario {
+        let mut same = match &self.world {
+            World::Drive(world) => {
+                let mut spec = world.spec().clone();
+                permit(&mut spec, allowed);
+                self.remade(spec)
+            }
+            World::Grid(_) => self.clone(),
+        };
+        same.programs_allowed = allowed;
+        same
+    }
+
+    /// The same world with something changed.
+    ///
+    /// # Errors
+    /// What is wrong, with its path within the change.
+    pub fn with(&self, change: &Change) -> Result<Scenario, ChangeError> {
+        match &self.world {
+            World::Drive(world) => {
+                let mut spec = world.spec().clone();
+                changed::apply(&mut spec, change)?;
+                permit(&mut spec, self.programs_allowed);
+                check::still_apart(&spec)?;
+                Ok(self.remade(spec))
+            }
+            World::Grid(world) => self.with_grid(world, change),
+        }
+    }
+
+    /// The same driving world on another plant; any other world as it is.
+    pub fn on(&self, plant: PlantKind) -> Scenario {
+        match &self.world {
+            World::Drive(world) => {
+                let mut spec = world.spec().clone();
+                spec.plant = plant;
+                self.remade(spec)
+            }
+            World::Grid(_) => self.clone(),
+        }
+    }
+
+    /// The same world with the user's own controller as the ego.
+    ///
+    /// `name` is what rows and files call it. Its commands pass the actuator of
+    /// the present ego. A world that is not driven stays as it is.
+    pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
+        let World::Drive(world) = &self.world else {
+            return self.clone();
+        };
+        let mut spec = world.spec().clone();
+        for agent in &mut spec.agents {
+            if let Drive::Ego(drive) = &mut agent.drive {
+                drive.controller = EgoController::Own {
+                    name: name.to_owned(),
+                    factory: Arc::clone(&factory),
+                };
+            }
+        }
+        self.remade(spec)
+    }
+
+    /// The same world with an ego that repeats what this one commanded.
+    ///
+    /// They pass the actuator of the present ego. A world that is not driven
+    /// stays as it is.
+    pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
+        let commands = Arc::clone(commands);
+        let recorded =
+            move || Box::new(Recorded::new(Arc::clone(&commands))) as Box<dyn Controller>;
+        self.with_ego("recorded", Arc::new(recorded))
+    }
+
+    /// A change read from a file, for `--ego FILE`.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no change, or does not fit this world.
+    pub fn changed_by(&self, path: &FilePath) -> Result<(Change, Scenario), LoadError> {
+        let file = path.display().to_string();
+        let text = read::text(&file, path)?;
+        let fail = |problem| {
+            LoadError::Scenario(Box::new(ScenarioError {
+                file: file.clone(),
+                text: text.clone(),
+                problems: vec![problem],
+            }))
+        };
+        let change = match &self.world {
+            World::Drive(_) => read::parse(&text).map_err(fail)?,
+            World::Grid(_) => read::parse::<GridChange>(&text).map_err(fail)?.into(),
+        };
+        match self.with(&change) {
+            Ok(scenario) => Ok((change, scenario)),
+            Err(error) => {
+                let at = error.path(&Path::top());
+                Err(fail(error.problem(at.find(&text))))
+            }
+        }
+    }
+
+    fn remade(&self, spec: DriveSpec) -> Scenario {
+        // Invariant: signals and observations do not depend on what a change
+        // can change, so a world that was assembled once assembles again.
+        let world = DriveWorld::new(spec).map(World::Drive);
+        assert!(world.is_ok(), "a changed world assembles like the original");
+        Scenario {
+            world: world.unwrap_or_else(|_| self.world.clone()),
+            ..self.clone()
+        }
+    }
+}
+
+/// Gives or takes back the consent to start a program that is the ego.
+fn permit(spec: &mut DriveSpec, allowed: bool) {
+    for agent in &mut spec.agents {
+        if let Drive::Ego(drive) = &mut agent.drive
+            && let EgoController::Stock(controller) = &mut drive.controller
+        {
+            controller.allow_programs(allowed);
+        }
+    }
+}
