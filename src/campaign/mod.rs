@@ -7,6 +7,7 @@ mod adapt;
 mod against;
 mod baselines;
 mod break_even;
+mod by_rule;
 mod conditioning;
 mod ego_under_test;
 mod entropy;

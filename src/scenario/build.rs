@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use super::Scenario;
 use super::cast::Cast;
-use super::check::{self, Problems};
+use super::check;
 use super::error::Problem;
 use super::family::Against;
 use super::file::ScenarioFile;
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
+use super::problems::Problems;
 use super::runs::Origin;
 use super::{kinship, starts, trained, trial, vacuous};
 use crate::scene::World;

@@ -3,12 +3,13 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use super::RuleSpec;
-use super::check::{self, ActsAs, Problems};
+use super::check::{self, ActsAs};
 use super::file::{
     AdoFile, AgentFile, DriveFile, Facing, LightFile, NumberOrRange, ScenarioFile, StartFile,
 };
 use super::language::formula;
 use super::locate::Path;
+use super::problems::Problems;
 use super::runs::Origin;
 use super::trained::{self, TrainedFile};
 use crate::scene::drive::{Agent, Drive, EgoController, Light, LightDrive, Place, Range, Trained};

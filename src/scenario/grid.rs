@@ -5,12 +5,13 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 use serde::Deserialize;
 
-use super::check::{self, Problems};
+use super::check;
 use super::error::Problem;
 use super::family::Against;
 use super::file::{GridChange, Ordered, RuleFile, SignalFile};
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
+use super::problems::Problems;
 use super::trial;
 use super::{Change, ChangeError, Repeats, RuleSpec, Scenario};
 use crate::rl::LearnerSettings;

@@ -1,9 +1,10 @@
 //! Checking `train_against`: from ranges in a world file to a family.
 
-use super::check::{self, Problems};
+use super::check;
 use super::error::{did_you_mean, known_names};
 use super::family::{Base, Family, FamilyFile, controller};
 use super::locate::Path;
+use super::problems::Problems;
 use super::quantity::{Quantity, Varied};
 use crate::ego::Parameter;
 use crate::scene::drive::DriveSpec;

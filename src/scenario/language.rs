@@ -6,10 +6,11 @@ use std::collections::HashSet;
 
 use indexmap::IndexMap;
 
-use super::check::{self, Problems};
+use super::check;
 use super::error::{did_you_mean, known_names};
 use super::file::{Ordered, SignalFile};
 use super::locate::Path;
+use super::problems::Problems;
 use super::{RuleSpec, bound_rules};
 use crate::rulebook::{JudgeKind, Reward, Rulebook};
 use crate::scene::{Derived, Observed};

@@ -23,6 +23,7 @@ mod grid;
 mod kinship;
 mod language;
 mod locate;
+mod problems;
 mod quantity;
 mod read;
 mod repeats;

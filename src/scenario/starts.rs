@@ -1,7 +1,7 @@
 //! Where everybody may start: within bounds, and not inside each other.
 
-use super::check::Problems;
 use super::locate::Path;
+use super::problems::Problems;
 use crate::scene::drive::{Agent, DriveSpec, Place, Range};
 use crate::sim::BodyKind;
 

@@ -15,10 +15,11 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 
-use super::check::{self, ActsAs, Problems};
+use super::check::{self, ActsAs};
 use super::error::{did_you_mean, known_names};
 use super::file::Ordered;
 use super::locate::Path;
+use super::problems::Problems;
 use super::runs::{NamedRun, Origin, RunRefused, refused};
 use super::{build, read};
 use crate::rl::{Bundle, Policy, load_policy_for};

@@ -1,9 +1,9 @@
 //! Trying a world at load: what only a run can show.
 
 use super::Scenario;
-use super::check::Problems;
 use super::error::Problem;
 use super::locate::Path;
+use super::problems::Problems;
 use crate::rulebook::{Judge, Verdict};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};

@@ -1,9 +1,9 @@
 //! Formulas that decide nothing: they hold or fail whatever happens.
 
 use super::Scenario;
-use super::check::Problems;
 use super::error::Problem;
 use super::locate::Path;
+use super::problems::Problems;
 use crate::scene::drive::Bounds;
 use crate::stl::{Interval, Monitor};
 

@@ -1,0 +1,52 @@
+//! Ados of grid worlds that follow a rule: the exact solution, and the chaser.
+
+use super::ego_under_test::EgoUnderTest;
+use super::error::CampaignError;
+use super::eval::Ado;
+use crate::scenario::Scenario;
+use crate::scene::grid::exact::{PositionPolicy, chase};
+
+/// Ados of grid worlds that nobody trained: they see both positions.
+#[derive(Clone, Copy)]
+pub(super) enum ByRule {
+    /// The best one.
+    Optimal,
+    /// A step towards the ego along the larger axis.
+    Chaser,
+}
+
+impl ByRule {
+    pub(super) fn ado(self, policy: &PositionPolicy) -> Ado<'_> {
+        match self {
+            ByRule::Optimal => Ado::Rule(policy, "optimal", "backward induction"),
+            ByRule::Chaser => Ado::Rule(policy, "chaser", "along the larger axis"),
+        }
+    }
+
+    /// The fully observed world and the rule's policy in it.
+    pub(super) fn policy(
+        self,
+        ego: &EgoUnderTest,
+    ) -> Result<(Scenario, PositionPolicy), CampaignError> {
+        let not_a_grid = || {
+            CampaignError::request(
+                format!("`{}` is no grid world", ego.scenario().name),
+                "only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`",
+            )
+        };
+        let whole = ego.scenario().fully_observed().ok_or_else(not_a_grid)?;
+        let grid = whole.grid().ok_or_else(not_a_grid)?;
+        let policy = match self {
+            ByRule::Chaser => {
+                let moves = &grid.spec().moves;
+                PositionPolicy::new(grid, |both| (chase(both, moves), 0.0))
+            }
+            ByRule::Optimal => {
+                let reward = whole.rulebook().reward;
+                PositionPolicy::optimal(grid, |rho| reward.lawful(rho))
+            }
+        };
+        let policy = policy.map_err(|error| CampaignError::Fault(error.to_string()))?;
+        Ok((whole, policy))
+    }
+}

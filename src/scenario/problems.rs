@@ -1,0 +1,78 @@
+//! The mistakes of a world file, gathered with their places.
+
+use super::error::Problem;
+use super::locate::Path;
+use crate::stl::StlError;
+
+/// The mistakes found so far, with the text they are in.
+pub(super) struct Problems<'a> {
+    text: &'a str,
+    list: Vec<Problem>,
+}
+
+impl<'a> Problems<'a> {
+    pub(super) fn new(text: &'a str) -> Problems<'a> {
+        Problems {
+            text,
+            list: Vec::new(),
+        }
+    }
+
+    /// Notes a mistake at the value under `path`.
+    pub(super) fn add(
+        &mut self,
+        path: &Path,
+        what: impl Into<String>,
+        label: &str,
+        help: Option<String>,
+    ) {
+        self.list.push(Problem {
+            what: what.into(),
+            span: path.find(self.text),
+            label: label.to_owned(),
+            help,
+        });
+    }
+
+    /// Notes a mistake inside the STL string under `path`.
+    pub(super) fn stl(&mut self, path: &Path, error: &StlError) {
+        // The mistake may lie in a named formula that this one uses.
+        let named = error
+            .formula()
+            .map(|name| Path::top().to("formulas").to(name));
+        let path = named.as_ref().unwrap_or(path);
+        let value = path.find(self.text);
+        let quoted = &self.text[value.clone()];
+        let inner = error.span();
+        let open = quoted.find('"').map_or(0, |quote| quote + 1);
+        // Escapes shift the places; then the whole string is underlined.
+        let shifted = quoted.starts_with('"') && quoted.contains('\\');
+        let span = match shifted || quoted.len() < open + inner.end {
+            true => value,
+            false => value.start + open + inner.start..value.start + open + inner.end,
+        };
+        self.list.push(Problem {
+            what: error.to_string(),
+            span,
+            label: error.label().to_owned(),
+            help: error.help().map(str::to_owned),
+        });
+    }
+
+    /// Whether nothing was found so far.
+    pub(super) fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Stops here if anything was found.
+    pub(super) fn done(&mut self) -> Result<(), Vec<Problem>> {
+        match self.list.is_empty() {
+            true => Ok(()),
+            false => Err(std::mem::take(&mut self.list)),
+        }
+    }
+
+    pub(super) fn into_list(self) -> Vec<Problem> {
+        self.list
+    }
+}
