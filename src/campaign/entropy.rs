@@ -102,6 +102,16 @@ pub(super) fn normal(dice: &mut ChaCha8Rng) -> f64 {
     radius * libm::cos(core::f64::consts::TAU * dice.random::<f64>())
 }
 
+/// A position by its share; rounding leaves what remains to the last one.
+pub(super) fn pick(shares: &[f64], rng: &mut ChaCha8Rng) -> usize {
+    let mut left = rng.random::<f64>();
+    let below = shares.iter().position(|share| {
+        left -= share;
+        left < 0.0
+    });
+    below.unwrap_or(shares.len() - 1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -18,11 +18,9 @@ use crate::run::{
 use crate::scenario::{Against, Repeats, Scenario};
 use crate::stl::Explanation;
 use crate::testbench::{
-    Actor, Aftermath, Constant, Episode, Held, PolicyActor, Random, Testbench, count_faults, play,
+    Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, Held, PolicyActor, Random, Testbench,
+    count_faults, play,
 };
-
-/// Decisions for which the held-random baseline keeps an action.
-pub const HOLD_DECISIONS: usize = 5;
 
 /// Who plays the ado.
 #[derive(Clone, Copy)]

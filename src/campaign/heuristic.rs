@@ -9,19 +9,17 @@
 use std::cmp::Ordering;
 
 use cpu_time::ThreadTime;
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::Watch;
-use super::break_even::Cost;
-use super::entropy::normal;
-use super::eval::HOLD_DECISIONS;
+use super::cost::Cost;
+use super::entropy::{normal, pick};
 use crate::rl::Policy;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{self, Purpose, StartKey};
-use crate::testbench::{Actor, Aftermath, Held, Testbench};
+use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, Held, Testbench};
 
 /// Training starts on which every rule is tried.
 const STARTS: u64 = 32;
@@ -336,14 +334,4 @@ impl Chances {
             *spread = spread.max(LEAST_SPREAD);
         }
     }
-}
-
-/// A position by its share; rounding leaves what remains to the last one.
-pub(super) fn pick(shares: &[f64], rng: &mut ChaCha8Rng) -> usize {
-    let mut left = rng.random::<f64>();
-    let below = shares.iter().position(|share| {
-        left -= share;
-        left < 0.0
-    });
-    below.unwrap_or(shares.len() - 1)
 }

@@ -9,6 +9,7 @@ mod baselines;
 mod break_even;
 mod by_rule;
 mod conditioning;
+mod cost;
 mod ego_under_test;
 mod entropy;
 mod error;
@@ -38,8 +39,9 @@ pub use adapt::{
     AdaptRequest, Adapted, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, MOST_SIMULATIONS, adapt,
 };
 pub use baselines::AdoKind;
-pub use break_even::{BreakEven, Cost, PerStart, break_even};
+pub use break_even::{BreakEven, PerStart, break_even};
 pub use conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS, conditioned};
+pub use cost::Cost;
 pub use ego_under_test::{EgoUnderTest, consent};
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;

@@ -2,12 +2,14 @@
 
 mod difference;
 mod find;
+mod kept;
 
 use std::path::{Path, PathBuf};
 
 pub use difference::Difference;
 use difference::first_difference;
 pub(super) use find::wrong_kind;
+pub use kept::Kept;
 
 use crate::ego::Fault;
 use crate::rulebook::Verdict;
@@ -15,27 +17,6 @@ use crate::run::{Counterexample, KeptError, RunError, StartRepeated};
 use crate::scenario::{Change, ChangeError, Repeats, Scenario};
 use crate::scene::drive::ControllerFactory;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
-
-/// A counterexample and the file it was kept in.
-#[derive(Clone, Debug)]
-pub struct Kept {
-    /// The file.
-    pub path: PathBuf,
-    /// What is in it.
-    pub counterexample: Counterexample,
-}
-
-impl Kept {
-    /// Writes it again as this version does, with its hash; `episode` must be the
-    /// one it holds.
-    ///
-    /// # Errors
-    /// The disk refuses.
-    pub fn seal(&self, episode: &Episode) -> Result<(), KeptError> {
-        let current = self.counterexample.as_now(&episode.trace);
-        current.save(&self.path, &episode.trace)
-    }
-}
 
 /// What came of replaying one.
 #[derive(Clone)]

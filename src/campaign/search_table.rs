@@ -1,6 +1,7 @@
 //! Searches of many egos, beside the trained ado of a run if there is one.
 
-use super::break_even::{BreakEven, Cost, break_even};
+use super::break_even::{BreakEven, break_even};
+use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, EvalRequest, eval};

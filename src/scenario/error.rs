@@ -77,3 +77,19 @@ pub(crate) fn known_names<'a>(what: &str, known: impl IntoIterator<Item = &'a st
     let names: Vec<&str> = known.into_iter().collect();
     format!("{what}: {}", names.join(", "))
 }
+
+/// A world file could not be read or used.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The file could not be read.
+    #[error("cannot read `{file}`: {source}")]
+    Io {
+        /// Its path.
+        file: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not a world.
+    #[error(transparent)]
+    Scenario(Box<ScenarioError>),
+}

@@ -6,12 +6,13 @@ use std::collections::HashSet;
 
 use indexmap::IndexMap;
 
+use super::RuleSpec;
 use super::check;
 use super::error::{did_you_mean, known_names};
 use super::file::{Ordered, SignalFile};
 use super::locate::Path;
 use super::problems::Problems;
-use super::{RuleSpec, bound_rules};
+use super::world::bound_rules;
 use crate::rulebook::{JudgeKind, Reward, Rulebook};
 use crate::scene::{Derived, Observed};
 use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};

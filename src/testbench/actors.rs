@@ -37,6 +37,9 @@ impl Actor for Constant {
     }
 }
 
+/// Decisions for which the held-random baseline keeps an action.
+pub const HOLD_DECISIONS: usize = 5;
+
 /// Uniformly random actions, each held for a number of decisions.
 pub struct Held {
     actions: usize,

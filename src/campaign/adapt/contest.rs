@@ -3,12 +3,34 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::Adapted;
 use crate::campaign::entropy::{draw, refit};
 use crate::campaign::tries::OTHERS;
 use crate::run::RunError;
 use crate::scenario::{Family, Member};
 use crate::seed;
+
+/// The member found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Adapted {
+    /// What the ado is best told.
+    pub member: Member,
+    /// Whether it is another than the first member.
+    pub is_better: bool,
+    /// What is worth a further try, the most promising first.
+    pub others: Vec<Member>,
+    /// Members tried.
+    pub tried: usize,
+    /// Share of the starts of the last race that the ado solves told `member`.
+    pub success_rate: f64,
+    /// The same told the first member.
+    pub first_success_rate: f64,
+    /// Starts of the last race.
+    pub starts: u64,
+    /// Simulations of the ego spent.
+    pub simulations: u64,
+    /// Those among them in which the ego itself failed to run; they say nothing.
+    pub invalid: u64,
+}
 
 /// Share of the simulations in which members are proposed; the others race.
 const PROPOSING: f64 = 0.6;

@@ -16,6 +16,7 @@ mod contest;
 
 use rayon::prelude::*;
 
+pub use self::contest::Adapted;
 use self::contest::{Contest, Outcome};
 use super::Watch;
 use crate::rl::Policy;
@@ -50,29 +51,6 @@ pub struct AdaptRequest<'a> {
     pub simulations: u64,
     /// Seed of the starts and of the search.
     pub seed: u64,
-}
-
-/// The member found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Adapted {
-    /// What the ado is best told.
-    pub member: Member,
-    /// Whether it is another than the first member.
-    pub is_better: bool,
-    /// What is worth a further try, the most promising first.
-    pub others: Vec<Member>,
-    /// Members tried.
-    pub tried: usize,
-    /// Share of the starts of the last race that the ado solves told `member`.
-    pub success_rate: f64,
-    /// The same told the first member.
-    pub first_success_rate: f64,
-    /// Starts of the last race.
-    pub starts: u64,
-    /// Simulations of the ego spent.
-    pub simulations: u64,
-    /// Those among them in which the ego itself failed to run; they say nothing.
-    pub invalid: u64,
 }
 
 /// Looks for what the ado is best told of an ego. `None`: stopped from outside.

@@ -17,6 +17,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use self::newton::{cost, descend};
+pub use self::record::IdentifyRequest;
 use self::record::{Recorded, deviations, noise_m};
 use super::Watch;
 use super::entropy::{Fit, Search};
@@ -36,21 +37,6 @@ const CLOSE_M: f64 = 0.1;
 const SHOWS_M: f64 = 0.05;
 /// or by this share of it, whichever is more.
 const SHOWS_SHARE: f64 = 0.05;
-
-/// Whom to identify, in which family.
-#[derive(Clone, Copy)]
-pub struct IdentifyRequest<'a> {
-    /// The world with its family: the model.
-    pub world: &'a Scenario,
-    /// The ego, which is only run.
-    pub ego: &'a Scenario,
-    /// Runs of it to record.
-    pub runs: usize,
-    /// Seed of the runs and of the search.
-    pub seed: u64,
-    /// Quantities that stay nominal, as if the family did not vary them.
-    pub fixed: &'a [String],
-}
 
 /// The member found, and how far it is to be trusted.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,13 +1,26 @@
 //! Runs of an ego as seen from outside, and how far a model strays from them.
 
-use super::IdentifyRequest;
 use crate::campaign::Watch;
-use crate::campaign::eval::HOLD_DECISIONS;
 use crate::ego::Fault;
 use crate::scenario::Scenario;
 use crate::scene::{Flow, Scene, Start};
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Actor, Held};
+use crate::testbench::{Actor, HOLD_DECISIONS, Held};
+
+/// Whom to identify, in which family.
+#[derive(Clone, Copy)]
+pub struct IdentifyRequest<'a> {
+    /// The world with its family: the model.
+    pub world: &'a Scenario,
+    /// The ego, which is only run.
+    pub ego: &'a Scenario,
+    /// Runs of it to record.
+    pub runs: usize,
+    /// Seed of the runs and of the search.
+    pub seed: u64,
+    /// Quantities that stay nominal, as if the family did not vary them.
+    pub fixed: &'a [String],
+}
 
 /// Position along x and y and speed of the ego.
 type Seen = [f64; 3];

@@ -1,6 +1,6 @@
 //! Where a replay first differs from what was recorded.
 
-use super::Kept;
+use super::kept::Kept;
 use crate::run::{KeptError, digests_of};
 use crate::scene::drive::current_name;
 use crate::testbench::Episode;

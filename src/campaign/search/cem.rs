@@ -7,36 +7,10 @@
 
 use rand::RngExt;
 
+use super::request::Cem;
 use super::trials::Trials;
-use crate::campaign::heuristic::pick;
+use crate::campaign::entropy::pick;
 use crate::seed;
-
-/// Settings of the cross-entropy method.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cem {
-    /// Sequences per generation (20).
-    pub population: usize,
-    /// The best of them, from which the next generation is drawn (4).
-    pub elites: usize,
-    /// Weight of the elites against the old distribution (0.6).
-    pub smoothing: f64,
-    /// Decisions for which a drawn action is held (5).
-    pub hold: usize,
-    /// Chance that an action is drawn uniformly after all (0.2).
-    pub exploration: f64,
-}
-
-impl Default for Cem {
-    fn default() -> Cem {
-        Cem {
-            population: 20,
-            elites: 4,
-            smoothing: 0.6,
-            hold: 5,
-            exploration: 0.2,
-        }
-    }
-}
 
 /// Tries sequences until one succeeds; the dice depend on `noise`.
 pub(super) fn solve(trials: &mut Trials<'_>, noise: u64, cem: Cem) {

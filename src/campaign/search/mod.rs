@@ -4,6 +4,7 @@
 mod cem;
 mod mutate;
 mod random;
+mod request;
 mod switches;
 mod trials;
 
@@ -12,87 +13,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use cpu_time::ThreadTime;
 use rayon::prelude::*;
 
-pub use cem::Cem;
+pub use request::{Cem, Found, Method, SWITCHES, SearchRequest};
 
-use super::TestStarts;
 use super::Watch;
-use super::eval::{HOLD_DECISIONS, blank_row, count_solved, note_row};
-use crate::ego::Fault;
-use crate::run::{Anytime, ClosingSpeed, Row, StartOutcome, Stored, Unconfirmed, wilson};
+use super::eval::{blank_row, count_solved, note_row};
+use crate::run::{Anytime, ClosingSpeed, Row, StartOutcome, Unconfirmed, wilson};
 use crate::scenario::Scenario;
 use crate::scene::{Dynamics, Start};
 use crate::sim::PlantKind;
-use crate::testbench::{Testbench, count_faults};
+use crate::testbench::{HOLD_DECISIONS, Testbench, count_faults};
 use trials::Trials;
-
-/// Most switches of action in the sequences of [`Method::Switches`], unless told
-/// otherwise; what it then solves is what rows call reachable.
-pub const SWITCHES: usize = 2;
-
-/// How sequences of actions are chosen.
-#[derive(Clone, Copy, Debug)]
-pub enum Method<'a> {
-    /// A uniformly random action at each decision.
-    Uniform,
-    /// A uniformly random action, held for five decisions.
-    Hold,
-    /// The cross-entropy method with the rulebook's reward as fitness.
-    Cem(Cem),
-    /// Mutations of the nearest counterexamples of a training.
-    Mutate(&'a Stored),
-    /// All sequences with at most so many switches of action, fewest first.
-    Switches(usize),
-}
-
-/// What to search.
-#[derive(Clone, Copy)]
-pub struct SearchRequest<'a> {
-    /// The world, with the ego to be tested.
-    pub scenario: &'a Scenario,
-    /// What rows call that ego.
-    pub ego: &'a str,
-    /// How sequences are chosen.
-    pub method: Method<'a>,
-    /// Simulations per start; `Method::Switches` does without.
-    pub budget: u64,
-    /// The test starts.
-    pub starts: &'a TestStarts,
-}
-
-/// A solution and what was spent on one start.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Found {
-    /// The actions that make the ego fail, if any were found.
-    pub actions: Option<Vec<usize>>,
-    /// Closing speed, if the agents touched after it.
-    pub closing_speed_mps: Option<f64>,
-    /// Whether a rule was broken between the success and that contact.
-    pub foul_before_contact: bool,
-    /// Episodes run, a part of one counted as one; the last is the success.
-    pub simulations: u64,
-    /// Physics steps spent, on both plants.
-    pub physics_steps: u64,
-    /// Sequences that succeeded when pre-screened and not on the plant asked for.
-    pub unconfirmed: u64,
-    /// The first fault of ego or physics: without a solution nobody knows
-    /// whether the start has one.
-    pub fault: Option<Fault>,
-    /// Processor time spent.
-    pub cpu_s: f64,
-}
-
-impl Found {
-    /// Whether it says nothing: not solved, and the ego failed to run.
-    pub fn is_invalid(&self) -> bool {
-        self.actions.is_none() && self.fault.is_some()
-    }
-
-    /// Simulations spent with a budget of `budget`, and whether they suffice.
-    pub fn within(&self, budget: u64) -> (u64, bool) {
-        let solved = self.actions.is_some() && self.simulations <= budget;
-        (self.simulations.min(budget), solved)
-    }
-}
 
 /// A row and the solutions behind it.
 #[derive(Clone, Debug)]

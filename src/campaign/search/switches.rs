@@ -1,6 +1,6 @@
 //! All sequences with at most so many switches of action, fewest first.
 
-use super::{Found, SearchRequest};
+use super::request::{Found, SearchRequest};
 use crate::campaign::Watch;
 use crate::ego::Fault;
 use crate::scenario::{Repeats, Scenario};

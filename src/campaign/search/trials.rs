@@ -1,6 +1,6 @@
 //! Whole episodes from one start, one after the other, until one succeeds.
 
-use super::{Found, SearchRequest};
+use super::request::{Found, SearchRequest};
 use crate::campaign::Watch;
 use crate::scenario::Repeats;
 use crate::scene::Start;
