@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::Bundle;
 use super::dice::Dice;
+use super::kind::{Built, Kind, Shaped};
 use super::learner::{ConfigError, Learner, Tally, epsilon, expect_sizes, linear, within};
-use super::list::{Built, Kind, Shaped};
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, Lived, Replay, Tail};
 use super::starts::Starts;

@@ -2,40 +2,14 @@
 //! checked configurations, building, and loading policies.
 //!
 //! A new learner is one module beside this one, whose settings implement
-//! [`Kind`], and one line in the list.
+//! `kind::Kind`, and one line in the list.
 
 use serde::{Deserialize, Serialize};
 
 use super::bundle::{Bundle, BundleError};
+use super::kind::{Built, Kind, Shaped};
 use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, within};
 use super::{DqnSettings, Policy, PpoSettings, QTableSettings, Spaces};
-
-/// What the settings of a learner offer, so that it can stand in the list.
-///
-/// Settings are checked before they build anything ([`LearnerConfig`]), and
-/// bundles are of the right kind.
-pub(super) trait Kind {
-    /// First words of its bundles: of policies, of checkpoints.
-    fn bundles(&self) -> [&'static str; 2];
-
-    /// Refuses the first field, other than `decisions`, that is out of range.
-    fn check(&self) -> Result<(), ConfigError>;
-
-    /// A learner that has seen nothing.
-    fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner>;
-
-    /// A learner that starts from a kept policy.
-    fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built;
-
-    /// A learner that goes on from a checkpoint.
-    fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built;
-
-    /// A kept policy, with its observation length and number of actions.
-    fn load(&self, policy: &Bundle) -> Shaped;
-}
-
-pub(super) type Built = Result<Box<dyn Learner>, BundleError>;
-pub(super) type Shaped = Result<(Box<dyn Policy>, [usize; 2]), BundleError>;
 
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {

@@ -24,6 +24,7 @@ mod bundle;
 mod dice;
 mod dqn;
 pub mod kernel;
+mod kind;
 mod learner;
 mod list;
 pub mod nn;

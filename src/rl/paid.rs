@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::bundle::{Bundle, BundleError};
 use super::dice::Dice;
+use super::kind::{Built, Kind, Shaped};
 use super::learner::{ConfigError, Learner, Tally, within};
-use super::list::{Built, Kind, Shaped};
 use super::nn::argmax;
 use super::{Env, Policy, Spaces};
 

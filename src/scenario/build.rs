@@ -11,18 +11,24 @@ use super::file::ScenarioFile;
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
 use super::problems::Problems;
-use super::runs::Origin;
-use super::{kinship, starts, trained, trial, vacuous};
+use super::runs::{Origin, RunSource};
+use super::{kinship, read, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 
 /// A checked scenario, tried as well.
 pub(super) fn build(
-    origin: Origin<'_>,
+    file: &str,
+    runs: &dyn RunSource,
     text: &str,
-    file: ScenarioFile,
+    parsed: ScenarioFile,
 ) -> Result<Scenario, Vec<Problem>> {
-    let mut scenario = assemble(origin, text, file)?;
+    let origin = Origin {
+        file,
+        runs,
+        assemble: within,
+    };
+    let mut scenario = assemble(origin, text, parsed)?;
     let mut problems = Problems::new(text);
     let top = Path::top();
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
@@ -38,12 +44,20 @@ pub(super) fn build(
     Ok(scenario)
 }
 
+/// The world of a run that a world names; it was tried when it was trained in.
+fn within(origin: Origin<'_>, text: &str) -> Result<Option<World>, Vec<Problem>> {
+    let one = |problem| vec![problem];
+    Ok(match read::kind(text).map_err(one)? {
+        read::Kind::Scenario => {
+            let parsed = read::parse(text).map_err(one)?;
+            Some(assemble(origin, text, parsed)?.world().clone())
+        }
+        read::Kind::Grid => None,
+    })
+}
+
 /// A scenario that was not tried.
-pub(super) fn assemble(
-    origin: Origin<'_>,
-    text: &str,
-    file: ScenarioFile,
-) -> Result<Scenario, Vec<Problem>> {
+fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
     let top = Path::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);

@@ -11,7 +11,8 @@ use super::language::formula;
 use super::locate::Path;
 use super::problems::Problems;
 use super::runs::Origin;
-use super::trained::{self, TrainedFile};
+use super::trained;
+use super::trained::run::TrainedFile;
 use crate::scene::drive::{Agent, Drive, EgoController, Light, LightDrive, Place, Range, Trained};
 use crate::sim::Body;
 

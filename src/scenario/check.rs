@@ -2,8 +2,9 @@
 
 use indexmap::IndexMap;
 
-use super::file::{AdoFile, Ordered};
+use super::file::AdoFile;
 use super::locate::Path;
+use super::ordered::Ordered;
 use super::problems::Problems;
 use super::repeats::{MAX_REPEATS, Repeats};
 use super::{ChangeError, Scenario};

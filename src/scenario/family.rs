@@ -9,7 +9,6 @@
 //! Members are drawn per episode from the episode's own key, so they depend on
 //! no thread and no earlier episode.
 
-use std::collections::BTreeMap;
 use std::fmt;
 
 use indexmap::IndexMap;
@@ -18,18 +17,15 @@ use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::file::Change;
-use super::quantity::{Quantity, Varied};
+use super::quantity::{Quantity, Varied, parameter};
 use crate::ego::{Actuated, ControllerSpec};
-use crate::rl::{DqnSettings, LearnerConfig, LearnerSettings};
+use crate::rl::LearnerConfig;
 use crate::scene::drive::{DriveSpec, Sensors, Tuning};
 use crate::seed::StartKey;
 use crate::sim::PlantKind;
 
 /// Share of the members that are nominal in every quantity.
 const PURE: f64 = 0.15;
-/// Probability with which a quantity of any other member is nominal, unless
-/// the world says otherwise.
-const NOMINAL: f64 = 0.6;
 
 /// What an ado is trained against.
 #[derive(
@@ -69,63 +65,6 @@ impl Against {
     pub fn is_nominal(&self) -> bool {
         *self == Against::Nominal
     }
-}
-
-/// `train_against` as serde reads it.
-#[derive(Deserialize)]
-#[serde(rename = "Family", deny_unknown_fields)]
-pub(super) struct FamilyFile {
-    #[serde(default)]
-    pub(super) ego: super::file::Ordered<(f64, f64)>,
-    #[serde(default)]
-    pub(super) delay_s: Option<(f64, f64)>,
-    #[serde(default)]
-    pub(super) position_sd_m: Option<(f64, f64)>,
-    #[serde(default)]
-    pub(super) speed_sd_mps: Option<(f64, f64)>,
-    #[serde(default)]
-    pub(super) friction: Option<(f64, f64)>,
-    /// Out of the sum of all, so many episodes are played on each plant.
-    #[serde(default)]
-    pub(super) plants: Option<BTreeMap<PlantName, u32>>,
-    /// Probability with which a quantity is nominal.
-    #[serde(default = "nominal")]
-    pub(super) nominal: f64,
-    #[serde(default = "patient")]
-    pub(super) wide: LearnerSettings,
-    #[serde(default = "patient")]
-    pub(super) conditional: LearnerSettings,
-}
-
-/// A plant as a key of a map.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
-pub(super) enum PlantName {
-    Rigid,
-    Kinematic,
-}
-
-impl From<PlantName> for PlantKind {
-    fn from(name: PlantName) -> PlantKind {
-        match name {
-            PlantName::Rigid => PlantKind::Rigid,
-            PlantName::Kinematic => PlantKind::Kinematic,
-        }
-    }
-}
-
-fn nominal() -> f64 {
-    NOMINAL
-}
-
-/// How ados learn against a family, unless the world says otherwise: longer,
-/// but for a smaller share of it exploring, and in smaller steps.
-fn patient() -> LearnerSettings {
-    LearnerSettings::Dqn(DqnSettings {
-        decisions: 3_000_000,
-        exploration_fraction: 0.05,
-        learning_rate: 5e-4,
-        ..DqnSettings::default()
-    })
 }
 
 /// One ego on one plant: a value for every quantity of the family.
@@ -383,10 +322,10 @@ impl Family {
                 return false;
             }
         }
-        for parameter in controller.parameters() {
-            let nominal = self::parameter(&base.controller, parameter.name);
-            let varied = Varied::Ego(parameter.name.to_owned());
-            altered.push((varied, nominal.unwrap_or(f64::NAN), parameter.value));
+        for own in controller.parameters() {
+            let nominal = parameter(&base.controller, own.name);
+            let varied = Varied::Ego(own.name.to_owned());
+            altered.push((varied, nominal.unwrap_or(f64::NAN), own.value));
         }
         let sensors = change.sensors.unwrap_or(base.sensors);
         let flaws = [
@@ -431,15 +370,4 @@ impl fmt::Display for Against {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())
     }
-}
-
-/// The stock controller of a scene's ego, and its actuator.
-pub(super) fn controller(spec: &DriveSpec) -> Option<Actuated<ControllerSpec>> {
-    spec.egos().find_map(|(_, drive)| drive.stock())
-}
-
-pub(super) fn parameter(controller: &Actuated<ControllerSpec>, name: &str) -> Option<f64> {
-    let parameters = controller.parameters();
-    let found = parameters.iter().find(|p| p.name == name)?;
-    Some(found.value)
 }

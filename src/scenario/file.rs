@@ -1,17 +1,16 @@
 //! The shape of a world file, as serde reads it.
 
+use std::collections::BTreeMap;
 use std::fmt;
-use std::marker::PhantomData;
 
-use super::family::FamilyFile;
-use indexmap::IndexMap;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::ordered::{Ordered, Patch};
 use super::repeats::Repeats;
-use super::trained::TrainedFile;
+use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
-use crate::rl::LearnerSettings;
+use crate::rl::{DqnSettings, LearnerSettings};
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, Range, Road, Schedule, Script, Sensors};
@@ -312,59 +311,63 @@ impl<'de> Deserialize<'de> for SignalFile {
     }
 }
 
-/// A map that keeps its order and rejects a repeated key.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Ordered<V>(pub(super) IndexMap<String, V>);
+/// Probability with which a quantity of any other member is nominal, unless
+/// the world says otherwise.
+const NOMINAL: f64 = 0.6;
 
-impl<V> Default for Ordered<V> {
-    fn default() -> Self {
-        Ordered(IndexMap::new())
-    }
+/// `train_against` as serde reads it.
+#[derive(Deserialize)]
+#[serde(rename = "Family", deny_unknown_fields)]
+pub(super) struct FamilyFile {
+    #[serde(default)]
+    pub(super) ego: Ordered<(f64, f64)>,
+    #[serde(default)]
+    pub(super) delay_s: Option<(f64, f64)>,
+    #[serde(default)]
+    pub(super) position_sd_m: Option<(f64, f64)>,
+    #[serde(default)]
+    pub(super) speed_sd_mps: Option<(f64, f64)>,
+    #[serde(default)]
+    pub(super) friction: Option<(f64, f64)>,
+    /// Out of the sum of all, so many episodes are played on each plant.
+    #[serde(default)]
+    pub(super) plants: Option<BTreeMap<PlantName, u32>>,
+    /// Probability with which a quantity is nominal.
+    #[serde(default = "nominal")]
+    pub(super) nominal: f64,
+    #[serde(default = "patient")]
+    pub(super) wide: LearnerSettings,
+    #[serde(default = "patient")]
+    pub(super) conditional: LearnerSettings,
 }
 
-struct OrderedVisitor<V>(PhantomData<V>);
+/// A plant as a key of a map.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
+pub(super) enum PlantName {
+    Rigid,
+    Kinematic,
+}
 
-impl<'de, V: Deserialize<'de>> Visitor<'de> for OrderedVisitor<V> {
-    type Value = IndexMap<String, V>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "names and values")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Self::Value, A::Error> {
-        let mut map = IndexMap::new();
-        while let Some(key) = access.next_key::<String>()? {
-            if map.contains_key(&key) {
-                return Err(de::Error::custom(format!("`{key}` is given twice")));
-            }
-            map.insert(key, access.next_value()?);
+impl From<PlantName> for PlantKind {
+    fn from(name: PlantName) -> PlantKind {
+        match name {
+            PlantName::Rigid => PlantKind::Rigid,
+            PlantName::Kinematic => PlantKind::Kinematic,
         }
-        Ok(map)
     }
 }
 
-impl<'de, V: Deserialize<'de>> Deserialize<'de> for Ordered<V> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer
-            .deserialize_map(OrderedVisitor(PhantomData))
-            .map(Ordered)
-    }
+fn nominal() -> f64 {
+    NOMINAL
 }
 
-/// Parameters by name, written like a struct: `(max_brake_mps2: 4.0)`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Patch(pub IndexMap<String, f64>);
-
-impl<'de> Deserialize<'de> for Patch {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Patch, D::Error> {
-        deserializer
-            .deserialize_any(OrderedVisitor(PhantomData))
-            .map(Patch)
-    }
-}
-
-impl Serialize for Patch {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.0.serialize(serializer)
-    }
+/// How ados learn against a family, unless the world says otherwise: longer,
+/// but for a smaller share of it exploring, and in smaller steps.
+fn patient() -> LearnerSettings {
+    LearnerSettings::Dqn(DqnSettings {
+        decisions: 3_000_000,
+        exploration_fraction: 0.05,
+        learning_rate: 5e-4,
+        ..DqnSettings::default()
+    })
 }

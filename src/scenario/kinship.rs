@@ -2,9 +2,11 @@
 
 use super::check;
 use super::error::{did_you_mean, known_names};
-use super::family::{Base, Family, FamilyFile, controller};
+use super::family::{Base, Family};
+use super::file::FamilyFile;
 use super::locate::Path;
 use super::problems::Problems;
+use super::quantity::controller;
 use super::quantity::{Quantity, Varied};
 use crate::ego::Parameter;
 use crate::scene::drive::DriveSpec;

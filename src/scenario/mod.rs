@@ -23,6 +23,7 @@ mod grid;
 mod kinship;
 mod language;
 mod locate;
+mod ordered;
 mod problems;
 mod quantity;
 mod read;
@@ -39,8 +40,9 @@ use std::path::Path as FilePath;
 
 pub use error::{LoadError, Problem, ScenarioError};
 pub use family::{Against, Family, Member, MisfitMember, NoMember};
-pub use file::{Change, GridChange, Patch};
+pub use file::{Change, GridChange};
 pub use locate::Path;
+pub use ordered::Patch;
 pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 pub use runs::{NamedRun, RunRefused, RunSource};
@@ -86,7 +88,7 @@ impl Scenario {
         match read::kind(text).map_err(one)? {
             read::Kind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;
-                build::build(runs::Origin { file, runs }, text, parsed).map_err(fail)
+                build::build(file, runs, text, parsed).map_err(fail)
             }
             read::Kind::Grid => {
                 let parsed = read::parse(text).map_err(one)?;

@@ -2,7 +2,7 @@
 
 use rand::{Rng, RngExt};
 
-use super::family::{controller, parameter};
+use crate::ego::{Actuated, ControllerSpec};
 use crate::scene::drive::DriveSpec;
 
 /// What a family varies.
@@ -117,4 +117,15 @@ impl Quantity {
             }
         })
     }
+}
+
+/// The stock controller of a scene's ego, and its actuator.
+pub(super) fn controller(spec: &DriveSpec) -> Option<Actuated<ControllerSpec>> {
+    spec.egos().find_map(|(_, drive)| drive.stock())
+}
+
+pub(super) fn parameter(controller: &Actuated<ControllerSpec>, name: &str) -> Option<f64> {
+    let parameters = controller.parameters();
+    let found = parameters.iter().find(|p| p.name == name)?;
+    Some(found.value)
 }

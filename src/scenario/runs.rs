@@ -1,5 +1,8 @@
 //! Runs that a world file names, as this floor knows them: found by others.
 
+use super::error::Problem;
+use crate::scene::World;
+
 /// A finished run: what of it a world needs that names it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedRun {
@@ -56,4 +59,7 @@ impl RunSource for Nowhere {
 pub(super) struct Origin<'a> {
     pub(super) file: &'a str,
     pub(super) runs: &'a dyn RunSource,
+    /// Assembles the world of a run, which stands within this one; `None`: it is
+    /// a grid.
+    pub(super) assemble: fn(Origin<'_>, &str) -> Result<Option<World>, Vec<Problem>>,
 }

@@ -6,89 +6,24 @@
 //! such a world need nothing else.
 
 mod nested;
+pub(super) mod run;
 
 use std::fmt;
 use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde::Deserialize;
-use serde::de::{self, Deserializer, MapAccess, Visitor};
 
+use self::run::{Run, RunFile, TrainedFile, opened};
 use super::check::{self, ActsAs};
 use super::error::{did_you_mean, known_names};
-use super::file::Ordered;
 use super::locate::Path;
+use super::ordered::Ordered;
 use super::problems::Problems;
-use super::runs::{NamedRun, Origin, RunRefused, refused};
-use super::{build, read};
+use super::runs::{Origin, RunRefused, refused};
 use crate::rl::{Bundle, Policy, load_policy_for};
 use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec, LightDrive, Trained, TrainedError};
-
-#[derive(Deserialize)]
-#[serde(rename = "Trained", deny_unknown_fields)]
-pub(super) struct TrainedFile {
-    run: RunFile,
-    #[serde(default)]
-    names: Ordered<String>,
-}
-
-/// `"runs/acc"`, or what was found there.
-enum RunFile {
-    Directory(String),
-    Kept(KeptRun),
-}
-
-/// A run, as a world that was loaded once holds it.
-#[derive(Deserialize)]
-#[serde(rename = "Kept", deny_unknown_fields)]
-struct KeptRun {
-    /// The directory it came from.
-    from: String,
-    /// Its world, verbatim.
-    world: String,
-    /// Its policy, a safetensors file in base64.
-    policy: String,
-}
-
-impl<'de> Deserialize<'de> for RunFile {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RunFile, D::Error> {
-        struct Either;
-        impl<'de> Visitor<'de> for Either {
-            type Value = RunFile;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                write!(f, "a run directory such as \"runs/acc\" or Kept(…)")
-            }
-
-            fn visit_str<E: de::Error>(self, v: &str) -> Result<RunFile, E> {
-                Ok(RunFile::Directory(v.to_owned()))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<RunFile, A::Error> {
-                KeptRun::deserialize(de::value::MapAccessDeserializer::new(map)).map(RunFile::Kept)
-            }
-        }
-        deserializer.deserialize_any(Either)
-    }
-}
-
-/// A run, read.
-struct Run {
-    from: String,
-    /// What tells it from others; `None`: it is in the text.
-    identity: Option<String>,
-    world: String,
-    policy: Vec<u8>,
-}
-
-impl Run {
-    /// What its world's file is called.
-    fn world_name(&self) -> String {
-        format!("{}/world.ron", self.from)
-    }
-}
 
 /// A trained ado, and the text that says the same without its directory.
 pub(super) fn open(
@@ -121,41 +56,6 @@ pub(super) fn open(
         RunFile::Kept(_) => None,
     };
     Some((drive, written_out))
-}
-
-/// The run that a world file names or holds.
-fn opened(run: &RunFile, origin: Origin<'_>) -> Result<Run, RunRefused> {
-    match run {
-        RunFile::Directory(name) => {
-            let NamedRun {
-                identity,
-                world,
-                policy,
-            } = origin.runs.find(name, origin.file)?;
-            Ok(Run {
-                from: name.clone(),
-                identity: Some(identity),
-                world,
-                policy,
-            })
-        }
-        RunFile::Kept(kept) => from_text(kept),
-    }
-}
-
-fn from_text(kept: &KeptRun) -> Result<Run, RunRefused> {
-    let policy = STANDARD.decode(&kept.policy).map_err(|error| {
-        refused(
-            format!("the policy kept from `{}` is damaged: {error}", kept.from),
-            "write `run: \"RUN\"` with a run directory instead",
-        )
-    })?;
-    Ok(Run {
-        from: kept.from.clone(),
-        identity: None,
-        world: kept.world.clone(),
-        policy,
-    })
 }
 
 fn made_from(
@@ -221,17 +121,13 @@ fn world_of(run: &Run, origin: Origin<'_>) -> Result<World, RunRefused> {
         Some(problem) => unusable(&format!("{name}: {}", problem.what)),
         None => unusable(&name),
     };
-    match read::kind(&run.world).map_err(|problem| first(vec![problem]))? {
-        read::Kind::Scenario => {
-            let parsed = read::parse(&run.world).map_err(|problem| first(vec![problem]))?;
-            let scenario = build::assemble(inner, &run.world, parsed).map_err(first)?;
-            Ok(scenario.world().clone())
-        }
-        read::Kind::Grid => Err(refused(
+    let world = (origin.assemble)(inner, &run.world).map_err(first)?;
+    world.ok_or_else(|| {
+        refused(
             format!("the run `{}` is of a grid", run.from),
             "only ados of driving worlds can be placed in one",
-        )),
-    }
+        )
+    })
 }
 
 /// A run as RON, in one value.

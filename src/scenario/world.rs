@@ -252,7 +252,7 @@ impl Scenario {
 
     /// The ego's stock controller and its actuator, if it has one.
     pub fn controller(&self) -> Option<Actuated<ControllerSpec>> {
-        super::family::controller(self.drive()?)
+        super::quantity::controller(self.drive()?)
     }
 
     /// Every signal that formulas may use, derived ones included.

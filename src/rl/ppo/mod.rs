@@ -15,8 +15,8 @@ use policy::ActorCritic;
 
 use crate::rl::bundle::{Bundle, BundleError};
 use crate::rl::dice::Dice;
+use crate::rl::kind::{Built, Kind, Shaped};
 use crate::rl::learner::{ConfigError, Learner, Tally, expect_sizes, linear};
-use crate::rl::list::{Built, Kind, Shaped};
 use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
 use crate::rl::{End, Env, Policy, Spaces};

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{Bins, QTableSettings};
+use super::settings::{Bins, QTableSettings};
 use crate::rl::bundle::{Bundle, BundleError};
-use crate::rl::list::Kind;
+use crate::rl::kind::Kind;
 use crate::rl::replay::check;
 
 /// Cells in alphabetical order of their indices, with a row for each.

@@ -8,7 +8,7 @@
 use super::super::file::{AgentFile, DriveFile, LightFile, ScenarioFile};
 use super::super::read;
 use super::super::runs::{Origin, RunRefused, refused};
-use super::{Run, TrainedFile, opened};
+use super::run::{Run, TrainedFile, opened};
 
 /// Most runs within each other; each costs some of the stack.
 const MOST_NESTED: usize = 16;

@@ -1,0 +1,76 @@
+//! Hyperparameters of tabular Q-learning.
+
+use serde::{Deserialize, Serialize};
+
+/// Hyperparameters of tabular Q-learning.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "QTableConfig", deny_unknown_fields, default)]
+pub struct QTableSettings {
+    /// Decisions to train for (300000): as many as the DQN's.
+    pub decisions: u64,
+    /// α (Constant(0.3)): cells are coarse, so old targets must fade.
+    pub learning_rate: LearningRate,
+    /// γ (1): the reward comes once, at the end.
+    pub discount: f64,
+    /// Q before the first visit (0): above every reward it is optimistic.
+    pub initial_value: f64,
+    /// ε at the start (1): every action everywhere.
+    pub exploration: f64,
+    /// ε at the end (0.05): ε-soft to the last.
+    pub final_exploration: f64,
+    /// Share of the training in which ε falls, linearly (0.5).
+    pub exploration_fraction: f64,
+    /// An exploratory action is held 1 to this many decisions (4): reaches far.
+    pub hold: usize,
+    /// Bins per observed number (one `Bins()` for all); the last one repeats.
+    pub bins: Vec<Bins>,
+}
+
+/// The step size of tabular updates.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum LearningRate {
+    /// Always this.
+    Constant(f64),
+    /// 1/n^ω at the n-th visit; converges for 0.5 < ω ≤ 1.
+    Power(f64),
+}
+
+/// How one observed number is cut into cells of equal width.
+///
+/// Numbers outside fall into the first or the last cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bins {
+    /// Lower end (-1): observations are scaled to about [-1, 1].
+    pub low: f64,
+    /// Upper end (1).
+    pub high: f64,
+    /// Number of cells (16): finer ones see each state too rarely.
+    pub count: u32,
+}
+
+impl Default for QTableSettings {
+    fn default() -> Self {
+        QTableSettings {
+            decisions: 300_000,
+            learning_rate: LearningRate::Constant(0.3),
+            discount: 1.0,
+            initial_value: 0.0,
+            exploration: 1.0,
+            final_exploration: 0.05,
+            exploration_fraction: 0.5,
+            hold: 4,
+            bins: vec![Bins::default()],
+        }
+    }
+}
+
+impl Default for Bins {
+    fn default() -> Self {
+        Bins {
+            low: -1.0,
+            high: 1.0,
+            count: 16,
+        }
+    }
+}
