@@ -11,7 +11,7 @@ use super::file::ScenarioFile;
 use super::language::{Language, constants, formula, rulebook};
 use super::locate::Path;
 use super::problems::Problems;
-use super::runs::{Origin, RunSource};
+use super::runs::{Assembled, Origin, RunSource};
 use super::{kinship, read, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
@@ -45,7 +45,7 @@ pub(super) fn build(
 }
 
 /// The world of a run that a world names; it was tried when it was trained in.
-fn within(origin: Origin<'_>, text: &str) -> Result<Option<World>, Vec<Problem>> {
+fn within(origin: Origin<'_>, text: &str) -> Assembled {
     let one = |problem| vec![problem];
     Ok(match read::kind(text).map_err(one)? {
         read::Kind::Scenario => {

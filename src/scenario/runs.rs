@@ -54,12 +54,14 @@ impl RunSource for Nowhere {
     }
 }
 
+/// A world from its text; `None`: it is a grid.
+pub(super) type Assembled = Result<Option<World>, Vec<Problem>>;
+
 /// Where a world comes from: its file's name, and who finds the runs it names.
 #[derive(Clone, Copy)]
 pub(super) struct Origin<'a> {
     pub(super) file: &'a str,
     pub(super) runs: &'a dyn RunSource,
-    /// Assembles the world of a run, which stands within this one; `None`: it is
-    /// a grid.
-    pub(super) assemble: fn(Origin<'_>, &str) -> Result<Option<World>, Vec<Problem>>,
+    /// Assembles the world of a run, which stands within this one.
+    pub(super) assemble: fn(Origin<'_>, &str) -> Assembled,
 }

@@ -40,7 +40,7 @@ fn every_learner_nearly_solves_the_map_it_is_trained_on() {
 #[test]
 fn a_trained_ado_is_reused_on_maps_and_egos_it_has_never_met() {
     let world = world(B);
-    let policy = trained(&world, &world.learner(), 22);
+    let policy = trained(&world, world.learner(), 22);
     let at = |size: Option<u32>, ego_step: Option<u32>| {
         let change = GridChange {
             size,
@@ -63,7 +63,7 @@ fn a_trained_ado_is_reused_on_maps_and_egos_it_has_never_met() {
 #[test]
 fn under_a_the_same_ado_captures_nearly_everything_everywhere() {
     let world = world(A);
-    let policy = trained(&world, &world.learner(), 23);
+    let policy = trained(&world, world.learner(), 23);
     for (size, ego_step) in [(5, 2), (4, 1), (4, 3), (4, 4)] {
         let change = GridChange {
             size: Some(size),

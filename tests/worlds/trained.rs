@@ -77,7 +77,7 @@ fn a_trained_ado_acts_as_at_home_and_needs_its_directory_only_once() {
     let second = dir.path().join("second");
     RunDir::create(&second, &here, 1).expect("a new directory");
     std::fs::remove_dir_all(run.path()).expect("removed");
-    let again = Scenario::parse("elsewhere.ron", &here.text()).expect("self-contained");
+    let again = Scenario::parse("elsewhere.ron", here.text()).expect("self-contained");
     assert_eq!(again.text(), here.text());
 
     let benches = [&home, &here, &again].map(Scenario::bench);
@@ -289,5 +289,5 @@ fn a_text_without_a_file_finds_no_run_and_says_so() {
     );
     let help = problem.help.as_deref().expect("a cure");
     assert!(help.contains("load the world from its file"), "{help}");
-    Scenario::parse("placed.ron", &here.text()).expect("a written-out world needs no disk");
+    Scenario::parse("placed.ron", here.text()).expect("a written-out world needs no disk");
 }
