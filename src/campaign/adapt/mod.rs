@@ -25,7 +25,7 @@ use crate::scenario::{Family, Member, Scenario};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, PolicyActor, Testbench};
 
-/// Simulations with which docs/reuse.md was measured: 22 members a generation.
+/// Simulations with which docs/lab/reuse.md was measured: 22 members a generation.
 pub const ENOUGH_SIMULATIONS: u64 = 600;
 /// With fewer, hardly a member would be proposed.
 pub const LEAST_SIMULATIONS: u64 = 200;

@@ -11,7 +11,7 @@
 //! the middle is about as wide as Student's t with one degree of freedom less
 //! than there are trainings, and knows at the edges that rates end at 0 and 1.
 //!
-//! docs/intervals.md has the method in formulas and its simulated coverage.
+//! docs/intervals.md has the method in formulas, docs/lab/coverage.md its coverage.
 
 mod scores;
 #[cfg(test)]
