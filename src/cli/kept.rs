@@ -248,18 +248,13 @@ pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
     }
     let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, &output)
         .map_err(|error| Failure::fault(error.to_string(), Some(error.help().to_owned())))?;
+    let file = recorded.path.display().to_string();
+    let (bytes, samples) = (recorded.bytes, recorded.samples);
     match args.common.json {
-        true => print_json(&json!({
-            "file": recorded.path.display().to_string(),
-            "bytes": recorded.bytes,
-            "samples": recorded.samples,
-        })),
+        true => print_json(&json!({ "file": file, "bytes": bytes, "samples": samples })),
         false => talk::data(&format!(
-            "{}: {} samples, {} kB; open it with `rerun {}`",
-            recorded.path.display(),
-            recorded.samples,
-            recorded.bytes.div_ceil(1000),
-            recorded.path.display()
+            "{file}: {samples} samples, {} kB; open it with `rerun {file}`",
+            bytes.div_ceil(1000)
         )),
     }?;
     Ok(Exit::Done)

@@ -256,3 +256,33 @@ fn signals_and_robustness_are_double_precision() {
         assert!(!(double && line.contains("f32")), "{place}");
     }
 }
+
+/// A verb parses, calls the library and prints; what it decides is below.
+const MOST_LINES_OF_A_VERB: usize = 40;
+
+#[test]
+fn a_verb_is_short() {
+    const VERBS: [&str; 3] = ["run", "replay", "view"];
+    let mut seen = 0;
+    for (path, text) in texts() {
+        if !path.starts_with("src/cli/") {
+            continue;
+        }
+        let file = syn::parse_file(&text).expect("a source file");
+        for item in &file.items {
+            let syn::Item::Fn(verb) = item else { continue };
+            if !VERBS.contains(&&*verb.sig.ident.to_string()) {
+                continue;
+            }
+            let lines = verb.block.brace_token.span.close().end().line
+                - verb.sig.fn_token.span.start().line;
+            assert!(
+                lines < MOST_LINES_OF_A_VERB,
+                "{path}: `{}` has {lines} lines",
+                verb.sig.ident
+            );
+            seen += 1;
+        }
+    }
+    assert!(10 <= seen, "{seen} verbs");
+}

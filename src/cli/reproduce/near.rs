@@ -3,9 +3,13 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, world};
-use crate::campaign::test_starts;
+use crate::campaign::{Watch, test_starts};
 use crate::run::RunDir;
-use crate::studies::{Alumnus, near_starts, near_starts_markdown, start_with, trained_run};
+use crate::scenario::Scenario;
+use crate::scene::Start;
+use crate::studies::{
+    Alumnus, NearFailing, near_starts, near_starts_markdown, start_with, trained_run,
+};
 
 /// World, and the paper's failing start (v_ego, v_ado, distance along the road).
 ///
@@ -48,21 +52,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         });
         let piece = format!("{name}, near starts");
         let made = once(args, (&piece, &scenario), settings, |watch| {
-            let (path, _) = trained_run(&scenario, seeds.first, &args.output.join("runs"), watch)?;
-            let starts = test_starts(&scenario, seeds.starts, args.starts, watch);
-            let (Some(starts), false) = (starts, watch.stopped()) else {
-                return Ok(None);
-            };
-            let run = RunDir::open(&path)?;
-            let policy = run.policy()?;
-            let alumnus = Alumnus {
-                policy: &*policy,
-                seed: run.manifest().seed,
-                episodes: run.manifest().episodes,
-            };
-            Ok(near_starts(
-                &scenario, alumnus, &around, &starts, &DELTAS, watch,
-            ))
+            near(args, &scenario, &around, watch)
         })?;
         let Some(near) = made else {
             return Ok(None);
@@ -74,4 +64,29 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         markdown: headed(seeds, &near_starts_markdown(&all)),
         json: json!({ "near_starts": all }),
     }))
+}
+
+/// How the trained ado fares near the failing start of a world. `None`: stopped.
+fn near(
+    args: &ReproduceArgs,
+    scenario: &Scenario,
+    around: &Start,
+    watch: &Watch<'_>,
+) -> Result<Option<NearFailing>, Failure> {
+    let seeds = args.asked_seeds(1);
+    let (path, _) = trained_run(scenario, seeds.first, &args.output.join("runs"), watch)?;
+    let starts = test_starts(scenario, seeds.starts, args.starts, watch);
+    let (Some(starts), false) = (starts, watch.stopped()) else {
+        return Ok(None);
+    };
+    let run = RunDir::open(&path)?;
+    let policy = run.policy()?;
+    let alumnus = Alumnus {
+        policy: &*policy,
+        seed: run.manifest().seed,
+        episodes: run.manifest().episodes,
+    };
+    Ok(near_starts(
+        scenario, alumnus, around, &starts, &DELTAS, watch,
+    ))
 }
