@@ -539,7 +539,7 @@ fn repeats_play_every_start_several_times_and_gate_on_some_of_them() {
             "--method",
             "hold",
             "--budget",
-            "8",
+            "2",
             "--starts",
             "6",
             "--ego",
