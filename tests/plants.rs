@@ -427,6 +427,15 @@ fn broken_commands_make_a_plant_unsound_not_panic() {
 
 #[test]
 fn shipped_bodies_parse_and_survive_a_round_trip() {
+    let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/vehicles");
+    let files = std::fs::read_dir(dir).expect("the bodies");
+    let files = files.map(|file| file.expect("a file").path());
+    let stem = |path: std::path::PathBuf| path.file_stem().map(|it| it.display().to_string());
+    let mut files: Vec<String> = files.filter_map(stem).collect();
+    files.sort();
+    let mut names: Vec<String> = Body::shipped_names().map(String::from).collect();
+    names.sort();
+    assert_eq!(names, files);
     for name in Body::shipped_names() {
         let physics = include_str!("../docs/physics.md");
         assert!(physics.contains(&format!("\n| `{name}.ron` |")), "{name}");

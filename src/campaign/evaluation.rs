@@ -44,6 +44,9 @@ pub struct Evaluation<'a> {
     pub search: Option<usize>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     pub tries: u64,
+    /// Whether [`EvaluationTable::keep`] is to follow: what it needs of every ego
+    /// is held in memory then.
+    pub keeps: bool,
 }
 
 /// Why the first counterexample of an ego is one.
@@ -203,12 +206,13 @@ impl<'a> EvaluationTable<'a> {
         let reused = reused_on(ego.scenario(), named, starts, rows, watch);
         self.egos.push(reused);
         self.reasons.extend(reason);
-        self.found.extend(found.map(|by| Found {
-            ego,
-            by,
-            ado,
-            starts: own,
-        }));
+        self.found
+            .extend(found.filter(|_| asked.keeps).map(|by| Found {
+                ego,
+                by,
+                ado,
+                starts: own,
+            }));
         played
     }
 
@@ -253,7 +257,7 @@ impl<'a> EvaluationTable<'a> {
     }
 
     /// Plays the counterexamples of every ego again and writes the first `most`
-    /// of each into a directory.
+    /// of each into a directory; none unless [`Evaluation::keeps`].
     ///
     /// # Errors
     /// The disk refuses.

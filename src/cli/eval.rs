@@ -81,6 +81,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.common.seed),
         search: args.search,
         tries: args.tries,
+        keeps: args.keep.is_some(),
     };
     let Some(mut evaluated) = evaluation.run(&watch)? else {
         return interrupted_early(&args.common);
