@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use super::error::CampaignError;
+use super::eval::{Ado, EvalRequest};
 use super::reuse::Relation;
+use super::starts::TestStarts;
 use crate::ego::Process;
 use crate::run::{ChangedEgo, RunDir};
 use crate::scenario::{Against, Change, Scenario};
@@ -149,6 +151,16 @@ impl EgoUnderTest {
     /// The world with it.
     pub fn scenario(&self) -> &Scenario {
         &self.scenario
+    }
+
+    /// An ado, to be evaluated against it.
+    pub fn met_by<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
+        EvalRequest {
+            scenario: &self.scenario,
+            ego: &self.name,
+            ado,
+            starts,
+        }
     }
 
     /// As manifests name it; `None`: it is the world's own.

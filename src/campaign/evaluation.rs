@@ -315,12 +315,7 @@ impl Evaluation<'_> {
         ado: &'b ConditionedAdo,
         starts: &'b TestStarts,
     ) -> EvalRequest<'b> {
-        EvalRequest {
-            scenario: ego.scenario(),
-            ego: ego.name(),
-            ado: Ado::Trained(&*ado.policy, self.run.manifest().seed),
-            starts,
-        }
+        ego.met_by(Ado::Trained(&*ado.policy, self.run.manifest().seed), starts)
     }
 
     fn several<'b>(&self, request: EvalRequest<'b>, ado: &'b ConditionedAdo) -> Tries<'b> {
@@ -397,17 +392,8 @@ impl<'a> Meeting<'a> {
         })
     }
 
-    fn request<'b>(&'b self, ado: Ado<'b>) -> EvalRequest<'b> {
-        EvalRequest {
-            scenario: self.ego.scenario(),
-            ego: self.ego.name(),
-            ado,
-            starts: self.starts,
-        }
-    }
-
     fn evaluated(&self, ado: Ado<'_>) -> Evaluated {
-        eval(&self.request(ado), self.watch)
+        eval(&self.ego.met_by(ado, self.starts), self.watch)
     }
 
     /// The trained ado, with several tries per start where they are asked for.
@@ -456,7 +442,7 @@ impl<'a> Meeting<'a> {
         let request = EvalRequest {
             scenario: &whole,
             ado: rule.ado(&policy),
-            ..self.request(Ado::Random)
+            ..self.ego.met_by(Ado::Random, self.starts)
         };
         Ok(eval(&request, self.watch))
     }

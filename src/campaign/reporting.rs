@@ -147,12 +147,8 @@ impl<'a> ReportRequest<'a> {
         };
         let own = EgoUnderTest::nominal(self.scenario);
         let told = conditioned(self.run, self.context(), &own, seed, watch)?;
-        let request = EvalRequest {
-            scenario: self.scenario,
-            ego: own.name(),
-            ado: Ado::Trained(&*told.policy, self.run.manifest().seed),
-            starts: &starts,
-        };
+        let ado = Ado::Trained(&*told.policy, self.run.manifest().seed);
+        let request = own.met_by(ado, &starts);
         let nominal = self.nominal(report, &request, watch);
         if self.given.rows.is_empty() {
             report.tested.push(nominal);
@@ -224,12 +220,7 @@ impl<'a> ReportRequest<'a> {
                 if ego.name() == "nominal" && ado.word() == "trained" {
                     continue;
                 }
-                let request = EvalRequest {
-                    scenario: ego.scenario(),
-                    ego: ego.name(),
-                    ado,
-                    starts: &own,
-                };
+                let request = ego.met_by(ado, &own);
                 let evaluated = eval(&request, watch);
                 report.tested.push(Tested {
                     why: explain_first(&request, &evaluated).map(|(_, why)| why.to_string()),

@@ -4,7 +4,7 @@ use super::break_even::{BreakEven, break_even};
 use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
-use super::eval::{Ado, EvalRequest, eval};
+use super::eval::{Ado, eval};
 use super::repeatable::note_if_unrepeatable;
 use super::search::{Method, SearchRequest, Searched, search};
 use super::starts::{TestStarts, test_starts};
@@ -109,13 +109,8 @@ impl Trained<'_> {
         (searched, starts): (&Searched, &TestStarts),
         watch: &Watch<'_>,
     ) -> Row {
-        let request = EvalRequest {
-            scenario: ego.scenario(),
-            ego: ego.name(),
-            ado: Ado::Trained(&*self.policy, self.run.manifest().seed),
-            starts,
-        };
-        let mut row = eval(&request, watch).row;
+        let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
+        let mut row = eval(&ego.met_by(ado, starts), watch).row;
         row.compare_with_search(&searched.row.solved);
         row
     }

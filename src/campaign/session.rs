@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
-use super::eval::{Ado, EvalRequest, Evaluated, best_constant, eval};
+use super::eval::{Ado, Evaluated, best_constant, eval};
 use super::keep::keep;
 use super::starts::{TestStarts, test_starts};
 use super::train::{TrainError, Trained, train};
@@ -153,7 +153,7 @@ impl TrainSession {
         let Some(starts) = test_starts(&self.run.world()?, 0, starts, watch) else {
             return Ok(None);
         };
-        let request = |ado| self.request(ado, &starts);
+        let request = |ado| self.ego.met_by(ado, &starts);
         let mut evaluated = eval(&request(self.trained(&*policy)), watch);
         if self.world.against == Against::Conditional {
             evaluated.row.told = Some("nominal".to_owned());
@@ -180,7 +180,8 @@ impl TrainSession {
     pub fn keep(&self, closing: &Closing) -> Result<(), CampaignError> {
         self.run.save_report(&closing.rows)?;
         let episodes = self.run.path().join("episodes");
-        let trained = self.request(self.trained(&*closing.policy), &closing.starts);
+        let ado = self.trained(&*closing.policy);
+        let trained = self.ego.met_by(ado, &closing.starts);
         let change = self.ego.change();
         keep(
             &trained,
@@ -204,15 +205,6 @@ impl TrainSession {
 
     fn trained<'a>(&self, policy: &'a dyn Policy) -> Ado<'a> {
         Ado::Trained(policy, self.run.manifest().seed)
-    }
-
-    fn request<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
-        EvalRequest {
-            scenario: self.ego.scenario(),
-            ego: self.ego.name(),
-            ado,
-            starts,
-        }
     }
 
     /// The trained ado; a conditional one is told the nominal parameters.
