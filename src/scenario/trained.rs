@@ -95,7 +95,7 @@ fn made_from(
         part,
         actions,
         policy: Arc::<dyn Policy>::from(policy),
-        home: Arc::new(home.clone()),
+        home: Arc::new(home.training_world()),
         names: names.0.clone(),
     })
 }

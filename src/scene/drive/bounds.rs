@@ -1,6 +1,6 @@
 //! What the signals of a driving scene can be, and which no ado can change.
 
-use super::schema_of;
+use super::signals::schema_of;
 use super::spec::DriveSpec;
 use crate::stl::Interval;
 

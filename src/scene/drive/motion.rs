@@ -5,40 +5,35 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::actions::Choice;
-use super::course::OnRoad;
-use super::light::{LightDrive, Shown};
-use super::reading::scaled;
+use super::layout::Layout;
+use super::light::LightDrive;
+use super::names::Who;
 use super::sensors::Sensing;
 use super::spec::{Agent, Drive, Place, Range};
+use super::state::SceneState;
 use super::steering::LaneKeeper;
-use super::trained::{Trained, Who};
-use super::{Layout, staging};
+use super::trained::Trained;
+use super::{perceiving, staging};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
-use crate::sim::{self, BodyId, BodyState, Command, Contact, Ground, Plant, Pose};
+use crate::sim::{BodyId, Command, Contact, Pose};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
 pub struct DriveScene {
-    pub(super) layout: Arc<Layout>,
-    pub(super) plant: Box<dyn Plant>,
+    layout: Arc<Layout>,
+    state: SceneState,
     controller: Box<dyn Controller>,
     /// Of an ego that nobody here wrote: what it commanded so far.
     commands: Vec<ego::Command>,
-    pub(super) sensing: Sensing,
+    sensing: Sensing,
     /// The lag behind each agent's acceleration.
     actuators: Vec<Actuator>,
     keepers: Vec<LaneKeeper>,
     chosen: Vec<Choice>,
-    pub(super) bodies: Vec<BodyId>,
-    pub(super) states: Vec<BodyState>,
-    pub(super) on_road: Vec<OnRoad>,
-    pub(super) lights: Vec<Shown>,
-    pub(super) percept: Percept,
-    pub(super) touch: Option<Contact>,
-    pub(super) sample: usize,
+    percept: Percept,
 }
 
 impl DriveScene {
@@ -48,35 +43,15 @@ impl DriveScene {
         let mut controller = layout.ego_drive.controller.build();
         controller.brief(&layout.briefing());
         DriveScene {
-            plant: sim::plant(spec.plant, ground(&layout)),
+            state: SceneState::new(Arc::clone(spec)),
             controller,
             commands: Vec::new(),
             sensing: Sensing::new(spec.sensors, spec.clock.sample_s),
             actuators: Vec::with_capacity(agents),
             keepers: Vec::with_capacity(agents),
             chosen: vec![Choice::NONE; agents],
-            bodies: Vec::with_capacity(agents),
-            states: Vec::with_capacity(agents),
-            on_road: Vec::with_capacity(agents),
-            lights: Vec::with_capacity(spec.lights.len()),
             percept: Percept::default(),
-            touch: None,
-            sample: 0,
             layout,
-        }
-    }
-
-    pub(super) fn time_s(&self) -> f64 {
-        self.sample as f64 * self.layout.spec.clock.sample_s
-    }
-
-    fn read_states(&mut self) {
-        self.states.clear();
-        self.on_road.clear();
-        for &body in &self.bodies {
-            let state = self.plant.state(body);
-            self.on_road.push(self.layout.course.locate(&state.pose));
-            self.states.push(state);
         }
     }
 
@@ -86,8 +61,7 @@ impl DriveScene {
             heading_rad: pose.heading_rad + agent.facing_rad,
             ..pose
         };
-        let body = self.plant.spawn(&agent.body, pose, speed_mps);
-        self.bodies.push(body);
+        self.state.spawn(&agent.body, pose, speed_mps);
         let (lag_s, lateral_lag_s) = match &agent.drive {
             Drive::Ego(drive) => (drive.lag_s, drive.lag_s),
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
@@ -108,11 +82,11 @@ impl DriveScene {
     fn decide_trained(&mut self) {
         let layout = Arc::clone(&self.layout);
         for frozen in &layout.frozen {
-            let Some(action) = frozen.act(self) else {
+            let Some(action) = frozen.act(&self.state) else {
                 continue;
             };
             match (frozen.who, frozen.actions.choice(action)) {
-                (Who::Light(i), Choice::Turn(turn)) => self.lights[i].turn(turn, self.sample),
+                (Who::Light(i), Choice::Turn(turn)) => self.state.turn(i, turn),
                 (Who::Agent(i), choice) => self.chosen[i] = choice,
                 // Invariant: a light's ado has a light's actions.
                 (Who::Light(_), _) => {}
@@ -121,10 +95,11 @@ impl DriveScene {
     }
 
     fn command_all(&mut self) -> Result<(), Fault> {
-        self.perceive();
+        perceiving::fill(&mut self.percept, &self.state, self.layout.ego);
+        self.sensing.look(&mut self.percept);
         let command = self.controller.control(&self.percept)?;
         if let Some(fault) = command.flaw() {
-            let message = format!("{} at {:.3} s", fault.message, self.time_s());
+            let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
             return Err(Fault { message, ..fault });
         }
         if self.layout.ego_drive.is_foreign() {
@@ -141,17 +116,17 @@ impl DriveScene {
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
                 Drive::Scripted(script) => match agent.body.is_on_foot() {
                     true => {
-                        let (along_mps, left_mps) = script.walk_mps(self.time_s());
+                        let (along_mps, left_mps) = script.walk_mps(self.state.time_s());
                         Choice::Walk {
                             along_mps,
                             left_mps,
                         }
                     }
                     false => {
-                        let speed_mps = self.states[i].speed_mps;
-                        let leader = || self.leader_of(i);
+                        let speed_mps = self.state.states[i].speed_mps;
+                        let leader = || self.state.leader_of(i);
                         Choice::Drive {
-                            accel_mps2: script.accel_mps2(self.time_s(), speed_mps, leader),
+                            accel_mps2: script.accel_mps2(self.state.time_s(), speed_mps, leader),
                             lateral_mps: 0.0,
                         }
                     }
@@ -163,7 +138,7 @@ impl DriveScene {
     }
 
     fn command(&mut self, agent: usize, wish: Choice) {
-        let (state, at) = (&self.states[agent], &self.on_road[agent]);
+        let (state, at) = (&self.state.states[agent], &self.state.on_road[agent]);
         let command = match wish {
             Choice::Drive {
                 accel_mps2,
@@ -191,23 +166,18 @@ impl DriveScene {
             // Invariant: only lights turn, and they have no body.
             Choice::Turn(_) => return,
         };
-        self.plant.command(self.bodies[agent], command);
+        let body = self.state.bodies[agent];
+        self.state.plant.command(body, command);
     }
 
     fn touch_of(&self, contact: &Contact) -> Touch {
         let name = |body: BodyId| self.layout.spec.agents[body.0].name.clone();
         Touch {
             between: (name(contact.pair.0), name(contact.pair.1)),
-            time_s: self.time_s() - self.layout.spec.clock.sample_s + contact.after_s,
+            time_s: self.state.time_s() - self.layout.spec.clock.sample_s + contact.after_s,
             closing_speed_mps: contact.closing_speed_mps,
             point_m: contact.point_m,
         }
-    }
-}
-
-fn ground(layout: &Layout) -> Ground {
-    Ground {
-        friction: layout.spec.road.friction(),
     }
 }
 
@@ -241,13 +211,10 @@ impl Scene for DriveScene {
 
     fn reset(&mut self, start: &Start, noise: u64) {
         let layout = Arc::clone(&self.layout);
-        self.plant.clear(ground(&layout));
-        self.bodies.clear();
+        self.state.clear();
         self.actuators.clear();
         self.keepers.clear();
         self.chosen.fill(Choice::NONE);
-        self.touch = None;
-        self.sample = 0;
         let mut drawn = start.0.iter().copied();
         let mut value = |range: Range| match range.is_fixed() {
             true => range.lo,
@@ -264,11 +231,8 @@ impl Scene for DriveScene {
             let speed_mps = value(agent.place.speed_mps());
             self.spawn(agent, front_m, lateral_m, speed_mps);
         }
-        self.read_states();
-        self.lights.clear();
-        self.lights
-            .extend(layout.spec.lights.iter().map(Shown::first));
-        self.percept = self.blank_percept();
+        self.state.read(&layout.course);
+        self.percept = perceiving::blank(&layout.spec, layout.ego);
         self.sensing.reset(noise);
         self.commands.clear();
         self.controller.reset(noise);
@@ -285,7 +249,7 @@ impl Scene for DriveScene {
         for (i, light) in layout.spec.lights.iter().enumerate() {
             if let LightDrive::Ado { actions, .. } = &light.drive {
                 if let Choice::Turn(turn) = actions.choice(action % actions.len()) {
-                    self.lights[i].turn(turn, self.sample);
+                    self.state.turn(i, turn);
                 }
                 action /= actions.len();
             }
@@ -297,21 +261,14 @@ impl Scene for DriveScene {
         if let Err(fault) = self.command_all() {
             return Flow::Fault(fault);
         }
-        let clock = self.layout.spec.clock;
-        self.touch = self.plant.advance(clock.sample_s, clock.substeps);
-        self.sample += 1;
-        self.read_states();
-        let time_s = self.time_s();
-        for (shown, light) in self.lights.iter_mut().zip(&self.layout.spec.lights) {
-            shown.keep_time(light, time_s, self.sample);
-        }
-        if !self.plant.sound() {
+        self.state.advance(&self.layout.course);
+        if !self.state.plant.sound() {
             return Flow::Fault(Fault::new(
                 FaultKind::Physics,
-                format!("the physics broke down at {:.3} s", self.time_s()),
+                format!("the physics broke down at {:.3} s", self.state.time_s()),
             ));
         }
-        match &self.touch {
+        match &self.state.touch {
             Some(contact) => Flow::Contact(self.touch_of(contact)),
             None => Flow::Going,
         }
@@ -319,7 +276,7 @@ impl Scene for DriveScene {
 
     fn publish(&self, row: &mut [f64]) {
         for (value, source) in row.iter_mut().zip(&self.layout.sources) {
-            *value = source.value(self);
+            *value = source.value(&self.state);
         }
         let published = self.layout.sources.len();
         for (i, expr) in self.layout.derived.iter().enumerate() {
@@ -328,7 +285,7 @@ impl Scene for DriveScene {
     }
 
     fn observe(&self, row: &[f64], obs: &mut [f32]) {
-        scaled(row, &self.layout.observed, obs);
+        self.layout.observed.read(row, obs);
     }
 
     fn stage(&self) -> Stage {
@@ -336,10 +293,13 @@ impl Scene for DriveScene {
     }
 
     fn frame(&self) -> Frame {
-        let placements = self.bodies.iter();
+        let state = &self.state;
+        let placements = state.bodies.iter();
         Frame {
-            placements: placements.map(|&body| self.plant.placement(body)).collect(),
-            phases: self.lights.iter().map(|shown| shown.phase).collect(),
+            placements: placements
+                .map(|&body| state.plant.placement(body))
+                .collect(),
+            phases: state.lights.iter().map(|shown| shown.phase).collect(),
         }
     }
 
@@ -354,20 +314,14 @@ impl Scene for DriveScene {
     fn fork(&self) -> Option<Box<dyn Scene>> {
         Some(Box::new(DriveScene {
             layout: Arc::clone(&self.layout),
-            plant: self.plant.fork(),
+            state: self.state.fork(),
             controller: self.controller.fork()?,
             commands: self.commands.clone(),
             sensing: self.sensing.clone(),
             actuators: self.actuators.clone(),
             keepers: self.keepers.clone(),
             chosen: self.chosen.clone(),
-            bodies: self.bodies.clone(),
-            states: self.states.clone(),
-            on_road: self.on_road.clone(),
-            lights: self.lights.clone(),
             percept: self.percept.clone(),
-            touch: self.touch,
-            sample: self.sample,
         }))
     }
 }

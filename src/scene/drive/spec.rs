@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use super::actions::Actions;
 use super::light::{Light, LightDrive};
+use super::names::Names;
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
-use super::trained::Trained;
+use super::trained::{Trained, TrainingWorld};
 use indexmap::IndexMap;
 
 use crate::ego::{Actuated, Controller, ControllerSpec};
@@ -232,6 +233,28 @@ impl DriveSpec {
             _ => None,
         });
         agents.chain(lights)
+    }
+
+    /// Who is in it.
+    pub fn names(&self) -> Names {
+        let agents = self.agents.iter().map(|agent| agent.name.clone());
+        let lights = self.lights.iter().map(|light| light.name.clone());
+        Names {
+            agents: agents.collect(),
+            lights: lights.collect(),
+        }
+    }
+
+    /// What an ado that was trained in it knows of it.
+    pub fn training_world(&self) -> TrainingWorld {
+        TrainingWorld {
+            world: self.world.clone(),
+            clock: self.clock,
+            names: self.names(),
+            derived: self.derived.clone(),
+            constants: self.constants.clone(),
+            observe: self.observe.clone(),
+        }
     }
 
     /// A joint action in words: one label per ado.

@@ -1,6 +1,6 @@
 //! What of a driving scene does not move, for viewers.
 
-use super::Layout;
+use super::layout::Layout;
 use super::spec::Drive;
 use crate::scene::{Cast, LightPost, Role, Stage};
 

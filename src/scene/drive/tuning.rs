@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use super::DriveWorld;
+use super::layout::Layout;
 use super::sensors::Sensors;
 use super::spec::{Drive, EgoController};
-use super::{DriveWorld, Layout};
 use crate::ego::{Actuated, ControllerSpec};
 use crate::sim::PlantKind;
 
@@ -28,12 +29,13 @@ impl DriveWorld {
     pub fn tuned(&self, tuning: &Tuning) -> DriveWorld {
         let mut layout = Layout::clone(&self.0);
         layout.ego_drive = tuning.controller.clone().map(EgoController::Stock);
-        if let Drive::Ego(drive) = &mut layout.spec.agents[layout.ego].drive {
+        let spec = Arc::make_mut(&mut layout.spec);
+        if let Drive::Ego(drive) = &mut spec.agents[layout.ego].drive {
             *drive = layout.ego_drive.clone();
         }
-        layout.spec.sensors = tuning.sensors;
-        layout.spec.road.set_friction(tuning.friction);
-        layout.spec.plant = tuning.plant;
+        spec.sensors = tuning.sensors;
+        spec.road.set_friction(tuning.friction);
+        spec.plant = tuning.plant;
         DriveWorld(Arc::new(layout))
     }
 }

@@ -9,9 +9,8 @@
 //! among those of its owner, and is not `always` recorded, so that what earlier
 //! versions recorded keeps its columns.
 
-use super::super::motion::DriveScene;
-use super::super::spec::DriveSpec;
-use super::{Of, Quantity, Value};
+use super::super::state::SceneState;
+use super::quantity::{Of, Quantity, between, zero_to};
 use crate::ego::Phase;
 use crate::stl::Interval;
 use Of::{Agent, AgentAndLight, Clock, Light, Pair, Scene};
@@ -26,41 +25,41 @@ const FASTEST_MPS: f64 = 200.0;
 pub(super) static SIGNALS: &[Quantity] = &[
     Clock
         .signal("time", "s")
-        .is(|scene, _| scene.time_s())
+        .is(|state, _| state.time_s())
         .about("time since the start")
         .within(|spec, _| zero_to(spec.clock.horizon_s)),
     Clock
         .signal("time_left", "s")
-        .is(|scene, _| (scene.layout.spec.clock.horizon_s - scene.time_s()).max(0.0))
+        .is(|state, _| (state.spec.clock.horizon_s - state.time_s()).max(0.0))
         .about("time to the horizon")
         .within(|spec, _| zero_to(spec.clock.horizon_s))
         .always(),
     Scene
         .signal("contact", "")
-        .holds_if(|scene, _| scene.touch.is_some())
+        .holds_if(|state, _| state.touch.is_some())
         .about("whether any two agents touched")
         .always(),
     Agent
         .signal("x", "m")
-        .is(|scene, [a, _]| scene.states[a].pose.x_m)
+        .is(|state, [a, _]| state.states[a].pose.x_m)
         .about("front bumper along world x")
         .seen_in(-100.0, 100.0)
         .always(),
     Agent
         .signal("y", "m")
-        .is(|scene, [a, _]| scene.states[a].pose.y_m)
+        .is(|state, [a, _]| state.states[a].pose.y_m)
         .about("front bumper along world y (left)")
         .seen_in(-10.0, 10.0)
         .always(),
     Agent
         .signal("heading", "rad")
-        .is(|scene, [a, _]| scene.states[a].pose.heading_rad)
+        .is(|state, [a, _]| state.states[a].pose.heading_rad)
         .about("counter-clockwise from world x")
         .seen_in(-1.0, 1.0)
         .always(),
     Agent
         .signal("speed", "m/s")
-        .is(|scene, [a, _]| scene.states[a].speed_mps)
+        .is(|state, [a, _]| state.states[a].speed_mps)
         .about("velocity along the heading")
         .within(|spec, [a, _]| match spec.agents[a].body.is_on_foot() {
             true => Interval::ANY,
@@ -72,54 +71,54 @@ pub(super) static SIGNALS: &[Quantity] = &[
         .always(),
     Agent
         .signal("accel", "m/s²")
-        .is(|scene, [a, _]| scene.states[a].accel_mps2)
+        .is(|state, [a, _]| state.states[a].accel_mps2)
         .about("acceleration along the heading over the last sample")
         .seen_in(-5.0, 5.0)
         .always(),
     Agent
         .signal("s", "m")
-        .is(|scene, [a, _]| scene.on_road[a].s_m)
+        .is(|state, [a, _]| state.on_road[a].s_m)
         .about("front bumper along the road")
         .seen_in(-100.0, 100.0),
     Agent
         .signal("lateral", "m")
-        .is(|scene, [a, _]| scene.on_road[a].lateral_m)
+        .is(|state, [a, _]| state.on_road[a].lateral_m)
         .about("offset to the left of the middle of lane 0")
         .seen_in(-10.0, 10.0),
     Agent
         .signal("lateral_speed", "m/s")
-        .is(|scene, [a, _]| scene.velocity_mps(a).1)
+        .is(|state, [a, _]| state.velocity_mps(a).1)
         .about("velocity across the road, to the left")
         .seen_in(-3.0, 3.0),
     Agent
         .signal("lane", "")
-        .is(|scene, [a, _]| scene.layout.spec.road.lane_at(scene.on_road[a].lateral_m) as f64)
+        .is(|state, [a, _]| state.spec.road.lane_at(state.on_road[a].lateral_m) as f64)
         .about("lane of the front bumper, 0 is the rightmost")
         .within(|spec, _| zero_to(spec.road.lanes() as f64 - 1.0))
         .seen_in(0.0, 3.0),
     Agent
         .signal("yaw_rate", "rad/s")
-        .is(|scene, [a, _]| scene.states[a].yaw_rate_rad_per_s)
+        .is(|state, [a, _]| state.states[a].yaw_rate_rad_per_s)
         .about("turning rate, counter-clockwise")
         .seen_in(-1.0, 1.0),
     #[cfg(test)]
     Agent
         .signal("doubled_speed", "m/s")
-        .is(|scene, [a, _]| 2.0 * scene.states[a].speed_mps)
+        .is(|state, [a, _]| 2.0 * state.states[a].speed_mps)
         .about("twice the speed of {a}: one row is all it takes")
         .within(|_, _| zero_to(2.0 * FASTEST_MPS))
         .seen_in(0.0, 60.0),
     Pair.signal("headway", "m")
-        .is(|scene, [a, b]| scene.on_road[b].s_m - scene.on_road[a].s_m)
+        .is(|state, [a, b]| state.on_road[b].s_m - state.on_road[a].s_m)
         .about("distance along the road from {a} to {b}, front to front")
         .seen_in(-100.0, 100.0),
     Pair.signal("lateral", "m")
-        .is(|scene, [a, b]| scene.on_road[b].lateral_m - scene.on_road[a].lateral_m)
+        .is(|state, [a, b]| state.on_road[b].lateral_m - state.on_road[a].lateral_m)
         .about("lateral offset of {b} from {a}, to the left")
         .seen_in(-10.0, 10.0),
     Pair.signal("distance", "m")
-        .is(|scene, [a, b]| {
-            let (from, to) = (&scene.states[a].pose, &scene.states[b].pose);
+        .is(|state, [a, b]| {
+            let (from, to) = (&state.states[a].pose, &state.states[b].pose);
             let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
             (dx * dx + dy * dy).sqrt()
         })
@@ -127,7 +126,7 @@ pub(super) static SIGNALS: &[Quantity] = &[
         .within(|_, _| zero_to(f64::INFINITY))
         .seen_in(0.0, 100.0),
     Pair.signal("gap", "m")
-        .is(|scene, [a, b]| scene.plant.gap_m(scene.bodies[a], scene.bodies[b]))
+        .is(|state, [a, b]| state.plant.gap_m(state.bodies[a], state.bodies[b]))
         .about("clearance between the bodies of {a} and {b}")
         .within(|_, _| zero_to(f64::INFINITY))
         .seen_in(0.0, 100.0),
@@ -137,26 +136,26 @@ pub(super) static SIGNALS: &[Quantity] = &[
         .within(|_, _| zero_to(TTC_CAP_S))
         .seen_in(0.0, 20.0),
     Pair.signal("contact", "")
-        .holds_if(|scene, [a, b]| {
-            let pair = (scene.bodies[a.min(b)], scene.bodies[a.max(b)]);
-            scene.touch.is_some_and(|contact| contact.pair == pair)
+        .holds_if(|state, [a, b]| {
+            let pair = (state.bodies[a.min(b)], state.bodies[a.max(b)]);
+            state.touch.is_some_and(|contact| contact.pair == pair)
         })
         .about("whether {a} and {b} touched"),
     Light
         .signal("green", "")
-        .holds_if(|scene, [l, _]| scene.lights[l].phase == Phase::Green)
+        .holds_if(|state, [l, _]| state.lights[l].phase == Phase::Green)
         .about("whether {a} is green"),
     Light
         .signal("yellow", "")
-        .holds_if(|scene, [l, _]| scene.lights[l].phase == Phase::Yellow)
+        .holds_if(|state, [l, _]| state.lights[l].phase == Phase::Yellow)
         .about("whether {a} is yellow"),
     Light
         .signal("red", "")
-        .holds_if(|scene, [l, _]| scene.lights[l].phase == Phase::Red)
+        .holds_if(|state, [l, _]| state.lights[l].phase == Phase::Red)
         .about("whether {a} is red"),
     Light
         .signal("phase", "")
-        .is(|scene, [l, _]| match scene.lights[l].phase {
+        .is(|state, [l, _]| match state.lights[l].phase {
             Phase::Green => 0.0,
             Phase::Yellow => 1.0,
             Phase::Red => 2.0,
@@ -166,99 +165,23 @@ pub(super) static SIGNALS: &[Quantity] = &[
         .always(),
     Light
         .signal("phase_time", "s")
-        .is(|scene, [l, _]| scene.phase_s(l))
+        .is(|state, [l, _]| state.phase_s(l))
         .about("for how long {a} has been in its phase")
         .within(|spec, _| zero_to(spec.clock.horizon_s))
         .seen_in(0.0, 10.0),
     AgentAndLight
         .signal("line", "m")
-        .is(|scene, [a, l]| scene.line_m(a, l))
+        .is(|state, [a, l]| state.line_m(a, l))
         .about("distance along the road from {a} to the stop line of {b}, positive before it")
         .seen_in(-50.0, 50.0),
 ];
 
-/// A signal with whose it is, its name and its unit.
-struct Named(Of, &'static str, &'static str);
-
-impl Of {
-    const fn signal(self, name: &'static str, unit: &'static str) -> Named {
-        Named(self, name, unit)
-    }
-}
-
-impl Named {
-    /// A number that may be anything, unless `within` says otherwise.
-    const fn is(self, value: fn(&DriveScene, [usize; 2]) -> f64) -> Quantity {
-        Quantity {
-            of: self.0,
-            name: self.1,
-            former: &[],
-            unit: self.2,
-            about: "",
-            value: Value::Real(value),
-            bounds: |_, _| Interval::ANY,
-            usual: None,
-            always: false,
-        }
-    }
-
-    const fn holds_if(self, value: fn(&DriveScene, [usize; 2]) -> bool) -> Quantity {
-        Quantity {
-            value: Value::Boolean(value),
-            bounds: |_, _| zero_to(1.0),
-            ..self.is(|_, _| 0.0)
-        }
-    }
-}
-
-impl Quantity {
-    /// `{a}` and `{b}` stand for the names of whose it is.
-    const fn about(self, about: &'static str) -> Quantity {
-        Quantity { about, ..self }
-    }
-
-    /// Between what it stays in any run.
-    const fn within(self, bounds: fn(&DriveSpec, [usize; 2]) -> Interval) -> Quantity {
-        Quantity { bounds, ..self }
-    }
-
-    /// By what range it is observed, where that is not all it can be.
-    const fn seen_in(self, lo: f64, hi: f64) -> Quantity {
-        Quantity {
-            usual: Some((lo, hi)),
-            ..self
-        }
-    }
-
-    /// What the last part of its name was in earlier versions: worlds and kept
-    /// files that say the old one go on working.
-    const fn formerly(self, former: &'static [&'static str]) -> Quantity {
-        Quantity { former, ..self }
-    }
-
-    /// Every trace holds it, mentioned or not.
-    const fn always(self) -> Quantity {
-        Quantity {
-            always: true,
-            ..self
-        }
-    }
-}
-
-const fn between(lo: f64, hi: f64) -> Interval {
-    Interval { lo, hi }
-}
-
-const fn zero_to(hi: f64) -> Interval {
-    between(0.0, hi)
-}
-
 /// Clearance along the road over closing speed; the cap when not closing.
-fn time_to_collision_s(scene: &DriveScene, [a, b]: [usize; 2]) -> f64 {
-    let ahead_m = scene.on_road[b].s_m - scene.on_road[a].s_m;
+fn time_to_collision_s(state: &SceneState, [a, b]: [usize; 2]) -> f64 {
+    let ahead_m = state.on_road[b].s_m - state.on_road[a].s_m;
     let front = if 0.0 < ahead_m { b } else { a };
-    let clearance_m = ahead_m.abs() - scene.layout.spec.agents[front].body.length_m;
-    let closing_mps = (scene.velocity_mps(a).0 - scene.velocity_mps(b).0) * ahead_m.signum();
+    let clearance_m = ahead_m.abs() - state.spec.agents[front].body.length_m;
+    let closing_mps = (state.velocity_mps(a).0 - state.velocity_mps(b).0) * ahead_m.signum();
     if closing_mps <= 0.0 {
         return TTC_CAP_S;
     }

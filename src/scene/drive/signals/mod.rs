@@ -1,56 +1,21 @@
 //! What a driving scene publishes: the catalogue of signals and their sources.
 
 mod list;
+mod quantity;
 #[cfg(test)]
 mod tests;
 
 use super::light::LightDrive;
-use super::motion::DriveScene;
+use super::names::Names;
 use super::script::Script;
 use super::spec::{Drive, DriveSpec};
+use super::state::SceneState;
 use crate::stl::Interval;
-use crate::trace::Signal;
+use crate::trace::{Schema, SchemaError, Signal};
 use list::SIGNALS;
 pub use list::TTC_CAP_S;
-
-/// Whose quantity it is; names begin with theirs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Of {
-    /// The clock's, which nobody influences.
-    Clock,
-    /// The scene's as a whole.
-    Scene,
-    /// One agent's.
-    Agent,
-    /// Two agents', seen from the first.
-    Pair,
-    /// One traffic light's.
-    Light,
-    /// An agent's, before a light.
-    AgentAndLight,
-}
-
-/// A row of the list.
-#[derive(Debug)]
-pub(super) struct Quantity {
-    pub of: Of,
-    /// The last part of the signal's name.
-    pub name: &'static str,
-    former: &'static [&'static str],
-    unit: &'static str,
-    about: &'static str,
-    value: Value,
-    bounds: fn(&DriveSpec, [usize; 2]) -> Interval,
-    usual: Option<(f64, f64)>,
-    always: bool,
-}
-
-/// How a value is read off a moving scene; the positions are of its owners.
-#[derive(Debug)]
-enum Value {
-    Real(fn(&DriveScene, [usize; 2]) -> f64),
-    Boolean(fn(&DriveScene, [usize; 2]) -> bool),
-}
+use quantity::Value;
+pub(super) use quantity::{Of, Quantity};
 
 /// Where a published value comes from: a quantity, and whose it is.
 #[derive(Clone, Copy, Debug)]
@@ -61,10 +26,10 @@ pub(super) struct Source {
 
 impl Source {
     /// The value now.
-    pub fn value(self, scene: &DriveScene) -> f64 {
+    pub fn value(self, state: &SceneState) -> f64 {
         match self.quantity.value {
-            Value::Real(value) => value(scene, self.whose),
-            Value::Boolean(value) => f64::from(u8::from(value(scene, self.whose))),
+            Value::Real(value) => value(state, self.whose),
+            Value::Boolean(value) => f64::from(u8::from(value(state, self.whose))),
         }
     }
 
@@ -91,9 +56,9 @@ impl Source {
     }
 
     /// The names of whose it is, as many as there are.
-    fn owners(self, spec: &DriveSpec) -> Vec<&str> {
-        let agent = |i: usize| spec.agents[i].name.as_str();
-        let light = |i: usize| spec.lights[i].name.as_str();
+    fn owners(self, names: &Names) -> Vec<&str> {
+        let agent = |i: usize| names.agents[i].as_str();
+        let light = |i: usize| names.lights[i].as_str();
         let [a, b] = self.whose;
         match self.quantity.of {
             Of::Clock | Of::Scene => Vec::new(),
@@ -104,22 +69,20 @@ impl Source {
         }
     }
 
-    fn offer(self, spec: &DriveSpec) -> Offer {
+    fn declared(self, names: &Names) -> Declared {
         let Quantity {
             name, unit, about, ..
         } = *self.quantity;
-        let owners = self.owners(spec);
+        let owners = self.owners(names);
         let name = [&owners[..], &[name]].concat().join(".");
         let about = in_words(about, &owners);
-        let Interval { lo, hi } = self.range(spec);
-        Offer {
+        Declared {
             signal: match self.quantity.value {
                 Value::Real(_) => Signal::real(name, unit, about),
                 Value::Boolean(_) => Signal::boolean(name, about),
             },
-            range: self.quantity.usual.unwrap_or((lo, hi)),
-            always: self.quantity.always,
             source: self,
+            is_former: false,
         }
     }
 }
@@ -152,45 +115,79 @@ pub fn current_name(name: &str) -> Option<String> {
     Some(format!("{owner}.{}", now.name))
 }
 
-/// The former names of a signal that is offered, as signals of their own.
-fn formerly(offer: &Offer) -> impl Iterator<Item = Offer> {
-    let Quantity { former, name, .. } = offer.source.quantity;
+/// A signal by name, and where its value comes from.
+#[derive(Clone, Debug)]
+pub(super) struct Declared {
+    pub signal: Signal,
+    pub source: Source,
+    /// Whether it is what an earlier version called it.
+    is_former: bool,
+}
+
+/// Every signal there is of those named, and at last those by former names.
+pub(super) fn declared(names: &Names) -> Vec<Declared> {
+    let agents = 0..names.agents.len();
+    let mut owners = vec![(Of::Clock, [0, 0]), (Of::Scene, [0, 0])];
+    owners.extend(agents.clone().map(|a| (Of::Agent, [a, 0])));
+    for a in agents.clone() {
+        let others = agents.clone().filter(|&b| a != b);
+        owners.extend(others.map(|b| (Of::Pair, [a, b])));
+    }
+    for l in 0..names.lights.len() {
+        owners.push((Of::Light, [l, 0]));
+        owners.extend(agents.clone().map(|a| (Of::AgentAndLight, [a, l])));
+    }
+    let sources = owners.into_iter().flat_map(|(of, whose)| {
+        let rows = SIGNALS.iter().filter(move |row| row.of == of);
+        rows.map(move |quantity| Source { quantity, whose })
+    });
+    let mut all: Vec<Declared> = sources.map(|source| source.declared(names)).collect();
+    let former: Vec<Declared> = all.iter().flat_map(formerly).collect();
+    all.extend(former);
+    all
+}
+
+/// The same signal by the names of earlier versions.
+fn formerly(declared: &Declared) -> impl Iterator<Item = Declared> {
+    let Quantity { former, name, .. } = declared.source.quantity;
     former.iter().map(move |former| {
-        let now = &offer.signal.name;
-        Offer {
+        let now = &declared.signal.name;
+        Declared {
             signal: Signal {
                 name: format!("{}{former}", now.strip_suffix(name).unwrap_or_default()),
                 about: format!("former name of `{now}`"),
-                ..offer.signal.clone()
+                ..declared.signal.clone()
             },
-            always: false,
-            ..*offer
+            source: declared.source,
+            is_former: true,
         }
     })
+}
+
+/// The schema of a spec's traces: published signals, then derived ones.
+///
+/// # Errors
+/// Two signals of one name.
+pub fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
+    let published = spec.published().into_iter().map(|offer| offer.signal);
+    let derived = spec.derived.iter().map(|derived| derived.signal.clone());
+    Schema::new(spec.clock.sample_s, published.chain(derived))
 }
 
 impl DriveSpec {
     /// Every signal this scene can publish, derived ones excepted.
     pub fn catalogue(&self) -> Vec<Offer> {
-        let agents = 0..self.agents.len();
-        let mut owners = vec![(Of::Clock, [0, 0]), (Of::Scene, [0, 0])];
-        owners.extend(agents.clone().map(|a| (Of::Agent, [a, 0])));
-        for a in agents.clone() {
-            let others = agents.clone().filter(|&b| a != b);
-            owners.extend(others.map(|b| (Of::Pair, [a, b])));
-        }
-        for l in 0..self.lights.len() {
-            owners.push((Of::Light, [l, 0]));
-            owners.extend(agents.clone().map(|a| (Of::AgentAndLight, [a, l])));
-        }
-        let sources = owners.into_iter().flat_map(|(of, whose)| {
-            let rows = SIGNALS.iter().filter(move |row| row.of == of);
-            rows.map(move |quantity| Source { quantity, whose })
-        });
-        let mut offers: Vec<Offer> = sources.map(|source| source.offer(self)).collect();
-        let former: Vec<Offer> = offers.iter().flat_map(formerly).collect();
-        offers.extend(former);
-        offers
+        let offer = |declared: Declared| {
+            let (source, quantity) = (declared.source, declared.source.quantity);
+            let Interval { lo, hi } = source.range(self);
+            Offer {
+                signal: declared.signal,
+                range: quantity.usual.unwrap_or((lo, hi)),
+                always: quantity.always && !declared.is_former,
+                source,
+            }
+        };
+        declared(&self.names()).into_iter().map(offer).collect()
     }
 
     /// The signals a trace of this scene holds, derived ones excepted.

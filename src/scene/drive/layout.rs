@@ -1,0 +1,156 @@
+//! A driving world assembled: everything that is bound once and shared.
+
+use std::sync::Arc;
+
+use super::course::{Course, CourseError};
+use super::frozen::{Frozen, TrainedError};
+use super::observing::Observation;
+use super::signals::{Source, schema_of};
+use super::spec::{DriveSpec, EgoDrive};
+use super::trained::Trained;
+use crate::ego::{Briefing, RoadGeometry};
+use crate::rl::Spaces;
+use crate::scene::Axis;
+use crate::stl::{BoundExpr, StlError};
+use crate::trace::{Schema, SchemaError};
+
+/// A driving scene could not be assembled.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The signals clash.
+    #[error(transparent)]
+    Schema(#[from] SchemaError),
+    /// A derived signal does not bind.
+    #[error("the signal `{name}`: {source}")]
+    Derived {
+        /// Its name.
+        name: String,
+        /// Why.
+        source: Box<StlError>,
+    },
+    /// An observed signal is not published.
+    #[error("`{name}` is observed but not published")]
+    Observed {
+        /// Its name.
+        name: String,
+    },
+    /// There must be exactly one ego.
+    #[error("a driving scene has exactly one ego, not {count}")]
+    Egos {
+        /// How many there are.
+        count: usize,
+    },
+    /// A trained ado cannot act in it.
+    #[error("the trained ado `{name}`: {source}")]
+    Trained {
+        /// Its name here.
+        name: String,
+        /// Why.
+        source: Box<TrainedError>,
+    },
+    /// The road cannot be laid.
+    #[error(transparent)]
+    Course(#[from] CourseError),
+}
+
+/// What the scenes of a world share.
+#[derive(Clone)]
+pub(super) struct Layout {
+    pub spec: Arc<DriveSpec>,
+    pub course: Course,
+    pub ego: usize,
+    pub ego_drive: EgoDrive,
+    pub schema: Arc<Schema>,
+    pub sources: Vec<Source>,
+    pub derived: Vec<BoundExpr>,
+    pub observed: Observation,
+    /// The trained ados, road users first.
+    pub frozen: Vec<Frozen>,
+    pub axes: Vec<Axis>,
+    pub spaces: Spaces,
+}
+
+impl Layout {
+    pub fn new(spec: DriveSpec) -> Result<Layout, SceneError> {
+        let egos: Vec<(usize, &EgoDrive)> = spec.egos().collect();
+        let [(ego, ego_drive)] = egos[..] else {
+            return Err(SceneError::Egos { count: egos.len() });
+        };
+        let ego_drive = ego_drive.clone();
+        let schema = schema_of(&spec)?;
+        let derived = spec
+            .derived
+            .iter()
+            .map(|derived| {
+                derived
+                    .expr
+                    .bind(&schema, &spec.constants)
+                    .map_err(|source| SceneError::Derived {
+                        name: derived.signal.name.clone(),
+                        source: Box::new(source),
+                    })
+            })
+            .collect::<Result<Vec<_>, _>>()?;
+        let observed = Observation::bind(&spec.observe, &schema);
+        let observed = observed.map_err(|name| SceneError::Observed {
+            name: name.to_owned(),
+        })?;
+        let (mut actions, mut neutral) = (1, 0);
+        for (_, set, set_neutral) in spec.action_sets() {
+            neutral += set_neutral * actions;
+            actions *= set.len();
+        }
+        let frozen = frozen(&spec)?;
+        Ok(Layout {
+            frozen,
+            course: spec.road.course()?,
+            ego,
+            ego_drive,
+            schema: Arc::new(schema),
+            sources: spec
+                .published()
+                .into_iter()
+                .map(|offer| offer.source)
+                .collect(),
+            derived,
+            axes: spec.axes(),
+            spaces: Spaces {
+                observation: observed.len(),
+                actions,
+                neutral,
+            },
+            observed,
+            spec: Arc::new(spec),
+        })
+    }
+}
+
+/// The trained ados of a spec, bound to it.
+fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
+    let bind = |(name, trained): (&str, &Trained)| {
+        trained
+            .bind(spec, name)
+            .map_err(|source| SceneError::Trained {
+                name: name.to_owned(),
+                source: Box::new(source),
+            })
+    };
+    spec.trained().map(bind).collect()
+}
+
+impl Layout {
+    /// What the ego is told of the road before its first episode.
+    pub fn briefing(&self) -> Briefing {
+        let road = &self.spec.road;
+        Briefing {
+            sample_s: self.spec.clock.sample_s,
+            lag_s: self.ego_drive.lag_s,
+            speed_limit_mps: road.speed_limit_mps(),
+            road: RoadGeometry {
+                lanes: road.lanes(),
+                lane_width_m: road.lane_width_m(),
+                pieces: self.course.pieces(),
+            },
+        }
+    }
+}

@@ -1,0 +1,45 @@
+//! Rows of signals as observations.
+
+use crate::scene::Observed;
+use crate::trace::Schema;
+
+/// Which signals of a row are observed, and by what scales.
+#[derive(Clone, Debug)]
+pub(super) struct Observation(Vec<Scaled>);
+
+/// An observed signal: `(value − mid) · per_half`.
+#[derive(Clone, Copy, Debug)]
+struct Scaled {
+    position: usize,
+    mid: f64,
+    per_half: f64,
+}
+
+impl Observation {
+    /// The observed signals in rows of a schema; the name of the first one that
+    /// such rows do not have.
+    pub fn bind<'a>(observed: &'a [Observed], schema: &Schema) -> Result<Observation, &'a str> {
+        let scaled = observed.iter().map(|observed| {
+            let position = schema.position(&observed.name);
+            Ok(Scaled {
+                position: position.ok_or(observed.name.as_str())?,
+                mid: observed.mid,
+                per_half: 1.0 / observed.half,
+            })
+        });
+        scaled.collect::<Result<_, _>>().map(Observation)
+    }
+
+    /// How many signals are observed.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Writes the observation of a row.
+    pub fn read(&self, row: &[f64], obs: &mut [f32]) {
+        for (value, scaled) in obs.iter_mut().zip(&self.0) {
+            // The one cast from signals to observations.
+            *value = ((row[scaled.position] - scaled.mid) * scaled.per_half) as f32;
+        }
+    }
+}
