@@ -1,10 +1,6 @@
 //! Evaluating an ado: frozen policy or baseline × ego × test starts → a row.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use cpu_time::ThreadTime;
-use rayon::prelude::*;
 
 use super::heuristic::Heuristic;
 use super::replays::{NearestReplay, replay_nearest};
@@ -184,25 +180,12 @@ pub(super) fn note_row(watch: &Watch<'_>, row: &Row) {
 
 /// Plays every start once and counts.
 pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
-    let starts = request.starts;
-    let done = AtomicU64::new(0);
-    let total = starts.starts.len() as u64;
-    let played: Vec<Option<Played>> = (0..starts.starts.len())
-        .into_par_iter()
-        .map_init(
-            || request.scenario.bench(),
-            |bench, index| {
-                (watch.progress)(done.fetch_add(1, Ordering::Relaxed), total);
-                if starts.trivial[index] || watch.stopped() {
-                    return None;
-                }
-                let clock = ThreadTime::now();
-                let attempt = request.repeat(bench, index);
-                watch.faults.note(index as u64, attempt.fault.as_ref());
-                Some(attempt.played(clock.elapsed().as_secs_f64()))
-            },
-        )
-        .collect();
+    let bench = || request.scenario.bench();
+    let played = request.starts.each(watch, bench, |bench, _, turn| {
+        let attempt = request.repeat(bench, turn.index);
+        watch.faults.note(turn.index as u64, attempt.fault.as_ref());
+        Some(attempt.played(turn.cpu_s()))
+    });
     Evaluated::of(request, played, watch)
 }
 

@@ -10,11 +10,11 @@ use std::cmp::Ordering;
 
 use cpu_time::ThreadTime;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::Watch;
 use super::cost::Cost;
 use super::entropy::{normal, pick};
+use super::episodes::{EpisodeLoop, Turn};
 use crate::rl::Policy;
 use crate::scenario::Scenario;
 use crate::scene::Start;
@@ -108,16 +108,15 @@ pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Opti
     for generation in 0..GENERATIONS {
         (watch.progress)(generation, GENERATIONS);
         let rules: Vec<Rule> = (0..POPULATION).map(|_| chances.draw(&mut rng)).collect();
-        let tried: Vec<Tried> = rules
-            .par_iter()
-            .map_init(
-                || scenario.bench(),
-                |bench, rule| try_out(bench, rule, &values, (seed, watch)),
-            )
-            .collect();
+        let try_one = |bench: &mut Testbench, rule: &Rule, turn: &Turn| {
+            Some(try_out(bench, rule, &values, (seed, watch, turn)))
+        };
+        let all = EpisodeLoop::uncounted(watch);
+        let tried = all.run(&rules, || scenario.bench(), try_one);
         if watch.stopped() {
             return None;
         }
+        let tried: Vec<Tried> = tried.into_iter().flatten().collect();
         for tried in &tried {
             cost.simulations += STARTS;
             cost.physics_steps += tried.physics_steps;
@@ -258,9 +257,8 @@ fn try_out(
     bench: &mut Testbench,
     rule: &Rule,
     values: &[Vec<f32>],
-    (seed, watch): (u64, &Watch<'_>),
+    (seed, watch, turn): (u64, &Watch<'_>, &Turn),
 ) -> Tried {
-    let clock = ThreadTime::now();
     let mut zones = rule.zones(values);
     let (mut score, mut physics_steps) = (Score::default(), 0);
     for index in 0..STARTS {
@@ -277,7 +275,7 @@ fn try_out(
     Tried {
         score,
         physics_steps,
-        cpu_s: clock.elapsed().as_secs_f64(),
+        cpu_s: turn.cpu_s(),
     }
 }
 

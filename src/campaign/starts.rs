@@ -1,12 +1,11 @@
 //! Test starts: drawn once, and the same for every ego, ado and method.
 
-use rayon::prelude::*;
-
 use super::Watch;
+use super::episodes::{EpisodeLoop, Turn};
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Aftermath, Constant};
+use crate::testbench::{Aftermath, Constant, Testbench};
 
 /// Test starts, with those on which the nominal ego fails by itself.
 #[derive(Clone, Debug)]
@@ -55,25 +54,41 @@ pub fn test_starts(
         }
     };
     let neutral = bench.spaces().neutral;
-    let trivial = starts
-        .par_iter()
-        .enumerate()
-        .map_init(
-            || scenario.bench(),
-            |bench, (index, (start, noise))| {
-                if watch.stopped() {
-                    return false;
-                }
-                let mut coasting = Constant(neutral);
-                let from = (start, *noise);
-                let episode = watch.play(bench, from, index, &mut coasting, Aftermath::Skip);
-                episode.verdict.is_success()
-            },
-        )
-        .collect();
-    (!watch.stopped()).then_some(TestStarts {
+    let fails_by_itself = |bench: &mut Testbench, (start, noise): &(Start, u64), turn: &Turn| {
+        let mut coasting = Constant(neutral);
+        let from = (start, *noise);
+        let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
+        Some(episode.verdict.is_success())
+    };
+    let all = EpisodeLoop::uncounted(watch);
+    let trivial = all.run(&starts, || scenario.bench(), fails_by_itself);
+    if watch.stopped() {
+        return None;
+    }
+    Some(TestStarts {
         seed,
         starts,
-        trivial,
+        trivial: trivial.into_iter().flatten().collect(),
     })
+}
+
+impl TestStarts {
+    /// Works on every start that is not trivial, in parallel: what came of each,
+    /// in order; `None` for trivial ones and for those not reached.
+    ///
+    /// `worker` and `work` are as in [`EpisodeLoop::run`].
+    pub(super) fn each<W, R: Send>(
+        &self,
+        watch: &Watch<'_>,
+        worker: impl Fn() -> W + Sync + Send,
+        work: impl Fn(&mut W, &(Start, u64), &Turn) -> Option<R> + Sync + Send,
+    ) -> Vec<Option<R>> {
+        let all = EpisodeLoop::counted(watch, self.starts.len());
+        all.run(&self.starts, worker, |kept, start, turn| {
+            match self.trivial[turn.index] {
+                true => None,
+                false => work(kept, start, turn),
+            }
+        })
+    }
 }

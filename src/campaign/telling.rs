@@ -1,7 +1,7 @@
 //! The counterexamples that tell most, by stated criteria.
 
-use rayon::prelude::*;
-
+use super::Watch;
+use super::episodes::{EpisodeLoop, Turn};
 use super::eval::{EvalRequest, Evaluated};
 use crate::rulebook::Verdict;
 use crate::run::StartOutcome;
@@ -49,13 +49,13 @@ pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling>
         let mut play = |bench: &mut Testbench, start| request.play(bench, start);
         evaluated.again(request, bench, start, &mut play)
     };
-    let facts: Vec<Facts> = solved
-        .par_iter()
-        .map_init(
-            || request.scenario.bench(),
-            |bench, start| facts_of(*start, &again(bench, *start), request, &axes),
-        )
-        .collect();
+    let facts_again = |bench: &mut Testbench, start: &usize, _: &Turn| {
+        Some(facts_of(*start, &again(bench, *start), request, &axes))
+    };
+    let unwatched = Watch::unwatched();
+    let all = EpisodeLoop::uncounted(&unwatched);
+    let facts = all.run(&solved, || request.scenario.bench(), facts_again);
+    let facts: Vec<Facts> = facts.into_iter().flatten().collect();
     let dt_s = request.scenario.bench().clock().sample_s;
     let mut chosen: Vec<(String, &Facts)> = Vec::new();
     type Criterion<'a> = (

@@ -5,14 +5,11 @@
 //! been told another member of the family. Every run is one simulation, and
 //! the row counts them all. A start that the greedy run solves stays solved.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use cpu_time::ThreadTime;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::Watch;
+use super::episodes::Turn;
 use super::eval::{EvalRequest, Evaluated, Outcome, Played};
 use crate::rl::Policy;
 use crate::run::{RunDir, RunError};
@@ -80,22 +77,10 @@ impl Tries<'_> {
     ///
     /// An unsolved start keeps the outcome of its greedy run.
     pub fn run(&self, watch: &Watch<'_>) -> Tried {
-        let starts = self.request.starts;
-        let done = AtomicU64::new(0);
-        let total = starts.starts.len() as u64;
-        let played: Vec<Option<(Played, u64, Option<u64>)>> = (0..starts.starts.len())
-            .into_par_iter()
-            .map_init(
-                || self.request.scenario.bench(),
-                |bench, index| {
-                    (watch.progress)(done.fetch_add(1, Ordering::Relaxed), total);
-                    if starts.trivial[index] || watch.stopped() {
-                        return None;
-                    }
-                    self.solve(bench, index, watch)
-                },
-            )
-            .collect();
+        let bench = || self.request.scenario.bench();
+        let played = self.request.starts.each(watch, bench, |bench, _, turn| {
+            self.solve(bench, turn, watch)
+        });
         let valid = played
             .iter()
             .flatten()
@@ -116,10 +101,10 @@ impl Tries<'_> {
     fn solve(
         &self,
         bench: &mut Testbench,
-        index: usize,
+        turn: &Turn,
         watch: &Watch<'_>,
     ) -> Option<(Played, u64, Option<u64>)> {
-        let clock = ThreadTime::now();
+        let index = turn.index;
         let mut first: Option<Played> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
         for number in 0..self.tries {
@@ -139,7 +124,7 @@ impl Tries<'_> {
                 closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
                 simulations,
                 physics_steps,
-                cpu_s: clock.elapsed().as_secs_f64(),
+                cpu_s: turn.cpu_s(),
             };
             let played = Played {
                 outcome,
@@ -160,7 +145,7 @@ impl Tries<'_> {
         unsolved.outcome = Outcome {
             simulations,
             physics_steps,
-            cpu_s: clock.elapsed().as_secs_f64(),
+            cpu_s: turn.cpu_s(),
             ..unsolved.outcome
         };
         Some((unsolved, self.tries, None))

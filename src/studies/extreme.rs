@@ -1,8 +1,6 @@
 //! The action sequence from one start that does something most.
 
-use rayon::prelude::*;
-
-use crate::campaign::Watch;
+use crate::campaign::{EpisodeLoop, Watch};
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::sim::PlantKind;
@@ -32,20 +30,13 @@ pub fn extreme(
         let mut ado = Replay::holding(actions);
         watch.play(bench, (start, noise), 0, &mut ado, Aftermath::Play)
     };
-    let mut ranked: Vec<(f64, usize)> = sequences
-        .par_iter()
-        .enumerate()
-        .map_init(
-            || cheap.bench(),
-            |bench, (nth, actions)| {
-                if watch.stopped() {
-                    return None;
-                }
-                Some((score(&act(bench, actions))?, nth))
-            },
-        )
-        .flatten()
-        .collect();
+    let all = EpisodeLoop::uncounted(watch);
+    let scored = all.run(
+        &sequences,
+        || cheap.bench(),
+        |bench, actions, turn| Some((score(&act(bench, actions))?, turn.index)),
+    );
+    let mut ranked: Vec<(f64, usize)> = scored.into_iter().flatten().collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut bench = scenario.bench();
     let tried = ranked.into_iter().take(MAX_CONFIRMED);

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{TestStarts, Watch};
+use crate::campaign::{EpisodeLoop, TestStarts, Watch};
 use crate::rl::Policy;
 use crate::run::wilson;
 use crate::scenario::Scenario;
@@ -99,19 +99,16 @@ pub fn near_starts(
         .collect();
     let untried = starts.starts.iter().zip(&starts.trivial);
     let untried: Vec<&(Start, u64)> = untried.filter(|(_, t)| !**t).map(|(s, _)| s).collect();
-    let looked: Vec<(&Start, f64, bool)> = untried
-        .par_iter()
-        .map_init(
-            || scenario.bench(),
-            |bench, (start, noise)| {
-                if watch.stopped() {
-                    return None;
-                }
-                let (value, fails) = look(bench, start, *noise);
-                Some((start, value, fails))
-            },
-        )
-        .collect::<Option<_>>()?;
+    let all = EpisodeLoop::uncounted(watch);
+    let looked = all.run(
+        &untried,
+        || scenario.bench(),
+        |bench, (start, noise), _| {
+            let (value, fails) = look(bench, start, *noise);
+            Some((start, value, fails))
+        },
+    );
+    let looked: Vec<(&Start, f64, bool)> = looked.into_iter().collect::<Option<_>>()?;
     let row = |delta: f64| {
         let near = looked.iter().filter(|(_, v, _)| (v - value).abs() < delta);
         let near: Vec<_> = near.collect();

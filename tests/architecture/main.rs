@@ -235,6 +235,19 @@ fn library_code_does_not_unwrap() {
 }
 
 #[test]
+fn episodes_are_played_in_one_parallel_loop() {
+    // Benches of a worker's own, the wish to stop, the order of results.
+    const LOOP: &str = "src/campaign/episodes.rs";
+    let per_worker = |(_, line): &(String, String)| line.contains("map_init(");
+    let wrong: Vec<(String, String)> = lines().into_iter().filter(per_worker).collect();
+    assert!(
+        wrong.iter().all(|(place, _)| place.starts_with(LOOP)),
+        "{wrong:#?}"
+    );
+    assert_eq!(wrong.len(), 1, "{LOOP} is elsewhere now");
+}
+
+#[test]
 fn signals_and_robustness_are_double_precision() {
     // f64 in trace, stl and rulebook; f32 in rapier and the networks.
     for (place, line) in lines() {

@@ -14,11 +14,10 @@
 
 mod contest;
 
-use rayon::prelude::*;
-
 pub use self::contest::Adapted;
 use self::contest::{Contest, Outcome};
 use super::Watch;
+use super::episodes::{EpisodeLoop, Turn};
 use crate::rl::Policy;
 use crate::run::{RunDir, RunError};
 use crate::scenario::{Family, Member, Scenario};
@@ -83,10 +82,7 @@ fn meet(
     pairs: &[(&Ado, u64)],
     watch: &Watch<'_>,
 ) -> Option<Vec<Outcome>> {
-    let play_one = |bench: &mut Testbench, &(ado, index): &(&Ado, u64)| {
-        if watch.stopped() {
-            return None;
-        }
+    let play_one = |bench: &mut Testbench, &(ado, index): &(&Ado, u64), _: &Turn| {
         let key = StartKey {
             purpose: Purpose::Calibration,
             seed: request.seed,
@@ -101,6 +97,7 @@ fn meet(
         let reward = request.ego.rulebook().reward_of(&verdict);
         Some((reward, verdict.is_success()))
     };
-    let played = pairs.par_iter();
-    played.map_init(|| request.ego.bench(), play_one).collect()
+    let all = EpisodeLoop::uncounted(watch);
+    let played = all.run(pairs, || request.ego.bench(), play_one);
+    played.into_iter().collect()
 }

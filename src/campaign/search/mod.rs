@@ -8,11 +8,6 @@ mod request;
 mod switches;
 mod trials;
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use cpu_time::ThreadTime;
-use rayon::prelude::*;
-
 pub use request::{Cem, Found, Method, SWITCHES, SearchRequest};
 
 use super::Watch;
@@ -35,26 +30,15 @@ pub struct Searched {
 
 /// Searches every start until its first success.
 pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
-    let starts = request.starts;
-    let done = AtomicU64::new(0);
-    let total = starts.starts.len() as u64;
-    let found: Vec<Option<Found>> = (0..starts.starts.len())
-        .into_par_iter()
-        .map_init(
-            || Searcher::new(request),
-            |searcher, index| {
-                (watch.progress)(done.fetch_add(1, Ordering::Relaxed), total);
-                if starts.trivial[index] || watch.stopped() {
-                    return None;
-                }
-                let clock = ThreadTime::now();
-                let (start, noise) = &starts.starts[index];
-                let mut found = searcher.solve((start, *noise), index, watch)?;
-                found.cpu_s = clock.elapsed().as_secs_f64();
-                Some(found)
-            },
-        )
-        .collect();
+    let searcher = || Searcher::new(request);
+    let found = request
+        .starts
+        .each(watch, searcher, |searcher, from, turn| {
+            let (start, noise) = from;
+            let mut found = searcher.solve((start, *noise), turn.index, watch)?;
+            found.cpu_s = turn.cpu_s();
+            Some(found)
+        });
     let row = request.row(&found);
     note_row(watch, &row);
     Searched { row, found }

@@ -4,13 +4,15 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::TheoremsError;
+use crate::campaign::Watch;
+use crate::campaign::episodes::{EpisodeLoop, Turn};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, Solution};
 use crate::scene::grid::{GridWorld, position_of};
-use crate::testbench::{Aftermath, Replay, play};
+use crate::testbench::{Aftermath, Replay, Testbench, play};
 
 /// By how much δ exceeds a difference of values: the theorems say "less than".
 const JUST_ABOVE: f64 = 1e-9;
@@ -106,29 +108,31 @@ pub fn optimal_values(scenario: &Scenario) -> Result<Vec<f64>, TheoremsError> {
         })
         .collect();
     let reward = scenario.rulebook().reward;
-    starts
-        .par_iter()
-        .map(|start| {
-            let value = left.last().map_or(0.0, |whole| {
-                whole.robustness(position_of(start, &game.arena))
-            });
-            let best = reward.lawful(value);
-            let actions = best_actions(grid, &left, start);
-            let mut ado = Replay::holding(&actions);
-            let played = play(&mut scenario.bench(), start, 0, &mut ado, Aftermath::Skip);
-            if let Verdict::Foul { .. } | Verdict::Invalid = played.verdict {
-                let word = played.verdict.word();
-                return Err(not_solved(format!("from {:?} it is a {word}", start.0)));
-            }
-            match scenario.rulebook().reward_of(&played.verdict) {
-                Some(paid) if paid == best => Ok(best),
-                paid => Err(not_solved(format!(
-                    "from {:?} V* is {best}, but {paid:?} is paid",
-                    start.0
-                ))),
-            }
-        })
-        .collect()
+    let value_of = |bench: &mut Testbench, start: &Start| {
+        let value = left.last().map_or(0.0, |whole| {
+            whole.robustness(position_of(start, &game.arena))
+        });
+        let best = reward.lawful(value);
+        let actions = best_actions(grid, &left, start);
+        let mut ado = Replay::holding(&actions);
+        let played = play(bench, start, 0, &mut ado, Aftermath::Skip);
+        if let Verdict::Foul { .. } | Verdict::Invalid = played.verdict {
+            let word = played.verdict.word();
+            return Err(not_solved(format!("from {:?} it is a {word}", start.0)));
+        }
+        match scenario.rulebook().reward_of(&played.verdict) {
+            Some(paid) if paid == best => Ok(best),
+            paid => Err(not_solved(format!(
+                "from {:?} V* is {best}, but {paid:?} is paid",
+                start.0
+            ))),
+        }
+    };
+    let value_of = |bench: &mut Testbench, start: &Start, _: &Turn| Some(value_of(bench, start));
+    let unwatched = Watch::unwatched();
+    let all = EpisodeLoop::uncounted(&unwatched);
+    let values = all.run(&starts, || scenario.bench(), value_of);
+    values.into_iter().flatten().collect()
 }
 
 fn best_actions(grid: &GridWorld, left: &[Solution], start: &Start) -> Vec<usize> {

@@ -1,13 +1,11 @@
 //! Theorem 3 on the road: which counterexamples carry over to changed egos.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 
 use super::forecast::{Case, Forecast, forecast, word};
 use super::{TheoremsError, TheoremsRequest, Witness};
 use crate::campaign::Watch;
+use crate::campaign::episodes::{EpisodeLoop, Turn};
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
@@ -136,12 +134,10 @@ pub fn carry_over(
     if changed.is_empty() && refused.is_empty() {
         return Err(TheoremsError::NothingChanged { world });
     }
-    let total = 2 * request.starts.starts.len() as u64;
     let played = Played {
         request,
         changed: &changed,
-        done: AtomicU64::new(0),
-        total,
+        all: EpisodeLoop::counted(watch, 2 * request.starts.starts.len()),
         watch,
     };
     let tests = played.all(Purpose::Test);
@@ -195,11 +191,13 @@ struct Run {
     sharp: Option<(Vec<f64>, bool)>,
 }
 
+/// The nominal bench and one per changed ego.
+type Benches = (Testbench, Vec<Testbench>);
+
 struct Played<'a> {
     request: &'a TheoremsRequest<'a>,
     changed: &'a [&'a (String, Scenario)],
-    done: AtomicU64,
-    total: u64,
+    all: EpisodeLoop<'a>,
     watch: &'a Watch<'a>,
 }
 
@@ -207,41 +205,26 @@ impl Played<'_> {
     /// The counterexamples of a purpose, in the order of their starts.
     fn all(&self, purpose: Purpose) -> Vec<Compared> {
         let starts = self.request.starts;
-        let compared: Vec<Option<Compared>> = (0..starts.starts.len())
-            .into_par_iter()
-            .map_init(
-                || self.benches(),
-                |benches, index| {
-                    let done = self.done.fetch_add(1, Ordering::Relaxed);
-                    (self.watch.progress)(done, self.total);
-                    if self.watch.stopped() {
-                        return None;
-                    }
-                    let (start, noise) = match purpose {
-                        Purpose::Test if starts.trivial[index] => return None,
-                        Purpose::Test => starts.starts[index].clone(),
-                        _ => self.calibration_start(benches, index)?,
-                    };
-                    self.compared(benches, (&start, noise), index)
-                },
-            )
-            .collect();
+        let compare_one = |benches: &mut Benches, test: &(Start, u64), turn: &Turn| {
+            let (start, noise) = match purpose {
+                Purpose::Test if starts.trivial[turn.index] => return None,
+                Purpose::Test => test.clone(),
+                _ => self.calibration_start(benches, turn.index)?,
+            };
+            self.compared(benches, (&start, noise), turn.index)
+        };
+        let compared = self.all.run(&starts.starts, || self.benches(), compare_one);
         compared.into_iter().flatten().collect()
     }
 
-    /// The nominal bench and one per changed ego.
-    fn benches(&self) -> (Testbench, Vec<Testbench>) {
+    fn benches(&self) -> Benches {
         let changed = self.changed.iter();
         let changed = changed.map(|(_, scenario)| scenario.bench());
         (self.request.nominal.bench(), changed.collect())
     }
 
     /// A calibration start; `None` if the ego fails there by itself.
-    fn calibration_start(
-        &self,
-        (nominal, _): &mut (Testbench, Vec<Testbench>),
-        index: usize,
-    ) -> Option<(Start, u64)> {
+    fn calibration_start(&self, (nominal, _): &mut Benches, index: usize) -> Option<(Start, u64)> {
         let key = StartKey {
             purpose: Purpose::Calibration,
             seed: self.request.starts.seed,
@@ -258,7 +241,7 @@ impl Played<'_> {
 
     fn compared(
         &self,
-        (nominal, changed): &mut (Testbench, Vec<Testbench>),
+        (nominal, changed): &mut Benches,
         (start, noise): (&Start, u64),
         index: usize,
     ) -> Option<Compared> {
