@@ -8,7 +8,7 @@ use std::io::Cursor;
 use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
-use brakecheck::view::{Recording, ViewError, record};
+use brakecheck::view::{Recording, ViewError, entities, record};
 use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 
@@ -230,4 +230,24 @@ fn an_episode_of_a_grid_world_can_be_watched() {
     let content = read_back(&std::fs::read(&file).unwrap());
     assert!(content.contains_key("/verdict"), "{:?}", content.keys());
     assert!(content.keys().any(|entity| entity.contains("ego")));
+}
+
+/// Whether an entity is one of those listed as `/world/<agent>`.
+fn is_of(entity: &str, listed: &str) -> bool {
+    let (parts, listed): (Vec<_>, Vec<_>) =
+        (entity.split('/').collect(), listed.split('/').collect());
+    let alike = |(part, want): (&&str, &&str)| want.starts_with('<') || part == want;
+    parts.len() == listed.len() && parts.iter().zip(&listed).all(alike)
+}
+
+#[test]
+fn a_recording_consists_of_what_the_list_of_panels_says() {
+    let world = world();
+    let bytes = Recording::new(&world, &crash(&world), "").encode().unwrap();
+    for entity in read_back(&bytes).keys().filter(|it| !it.contains("__")) {
+        let listed = entities(&world).any(|it| is_of(entity, it.path));
+        assert!(listed, "{entity} is of no panel");
+    }
+    let panels: Vec<&str> = entities(&world).map(|it| it.panel).collect();
+    assert!(panels.contains(&"scene") && !panels.contains(&"map"));
 }

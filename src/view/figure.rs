@@ -2,10 +2,11 @@
 
 use rerun::{AsComponents, Boxes3D, Capsules3D, Cylinders3D, FillMode, Points3D};
 
+use super::entity::agent_path;
+use super::error::ViewError;
 use super::journal::Journal;
 use super::palette::{self, Rgb};
 use super::story::Story;
-use super::{ViewError, agent_path};
 use crate::scene::Cast;
 
 /// What a body is drawn as.

@@ -13,7 +13,7 @@ use rerun::{
     StoreId, StoreKind, TimeColumn,
 };
 
-use super::ViewError;
+use super::error::ViewError;
 
 /// Names the application under which the viewer keeps the user's layout.
 const APPLICATION: &str = "brakecheck";

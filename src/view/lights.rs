@@ -3,11 +3,12 @@
 use rerun::{Boxes3D, FillMode, LineStrips3D, Points3D, StateChange, StateConfiguration};
 use rerun::{Color, Transform3D};
 
+use super::entity::{agent_path, path};
+use super::error::ViewError;
 use super::journal::{Journal, clock};
 use super::palette;
 use super::space::{distance, lifted};
 use super::story::Story;
-use super::{ViewError, agent_path, path};
 use crate::ego::Phase;
 use crate::scene::LightPost;
 
@@ -23,15 +24,21 @@ const LINE_M: f32 = 0.5;
 /// The phases, from the uppermost lamp down.
 const PHASES: [Phase; 3] = [Phase::Red, Phase::Yellow, Phase::Green];
 
-/// Logs every light, with its phases as a lane beside the ados' actions.
-pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+/// Logs every light where it stands, with what is lit.
+pub(super) fn log_posts(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     for (l, light) in story.stage.lights.iter().enumerate() {
         log_post(light, journal)?;
-        let turns = turns(story, l);
-        for (sample, phase) in &turns {
-            log_lit(story, light, (*sample, *phase), journal)?;
+        for (sample, phase) in turns(story, l) {
+            log_lit(story, light, (sample, phase), journal)?;
         }
-        log_phases(story, light, &turns, journal)?;
+    }
+    Ok(())
+}
+
+/// Logs the phases of every light as coloured lanes.
+pub(super) fn log_phases(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    for (l, light) in story.stage.lights.iter().enumerate() {
+        log_lanes(story, light, &turns(story, l), journal)?;
     }
     Ok(())
 }
@@ -110,8 +117,8 @@ fn log_lit(
     journal.from(instant, entity, &[&line, &lamp])
 }
 
-/// The phases as coloured lanes.
-fn log_phases(
+/// The phases of one light as coloured lanes.
+fn log_lanes(
     story: &Story<'_>,
     light: &LightPost,
     turns: &[(usize, Phase)],

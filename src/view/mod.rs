@@ -4,23 +4,34 @@
 //! the ego's specification and of every rule, the contact, and the verdict in
 //! words, on the timelines `sim_time` and `step`:
 //!
-//! | entity | what it is |
-//! | --- | --- |
-//! | `/world/road` | surface, lane markings, a post every 10 m |
-//! | `/world/<agent>` | body, moved by its transform |
-//! | `/world/<light>` | a post; `/lit` is the lamp and the stop line in its colour |
-//! | `/lights/<light>` | the phases of a light, as coloured lanes |
-//! | `/trails` | everybody's path on the ground |
-//! | `/contact` | where and how fast two agents met, from that instant on |
-//! | `/signals/<group>` | curves, grouped by unit, e.g. `/signals/speed` |
-//! | `/robustness/ego_spec` | running robustness of ψ_ego |
-//! | `/robustness/rule/<name>` | and of each rule |
-//! | `/marks/verdict`, `/marks/contact` | their instants, as upright lines in all plots |
-//! | `/actions/<ado>` | what the ado chose, decision by decision |
-//! | `/verdict` | the verdict in words; `/verdict/events` is the log |
+//! | panel | of | entity | what it is |
+//! | --- | --- | --- | --- |
+//! | map | grids | `/map/cells` | the cells, and fine ones |
+//! | map | grids | `/map/walls` | the walls around them |
+//! | map | grids | `/map/<player>` | the ego as a square, the ado as a disc |
+//! | map | grids | `/map/trail/<player>` | its way so far and its last move |
+//! | map | grids | `/map/outcome` | a frame around the cell where it was decided |
+//! | scene | roads | `/world/road` | surface, lane markings, a post every 10 m |
+//! | scene | roads | `/world/<agent>` | body, moved by its transform |
+//! | scene | roads | `/world/<light>` | a post with its dark lamps |
+//! | scene | roads | `/world/<light>/lit` | the lamp that is lit and the stop line in its colour |
+//! | scene | roads | `/trails` | everybody's path on the ground |
+//! | scene | roads | `/follow` | a frame that goes with the ego, upright: the cameras' |
+//! | scene | roads | `/contact` | where and how fast two agents met, from that instant on |
+//! | scene | roads | `/verdict/mark` | where the ego was when the verdict became certain |
+//! | actions | all | `/actions/<ado>` | what the ado chose, decision by decision |
+//! | actions | all | `/lights/<light>` | the phases of a light, as coloured lanes |
+//! | events | all | `/verdict/events` | the log: actions, phases, violations, contact |
+//! | running robustness | all | `/robustness/ego_spec` | running robustness of ψ_ego |
+//! | running robustness | all | `/robustness/rule/<name>` | and of each rule |
+//! | running robustness | all | `/robustness/zero` | the line that it crosses when a formula is lost |
+//! | running robustness | all | `/marks/verdict` | the instant of the verdict, as an upright line in all plots |
+//! | running robustness | all | `/marks/contact` | and that of the contact |
+//! | signals | all | `/signals/<group>` | curves, grouped by unit, e.g. `/signals/speed` |
+//! | verdict | all | `/verdict` | the verdict in words, and why |
 //!
-//! A grid world is a map in the plane instead: `/map/{cells,walls}`,
-//! `/map/<player>`, `/map/trail/<player>` and `/map/outcome`.
+//! The panel `from above` shows the scene once more, and a grid world is a map in
+//! the plane instead.
 //!
 //! It opens at its last sample, where most episodes have their crash; playing
 //! from there starts over.
@@ -48,30 +59,34 @@
 //!
 //! [rerun]: https://rerun.io
 
-mod curves;
+mod camera;
+mod entity;
+mod error;
 mod figure;
-mod grid;
 mod journal;
 mod layout;
 mod lights;
+mod lines;
 mod palette;
+mod panel;
+mod panels;
 mod road;
 mod space;
 mod story;
-mod words;
 
 use std::path::{Path, PathBuf};
 
 use rerun::external::re_log_encoding::{EncodeError, Encoder};
 use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::log::LogMsg;
-use rerun::{
-    EntityPath, RecordingInfo, RecordingStreamError, StoreKind, TextDocument, TextLog, TextLogLevel,
-};
+use rerun::{EntityPath, RecordingInfo, StoreKind};
 
 use crate::scenario::Scenario;
 use crate::testbench::Episode;
-use journal::{Journal, clock};
+pub use error::ViewError;
+use journal::Journal;
+pub use panel::Entity;
+pub use panels::entities;
 use story::Story;
 
 /// What was written.
@@ -83,42 +98,6 @@ pub struct Recorded {
     pub bytes: u64,
     /// Samples in it.
     pub samples: usize,
-}
-
-/// A recording could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum ViewError {
-    /// The output could not be written.
-    #[error("cannot write `{}`: {source}", path.display())]
-    Write {
-        /// The refused path.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The viewer's library refused the data.
-    #[error("the recording could not be assembled: {0}")]
-    Sdk(#[from] RecordingStreamError),
-    /// The viewer's library could not encode the data.
-    #[error("the recording could not be encoded: {what}")]
-    Encode {
-        /// What it said.
-        what: String,
-    },
-}
-
-impl ViewError {
-    /// What to do about it.
-    pub fn help(&self) -> &'static str {
-        match self {
-            ViewError::Write { .. } => {
-                "name a file in a directory that exists and can be written, e.g. `-o crash.rrd`"
-            }
-            ViewError::Sdk(_) | ViewError::Encode { .. } => {
-                "this is a fault of the program; the episode itself is fine"
-            }
-        }
-    }
 }
 
 /// Writes `episode` as a recording to `out`, replacing what is there.
@@ -192,14 +171,9 @@ impl<'a> Recording<'a> {
         let mut journal = Journal::new(StoreKind::Recording);
         let about = RecordingInfo::update_fields().with_name(story.scenario.name.as_str());
         journal.always(EntityPath::properties(), &[&about])?;
-        match story.scenario.grid() {
-            Some(world) => grid::log(story, &world.spec().arena, &mut journal)?,
-            None => space::log(story, &mut journal)?,
-        }
-        curves::log(story, &mut journal)?;
-        log_words(story, &mut journal)?;
+        panels::log(story, &mut journal)?;
         let mut blueprint = Journal::new(StoreKind::Blueprint);
-        layout::log(story, &mut blueprint)?;
+        panels::lay_out(story, &mut blueprint)?;
         let activate = BlueprintActivationCommand::make_active(blueprint.store().clone());
         let mut layout = blueprint.into_messages();
         layout.push(LogMsg::BlueprintActivationCommand(activate));
@@ -254,37 +228,4 @@ fn encoded(messages: &[LogMsg], index: Index) -> Result<Vec<u8>, EncodeError> {
     encoder.extend(messages.iter().map(Ok))?;
     encoder.finish()?;
     encoder.into_inner()
-}
-
-fn log_words(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
-    let document = TextDocument::from_markdown(words::document(story));
-    journal.always("verdict", &[&document])?;
-    let events = words::events(story);
-    let log = TextLog::update_fields()
-        .with_many_text(events.iter().map(|event| event.text.as_str()))
-        .with_many_level(events.iter().map(|event| match event.grave {
-            true => TextLogLevel::WARN,
-            false => TextLogLevel::INFO,
-        }));
-    let clock = clock(events.iter().map(|event| (event.sample, event.time_s)));
-    journal.columns("verdict/events", clock, log.columns_of_unit_batches())
-}
-
-/// An entity path from parts that may hold any character.
-fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
-    EntityPath::from(
-        parts
-            .into_iter()
-            .map(rerun::EntityPathPart::new)
-            .collect::<Vec<_>>(),
-    )
-}
-
-/// The entity of an agent's body.
-fn agent_path(name: &str) -> EntityPath {
-    // `/world/road` is taken, and an agent may be called that.
-    match name {
-        "road" => path(["world", "road (agent)"]),
-        name => path(["world", name]),
-    }
 }

@@ -2,7 +2,7 @@
 
 use rerun::{LineStrips3D, Mesh3D};
 
-use super::ViewError;
+use super::error::ViewError;
 use super::journal::Journal;
 use super::palette::{self, Rgb};
 use super::space::{distance, lifted};

@@ -176,9 +176,30 @@ fn shown(now: Interval, limit: f64) -> f64 {
     }
 }
 
+/// Equal neighbours as (first, one past the last, value).
+pub(super) fn action_runs(actions: &[usize]) -> Vec<(usize, usize, usize)> {
+    let mut runs: Vec<(usize, usize, usize)> = Vec::new();
+    for (i, &action) in actions.iter().enumerate() {
+        match runs.last_mut() {
+            Some((_, to, last)) if *last == action => *to = i + 1,
+            _ => runs.push((i, i + 1, action)),
+        }
+    }
+    runs
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn equal_actions_are_one_run() {
+        assert_eq!(action_runs(&[]), []);
+        assert_eq!(
+            action_runs(&[2, 2, 0, 2]),
+            [(0, 2, 2), (2, 3, 0), (3, 4, 2)]
+        );
+    }
 
     #[test]
     fn the_informative_end_of_an_interval_is_shown() {

@@ -2,23 +2,38 @@
 
 use std::fmt::Write as _;
 
-use super::lights;
-use super::story::Story;
+use rerun::TextDocument;
+
 use crate::rulebook::Verdict;
 use crate::scene::Role;
 use crate::stl::Explanation;
+use crate::view::error::ViewError;
+use crate::view::journal::Journal;
+use crate::view::layout::{Layout, Views};
+use crate::view::panel::{Column, Panel, Shown};
+use crate::view::story::{Story, action_runs};
 
-/// Something that happened at one instant.
-pub(super) struct Event {
-    pub sample: usize,
-    pub time_s: f64,
-    pub text: String,
-    /// Whether it is bad news.
-    pub grave: bool,
+pub(super) static PANEL: Panel = Panel {
+    name: "verdict",
+    column: Column::Words,
+    shown: Shown::Everywhere,
+    entities: &[("/verdict", "the verdict in words, and why")],
+    log,
+    views,
+};
+
+fn views(_: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+    let verdict = layout.view("TextDocument", "verdict", "/verdict", &["$origin"])?;
+    Ok(vec![(verdict, 1.0)])
+}
+
+fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let document = TextDocument::from_markdown(document(story));
+    journal.always("verdict", &[&document])
 }
 
 /// The verdict document, as markdown.
-pub(super) fn document(story: &Story<'_>) -> String {
+fn document(story: &Story<'_>) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = write_document(story, &mut text);
@@ -151,91 +166,7 @@ fn runs(story: &Story<'_>) -> Vec<String> {
     runs
 }
 
-/// Equal neighbours as (first, one past the last, value).
-pub(super) fn action_runs(actions: &[usize]) -> Vec<(usize, usize, usize)> {
-    let mut runs: Vec<(usize, usize, usize)> = Vec::new();
-    for (i, &action) in actions.iter().enumerate() {
-        match runs.last_mut() {
-            Some((_, to, last)) if *last == action => *to = i + 1,
-            _ => runs.push((i, i + 1, action)),
-        }
-    }
-    runs
-}
-
-/// Everything worth a line in the log, in order of time.
-pub(super) fn events(story: &Story<'_>) -> Vec<Event> {
-    let mut events = Vec::new();
-    let mut push = |sample: usize, time_s: f64, text: String, grave: bool| {
-        events.push(Event {
-            sample,
-            time_s,
-            text,
-            grave,
-        });
-    };
-    for (from, _, action) in action_runs(&story.episode.actions) {
-        let sample = story.decision_sample(from);
-        let label = story.scenario.action_label(action);
-        push(
-            sample,
-            story.time_s(sample),
-            format!("action {label}"),
-            false,
-        );
-    }
-    for (l, light) in story.stage.lights.iter().enumerate() {
-        for (sample, phase) in lights::turns(story, l) {
-            let text = format!("{} is {}", light.name, lights::word(phase));
-            push(sample, story.time_s(sample), text, false);
-        }
-    }
-    if let Some(sample) = story.spec.lost {
-        let text = "the ego's specification is violated".to_owned();
-        push(sample, story.time_s(sample), text, true);
-    }
-    for rule in &story.rules {
-        if let Some(sample) = rule.lost {
-            let text = format!("rule broken: {}", rule.name);
-            push(sample, story.time_s(sample), text, true);
-        }
-    }
-    if story.decided.is_some() && story.episode.judged < story.samples() {
-        let sample = story.episode.judged - 1;
-        let word = story.episode.verdict.word();
-        let text = format!("verdict: {word}; what follows is aftermath");
-        push(sample, story.time_s(sample), text, true);
-    }
-    let last = story.samples().saturating_sub(1);
-    if let Some(fault) = &story.episode.fault {
-        push(last, story.end_s(), fault.to_string(), true);
-    }
-    if let Some(touch) = &story.episode.contact {
-        let (a, b) = &touch.between;
-        let closing = touch.closing_speed_mps;
-        let text = format!("contact of {a} and {b}, closing at {closing:.2} m/s");
-        let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
-        push(sample.min(last), touch.time_s, text, true);
-    }
-    events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    events
-}
-
 /// A robustness with its sign.
-pub(super) fn signed(value: f64) -> String {
+fn signed(value: f64) -> String {
     format!("{value:+.3}").replace('-', "−")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::action_runs;
-
-    #[test]
-    fn equal_actions_are_one_run() {
-        assert_eq!(action_runs(&[]), []);
-        assert_eq!(
-            action_runs(&[2, 2, 0, 2]),
-            [(0, 2, 2), (2, 3, 0), (3, 4, 2)]
-        );
-    }
 }

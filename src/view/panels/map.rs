@@ -2,30 +2,72 @@
 //!
 //! Pictures have y downwards, maps have it upwards: rows are turned here.
 
+use rerun::blueprint::components::BackgroundKind;
+use rerun::external::re_sdk_types::blueprint::archetypes::{Background, VisualBounds2D};
+use rerun::external::re_sdk_types::datatypes::{Range1D, Range2D};
 use rerun::{Arrows2D, AsComponents, Boxes2D, LineStrips2D, Points2D};
 
-use super::ViewError;
-use super::journal::Journal;
-use super::palette::{self, Rgb};
-use super::story::Story;
 use crate::rulebook::Verdict;
 use crate::scene::grid::Arena;
+use crate::view::error::ViewError;
+use crate::view::journal::Journal;
+use crate::view::layout::{Layout, Views};
+use crate::view::palette::{self, Rgb};
+use crate::view::panel::{Column, Panel, Shown};
+use crate::view::story::Story;
+
+pub(super) static PANEL: Panel = Panel {
+    name: "map",
+    column: Column::Space,
+    shown: Shown::OnGrids,
+    entities: &[
+        ("/map/cells", "the cells, and fine ones"),
+        ("/map/walls", "the walls around them"),
+        ("/map/<player>", "the ego as a square, the ado as a disc"),
+        ("/map/trail/<player>", "its way so far and its last move"),
+        (
+            "/map/outcome",
+            "a frame around the cell where it was decided",
+        ),
+    ],
+    log,
+    views,
+};
 
 /// The entity under which everything with a place on the map stands.
-pub(super) const MAP: &str = "/map";
+const MAP: &str = "/map";
 /// Room around the map, in cells.
-pub(super) const MARGIN_CELLS: f64 = 0.6;
+const MARGIN_CELLS: f64 = 0.6;
 
 const CELL: Rgb = [84, 92, 104];
 const FINE_LINE: Rgb = [50, 55, 63];
 const WALL: Rgb = [225, 225, 220];
 
+/// The map, whole.
+fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+    let Some(world) = story.scenario.grid() else {
+        return Ok(Vec::new());
+    };
+    let view = layout.view("2D", "map", MAP, &["$origin/**"])?;
+    let dark =
+        Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(17, 20, 26));
+    layout.property(&view, "Background", &dark)?;
+    let size = f64::from(world.spec().arena.size);
+    let range = Range1D([-MARGIN_CELLS, size + MARGIN_CELLS]);
+    let bounds = VisualBounds2D::new(Range2D {
+        x_range: range,
+        y_range: range,
+    });
+    layout.property(&view, "VisualBounds2D", &bounds)?;
+    Ok(vec![(view, 7.0)])
+}
+
 /// Logs everything with a place on the map.
-pub(super) fn log(
-    story: &Story<'_>,
-    arena: &Arena,
-    journal: &mut Journal,
-) -> Result<(), ViewError> {
+fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let Some(world) = story.scenario.grid() else {
+        return Ok(());
+    };
+    let arena = &world.spec().arena;
     log_map(arena, journal)?;
     for who in 0..story.stage.cast.len() {
         log_player(story, arena, who, journal)?;

@@ -1,0 +1,91 @@
+//! Curves over time, and the marks that all plots show.
+
+use rerun::{Color, EntityPath, Scalars, SeriesLines, TimeColumn};
+
+use super::entity::path;
+use super::error::ViewError;
+use super::journal::{Journal, clock};
+use super::palette::{self, Rgb};
+use super::story::Story;
+
+/// The entity of the marks that all plots show.
+pub(super) const MARKS: &str = "/marks";
+/// How far a mark reaches up and down: beyond the axis of any plot.
+const MARK_REACH: f64 = 2e3;
+
+/// Whether there is an instant to be marked.
+pub(super) fn has_marks(story: &Story<'_>) -> bool {
+    story.decided.is_some() || story.episode.contact.is_some()
+}
+
+/// Upright lines at the instants of the verdict and of the contact.
+pub(super) fn log_marks(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let mut upright = |what: &str, (sample, time_s): (usize, f64), name: &str, rgb: Rgb| {
+        // One curve cannot have two values at one instant.
+        let instants = clock([(sample, time_s), (sample, time_s + 1e-6)]);
+        let entity = path(["marks", what]);
+        let ends = vec![-MARK_REACH, MARK_REACH];
+        log_lines(entity, &[(name, rgb, 1.2)], instants, ends, journal)
+    };
+    if let Some(sample) = story.decided {
+        let time_s = story.time_s(sample);
+        let name = format!("{} {time_s:.2} s", story.episode.verdict.word());
+        upright("verdict", (sample, time_s), &name, palette::DECIDED)?;
+    }
+    if let Some(touch) = &story.episode.contact {
+        let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
+        let name = format!("contact {:.2} s", touch.time_s);
+        upright("contact", (sample, touch.time_s), &name, palette::CONTACT)?;
+    }
+    Ok(())
+}
+
+/// How a line is drawn: name, colour, width.
+pub(super) type Pen<'a> = (&'a str, Rgb, f32);
+
+/// Lines of one entity: `values` has one per pen for every instant.
+pub(super) fn log_lines(
+    entity: EntityPath,
+    pens: &[Pen<'_>],
+    instants: [TimeColumn; 2],
+    values: Vec<f64>,
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let rows = values.len() / pens.len();
+    let style = SeriesLines::new()
+        .with_names(pens.iter().map(|(name, _, _)| *name))
+        .with_colors(pens.iter().map(|(_, rgb, _)| colour(*rgb)))
+        .with_widths(pens.iter().map(|(_, _, width)| *width));
+    journal.always(entity.clone(), &[&style])?;
+    let scalars = Scalars::new(values).columns(vec![pens.len(); rows]);
+    journal.columns(entity, instants, scalars)
+}
+
+/// Both clocks at every sample.
+pub(super) fn every_sample(story: &Story<'_>) -> [TimeColumn; 2] {
+    clock((0..story.samples()).map(|sample| (sample, story.time_s(sample))))
+}
+
+/// An axis with some room above and, for labels, below.
+pub(super) fn roomy((least, greatest): (f64, f64)) -> (f64, f64) {
+    let height = (greatest - least).max(1.0);
+    (least - 0.12 * height, greatest + 0.05 * height)
+}
+
+pub(super) fn colour([r, g, b]: Rgb) -> Color {
+    Color::from_rgb(r, g, b)
+}
+
+/// The least and the greatest of some finite numbers.
+pub(super) fn span(values: &[f64]) -> (f64, f64) {
+    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let greatest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    (least, greatest)
+}
+
+pub(super) fn union(spans: impl IntoIterator<Item = (f64, f64)>) -> (f64, f64) {
+    let grow = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+    spans
+        .into_iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), grow)
+}

@@ -1,0 +1,113 @@
+//! What the ados chose and what lights showed, as coloured lanes.
+
+use rerun::{StateChange, StateConfiguration};
+
+use crate::view::entity::path;
+use crate::view::error::ViewError;
+use crate::view::journal::{Journal, clock};
+use crate::view::layout::{Layout, Views};
+use crate::view::lights;
+use crate::view::lines::colour;
+use crate::view::panel::{Column, Panel, Shown};
+use crate::view::story::{Story, action_runs};
+
+pub(super) static PANEL: Panel = Panel {
+    name: "actions",
+    column: Column::Space,
+    shown: Shown::Everywhere,
+    entities: &[
+        ("/actions/<ado>", "what the ado chose, decision by decision"),
+        (
+            "/lights/<light>",
+            "the phases of a light, as coloured lanes",
+        ),
+    ],
+    log,
+    views,
+};
+
+fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+    let title = match story.stage.lights.is_empty() {
+        true => "actions of the ado",
+        false => "actions of the ado, and lights",
+    };
+    let contents = ["$origin/**", "+ /lights/**"];
+    let lanes = layout.view("StateTimeline", title, "/actions", &contents)?;
+    Ok(vec![(lanes, lanes_share(story))])
+}
+
+/// The share of the lanes of actions and lights, which need room for each.
+fn lanes_share(story: &Story<'_>) -> f32 {
+    let ados = match story.scenario.drive() {
+        Some(spec) => spec.action_sets().count(),
+        None => 1,
+    };
+    let lanes = ados + story.stage.lights.len();
+    0.5 + 0.5 * lanes as f32
+}
+
+fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    lights::log_phases(story, journal)?;
+    log_actions(story, journal)
+}
+
+/// What each ado chose, as coloured lanes.
+fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let joint = &story.episode.actions;
+    if story.scenario.grid().is_some() {
+        let spaces = story.scenario.world().spaces();
+        let labels = 0..spaces.actions;
+        let labels = labels.map(|action| story.scenario.action_label(action));
+        return log_choice(
+            story,
+            "ado",
+            joint,
+            &labels.collect::<Vec<_>>(),
+            spaces.neutral,
+            journal,
+        );
+    }
+    let Some(spec) = story.scenario.drive() else {
+        return Ok(());
+    };
+    let mut stride = 1;
+    for (agent, set, neutral) in spec.action_sets() {
+        let own = joint.iter().map(|joint| joint / stride % set.len());
+        let own: Vec<usize> = own.collect();
+        stride *= set.len();
+        let labels: Vec<String> = (0..set.len()).map(|action| set.label(action)).collect();
+        log_choice(story, agent, &own, &labels, neutral, journal)?;
+    }
+    Ok(())
+}
+
+/// What one ado chose, decision by decision.
+fn log_choice(
+    story: &Story<'_>,
+    name: &str,
+    own: &[usize],
+    labels: &[String],
+    neutral: usize,
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let entity = path(["actions", name]);
+    let colours = (0..labels.len()).map(|action| match action.cmp(&neutral) {
+        std::cmp::Ordering::Less => colour([192, 72, 60]),
+        std::cmp::Ordering::Equal => colour([96, 104, 116]),
+        std::cmp::Ordering::Greater => colour([66, 148, 92]),
+    });
+    let lanes = StateConfiguration::new()
+        .with_values(labels.iter().map(String::as_str))
+        .with_labels(labels.iter().map(String::as_str))
+        .with_colors(colours);
+    journal.always(entity.clone(), &[&lanes])?;
+    let runs = action_runs(own);
+    let states = StateChange::update_fields()
+        .with_state(runs.iter().map(|(_, _, action)| labels[*action].as_str()))
+        .columns_of_unit_batches();
+    let instants = runs.iter().map(|(from, _, _)| {
+        let sample = story.decision_sample(*from);
+        (sample, story.time_s(sample))
+    });
+    journal.columns(entity, clock(instants), states)
+}

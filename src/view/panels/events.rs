@@ -1,0 +1,117 @@
+//! The log: everything that is worth a line, in order of time.
+
+use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
+use rerun::external::re_sdk_types::blueprint::archetypes::TextLogColumns;
+use rerun::{TextLog, TextLogLevel};
+
+use crate::view::error::ViewError;
+use crate::view::journal::{Journal, clock};
+use crate::view::layout::{Layout, Views};
+use crate::view::lights;
+use crate::view::panel::{Column, Panel, Shown};
+use crate::view::story::{Story, action_runs};
+
+pub(super) static PANEL: Panel = Panel {
+    name: "events",
+    column: Column::Space,
+    shown: Shown::Everywhere,
+    entities: &[(
+        "/verdict/events",
+        "the log: actions, phases, violations, contact",
+    )],
+    log,
+    views,
+};
+
+fn views(_: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+    let events = layout.view("TextLog", "events", "/verdict/events", &["$origin"])?;
+    layout.property(&events, "TextLogColumns", &bodies_only())?;
+    Ok(vec![(events, 1.6)])
+}
+
+/// When and what; all lines of the log come from one entity.
+fn bodies_only() -> TextLogColumns {
+    TextLogColumns::update_fields().with_text_log_columns([TextLogColumn {
+        kind: TextLogColumnKind::Body,
+        visible: true.into(),
+    }])
+}
+
+fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let events = events(story);
+    let log = TextLog::update_fields()
+        .with_many_text(events.iter().map(|event| event.text.as_str()))
+        .with_many_level(events.iter().map(|event| match event.grave {
+            true => TextLogLevel::WARN,
+            false => TextLogLevel::INFO,
+        }));
+    let clock = clock(events.iter().map(|event| (event.sample, event.time_s)));
+    journal.columns("verdict/events", clock, log.columns_of_unit_batches())
+}
+
+/// Something that happened at one instant.
+struct Event {
+    sample: usize,
+    time_s: f64,
+    text: String,
+    /// Whether it is bad news.
+    grave: bool,
+}
+
+/// Everything worth a line in the log, in order of time.
+fn events(story: &Story<'_>) -> Vec<Event> {
+    let mut events = Vec::new();
+    let mut push = |sample: usize, time_s: f64, text: String, grave: bool| {
+        events.push(Event {
+            sample,
+            time_s,
+            text,
+            grave,
+        });
+    };
+    for (from, _, action) in action_runs(&story.episode.actions) {
+        let sample = story.decision_sample(from);
+        let label = story.scenario.action_label(action);
+        push(
+            sample,
+            story.time_s(sample),
+            format!("action {label}"),
+            false,
+        );
+    }
+    for (l, light) in story.stage.lights.iter().enumerate() {
+        for (sample, phase) in lights::turns(story, l) {
+            let text = format!("{} is {}", light.name, lights::word(phase));
+            push(sample, story.time_s(sample), text, false);
+        }
+    }
+    if let Some(sample) = story.spec.lost {
+        let text = "the ego's specification is violated".to_owned();
+        push(sample, story.time_s(sample), text, true);
+    }
+    for rule in &story.rules {
+        if let Some(sample) = rule.lost {
+            let text = format!("rule broken: {}", rule.name);
+            push(sample, story.time_s(sample), text, true);
+        }
+    }
+    if story.decided.is_some() && story.episode.judged < story.samples() {
+        let sample = story.episode.judged - 1;
+        let word = story.episode.verdict.word();
+        let text = format!("verdict: {word}; what follows is aftermath");
+        push(sample, story.time_s(sample), text, true);
+    }
+    let last = story.samples().saturating_sub(1);
+    if let Some(fault) = &story.episode.fault {
+        push(last, story.end_s(), fault.to_string(), true);
+    }
+    if let Some(touch) = &story.episode.contact {
+        let (a, b) = &touch.between;
+        let closing = touch.closing_speed_mps;
+        let text = format!("contact of {a} and {b}, closing at {closing:.2} m/s");
+        let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
+        push(sample.min(last), touch.time_s, text, true);
+    }
+    events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    events
+}

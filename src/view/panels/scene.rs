@@ -1,0 +1,195 @@
+//! The world in space: bodies in motion, paths, and the place of contact.
+
+use rerun::blueprint::components::BackgroundKind;
+use rerun::external::re_sdk_types::blueprint::archetypes::Background;
+use rerun::{Arrows3D, EntityPath, LineStrips3D, Points3D, Transform3D};
+
+use crate::rulebook::Verdict;
+use crate::scene::Frame;
+use crate::sim::Placement;
+use crate::view::camera::{Around, FOLLOW, SPACE, look};
+use crate::view::entity::agent_path;
+use crate::view::error::ViewError;
+use crate::view::journal::{Journal, clock};
+use crate::view::layout::{Layout, Views};
+use crate::view::panel::{Column, Panel, Shown};
+use crate::view::space::{distance, lifted};
+use crate::view::story::Story;
+use crate::view::{figure, lights, palette, road};
+
+pub(super) static PANEL: Panel = Panel {
+    name: "scene",
+    column: Column::Space,
+    shown: Shown::OnRoads,
+    entities: &[
+        ("/world/road", "surface, lane markings, a post every 10 m"),
+        ("/world/<agent>", "body, moved by its transform"),
+        ("/world/<light>", "a post with its dark lamps"),
+        (
+            "/world/<light>/lit",
+            "the lamp that is lit and the stop line in its colour",
+        ),
+        ("/trails", "everybody's path on the ground"),
+        (
+            "/follow",
+            "a frame that goes with the ego, upright: the cameras'",
+        ),
+        (
+            "/contact",
+            "where and how fast two agents met, from that instant on",
+        ),
+        (
+            "/verdict/mark",
+            "where the ego was when the verdict became certain",
+        ),
+    ],
+    log,
+    views,
+};
+
+/// The scene from behind the ego, with room for whom it follows.
+fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+    let around = Around::of(story);
+    let view = layout.view("3D", "scene", FOLLOW, &SPACE)?;
+    let sky =
+        Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(17, 20, 26));
+    layout.property(&view, "Background", &sky)?;
+    let back_m = (-around.ahead_m.0).max(around.behind_m).clamp(0.0, 25.0);
+    let eye_m = [-10.0 - back_m, 3.6 + 0.2 * back_m, 4.6 + 0.2 * back_m];
+    look(layout, &view, eye_m, [3.0, 0.0, 0.4], [0.0, 0.0, 1.0])?;
+    Ok(vec![(view, 5.0)])
+}
+
+/// Logs everything with a place in the world.
+fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    road::log(story, journal)?;
+    lights::log_posts(story, journal)?;
+    for who in 0..story.stage.cast.len() {
+        figure::log(story, who, journal)?;
+        log_motion(story, who, journal)?;
+    }
+    log_trails(story, journal)?;
+    log_follow(story, journal)?;
+    log_contact(story, journal)?;
+    log_verdict_mark(story, journal)
+}
+
+/// Where it is, sample by sample.
+fn log_motion(story: &Story<'_>, who: usize, journal: &mut Journal) -> Result<(), ViewError> {
+    let placements = story.frames.iter().map(|frame| frame.placements[who]);
+    let entity = agent_path(&story.stage.cast[who].name);
+    log_transforms(story, entity, placements, journal)
+}
+
+/// A frame that goes with the ego but neither pitches nor rolls: the cameras'.
+fn log_follow(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let ego = story.ego();
+    let upright = story.frames.iter().map(|frame| {
+        let Placement { centre_m, rotation } = frame.placements[ego];
+        let ([x, y, _], [_, _, turn, real]) = (centre_m, rotation);
+        let norm = (turn * turn + real * real).sqrt().max(1e-9);
+        Placement {
+            centre_m: [x, y, 0.0],
+            rotation: [0.0, 0.0, turn / norm, real / norm],
+        }
+    });
+    log_transforms(story, FOLLOW.into(), upright, journal)
+}
+
+fn log_transforms(
+    story: &Story<'_>,
+    entity: EntityPath,
+    placements: impl Iterator<Item = Placement> + Clone,
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
+    let motion = Transform3D::update_fields()
+        .with_many_translation(placements.clone().map(|place| lifted(place.centre_m, 0.0)))
+        .with_many_quaternion(
+            placements
+                .map(|place| rerun::Quaternion::from_xyzw(place.rotation.map(|part| part as f32))),
+        );
+    let columns = motion.columns_of_unit_batches();
+    let instants = (0..story.frames.len()).map(|sample| (sample, story.time_s(sample)));
+    journal.columns(entity, clock(instants), columns)
+}
+
+/// Everybody's whole way, on the ground; narrow ones lie on broad ones.
+fn log_trails(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let every = story.frames.len().div_ceil(100).max(1);
+    let agents = 0..story.stage.cast.len();
+    let strip = |who: usize| -> Vec<[f32; 3]> {
+        let sparse = story
+            .frames
+            .iter()
+            .step_by(every)
+            .chain(story.frames.last());
+        let ground = |frame: &Frame| {
+            let [x, y, _] = frame.placements[who].centre_m;
+            lifted([x, y, 0.0], 0.03 + 0.01 * who as f64)
+        };
+        sparse.map(ground).collect()
+    };
+    let trails = LineStrips3D::new(agents.clone().map(strip))
+        .with_radii(agents.clone().map(|who| 0.16 / (1.0 + who as f32)))
+        .with_colors(agents.map(|who| palette::dimmed(story.colour(who), 0.8)));
+    journal.always("trails", &[&trails])
+}
+
+/// A pin at the place of contact and an arrow as long as the way closed in 1 s.
+fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let Some(touch) = &story.episode.contact else {
+        return Ok(());
+    };
+    let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
+    let Some(frame) = story
+        .frames
+        .get(sample.min(story.frames.len().saturating_sub(1)))
+    else {
+        return Ok(());
+    };
+    let centre_of = |name: &str| {
+        let who = story.stage.cast.iter().position(|cast| cast.name == name);
+        who.map_or(touch.point_m, |who| frame.placements[who].centre_m)
+    };
+    let (from, to) = (centre_of(&touch.between.0), centre_of(&touch.between.1));
+    let apart_m = distance(from, to).max(1e-6);
+    let closing = touch.closing_speed_mps;
+    let along: [f64; 3] = std::array::from_fn(|i| (to[i] - from[i]) / apart_m * closing);
+    let at = touch.point_m;
+    let (pin, height_m) = (lifted(at, 0.2), 2.6_f32);
+    let back = std::array::from_fn(|i| at[i] - along[i]);
+    let arrows = Arrows3D::from_vectors([[0.0, 0.0, pin[2] - height_m], lifted(along, 0.0)])
+        .with_origins([[pin[0], pin[1], height_m], lifted(back, 1.2)])
+        .with_radii([0.07, 0.07])
+        .with_colors([palette::CONTACT])
+        .with_labels([
+            format!("contact {:.2} s", touch.time_s),
+            format!("closing {closing:.1} m/s"),
+        ])
+        .with_show_labels(false);
+    let point = Points3D::new([[pin[0], pin[1] - 1.8, 3.4]])
+        .with_radii([0.12])
+        .with_colors([palette::CONTACT])
+        .with_labels([format!("contact, closing at {closing:.1} m/s")]);
+    journal.from((sample, touch.time_s), "contact", &[&arrows, &point])
+}
+
+/// A pin where the ego was when the verdict became certain.
+fn log_verdict_mark(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let Some(sample) = story.decided else {
+        return Ok(());
+    };
+    let what = match story.episode.verdict {
+        Verdict::Counterexample { .. } => "specification violated",
+        Verdict::Foul { .. } => "rule broken",
+        Verdict::Held { .. } => "held",
+        Verdict::Invalid => "fault",
+    };
+    let [x, y, _] = story.frames[sample].placements[story.ego()].centre_m;
+    let top = lifted([x, y + 1.8, 0.0], 4.6);
+    let mark = Points3D::new([top])
+        .with_radii([0.12])
+        .with_colors([palette::DECIDED])
+        .with_labels([format!("{what} at {:.2} s", story.time_s(sample))]);
+    journal.from((sample, story.time_s(sample)), "verdict/mark", &[&mark])
+}

@@ -1,0 +1,193 @@
+//! The signals, by unit: what tells most has a plot of its own.
+
+use rerun::EntityPath;
+use rerun::blueprint::components::{ContainerKind, Corner2D};
+
+use crate::scene::drive::Road;
+use crate::view::entity::path;
+use crate::view::error::ViewError;
+use crate::view::journal::Journal;
+use crate::view::layout::{Layout, Node, Views};
+use crate::view::lines::{Pen, every_sample, log_lines, roomy, span, union};
+use crate::view::palette::{self, Rgb};
+use crate::view::panel::{Column, Panel, Shown};
+use crate::view::story::Story;
+
+pub(super) static PANEL: Panel = Panel {
+    name: "signals",
+    column: Column::Curves,
+    shown: Shown::Everywhere,
+    entities: &[(
+        "/signals/<group>",
+        "curves, grouped by unit, e.g. `/signals/speed`",
+    )],
+    log,
+    views,
+};
+
+fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
+    let mut column = Vec::new();
+    let mut rest = vec!["+ /signals/**".to_owned()];
+    for plot in plots(story).iter().filter(|plot| plot.prominent) {
+        let legend = plot.needs_legend().then_some(Corner2D::RightTop);
+        let entity = plot.entity.to_string();
+        rest.push(format!("- {entity}/**"));
+        let axis = roomy(plot.span);
+        column.push((layout.plot(story, &plot.title, &entity, axis, legend)?, 1.0));
+    }
+    // What is less telling waits behind the last prominent plot.
+    let rest: Vec<&str> = rest.iter().map(String::as_str).collect();
+    let rest = layout.view("TimeSeries", "other signals", "/signals", &rest)?;
+    let last = column.pop().map(|(node, _)| node);
+    let tabs: Vec<Node> = last.into_iter().chain([rest]).collect();
+    let more = layout.container(ContainerKind::Tabs, "more", &tabs, &[])?;
+    column.push((more, 1.0));
+    Ok(column)
+}
+
+fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    let trace = &story.episode.trace;
+    let every_sample = every_sample(story);
+    for plot in plots(story) {
+        let columns: Vec<&[f64]> = plot.signals.iter().map(|&i| trace.column(i)).collect();
+        let rows = (0..trace.len()).flat_map(|i| columns.iter().map(move |column| column[i]));
+        let pens = plot.names.iter().zip(&plot.colours);
+        let pens: Vec<Pen<'_>> = pens.map(|(name, rgb)| (name.as_str(), *rgb, 1.8)).collect();
+        log_lines(
+            plot.entity.clone(),
+            &pens,
+            every_sample.clone(),
+            rows.collect(),
+            journal,
+        )?;
+    }
+    Ok(())
+}
+
+/// Curves that share an axis.
+struct Plot {
+    /// The entity that holds them.
+    entity: EntityPath,
+    /// Title with unit.
+    title: String,
+    /// Whether it is worth a place of its own.
+    prominent: bool,
+    /// Positions of the signals in the schema.
+    signals: Vec<usize>,
+    names: Vec<String>,
+    colours: Vec<Rgb>,
+    nobodys: usize,
+    /// The least and the greatest value.
+    span: (f64, f64),
+}
+
+impl Plot {
+    fn empty((group, title): (&str, &str)) -> Plot {
+        Plot {
+            entity: path(["signals", group]),
+            title: title.to_owned(),
+            prominent: !matches!(group, "position" | "other"),
+            signals: Vec::new(),
+            names: Vec::new(),
+            colours: Vec::new(),
+            nobodys: 0,
+            span: (0.0, 0.0),
+        }
+    }
+
+    /// Whether colour and title do not name every curve.
+    fn needs_legend(&self) -> bool {
+        0 < self.nobodys && 1 < self.names.len()
+    }
+}
+
+/// The groups of signals, in the order in which they are shown.
+const GROUPS: [(&str, &str); 7] = [
+    ("chase", "Manhattan distance [cell]"),
+    ("distance", "distance [m]"),
+    ("lateral", "lateral [m]"),
+    ("speed", "speed [m/s]"),
+    ("acceleration", "acceleration [m/s²]"),
+    ("position", "position [m]"),
+    ("other", "other signals"),
+];
+
+/// The group of a signal; `lanes` says whether anybody leaves theirs.
+fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'static str {
+    let field = name.rsplit('.').next().unwrap_or(name);
+    match (unit, field) {
+        ("m", "y" | "lateral") if lanes == Lanes::Left => "lateral",
+        ("m", "lateral") if lanes == Lanes::Bent => "lateral",
+        ("m", "x" | "s" | "y" | "lateral") if owner.is_some() => "position",
+        ("m", _) => "distance",
+        ("cell", "d_man") => "chase",
+        ("m/s", _) => "speed",
+        ("m/s²", _) => "acceleration",
+        _ => "other",
+    }
+}
+
+/// Lanes are left or they are not: only then lateral motion earns a plot. On a
+/// road that bends, y says nothing about it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Lanes {
+    Kept,
+    Left,
+    Bent,
+}
+
+impl Lanes {
+    fn of(story: &Story<'_>) -> Lanes {
+        let road = story.scenario.drive().map(|spec| &spec.road);
+        if road.is_some_and(|road| !matches!(road, Road::Straight { .. })) {
+            return Lanes::Bent;
+        }
+        let moves = (0..story.stage.cast.len()).any(|who| {
+            let lateral = story
+                .frames
+                .iter()
+                .map(|frame| frame.placements[who].centre_m[1]);
+            let (least, greatest) = span(&lateral.collect::<Vec<f64>>());
+            least + 0.5 < greatest
+        });
+        if moves { Lanes::Left } else { Lanes::Kept }
+    }
+}
+
+/// The signals of an episode, sorted into plots, the prominent ones first.
+fn plots(story: &Story<'_>) -> Vec<Plot> {
+    let schema = story.episode.trace.schema();
+    let lanes = Lanes::of(story);
+    let mut plots: Vec<Plot> = GROUPS.map(Plot::empty).into();
+    for (i, signal) in schema.signals().iter().enumerate() {
+        let owner = owner_of(story, &signal.name);
+        let group = group_of(&signal.name, &signal.unit, owner, lanes);
+        let Some(at) = GROUPS.iter().position(|(name, _)| *name == group) else {
+            continue;
+        };
+        let plot = &mut plots[at];
+        plot.colours.push(match owner {
+            Some(who) => story.colour(who),
+            None => palette::neutral(plot.nobodys),
+        });
+        plot.nobodys += usize::from(owner.is_none());
+        plot.signals.push(i);
+        plot.names.push(signal.name.clone());
+    }
+    plots.retain(|plot| !plot.signals.is_empty());
+    for plot in &mut plots {
+        if let ([name], Some((group, unit))) = (&plot.names[..], plot.title.split_once(" [")) {
+            plot.title = format!("{group}: {name} [{unit}");
+        }
+        let columns = plot.signals.iter().map(|&i| story.episode.trace.column(i));
+        plot.span = union(columns.map(span));
+    }
+    plots
+}
+
+/// The agent whose own quantity a signal is.
+fn owner_of(story: &Story<'_>, signal: &str) -> Option<usize> {
+    let (name, field) = signal.split_once('.')?;
+    let owner = story.stage.cast.iter().position(|cast| cast.name == name)?;
+    (!field.contains('.')).then_some(owner)
+}
