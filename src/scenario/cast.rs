@@ -162,10 +162,7 @@ impl Cast<'_> {
         let place = self.place(problems, &path.to("start"), start);
         let body = find_body(problems, &path.to("body"), file, body)?;
         let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
-        let acts_as = match body.is_on_foot() {
-            true => ActsAs::Walker,
-            false => ActsAs::Vehicle,
-        };
+        let acts_as = ActsAs::from(body.control());
         if on_foot != (acts_as == ActsAs::Walker) {
             let what = match on_foot {
                 true => format!("`{}` is no body on foot", body.name),

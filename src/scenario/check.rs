@@ -13,6 +13,7 @@ use crate::rl::{LearnerConfig, LearnerSettings};
 use crate::rulebook::Reward;
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, DriveSpec, Range, Road, Script, Sensors};
+use crate::sim::Control;
 use crate::stl::Expr;
 
 /// Longest episode, in samples.
@@ -318,6 +319,15 @@ pub(super) enum ActsAs {
     Vehicle,
     Walker,
     Light,
+}
+
+impl From<Control> for ActsAs {
+    fn from(control: Control) -> ActsAs {
+        match control {
+            Control::Drive => ActsAs::Vehicle,
+            Control::Walk => ActsAs::Walker,
+        }
+    }
 }
 
 impl ActsAs {

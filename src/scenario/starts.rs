@@ -3,7 +3,6 @@
 use super::locate::Path;
 use super::problems::Problems;
 use crate::scene::drive::{Agent, DriveSpec, Place, Range};
-use crate::sim::BodyKind;
 
 /// Highest speed anybody may start with.
 const MAX_SPEED_MPS: f64 = 100.0;
@@ -91,20 +90,14 @@ pub(super) fn on_the_road(
     }
 }
 
-/// Extent along the road; somebody on foot may stand across it.
+/// Extent along the road.
 fn length_m(agent: &Agent) -> f64 {
-    match agent.body.kind {
-        BodyKind::Vehicle(_) => agent.body.length_m,
-        BodyKind::Walker(_) => agent.body.length_m.max(agent.body.width_m),
-    }
+    agent.body.room_m().0
 }
 
 /// Extent across the road.
 fn width_m(agent: &Agent) -> f64 {
-    match agent.body.kind {
-        BodyKind::Vehicle(_) => agent.body.width_m,
-        BodyKind::Walker(_) => 2.0 * agent.body.length_m.max(agent.body.width_m),
-    }
+    agent.body.room_m().1
 }
 
 /// The agents an agent's position hangs on, itself first.

@@ -8,7 +8,9 @@ use ron::extensions::Extensions;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::GRAVITY_MPS2;
+use super::Control;
+use super::vehicle::Vehicle;
+use super::walker::Walker;
 
 /// A kind of road user: its box, its mass and how it moves.
 ///
@@ -42,63 +44,13 @@ pub struct Body {
     pub color_rgb: [u8; 3],
 }
 
-/// How a body moves.
+/// How a body moves: a file of its own for each, and one match in each plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum BodyKind {
     /// On wheels; takes [`super::Command::Drive`].
     Vehicle(Vehicle),
     /// On foot; takes [`super::Command::Walk`].
     Walker(Walker),
-}
-
-/// Chassis, engine and tyres of a wheeled vehicle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Vehicle {
-    /// Front axle to rear axle.
-    pub wheelbase_m: f64,
-    /// Left wheel to right wheel.
-    pub track_m: f64,
-    /// Front bumper to front axle.
-    pub front_overhang_m: f64,
-    /// Radius of every wheel.
-    pub wheel_radius_m: f64,
-    /// Greatest power at the wheels.
-    pub power_w: f64,
-    /// Factor on the road's friction: 1 for tyres that use all of it.
-    #[serde(default = "one")]
-    pub grip: f64,
-    /// Greatest steering angle of the front wheels.
-    #[serde(default = "max_steer")]
-    pub max_steer_rad: f64,
-    /// Frequency at which the body bounces on its springs.
-    #[serde(default = "suspension_hz")]
-    pub suspension_hz: f64,
-    /// Share of critical damping of the suspension.
-    #[serde(default = "suspension_damping")]
-    pub suspension_damping: f64,
-    /// Length of the unloaded suspension.
-    #[serde(default = "suspension_rest")]
-    pub suspension_rest_m: f64,
-    /// How far the suspension moves from its unloaded length, both ways.
-    #[serde(default = "suspension_travel")]
-    pub suspension_travel_m: f64,
-    /// Drag coefficient times frontal area; 0 means coasting meets no air.
-    #[serde(default)]
-    pub drag_area_m2: f64,
-    /// Rolling resistance as a share of the weight; 0 means wheels roll freely.
-    #[serde(default)]
-    pub rolling_resistance: f64,
-}
-
-/// Limits of a body on foot.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Walker {
-    /// Greatest speed.
-    pub max_speed_mps: f64,
-    /// How fast the velocity changes, in any direction.
-    pub accel_mps2: f64,
 }
 
 /// A field of a body that makes no sense.
@@ -168,13 +120,7 @@ impl Body {
             -half_length_m,
             half_length_m,
         )?;
-        match &self.kind {
-            BodyKind::Vehicle(vehicle) => vehicle.validate(self),
-            BodyKind::Walker(walker) => {
-                within("max_speed_mps", walker.max_speed_mps, 0.01, 15.0)?;
-                within("accel_mps2", walker.accel_mps2, 0.01, 100.0)
-            }
-        }
+        self.kind.answers().validate(self)
     }
 
     /// Middle of the front bumper, ahead of the middle of the length.
@@ -182,80 +128,63 @@ impl Body {
         0.5 * self.length_m
     }
 
-    /// Whether it walks; everybody else drives.
-    pub fn is_on_foot(&self) -> bool {
-        self.vehicle().is_none()
-    }
-
     /// The vehicle's data, or `None` for a walker.
     pub fn vehicle(&self) -> Option<&Vehicle> {
         match &self.kind {
             BodyKind::Vehicle(vehicle) => Some(vehicle),
-            BodyKind::Walker(_) => None,
+            _ => None,
+        }
+    }
+
+    /// Which commands it takes.
+    pub fn control(&self) -> Control {
+        self.kind.answers().control()
+    }
+
+    /// Whether it walks; everybody else drives.
+    pub fn is_on_foot(&self) -> bool {
+        self.control() == Control::Walk
+    }
+
+    /// What it takes of the road: along it, and across it.
+    pub fn room_m(&self) -> (f64, f64) {
+        self.kind.answers().room_m(self)
+    }
+
+    /// From the point that is steered along a path to the front bumper.
+    pub fn lever_m(&self) -> f64 {
+        self.kind.answers().lever_m()
+    }
+}
+
+/// What a kind of body answers for itself; what moves it is asked in the plants.
+pub(super) trait Kind {
+    /// Checks the values that only this kind has.
+    fn validate(&self, body: &Body) -> Result<(), InvalidBody>;
+    /// Which commands it takes.
+    fn control(&self) -> Control;
+    /// What it takes of the road: along it, and across it.
+    fn room_m(&self, body: &Body) -> (f64, f64);
+    /// From the point that is steered along a path to the front bumper.
+    fn lever_m(&self) -> f64;
+}
+
+impl BodyKind {
+    /// The one place below the plants where kinds are told apart.
+    fn answers(&self) -> &dyn Kind {
+        match self {
+            BodyKind::Vehicle(vehicle) => vehicle,
+            BodyKind::Walker(walker) => walker,
         }
     }
 }
 
-impl Vehicle {
-    /// Front axle, ahead of the middle of the length.
-    pub fn front_axle_ahead_m(&self, body: &Body) -> f64 {
-        body.half_length_m() - self.front_overhang_m
-    }
-
-    /// Rear axle, ahead of the middle of the length (usually negative).
-    pub fn rear_axle_ahead_m(&self, body: &Body) -> f64 {
-        self.front_axle_ahead_m(body) - self.wheelbase_m
-    }
-
-    /// Share of the weight that rests on the front axle.
-    pub fn front_load_share(&self, body: &Body) -> f64 {
-        (body.com_ahead_m - self.rear_axle_ahead_m(body)) / self.wheelbase_m
-    }
-
-    /// How far the suspension gives way under the body's own weight.
-    pub fn sag_m(&self) -> f64 {
-        let omega_per_s = core::f64::consts::TAU * self.suspension_hz;
-        GRAVITY_MPS2 / (omega_per_s * omega_per_s)
-    }
-
-    fn validate(&self, body: &Body) -> Result<(), InvalidBody> {
-        within("wheelbase_m", self.wheelbase_m, 0.1, body.length_m)?;
-        within("track_m", self.track_m, 0.05, body.width_m)?;
-        let room_m = body.length_m - self.wheelbase_m;
-        within("front_overhang_m", self.front_overhang_m, 0.0, room_m)?;
-        within("wheel_radius_m", self.wheel_radius_m, 0.05, body.height_m)?;
-        within("power_w", self.power_w, 1.0, 1e7)?;
-        within("grip", self.grip, 0.01, 3.0)?;
-        // Beyond this the turn's centre would lie under the inner wheel.
-        let most_rad = libm::atan(1.6 * self.wheelbase_m / self.track_m).min(1.4);
-        within("max_steer_rad", self.max_steer_rad, 0.01, most_rad)?;
-        within("suspension_hz", self.suspension_hz, 0.5, 4.0)?;
-        within("suspension_damping", self.suspension_damping, 0.05, 2.0)?;
-        within("suspension_rest_m", self.suspension_rest_m, 0.01, 2.0)?;
-        let least_m = 1.2 * self.sag_m();
-        within(
-            "suspension_travel_m",
-            self.suspension_travel_m,
-            least_m,
-            2.0,
-        )?;
-        within("drag_area_m2", self.drag_area_m2, 0.0, 50.0)?;
-        within("rolling_resistance", self.rolling_resistance, 0.0, 0.5)?;
-        // Narrow and tall on soft springs, it would fall over sideways.
-        let (omega_per_s, half_m) = (
-            core::f64::consts::TAU * self.suspension_hz,
-            0.5 * self.track_m,
-        );
-        let most_m = 0.5 * (omega_per_s * half_m).powi(2) / GRAVITY_MPS2;
-        within("com_height_m", body.com_height_m, 0.01, most_m)?;
-        // Both axles must carry weight, or the vehicle tips over its bumper.
-        let (rear_m, span_m) = (self.rear_axle_ahead_m(body), self.wheelbase_m);
-        let (low_m, high_m) = (rear_m + 0.1 * span_m, rear_m + 0.9 * span_m);
-        within("com_ahead_m", body.com_ahead_m, low_m, high_m)
-    }
-}
-
-fn within(field: &'static str, value: f64, low: f64, high: f64) -> Result<(), InvalidBody> {
+pub(super) fn within(
+    field: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+) -> Result<(), InvalidBody> {
     if low <= value && value <= high {
         return Ok(());
     }
@@ -274,24 +203,6 @@ macro_rules! shipped {
 
 shipped!["sedan", "van", "truck", "motorcycle", "pedestrian"];
 
-fn one() -> f64 {
-    1.0
-}
-fn max_steer() -> f64 {
-    0.6
-}
-fn suspension_hz() -> f64 {
-    1.56
-}
-fn suspension_damping() -> f64 {
-    0.5
-}
-fn suspension_rest() -> f64 {
-    0.35
-}
-fn suspension_travel() -> f64 {
-    0.2
-}
 fn grey() -> [u8; 3] {
     [160, 160, 160]
 }

@@ -1,6 +1,7 @@
 //! What engine, tyres and steering can do, the same for both plants.
 
-use super::body::{Body, Vehicle};
+use super::body::Body;
+use super::vehicle::Vehicle;
 use super::{GRAVITY_MPS2, Ground};
 
 /// Density of air at sea level.

@@ -29,14 +29,17 @@ pub mod kinematic;
 mod limits;
 mod planar;
 pub mod rigid;
-mod walk;
+mod vehicle;
+mod walker;
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
-pub use body::{Body, BodyError, BodyKind, InvalidBody, Vehicle, Walker};
+pub use body::{Body, BodyError, BodyKind, InvalidBody};
 pub use kinematic::Kinematic;
 pub use rigid::Rigid;
+pub use vehicle::Vehicle;
+pub use walker::Walker;
 
 /// Gravity, downwards.
 pub const GRAVITY_MPS2: f64 = 9.81;
@@ -141,6 +144,16 @@ pub enum Command {
         /// Along world y.
         y_mps: f64,
     },
+}
+
+/// Which commands a body takes: all that anybody above the plants needs to know
+/// of its kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// [`Command::Drive`].
+    Drive,
+    /// [`Command::Walk`].
+    Walk,
 }
 
 /// The first touch of two bodies.

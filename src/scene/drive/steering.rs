@@ -35,9 +35,7 @@ impl LaneKeeper {
             reference_m: lateral_m,
             reference_mps: 0.0,
             lag: Actuator::new(lag_s, sample_s),
-            lever_m: body.vehicle().map_or(0.0, |vehicle| {
-                vehicle.wheelbase_m + vehicle.front_overhang_m
-            }),
+            lever_m: body.lever_m(),
         }
     }
 

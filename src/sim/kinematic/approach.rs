@@ -1,6 +1,7 @@
 //! When two bodies on known paths first touch.
 
-use super::mover::{Mover, Path};
+use super::mover::Mover;
+use super::path::Path;
 use crate::sim::planar::{Meeting, Separation, TOUCH_M, far_apart};
 
 /// Clearance at which an approach counts as a touch.

@@ -7,12 +7,17 @@
 //! to 1e-9 m, one evaluation for bodies on one line at constant speed.
 
 mod approach;
+mod engine;
+mod legs;
 mod mover;
+mod path;
+mod wheels;
 
 use self::approach::meet;
-use self::mover::{Anchor, Engine, Mover, Path};
-use super::body::{Body, BodyKind};
-use super::limits::Limits;
+use self::engine::Engine;
+use self::mover::Mover;
+use self::path::{Anchor, Path};
+use super::body::Body;
 use super::planar::Extent;
 use super::{BodyId, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose};
 
@@ -71,28 +76,9 @@ impl Plant for Kinematic {
 
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId {
         let (sin, cos) = libm::sincos(pose.heading_rad);
-        let (anchor_ahead_m, engine, walk_mps) = match &body.kind {
-            BodyKind::Vehicle(vehicle) => {
-                let limits = Limits::new(body, vehicle, self.ground);
-                let engine = Engine::Wheels {
-                    limits,
-                    accel_mps2: 0.0,
-                    curvature_per_m: 0.0,
-                };
-                (vehicle.rear_axle_ahead_m(body), engine, (0.0, 0.0))
-            }
-            BodyKind::Walker(walker) => {
-                let walk_mps = walker.within_limit((speed_mps * cos, speed_mps * sin));
-                (
-                    0.0,
-                    Engine::Legs {
-                        walker: walker.clone(),
-                        target_mps: walk_mps,
-                    },
-                    walk_mps,
-                )
-            }
-        };
+        let velocity_mps = (speed_mps * cos, speed_mps * sin);
+        let engine = Engine::new(body, self.ground, velocity_mps);
+        let (anchor_ahead_m, walk_mps) = engine.anchor();
         let back_m = body.half_length_m() - anchor_ahead_m;
         let at = Anchor {
             x_m: pose.x_m - back_m * cos,
@@ -119,25 +105,7 @@ impl Plant for Kinematic {
             self.faulty = true;
             return;
         };
-        match (&mut self.movers[id.0].engine, command) {
-            (
-                Engine::Wheels {
-                    accel_mps2,
-                    curvature_per_m,
-                    ..
-                },
-                Command::Drive {
-                    accel_mps2: a,
-                    curvature_per_m: k,
-                },
-            ) => {
-                (*accel_mps2, *curvature_per_m) = (a, k);
-            }
-            (Engine::Legs { walker, target_mps }, Command::Walk { x_mps, y_mps }) => {
-                *target_mps = walker.within_limit((x_mps, y_mps));
-            }
-            _ => self.faulty = true,
-        }
+        self.faulty |= !self.movers[id.0].engine.command(command);
     }
 
     fn advance(&mut self, dt_s: f64, _substeps: u32) -> Option<Contact> {
@@ -170,7 +138,7 @@ impl Plant for Kinematic {
             y_m: y_m + ahead_m * sin,
             heading_rad,
         };
-        let (speed_mps, lateral_mps, yaw_rate_rad_per_s) = mover.at.motion(&mover.engine);
+        let (speed_mps, lateral_mps, yaw_rate_rad_per_s) = mover.engine.motion(&mover.at);
         BodyState {
             pose,
             speed_mps,

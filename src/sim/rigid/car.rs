@@ -3,10 +3,11 @@
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::prelude::RigidBodyHandle;
 
+use super::motor::Motor;
 use super::world::{ComOffset, Motion, World, vector};
 use crate::sim::limits::{Drive, Limits};
 use crate::sim::planar::Rect;
-use crate::sim::{Body, Ground, Placement, Vehicle};
+use crate::sim::{Body, Command, Ground, Placement, Vehicle};
 
 /// More than any suspension needs, so that a spring always carries its car.
 const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
@@ -104,39 +105,6 @@ impl Car {
         }
     }
 
-    /// Sets what the car does from now on.
-    pub fn command(&mut self, accel_mps2: f64, curvature_per_m: f64) {
-        (self.accel_mps2, self.curvature_per_m) = (accel_mps2, curvature_per_m);
-    }
-
-    /// Sets the wheels and lets them act for one step.
-    pub fn drive(&mut self, world: &mut World, rect: &Rect, dt_s: f64) {
-        world.recentre(self.handle, &mut self.origin_m);
-        self.before = world.motion(self.handle);
-        self.origin_before_m = self.origin_m;
-        let speed_mps = rect.vx_mps * rect.cos + rect.vy_mps * rect.sin;
-        let drive = self.limits.drive(self.accel_mps2, self.target_mps, dt_s);
-        let force_n = self.mass_kg * self.accelerate(&drive, speed_mps, dt_s);
-        let steering_rad = self.steer(&drive, speed_mps);
-
-        // Each wheel takes its share of the load, so that none slips first.
-        let wheels = self.controller.wheels_mut();
-        let loads_n = wheels
-            .iter()
-            .map(|wheel| f64::from(wheel.wheel_suspension_force));
-        let load_n: f64 = loads_n.sum();
-        for (index, wheel) in wheels.iter_mut().enumerate() {
-            let share = if 0.0 < load_n {
-                f64::from(wheel.wheel_suspension_force) / load_n
-            } else {
-                self.load_shares[index]
-            };
-            wheel.engine_force = (force_n * share) as f32;
-            wheel.steering = steering_rad[index];
-        }
-        world.roll(&mut self.controller, dt_s);
-    }
-
     /// The acceleration that the wheels have to give, and the next target.
     ///
     /// It takes the car from its speed to the speed it should have after the
@@ -186,15 +154,55 @@ impl Car {
         let left_m = 0.5 * self.track_m;
         [towards_centre(left_m), towards_centre(-left_m), 0.0, 0.0]
     }
+}
 
-    /// Centre and orientation of the bounding box.
-    pub fn placement(&self, world: &World, height_m: f64) -> Placement {
+impl Motor for Car {
+    fn command(&mut self, command: Command) -> bool {
+        let Command::Drive {
+            accel_mps2,
+            curvature_per_m,
+        } = command
+        else {
+            return false;
+        };
+        (self.accel_mps2, self.curvature_per_m) = (accel_mps2, curvature_per_m);
+        true
+    }
+
+    /// Sets the wheels and lets them act for one step.
+    fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64) {
+        world.recentre(self.handle, &mut self.origin_m);
+        self.before = world.motion(self.handle);
+        self.origin_before_m = self.origin_m;
+        let speed_mps = rect.vx_mps * rect.cos + rect.vy_mps * rect.sin;
+        let drive = self.limits.drive(self.accel_mps2, self.target_mps, dt_s);
+        let force_n = self.mass_kg * self.accelerate(&drive, speed_mps, dt_s);
+        let steering_rad = self.steer(&drive, speed_mps);
+
+        // Each wheel takes its share of the load, so that none slips first.
+        let wheels = self.controller.wheels_mut();
+        let loads_n = wheels
+            .iter()
+            .map(|wheel| f64::from(wheel.wheel_suspension_force));
+        let load_n: f64 = loads_n.sum();
+        for (index, wheel) in wheels.iter_mut().enumerate() {
+            let share = if 0.0 < load_n {
+                f64::from(wheel.wheel_suspension_force) / load_n
+            } else {
+                self.load_shares[index]
+            };
+            wheel.engine_force = (force_n * share) as f32;
+            wheel.steering = steering_rad[index];
+        }
+        world.roll(&mut self.controller, dt_s);
+    }
+
+    fn placement(&self, world: &World, height_m: f64) -> Placement {
         let motion = world.motion(self.handle);
         motion.placement(self.origin_m, height_m)
     }
 
-    /// The footprint now.
-    pub fn rect(&self, world: &World) -> Rect {
+    fn rect(&self, world: &World) -> Rect {
         world.motion(self.handle).rect(self.origin_m, &self.com)
     }
 
@@ -202,14 +210,13 @@ impl Car {
     ///
     /// rapier moves a body by the velocity at the end of a step, which puts it
     /// ½·dt·Δv too far; the mean velocity makes constant acceleration exact.
-    pub fn settle(&mut self, world: &World, dt_s: f64) {
+    fn settle(&mut self, world: &World, dt_s: f64) {
         let (gain_x_mps, gain_y_mps) = world.motion(self.handle).gain_mps(&self.before);
         self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
         self.origin_m.1 -= 0.5 * dt_s * gain_y_mps;
     }
 
-    /// Goes back to a share of the last step.
-    pub fn rewind(&mut self, world: &mut World, share: f64) {
+    fn rewind(&mut self, world: &mut World, share: f64) {
         let motion = self.before.towards(&world.motion(self.handle), share);
         world.place(self.handle, &motion);
         let mix = |from_m: f64, to_m: f64| from_m + share * (to_m - from_m);
@@ -219,5 +226,9 @@ impl Car {
         );
         let rect = motion.rect(self.origin_m, &self.com);
         self.aim(rect.vx_mps * rect.cos + rect.vy_mps * rect.sin);
+    }
+
+    fn fork(&self) -> Box<dyn Motor> {
+        Box::new(self.clone())
     }
 }

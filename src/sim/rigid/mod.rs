@@ -10,18 +10,16 @@
 //! leaves every body where it is at that instant.
 
 mod car;
+mod foot;
+mod motor;
 mod touch;
 mod world;
 
-use self::car::Car;
+use self::motor::{Motor, motor};
 use self::touch::{Sweep, touch};
 use self::world::World;
 use super::planar::{Extent, Meeting, Rect};
-use super::walk::Stride;
-use super::{
-    Body, BodyId, BodyKind, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose,
-    Walker,
-};
+use super::{Body, BodyId, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose};
 
 /// Distance from the origin beyond which the plant calls itself unsound.
 const BOUND_M: f64 = 1e6;
@@ -40,28 +38,11 @@ pub struct Rigid {
 
 #[derive(Clone)]
 struct Mover {
-    body: Figure,
+    motor: Box<dyn Motor>,
     height_m: f64,
     accel_mps2: f64,
     /// Speed at the beginning of the running `advance`.
     before_mps: f64,
-}
-
-#[derive(Clone)]
-enum Figure {
-    Car(Box<Car>),
-    Foot(Foot),
-}
-
-#[derive(Clone)]
-struct Foot {
-    walker: Walker,
-    stride: Stride,
-    /// Where the last step began.
-    before: Stride,
-    target_mps: (f64, f64),
-    /// A walker keeps the heading it was spawned with.
-    heading: (f64, f64),
 }
 
 /// The earliest touch within one step.
@@ -86,17 +67,12 @@ impl Rigid {
 
     fn step(&mut self, dt_s: f64) {
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
-            match &mut mover.body {
-                Figure::Car(car) => car.drive(&mut self.world, &sweep.after, dt_s),
-                Figure::Foot(foot) => foot.walk(dt_s),
-            }
+            mover.motor.act(&mut self.world, &sweep.after, dt_s);
         }
         self.world.step(dt_s);
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
-            if let Figure::Car(car) = &mut mover.body {
-                car.settle(&self.world, dt_s);
-            }
-            sweep.move_on(mover.rect(&self.world));
+            mover.motor.settle(&self.world, dt_s);
+            sweep.move_on(mover.motor.rect(&self.world));
         }
     }
 
@@ -123,11 +99,8 @@ impl Rigid {
     /// Takes all bodies back to a share of the last step.
     fn rewind(&mut self, share: f64) {
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
-            match &mut mover.body {
-                Figure::Car(car) => car.rewind(&mut self.world, share),
-                Figure::Foot(foot) => foot.rewind(share),
-            }
-            *sweep = Sweep::resting(mover.rect(&self.world), sweep.extent);
+            mover.motor.rewind(&mut self.world, share);
+            *sweep = Sweep::resting(mover.motor.rect(&self.world), sweep.extent);
         }
     }
 }
@@ -157,24 +130,16 @@ impl Plant for Rigid {
             vy_mps: speed_mps * sin,
             yaw_rate_rad_per_s: 0.0,
         };
-        let figure = match &body.kind {
-            BodyKind::Vehicle(vehicle) => Figure::Car(Box::new(Car::new(
-                &mut self.world,
-                body,
-                vehicle,
-                self.ground,
-                &rect,
-            ))),
-            BodyKind::Walker(walker) => Figure::Foot(Foot::new(walker, &rect)),
-        };
         let mover = Mover {
-            body: figure,
+            motor: motor(&mut self.world, body, self.ground, &rect),
             height_m: body.height_m,
             accel_mps2: 0.0,
             before_mps: speed_mps,
         };
-        self.sweeps
-            .push(Sweep::resting(mover.rect(&self.world), Extent::of(body)));
+        self.sweeps.push(Sweep::resting(
+            mover.motor.rect(&self.world),
+            Extent::of(body),
+        ));
         self.movers.push(mover);
         BodyId(self.movers.len() - 1)
     }
@@ -184,21 +149,7 @@ impl Plant for Rigid {
             self.faulty = true;
             return;
         };
-        match (&mut self.movers[id.0].body, command) {
-            (
-                Figure::Car(car),
-                Command::Drive {
-                    accel_mps2,
-                    curvature_per_m,
-                },
-            ) => {
-                car.command(accel_mps2, curvature_per_m);
-            }
-            (Figure::Foot(foot), Command::Walk { x_mps, y_mps }) => {
-                foot.target_mps = foot.walker.within_limit((x_mps, y_mps));
-            }
-            _ => self.faulty = true,
-        }
+        self.faulty |= !self.movers[id.0].motor.command(command);
     }
 
     fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact> {
@@ -260,18 +211,7 @@ impl Plant for Rigid {
 
     fn placement(&self, id: BodyId) -> Placement {
         let mover = &self.movers[id.0];
-        match &mover.body {
-            Figure::Car(car) => car.placement(&self.world, mover.height_m),
-            Figure::Foot(foot) => {
-                let (x_m, y_m) = foot.stride.at_m;
-                let half_rad = 0.5 * libm::atan2(foot.heading.1, foot.heading.0);
-                let (sin, cos) = libm::sincos(half_rad);
-                Placement {
-                    centre_m: [x_m, y_m, 0.5 * mover.height_m],
-                    rotation: [0.0, 0.0, sin, cos],
-                }
-            }
-        }
+        mover.motor.placement(&self.world, mover.height_m)
     }
 
     fn gap_m(&self, a: BodyId, b: BodyId) -> f64 {
@@ -300,64 +240,6 @@ impl Plant for Rigid {
 
     fn fork(&self) -> Box<dyn Plant> {
         Box::new(self.clone())
-    }
-}
-
-impl Mover {
-    fn rect(&self, world: &World) -> Rect {
-        match &self.body {
-            Figure::Car(car) => car.rect(world),
-            Figure::Foot(foot) => foot.rect(),
-        }
-    }
-}
-
-impl Foot {
-    fn new(walker: &Walker, rect: &Rect) -> Foot {
-        let velocity_mps = walker.within_limit((rect.vx_mps, rect.vy_mps));
-        let stride = Stride {
-            at_m: (rect.x_m, rect.y_m),
-            velocity_mps,
-        };
-        let heading = (rect.cos, rect.sin);
-        Foot {
-            walker: walker.clone(),
-            stride,
-            before: stride,
-            target_mps: velocity_mps,
-            heading,
-        }
-    }
-
-    fn walk(&mut self, dt_s: f64) {
-        self.before = self.stride;
-        let ramp = self.walker.ramp(self.stride.velocity_mps, self.target_mps);
-        self.stride = self.stride.after(&ramp, dt_s);
-    }
-
-    fn rewind(&mut self, share: f64) {
-        let mix = |(ax, ay): (f64, f64), (bx, by): (f64, f64)| {
-            (ax + share * (bx - ax), ay + share * (by - ay))
-        };
-        self.stride.at_m = mix(self.before.at_m, self.stride.at_m);
-        self.stride.velocity_mps = mix(self.before.velocity_mps, self.stride.velocity_mps);
-    }
-
-    fn rect(&self) -> Rect {
-        let Stride {
-            at_m: (x_m, y_m),
-            velocity_mps: (vx_mps, vy_mps),
-        } = self.stride;
-        let (cos, sin) = self.heading;
-        Rect {
-            x_m,
-            y_m,
-            cos,
-            sin,
-            vx_mps,
-            vy_mps,
-            yaw_rate_rad_per_s: 0.0,
-        }
     }
 }
 

@@ -1,6 +1,40 @@
-//! How a walker moves: evenly accelerated until it has the velocity asked for.
+//! Bodies on foot: evenly accelerated until they have the velocity asked for.
 
-use super::body::Walker;
+use serde::{Deserialize, Serialize};
+
+use super::Control;
+use super::body::{Body, InvalidBody, Kind, within};
+
+/// Limits of a body on foot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Walker {
+    /// Greatest speed.
+    pub max_speed_mps: f64,
+    /// How fast the velocity changes, in any direction.
+    pub accel_mps2: f64,
+}
+
+impl Kind for Walker {
+    fn validate(&self, _: &Body) -> Result<(), InvalidBody> {
+        within("max_speed_mps", self.max_speed_mps, 0.01, 15.0)?;
+        within("accel_mps2", self.accel_mps2, 0.01, 100.0)
+    }
+
+    fn control(&self) -> Control {
+        Control::Walk
+    }
+
+    /// It may stand across the road, and walk to either side.
+    fn room_m(&self, body: &Body) -> (f64, f64) {
+        let any_way_m = body.length_m.max(body.width_m);
+        (any_way_m, 2.0 * any_way_m)
+    }
+
+    fn lever_m(&self) -> f64 {
+        0.0
+    }
+}
 
 /// Position and velocity of a walker's centre in the world frame.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,109 @@
+//! Vehicles of the kinematic plant: the rear axle runs along an arc.
+
+use super::path::{Anchor, Path, PathKind};
+use crate::sim::limits::{Drive, Limits};
+use crate::sim::{Body, Command, Ground, Vehicle};
+
+/// What a vehicle can do, and what it is asked to do.
+#[derive(Clone, Debug)]
+pub(super) struct Wheels {
+    limits: Limits,
+    rear_axle_ahead_m: f64,
+    accel_mps2: f64,
+    curvature_per_m: f64,
+}
+
+impl Wheels {
+    pub fn new(body: &Body, vehicle: &Vehicle, ground: Ground) -> Wheels {
+        Wheels {
+            limits: Limits::new(body, vehicle, ground),
+            rear_axle_ahead_m: vehicle.rear_axle_ahead_m(body),
+            accel_mps2: 0.0,
+            curvature_per_m: 0.0,
+        }
+    }
+
+    /// The rear axle, ahead of the middle of the length.
+    pub fn rear_axle_ahead_m(&self) -> f64 {
+        self.rear_axle_ahead_m
+    }
+
+    /// Whether the command is one for vehicles.
+    pub fn command(&mut self, command: Command) -> bool {
+        let Command::Drive {
+            accel_mps2,
+            curvature_per_m,
+        } = command
+        else {
+            return false;
+        };
+        (self.accel_mps2, self.curvature_per_m) = (accel_mps2, curvature_per_m);
+        true
+    }
+
+    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
+        let drive = self.limits.drive(self.accel_mps2, start.speed_mps, dt_s);
+        let end_mps = drive.speed_mps(start.speed_mps, dt_s);
+        let top_mps = start.speed_mps.abs().max(end_mps.abs());
+        let curvature_per_m =
+            self.limits
+                .curvature_per_m(self.curvature_per_m, drive.tyre_mps2, top_mps);
+        let start = Anchor {
+            curvature_per_m,
+            ..start
+        };
+        // Farthest point from the rear axle: turning adds to its motion.
+        let turn = curvature_per_m.abs() * arm_m;
+        let centripetal_mps2 = top_mps * top_mps * curvature_per_m.abs() * (1.0 + turn);
+        Path {
+            start,
+            kind: PathKind::Arc(drive),
+            speed_bound_mps: top_mps * (1.0 + turn),
+            accel_bound_mps2: drive.net_mps2.abs() * (1.0 + turn) + centripetal_mps2,
+        }
+    }
+
+    /// Speed along the heading, speed to the left, and yaw rate.
+    pub fn motion(at: &Anchor) -> (f64, f64, f64) {
+        (at.speed_mps, 0.0, at.speed_mps * at.curvature_per_m)
+    }
+
+    /// Where the rear axle is after a time on its arc.
+    pub fn after(start: Anchor, drive: Drive, after_s: f64) -> Anchor {
+        let moving_s = after_s.min(drive.rest_after_s);
+        let length_m = moving_s * (start.speed_mps + 0.5 * drive.net_mps2 * moving_s);
+        let speed_mps = drive.speed_mps(start.speed_mps, after_s);
+        let moved = Anchor { speed_mps, ..start };
+        if start.curvature_per_m == 0.0 {
+            let (x_m, y_m) = (
+                start.x_m + length_m * start.cos,
+                start.y_m + length_m * start.sin,
+            );
+            return Anchor { x_m, y_m, ..moved };
+        }
+        // The chord of an arc of angle 2u is sin(u)/u of its length.
+        let half_turn_rad = 0.5 * start.curvature_per_m * length_m;
+        let (half_sin, half_cos) = libm::sincos(half_turn_rad);
+        let chord_m = if half_turn_rad.abs() < 1e-6 {
+            length_m
+        } else {
+            length_m * half_sin / half_turn_rad
+        };
+        let middle_cos = start.cos * half_cos - start.sin * half_sin;
+        let middle_sin = start.sin * half_cos + start.cos * half_sin;
+        let heading_rad = start.heading_rad + 2.0 * half_turn_rad;
+        let (sin, cos) = libm::sincos(heading_rad);
+        let (x_m, y_m) = (
+            start.x_m + chord_m * middle_cos,
+            start.y_m + chord_m * middle_sin,
+        );
+        Anchor {
+            x_m,
+            y_m,
+            heading_rad,
+            cos,
+            sin,
+            ..moved
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Walkers of the rigid plant: no dynamics worth a rigid body, so they follow
+//! the same closed form as on the kinematic one.
+
+use super::motor::Motor;
+use super::world::World;
+use crate::sim::planar::Rect;
+use crate::sim::walker::Stride;
+use crate::sim::{Command, Placement, Walker};
+
+/// A walker, and the velocity it is asked for.
+#[derive(Clone)]
+pub(super) struct Foot {
+    walker: Walker,
+    stride: Stride,
+    /// Where the last step began.
+    before: Stride,
+    target_mps: (f64, f64),
+    /// A walker keeps the heading it was spawned with.
+    heading: (f64, f64),
+}
+
+impl Foot {
+    /// It walks on as it is spawned, within its limit.
+    pub fn new(walker: &Walker, rect: &Rect) -> Foot {
+        let velocity_mps = walker.within_limit((rect.vx_mps, rect.vy_mps));
+        let stride = Stride {
+            at_m: (rect.x_m, rect.y_m),
+            velocity_mps,
+        };
+        let heading = (rect.cos, rect.sin);
+        Foot {
+            walker: walker.clone(),
+            stride,
+            before: stride,
+            target_mps: velocity_mps,
+            heading,
+        }
+    }
+}
+
+impl Motor for Foot {
+    fn command(&mut self, command: Command) -> bool {
+        let Command::Walk { x_mps, y_mps } = command else {
+            return false;
+        };
+        self.target_mps = self.walker.within_limit((x_mps, y_mps));
+        true
+    }
+
+    fn act(&mut self, _: &mut World, _: &Rect, dt_s: f64) {
+        self.before = self.stride;
+        let ramp = self.walker.ramp(self.stride.velocity_mps, self.target_mps);
+        self.stride = self.stride.after(&ramp, dt_s);
+    }
+
+    fn rewind(&mut self, _: &mut World, share: f64) {
+        let mix = |(ax, ay): (f64, f64), (bx, by): (f64, f64)| {
+            (ax + share * (bx - ax), ay + share * (by - ay))
+        };
+        self.stride.at_m = mix(self.before.at_m, self.stride.at_m);
+        self.stride.velocity_mps = mix(self.before.velocity_mps, self.stride.velocity_mps);
+    }
+
+    fn rect(&self, _: &World) -> Rect {
+        let Stride {
+            at_m: (x_m, y_m),
+            velocity_mps: (vx_mps, vy_mps),
+        } = self.stride;
+        let (cos, sin) = self.heading;
+        Rect {
+            x_m,
+            y_m,
+            cos,
+            sin,
+            vx_mps,
+            vy_mps,
+            yaw_rate_rad_per_s: 0.0,
+        }
+    }
+
+    fn placement(&self, _: &World, height_m: f64) -> Placement {
+        let (x_m, y_m) = self.stride.at_m;
+        let half_rad = 0.5 * libm::atan2(self.heading.1, self.heading.0);
+        let (sin, cos) = libm::sincos(half_rad);
+        Placement {
+            centre_m: [x_m, y_m, 0.5 * height_m],
+            rotation: [0.0, 0.0, sin, cos],
+        }
+    }
+
+    fn fork(&self) -> Box<dyn Motor> {
+        Box::new(self.clone())
+    }
+}
