@@ -145,10 +145,10 @@ fn run(
             lane_width_m: 0.0,
             ttc: TtcReading::Magnitude,
         };
-        if encounter.clearance_m() <= 0.0 && 2.0 < encounter.ttc_s() {
-            outcome.large_ttc = outcome.large_ttc.or(Some(i));
-        }
         if ego.x_m <= other.x_m {
+            if encounter.clearance_m() <= 0.0 && 2.0 < encounter.ttc_s() {
+                outcome.large_ttc = outcome.large_ttc.or(Some(i));
+            }
             let now = FsmDriver::default().satisfaction(&encounter);
             outcome.satisfaction.0 = now.proactive.max(outcome.satisfaction.0);
             outcome.satisfaction.1 = now.critical.max(outcome.satisfaction.1);
@@ -306,7 +306,7 @@ fn of_panel(case: &Value, name: &str, side: f64) -> Outcome {
         });
     }
     let model: ReferenceDriver = name.parse().expect("a model");
-    let mut driver = Reflexes::new(model, dt, lane_width_m);
+    let mut driver = Reflexes::new(model, dt, lane_width_m).reading(TtcReading::Magnitude);
     run(case, &others, |_, ego, other| {
         (driver.step(ego, &[*other]), driver.has_reacted())
     })

@@ -10,6 +10,7 @@ mod light;
 mod motion;
 mod perceiving;
 mod reading;
+mod replaying;
 mod road;
 mod script;
 mod sensors;

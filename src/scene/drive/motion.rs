@@ -15,7 +15,7 @@ use super::trained::{Trained, Who};
 use super::{Layout, staging};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
-use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
+use crate::scene::{Axis, BodySample, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
 use crate::sim::{self, BodyId, BodyState, Command, Contact, Ground, Plant, Pose};
 use crate::trace::Schema;
@@ -30,8 +30,10 @@ pub struct DriveScene {
     pub(super) sensing: Sensing,
     /// The lag behind each agent's acceleration.
     actuators: Vec<Actuator>,
-    keepers: Vec<LaneKeeper>,
+    pub(super) keepers: Vec<LaneKeeper>,
     chosen: Vec<Choice>,
+    /// What each body was last asked to do; `None` before the first time.
+    pub(super) commanded: Vec<Option<Command>>,
     pub(super) bodies: Vec<BodyId>,
     pub(super) states: Vec<BodyState>,
     pub(super) on_road: Vec<OnRoad>,
@@ -55,6 +57,7 @@ impl DriveScene {
             actuators: Vec::with_capacity(agents),
             keepers: Vec::with_capacity(agents),
             chosen: vec![Choice::NONE; agents],
+            commanded: vec![None; agents],
             bodies: Vec::with_capacity(agents),
             states: Vec::with_capacity(agents),
             on_road: Vec::with_capacity(agents),
@@ -70,7 +73,7 @@ impl DriveScene {
         self.sample as f64 * self.layout.spec.clock.sample_s
     }
 
-    fn read_states(&mut self) {
+    pub(super) fn read_states(&mut self) {
         self.states.clear();
         self.on_road.clear();
         for &body in &self.bodies {
@@ -86,6 +89,11 @@ impl DriveScene {
             heading_rad: pose.heading_rad + agent.facing_rad,
             ..pose
         };
+        self.spawn_at(agent, pose, lateral_m, speed_mps);
+    }
+
+    /// Puts an agent on the ground; it keeps `lateral_m`.
+    pub(super) fn spawn_at(&mut self, agent: &Agent, pose: Pose, lateral_m: f64, speed_mps: f64) {
         let body = self.plant.spawn(&agent.body, pose, speed_mps);
         self.bodies.push(body);
         let (lag_s, lateral_lag_s) = match &agent.drive {
@@ -102,6 +110,18 @@ impl DriveScene {
             lateral_lag_s,
             sample_s,
         ));
+    }
+
+    /// Takes everybody off the road; time starts at 0.
+    pub(super) fn clear(&mut self) {
+        self.plant.clear(ground(&self.layout));
+        self.bodies.clear();
+        self.actuators.clear();
+        self.keepers.clear();
+        self.chosen.fill(Choice::NONE);
+        self.commanded.fill(None);
+        self.touch = None;
+        self.sample = 0;
     }
 
     /// What the trained ados decide now.
@@ -191,7 +211,30 @@ impl DriveScene {
             // Invariant: only lights turn, and they have no body.
             Choice::Turn(_) => return,
         };
+        self.commanded[agent] = Some(command);
         self.plant.command(self.bodies[agent], command);
+    }
+
+    /// One sample of physics under the commands that everybody has.
+    pub(super) fn move_on(&mut self) -> Flow {
+        let clock = self.layout.spec.clock;
+        self.touch = self.plant.advance(clock.sample_s, clock.substeps);
+        self.sample += 1;
+        self.read_states();
+        let time_s = self.time_s();
+        for (shown, light) in self.lights.iter_mut().zip(&self.layout.spec.lights) {
+            shown.keep_time(light, time_s, self.sample);
+        }
+        if !self.plant.sound() {
+            return Flow::Fault(Fault::new(
+                FaultKind::Physics,
+                format!("the physics broke down at {:.3} s", self.time_s()),
+            ));
+        }
+        match &self.touch {
+            Some(contact) => Flow::Contact(self.touch_of(contact)),
+            None => Flow::Going,
+        }
     }
 
     fn touch_of(&self, contact: &Contact) -> Touch {
@@ -241,13 +284,7 @@ impl Scene for DriveScene {
 
     fn reset(&mut self, start: &Start, noise: u64) {
         let layout = Arc::clone(&self.layout);
-        self.plant.clear(ground(&layout));
-        self.bodies.clear();
-        self.actuators.clear();
-        self.keepers.clear();
-        self.chosen.fill(Choice::NONE);
-        self.touch = None;
-        self.sample = 0;
+        self.clear();
         let mut drawn = start.0.iter().copied();
         let mut value = |range: Range| match range.is_fixed() {
             true => range.lo,
@@ -297,24 +334,7 @@ impl Scene for DriveScene {
         if let Err(fault) = self.command_all() {
             return Flow::Fault(fault);
         }
-        let clock = self.layout.spec.clock;
-        self.touch = self.plant.advance(clock.sample_s, clock.substeps);
-        self.sample += 1;
-        self.read_states();
-        let time_s = self.time_s();
-        for (shown, light) in self.lights.iter_mut().zip(&self.layout.spec.lights) {
-            shown.keep_time(light, time_s, self.sample);
-        }
-        if !self.plant.sound() {
-            return Flow::Fault(Fault::new(
-                FaultKind::Physics,
-                format!("the physics broke down at {:.3} s", self.time_s()),
-            ));
-        }
-        match &self.touch {
-            Some(contact) => Flow::Contact(self.touch_of(contact)),
-            None => Flow::Going,
-        }
+        self.move_on()
     }
 
     fn publish(&self, row: &mut [f64]) {
@@ -343,6 +363,11 @@ impl Scene for DriveScene {
         }
     }
 
+    fn bodies(&self, into: &mut Vec<BodySample>) {
+        let samples = self.states.iter().zip(&self.commanded);
+        into.extend(samples.map(|(&state, &command)| BodySample { state, command }));
+    }
+
     fn finish(&mut self) {
         self.controller.finish();
     }
@@ -361,6 +386,7 @@ impl Scene for DriveScene {
             actuators: self.actuators.clone(),
             keepers: self.keepers.clone(),
             chosen: self.chosen.clone(),
+            commanded: self.commanded.clone(),
             bodies: self.bodies.clone(),
             states: self.states.clone(),
             on_road: self.on_road.clone(),

@@ -45,6 +45,9 @@ impl Kinematic {
         let mut horizon_s = dt_s;
         for (b, mover_b) in self.movers.iter().enumerate() {
             for (a, mover_a) in self.movers.iter().enumerate().take(b) {
+                if mover_a.is_gliding() && mover_b.is_gliding() {
+                    continue;
+                }
                 let paths = (&self.paths[a], &self.paths[b]);
                 let Some((after_s, meeting)) = meet((mover_a, mover_b), paths, horizon_s) else {
                     continue;
@@ -103,6 +106,7 @@ impl Plant for Kinematic {
             speed_mps,
             curvature_per_m: 0.0,
             walk_mps,
+            yaw_rate_rad_per_s: 0.0,
         };
         self.movers.push(Mover {
             extent: Extent::of(body),
@@ -119,7 +123,11 @@ impl Plant for Kinematic {
             self.faulty = true;
             return;
         };
-        match (&mut self.movers[id.0].engine, command) {
+        let mover = &mut self.movers[id.0];
+        if let Command::Glide { to } = command {
+            return mover.glide(&to);
+        }
+        match (&mut mover.engine, command) {
             (
                 Engine::Wheels {
                     accel_mps2,

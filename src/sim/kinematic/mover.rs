@@ -5,6 +5,7 @@ use core::f64::consts::{PI, TAU};
 use crate::sim::body::Walker;
 use crate::sim::limits::{Drive, Limits};
 use crate::sim::planar::{Extent, Rect, Shape};
+use crate::sim::Pose;
 use crate::sim::walk::{Ramp, Stride, length};
 
 /// A body: its size, where it is, and what moves it.
@@ -31,6 +32,12 @@ pub(super) enum Engine {
         walker: Walker,
         target_mps: (f64, f64),
     },
+    /// Carried along a recorded motion: where the fixed point is to be next.
+    Rails {
+        x_m: f64,
+        y_m: f64,
+        heading_rad: f64,
+    },
 }
 
 /// State of the fixed point of a body.
@@ -44,8 +51,10 @@ pub(super) struct Anchor {
     /// A vehicle's speed along its heading.
     pub speed_mps: f64,
     pub curvature_per_m: f64,
-    /// A walker's velocity in the world frame.
+    /// Velocity in the world frame of a walker, or of who is carried.
     pub walk_mps: (f64, f64),
+    /// Turning rate of who is carried.
+    pub yaw_rate_rad_per_s: f64,
 }
 
 /// A body's motion during one `advance`.
@@ -62,6 +71,8 @@ pub(super) struct Path {
 pub(super) enum PathKind {
     Arc(Drive),
     Ramp(Ramp),
+    /// At the velocity and the turning rate of the start.
+    Even,
 }
 
 impl Mover {
@@ -70,6 +81,25 @@ impl Mover {
             rect,
             extent: &self.extent,
         }
+    }
+
+    pub fn is_gliding(&self) -> bool {
+        matches!(self.engine, Engine::Rails { .. })
+    }
+
+    /// From now on carried; `to` is where the front bumper is to be next.
+    pub fn glide(&mut self, to: &Pose) {
+        let (sin, cos) = libm::sincos(to.heading_rad);
+        let back_m = self.extent.half_length_m - self.anchor_ahead_m;
+        if let Engine::Wheels { .. } = self.engine {
+            let Anchor { speed_mps, cos, sin, .. } = self.at;
+            self.at.walk_mps = (speed_mps * cos, speed_mps * sin);
+        }
+        self.engine = Engine::Rails {
+            x_m: to.x_m - back_m * cos,
+            y_m: to.y_m - back_m * sin,
+            heading_rad: to.heading_rad,
+        };
     }
 
     pub fn rect(&self, at: &Anchor) -> Rect {
@@ -124,11 +154,36 @@ impl Mover {
                     accel_bound_mps2: length(ramp.accel_mps2),
                 }
             }
+            Engine::Rails {
+                x_m,
+                y_m,
+                heading_rad,
+            } => {
+                let velocity_mps = ((x_m - start.x_m) / dt_s, (y_m - start.y_m) / dt_s);
+                let turn_rad = libm::remainder(heading_rad - start.heading_rad, TAU);
+                self.even_path(velocity_mps, turn_rad / dt_s)
+            }
+        }
+    }
+
+    /// The path at a constant velocity of the fixed point and turning rate.
+    fn even_path(&self, velocity_mps: (f64, f64), yaw_rate_rad_per_s: f64) -> Path {
+        let arm_m = self.anchor_ahead_m.abs() + self.extent.radius_m;
+        let turning_mps = yaw_rate_rad_per_s.abs() * arm_m;
+        Path {
+            start: Anchor {
+                walk_mps: velocity_mps,
+                yaw_rate_rad_per_s,
+                ..self.at
+            },
+            kind: PathKind::Even,
+            speed_bound_mps: length(velocity_mps) + turning_mps,
+            accel_bound_mps2: turning_mps * yaw_rate_rad_per_s.abs(),
         }
     }
 
     pub fn follow(&mut self, path: &Path, elapsed_s: f64) {
-        let (before_mps, ..) = path.start.motion(&self.engine);
+        let (before_mps, ..) = self.at.motion(&self.engine);
         self.at = path.at(elapsed_s);
         if PI < self.at.heading_rad.abs() {
             self.at.heading_rad -= TAU * libm::round(self.at.heading_rad / TAU);
@@ -143,12 +198,12 @@ impl Anchor {
     pub fn motion(&self, engine: &Engine) -> (f64, f64, f64) {
         match engine {
             Engine::Wheels { .. } => (self.speed_mps, 0.0, self.speed_mps * self.curvature_per_m),
-            Engine::Legs { .. } => {
+            Engine::Legs { .. } | Engine::Rails { .. } => {
                 let (vx, vy) = self.walk_mps;
                 (
                     vx * self.cos + vy * self.sin,
                     vy * self.cos - vx * self.sin,
-                    0.0,
+                    self.yaw_rate_rad_per_s,
                 )
             }
         }
@@ -209,6 +264,21 @@ impl Path {
                     x_m,
                     y_m,
                     walk_mps,
+                    ..start
+                }
+            }
+            PathKind::Even => {
+                let heading_rad = start.heading_rad + start.yaw_rate_rad_per_s * after_s;
+                let (sin, cos) = match start.yaw_rate_rad_per_s == 0.0 {
+                    true => (start.sin, start.cos),
+                    false => libm::sincos(heading_rad),
+                };
+                Anchor {
+                    x_m: start.x_m + start.walk_mps.0 * after_s,
+                    y_m: start.y_m + start.walk_mps.1 * after_s,
+                    heading_rad,
+                    cos,
+                    sin,
                     ..start
                 }
             }
