@@ -63,7 +63,11 @@ fn motion(case: &Value, side: f64) -> Vec<LaneBody> {
             "cut_in" | "panel" => {
                 let y = of("y0") - of("w") * t;
                 let there = y <= of("y1");
-                if there { (of("y1"), 0.0) } else { (y, -of("w")) }
+                if there {
+                    (of("y1"), 0.0)
+                } else {
+                    (y, -of("w"))
+                }
             }
             _ => (0.0, 0.0),
         }
@@ -214,7 +218,10 @@ fn differences(case: &Value, side: f64) -> Vec<String> {
         ("t_unsafe", time(out.unsafe_at)),
         ("t_brake", time(drops.iter().position(|drop| 0.5 < *drop))),
         ("min_gap", out.min_gap),
-        ("peak_decel", Some(drops.iter().fold(0.0, |a: f64, b| a.max(*b)))),
+        (
+            "peak_decel",
+            Some(drops.iter().fold(0.0, |a: f64, b| a.max(*b))),
+        ),
         ("v_end", out.speeds.last().copied()),
     ]
     .into_iter()
@@ -250,7 +257,12 @@ fn check(name: &str, differences: impl Fn(&Value, f64) -> Vec<String>) {
             }
         }
     }
-    let shown = wrong.iter().take(20).cloned().collect::<Vec<_>>().join("\n");
+    let shown = wrong
+        .iter()
+        .take(20)
+        .cloned()
+        .collect::<Vec<_>>()
+        .join("\n");
     let (wrong, total) = (wrong.len(), 2 * cases.len());
     assert!(wrong == 0, "{wrong} of {total} differ:\n{shown}");
 }
@@ -316,7 +328,9 @@ fn of_panel(case: &Value, name: &str, side: f64) -> Outcome {
 fn the_panel_is_labelled_as_worked_out() {
     check("panel", |case, side| {
         let (dt, want) = (number(case, "dt"), &case["out"]);
-        let nobody = run(case, &motion(case, side), |_, _, _| (Response::Nominal, false));
+        let nobody = run(case, &motion(case, side), |_, _, _| {
+            (Response::Nominal, false)
+        });
         assert!(nobody.contact.is_some(), "{}", case["id"]);
         let mut wrong = Vec::new();
         let mut avoided = Vec::new();
@@ -324,7 +338,11 @@ fn the_panel_is_labelled_as_worked_out() {
             let (out, want) = (of_panel(case, name, side), &want[name]);
             let held = out.contact.is_none();
             avoided.push(held);
-            let margin = if held { out.min_gap } else { Some(-out.impact_mps) };
+            let margin = if held {
+                out.min_gap
+            } else {
+                Some(-out.impact_mps)
+            };
             let mut found: Vec<String> = [
                 differs(want, "margin", margin),
                 differs(want, "t_react", out.unsafe_at.map(|i| i as f64 * dt)),

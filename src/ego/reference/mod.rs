@@ -32,6 +32,7 @@ mod reg;
 mod rss;
 
 pub use at_the_wheel::AtTheWheel;
+pub(crate) use at_the_wheel::NOMINAL_MPS2;
 pub use cc::{CcDriver, CcLaneDriver, CcLatchedDriver};
 pub use fsm::{FsmDriver, Satisfaction};
 pub use ideal::IdealDriver;

@@ -2,10 +2,10 @@
 
 use core::f64::consts::{PI, TAU};
 
+use crate::sim::Pose;
 use crate::sim::body::Walker;
 use crate::sim::limits::{Drive, Limits};
 use crate::sim::planar::{Extent, Rect, Shape};
-use crate::sim::Pose;
 use crate::sim::walk::{Ramp, Stride, length};
 
 /// A body: its size, where it is, and what moves it.
@@ -92,7 +92,12 @@ impl Mover {
         let (sin, cos) = libm::sincos(to.heading_rad);
         let back_m = self.extent.half_length_m - self.anchor_ahead_m;
         if let Engine::Wheels { .. } = self.engine {
-            let Anchor { speed_mps, cos, sin, .. } = self.at;
+            let Anchor {
+                speed_mps,
+                cos,
+                sin,
+                ..
+            } = self.at;
             self.at.walk_mps = (speed_mps * cos, speed_mps * sin);
         }
         self.engine = Engine::Rails {
