@@ -61,6 +61,11 @@ impl Actuator {
         Actuator { decay, value: 0.0 }
     }
 
+    /// The same with `value` arriving already.
+    pub fn from(self, value: f64) -> Actuator {
+        Actuator { value, ..self }
+    }
+
     /// Begins at rest.
     pub fn reset(&mut self) {
         self.value = 0.0;

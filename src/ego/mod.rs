@@ -42,6 +42,7 @@ mod parameters;
 mod polite;
 mod process;
 mod recorded;
+pub mod reference;
 mod stock;
 mod yellow;
 

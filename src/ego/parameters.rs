@@ -25,11 +25,56 @@ pub struct UnknownParameter {
 }
 
 /// Declares a controller's parameter struct together with its table.
+///
+/// Where every field is written as `name = value` a file may leave any of them
+/// out, and the lag, which then is 0.
 macro_rules! parameters {
     (
         $(#[$meta:meta])*
         pub struct $name:ident {
-            $( $(#[doc = $about:literal])+ $field:ident $(= $default:expr)? , at_least $least:expr; )*
+            $( $(#[doc = $about:literal])+ $field:ident, at_least $least:expr; )*
+        }
+    ) => {
+        $crate::ego::parameters::parameters! {
+            @define [deny_unknown_fields] []
+            $(#[$meta])*
+            pub struct $name {
+                $( $(#[doc = $about])+ $field, at_least $least; )*
+            }
+        }
+    };
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            $( $(#[doc = $about:literal])+ $field:ident = $default:expr, at_least $least:expr; )*
+        }
+    ) => {
+        $crate::ego::parameters::parameters! {
+            @define [deny_unknown_fields, default] [
+                impl Default for $name {
+                    fn default() -> $name {
+                        let controller = Law::default();
+                        Actuated { controller, lag_s: 0.0 }.into()
+                    }
+                }
+            ]
+            $(#[$meta])*
+            pub struct $name {
+                $( $(#[doc = $about])+ $field, at_least $least; )*
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> $name {
+                $name { $( $field: $default, )* }
+            }
+        }
+    };
+    (
+        @define [$($form:tt)*] [$($beside:item)*]
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            $( $(#[doc = $about:literal])+ $field:ident, at_least $least:expr; )*
         }
     ) => {
         $(#[$meta])*
@@ -44,7 +89,7 @@ macro_rules! parameters {
             type Law = self::$name;
 
             #[derive(serde::Serialize, serde::Deserialize)]
-            #[serde(deny_unknown_fields)]
+            #[serde($($form)*)]
             struct $name {
                 $( $field: f64, )*
                 lag_s: f64,
@@ -61,6 +106,8 @@ macro_rules! parameters {
                     $name { $( $field: law.$field, )* lag_s }
                 }
             }
+
+            $($beside)*
 
             $crate::ego::actuator::written_as!(Law, $name);
         };

@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::actuator::written_as;
+use super::reference::DriverModel;
 use super::{Actuated, Controller, Parameter, UnknownParameter};
 
 /// Declares the enum of stock controllers and passes every call on: a line is
@@ -161,6 +162,20 @@ egos! {
     yellow::YellowLight by build;
     /// The same by the stopping distance.
     yellow::YellowLightFixed by build;
+    /// Competent and careful, answers overlapping paths (UN R157).
+    reference::CcDriver by at_the_wheel;
+    /// The same, answers whoever leaves the next lane.
+    reference::CcLaneDriver by at_the_wheel;
+    /// The same, and brakes until it is the slower one.
+    reference::CcLatchedDriver by at_the_wheel;
+    /// Brakes for cut-ins as UN R157's formula demands at the latest.
+    reference::RegDriver by at_the_wheel;
+    /// Responsibility-sensitive safety, answered by braking.
+    reference::RssDriver by at_the_wheel;
+    /// The fuzzy safety model.
+    reference::FsmDriver by at_the_wheel;
+    /// Brakes at once and with everything for what must end in contact.
+    reference::IdealDriver by at_the_wheel;
     /// Another program, on its stdin and stdout.
     process::Process by controller;
     /// What tests add, to show that a file and a line are all it takes.

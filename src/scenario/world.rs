@@ -187,6 +187,11 @@ impl Scenario {
         &self.rulebook
     }
 
+    /// The same, to be kept beside the world.
+    pub fn shared_rulebook(&self) -> Arc<Rulebook> {
+        Arc::clone(&self.rulebook)
+    }
+
     /// A fresh test bench, one per worker.
     pub fn bench(&self) -> Testbench {
         Testbench::new(self.world.scene(), Arc::clone(&self.rulebook))

@@ -8,10 +8,12 @@
 
 pub mod drive;
 pub mod grid;
+mod record;
 mod world;
 
 use std::sync::Arc;
 
+pub use record::{BodySample, Motion};
 pub use world::{Derived, Dynamics, Held, Observed, World};
 
 use serde::{Deserialize, Serialize};
@@ -179,6 +181,9 @@ pub trait Scene: Send {
     fn stage(&self) -> Stage;
     /// Where everybody is.
     fn frame(&self) -> Frame;
+    /// Adds everybody's present motion, in the order of the cast; nothing where
+    /// no plant moves them.
+    fn bodies(&self, _into: &mut Vec<BodySample>) {}
     /// The episode is over: whoever waits for another command need not.
     fn finish(&mut self) {}
     /// What an ego that nobody here wrote commanded in this episode, sample by

@@ -54,14 +54,15 @@ pub fn plant(kind: PlantKind, ground: Ground) -> Box<dyn Plant> {
 
 /// The command, unless a number in it is not finite.
 fn finite(command: Command) -> Option<Command> {
-    let (first, second) = match command {
+    let numbers = match command {
         Command::Drive {
             accel_mps2,
             curvature_per_m,
-        } => (accel_mps2, curvature_per_m),
-        Command::Walk { x_mps, y_mps } => (x_mps, y_mps),
+        } => [accel_mps2, curvature_per_m, 0.0],
+        Command::Walk { x_mps, y_mps } => [x_mps, y_mps, 0.0],
+        Command::Glide { to } => [to.x_m, to.y_m, to.heading_rad],
     };
-    (first.is_finite() && second.is_finite()).then_some(command)
+    numbers.iter().all(|it| it.is_finite()).then_some(command)
 }
 
 /// A body in a plant, numbered in the order of spawning.
@@ -143,6 +144,15 @@ pub enum Command {
         x_mps: f64,
         /// Along world y.
         y_mps: f64,
+    },
+    /// Any body of the kinematic plant: be there after the next `advance`.
+    ///
+    /// It moves and turns evenly whatever its engine and tyres could do, as a
+    /// recorded motion does, and stands until it is told to glide on. It takes
+    /// no other command any more, and passes through others that glide.
+    Glide {
+        /// Where the front bumper is then.
+        to: Pose,
     },
 }
 

@@ -7,6 +7,7 @@
 mod actors;
 mod faults;
 mod gym;
+mod recording;
 
 use std::sync::Arc;
 
@@ -15,6 +16,7 @@ use rand::Rng;
 pub use actors::{Actor, Constant, HOLD_DECISIONS, Held, PolicyActor, Random, Replay};
 pub use faults::{Complaint, FaultCount, FaultLog, count_faults};
 pub use gym::{Gym, Spent, Success};
+pub use recording::motion_of;
 
 use crate::ego::{Command, Fault, FaultKind};
 use crate::rl::Spaces;
@@ -22,6 +24,7 @@ use crate::rulebook::{Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdi
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
 use crate::trace::{Schema, Trace};
+use recording::Recording;
 
 /// Everything about one played episode.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,6 +89,7 @@ pub struct Testbench {
     decisions: usize,
     advances: u64,
     aftermath: Aftermath,
+    recording: Recording,
 }
 
 impl Testbench {
@@ -104,6 +108,7 @@ impl Testbench {
             decisions: 0,
             advances: 0,
             aftermath: Aftermath::Skip,
+            recording: Recording::default(),
             scene,
             rulebook,
         }
@@ -179,6 +184,7 @@ impl Testbench {
         self.fault = None;
         self.decisions = 0;
         self.advances = 0;
+        self.begin_motion(start);
         self.record(None);
     }
 
@@ -312,6 +318,7 @@ impl Testbench {
             decisions: self.decisions,
             advances: self.advances,
             aftermath: self.aftermath,
+            recording: self.recording.clone(),
         }
     }
 
@@ -330,6 +337,7 @@ impl Testbench {
             }
             Flow::Fault(fault) => return self.fail(fault),
         };
+        self.push_motion();
         self.record(stop);
     }
 

@@ -13,6 +13,7 @@ mod motion;
 mod names;
 mod observing;
 mod perceiving;
+mod replaying;
 mod road;
 mod script;
 mod sensors;

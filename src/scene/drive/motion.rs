@@ -16,23 +16,25 @@ use super::trained::Trained;
 use super::{perceiving, staging};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
-use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
+use crate::scene::{Axis, BodySample, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
 use crate::sim::{BodyId, Command, Contact, Pose};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
 pub struct DriveScene {
-    layout: Arc<Layout>,
-    state: SceneState,
+    pub(super) layout: Arc<Layout>,
+    pub(super) state: SceneState,
     controller: Box<dyn Controller>,
     /// Of an ego that nobody here wrote: what it commanded so far.
     commands: Vec<ego::Command>,
     sensing: Sensing,
     /// The lag behind each agent's acceleration.
     actuators: Vec<Actuator>,
-    keepers: Vec<LaneKeeper>,
+    pub(super) keepers: Vec<LaneKeeper>,
     chosen: Vec<Choice>,
+    /// What each body was last asked to do; `None` before the first time.
+    commanded: Vec<Option<Command>>,
     percept: Percept,
 }
 
@@ -50,6 +52,7 @@ impl DriveScene {
             actuators: Vec::with_capacity(agents),
             keepers: Vec::with_capacity(agents),
             chosen: vec![Choice::NONE; agents],
+            commanded: vec![None; agents],
             percept: Percept::default(),
             layout,
         }
@@ -61,6 +64,11 @@ impl DriveScene {
             heading_rad: pose.heading_rad + agent.facing_rad,
             ..pose
         };
+        self.spawn_at(agent, pose, lateral_m, speed_mps);
+    }
+
+    /// Puts an agent on the ground; it keeps `lateral_m`.
+    pub(super) fn spawn_at(&mut self, agent: &Agent, pose: Pose, lateral_m: f64, speed_mps: f64) {
         self.state.spawn(&agent.body, pose, speed_mps);
         let (lag_s, lateral_lag_s) = match &agent.drive {
             Drive::Ego(drive) => (drive.lag_s, drive.lag_s),
@@ -76,6 +84,15 @@ impl DriveScene {
             lateral_lag_s,
             sample_s,
         ));
+    }
+
+    /// Takes everybody off the road; time starts at 0.
+    pub(super) fn clear(&mut self) {
+        self.state.clear();
+        self.actuators.clear();
+        self.keepers.clear();
+        self.chosen.fill(Choice::NONE);
+        self.commanded.fill(None);
     }
 
     /// What the trained ados decide now.
@@ -166,8 +183,24 @@ impl DriveScene {
             // Invariant: only lights turn, and they have no body.
             Choice::Turn(_) => return,
         };
+        self.commanded[agent] = Some(command);
         let body = self.state.bodies[agent];
         self.state.plant.command(body, command);
+    }
+
+    /// One sample of physics under the commands that everybody has.
+    pub(super) fn move_on(&mut self) -> Flow {
+        self.state.advance(&self.layout.course);
+        if !self.state.plant.sound() {
+            return Flow::Fault(Fault::new(
+                FaultKind::Physics,
+                format!("the physics broke down at {:.3} s", self.state.time_s()),
+            ));
+        }
+        match &self.state.touch {
+            Some(contact) => Flow::Contact(self.touch_of(contact)),
+            None => Flow::Going,
+        }
     }
 
     fn touch_of(&self, contact: &Contact) -> Touch {
@@ -211,10 +244,7 @@ impl Scene for DriveScene {
 
     fn reset(&mut self, start: &Start, noise: u64) {
         let layout = Arc::clone(&self.layout);
-        self.state.clear();
-        self.actuators.clear();
-        self.keepers.clear();
-        self.chosen.fill(Choice::NONE);
+        self.clear();
         let mut drawn = start.0.iter().copied();
         let mut value = |range: Range| match range.is_fixed() {
             true => range.lo,
@@ -261,17 +291,7 @@ impl Scene for DriveScene {
         if let Err(fault) = self.command_all() {
             return Flow::Fault(fault);
         }
-        self.state.advance(&self.layout.course);
-        if !self.state.plant.sound() {
-            return Flow::Fault(Fault::new(
-                FaultKind::Physics,
-                format!("the physics broke down at {:.3} s", self.state.time_s()),
-            ));
-        }
-        match &self.state.touch {
-            Some(contact) => Flow::Contact(self.touch_of(contact)),
-            None => Flow::Going,
-        }
+        self.move_on()
     }
 
     fn publish(&self, row: &mut [f64]) {
@@ -303,6 +323,11 @@ impl Scene for DriveScene {
         }
     }
 
+    fn bodies(&self, into: &mut Vec<BodySample>) {
+        let samples = self.state.states.iter().zip(&self.commanded);
+        into.extend(samples.map(|(&state, &command)| BodySample { state, command }));
+    }
+
     fn finish(&mut self) {
         self.controller.finish();
     }
@@ -321,6 +346,7 @@ impl Scene for DriveScene {
             actuators: self.actuators.clone(),
             keepers: self.keepers.clone(),
             chosen: self.chosen.clone(),
+            commanded: self.commanded.clone(),
             percept: self.percept.clone(),
         }))
     }

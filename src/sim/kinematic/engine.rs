@@ -3,6 +3,7 @@
 
 use super::legs::Legs;
 use super::path::{Anchor, Path, PathKind};
+use super::rails::Rails;
 use super::wheels::Wheels;
 use crate::sim::{Body, BodyKind, Command, Ground};
 
@@ -11,6 +12,8 @@ use crate::sim::{Body, BodyKind, Command, Ground};
 pub(super) enum Engine {
     Wheels(Wheels),
     Legs(Legs),
+    /// Carried along a recorded motion.
+    Rails(Rails),
 }
 
 impl Engine {
@@ -28,6 +31,8 @@ impl Engine {
         match self {
             Engine::Wheels(wheels) => (wheels.rear_axle_ahead_m(), (0.0, 0.0)),
             Engine::Legs(legs) => (0.0, legs.target_mps()),
+            // Invariant: nobody is spawned on rails.
+            Engine::Rails(_) => (0.0, (0.0, 0.0)),
         }
     }
 
@@ -36,6 +41,7 @@ impl Engine {
         match self {
             Engine::Wheels(wheels) => wheels.command(command),
             Engine::Legs(legs) => legs.command(command),
+            Engine::Rails(_) => false,
         }
     }
 
@@ -45,6 +51,7 @@ impl Engine {
         match self {
             Engine::Wheels(wheels) => wheels.path(start, arm_m, dt_s),
             Engine::Legs(legs) => legs.path(start),
+            Engine::Rails(rails) => rails.path(start, arm_m, dt_s),
         }
     }
 
@@ -53,6 +60,7 @@ impl Engine {
         match self {
             Engine::Wheels(_) => Wheels::motion(at),
             Engine::Legs(_) => Legs::motion(at),
+            Engine::Rails(_) => Rails::motion(at),
         }
     }
 }
@@ -63,6 +71,7 @@ impl Path {
         match self.kind {
             PathKind::Arc(drive) => Wheels::after(self.start, drive, after_s),
             PathKind::Ramp(ramp) => Legs::after(self.start, ramp, after_s),
+            PathKind::Even => Rails::after(self.start, after_s),
         }
     }
 }

@@ -11,6 +11,7 @@ mod engine;
 mod legs;
 mod mover;
 mod path;
+mod rails;
 mod wheels;
 
 use self::approach::meet;
@@ -50,6 +51,9 @@ impl Kinematic {
         let mut horizon_s = dt_s;
         for (b, mover_b) in self.movers.iter().enumerate() {
             for (a, mover_a) in self.movers.iter().enumerate().take(b) {
+                if mover_a.is_gliding() && mover_b.is_gliding() {
+                    continue;
+                }
                 let paths = (&self.paths[a], &self.paths[b]);
                 let Some((after_s, meeting)) = meet((mover_a, mover_b), paths, horizon_s) else {
                     continue;
@@ -89,6 +93,7 @@ impl Plant for Kinematic {
             speed_mps,
             curvature_per_m: 0.0,
             walk_mps,
+            yaw_rate_rad_per_s: 0.0,
         };
         self.movers.push(Mover {
             extent: Extent::of(body),
@@ -105,7 +110,11 @@ impl Plant for Kinematic {
             self.faulty = true;
             return;
         };
-        self.faulty |= !self.movers[id.0].engine.command(command);
+        let mover = &mut self.movers[id.0];
+        match command {
+            Command::Glide { to } => mover.glide(&to),
+            command => self.faulty |= !mover.engine.command(command),
+        }
     }
 
     fn advance(&mut self, dt_s: f64, _substeps: u32) -> Option<Contact> {

@@ -4,6 +4,8 @@ use core::f64::consts::{PI, TAU};
 
 use super::engine::Engine;
 use super::path::{Anchor, Path};
+use super::rails::Rails;
+use crate::sim::Pose;
 use crate::sim::planar::{Extent, Rect, Shape};
 
 /// A body: its size, where it is, and what moves it.
@@ -24,6 +26,30 @@ impl Mover {
             rect,
             extent: &self.extent,
         }
+    }
+
+    pub fn is_gliding(&self) -> bool {
+        matches!(self.engine, Engine::Rails(_))
+    }
+
+    /// From now on carried; `to` is where the front bumper is to be next.
+    pub fn glide(&mut self, to: &Pose) {
+        let (sin, cos) = libm::sincos(to.heading_rad);
+        let back_m = self.extent.half_length_m - self.anchor_ahead_m;
+        if let Engine::Wheels(_) = self.engine {
+            let Anchor {
+                speed_mps,
+                cos,
+                sin,
+                ..
+            } = self.at;
+            self.at.walk_mps = (speed_mps * cos, speed_mps * sin);
+        }
+        self.engine = Engine::Rails(Rails {
+            x_m: to.x_m - back_m * cos,
+            y_m: to.y_m - back_m * sin,
+            heading_rad: to.heading_rad,
+        });
     }
 
     pub fn rect(&self, at: &Anchor) -> Rect {
@@ -48,7 +74,7 @@ impl Mover {
     }
 
     pub fn follow(&mut self, path: &Path, elapsed_s: f64) {
-        let (before_mps, ..) = self.engine.motion(&path.start);
+        let (before_mps, ..) = self.engine.motion(&self.at);
         self.at = path.at(elapsed_s);
         if PI < self.at.heading_rad.abs() {
             self.at.heading_rad -= TAU * libm::round(self.at.heading_rad / TAU);

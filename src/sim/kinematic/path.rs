@@ -14,8 +14,10 @@ pub(super) struct Anchor {
     /// A vehicle's speed along its heading.
     pub speed_mps: f64,
     pub curvature_per_m: f64,
-    /// A walker's velocity in the world frame.
+    /// Velocity in the world frame of a walker, or of who is carried.
     pub walk_mps: (f64, f64),
+    /// Turning rate of who is carried.
+    pub yaw_rate_rad_per_s: f64,
 }
 
 /// A body's motion during one `advance`.
@@ -33,4 +35,6 @@ pub(super) struct Path {
 pub(super) enum PathKind {
     Arc(Drive),
     Ramp(Ramp),
+    /// At the velocity and the turning rate of the start.
+    Even,
 }

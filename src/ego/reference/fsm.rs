@@ -1,0 +1,155 @@
+//! FSM: the fuzzy safety model (Mattas et al. 2020; UN R157 performance model 2).
+//!
+//! It measures how unsatisfied it is with the situation by two numbers from 0
+//! to 1, between a distance S that is surely safe and one U that is surely not:
+//! the proactive one (PFS) asks whether it could stop if the other braked as
+//! hard as it can, the critical one (CFS) whether it hits the other if both go
+//! on as they do. The critical one asks for hard braking, the proactive one for
+//! comfortable braking, both in proportion.
+
+use super::{DriverModel, Encounter, Pedal};
+use crate::ego::parameters::parameters;
+
+parameters! {
+    /// Brakes in proportion to how unsafe it finds its distance (FSM).
+    pub struct FsmDriver {
+        /// Reaction time τ, s.
+        reaction_s = 0.75, at_least 0.0;
+        /// Comfortable braking b₁, m/s².
+        comfort_brake_mps2 = 4.0, at_least 0.1;
+        /// Hard braking b₂, m/s².
+        hard_brake_mps2 = 6.0, at_least 0.1;
+        /// Hardest braking of the other, m/s².
+        other_brake_mps2 = 7.0, at_least 0.1;
+        /// Clearance that it wants left at standstill, m.
+        standstill_gap_m = 2.0, at_least 0.0;
+        /// Clearance that the safe distance has besides, m.
+        safe_margin_m = 2.0, at_least 0.0;
+        /// Time by which a car that comes sideways must be late, s.
+        passing_margin_s = 0.1, at_least 0.0;
+        /// How fast braking builds up, m/s³.
+        jerk_mps3 = 12.65, at_least 0.01;
+        /// Hardest braking, m/s².
+        max_brake_mps2 = 7.59294, at_least 0.0;
+    }
+}
+
+/// How unsatisfied the driver is, each from 0 (content) to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Satisfaction {
+    /// PFS: were the other to brake as hard as it can.
+    pub proactive: f64,
+    /// CFS: were both to go on as they do.
+    pub critical: f64,
+}
+
+impl FsmDriver {
+    /// Both numbers; 0 where the other will not be in the way in time.
+    pub fn satisfaction(&self, encounter: &Encounter) -> Satisfaction {
+        if self.passes_first(encounter) {
+            return Satisfaction::default();
+        }
+        Satisfaction {
+            proactive: self.proactive(encounter),
+            critical: self.critical(encounter),
+        }
+    }
+
+    /// The lateral test: whether the ego is past before the other is there.
+    fn passes_first(&self, encounter: &Encounter) -> bool {
+        let clearance_m = encounter.clearance_m();
+        if clearance_m <= 0.0 {
+            return false;
+        }
+        let approach_mps = encounter.approach_mps();
+        if approach_mps <= 0.0 {
+            return true;
+        }
+        // Until the ego's rear is past the other's front. A gap that opens gives
+        // a negative time: whoever then comes sideways comes too late.
+        let way_m = encounter.gap_m() + 2.0 * encounter.mean_length_m();
+        let past_s = match encounter.closing_mps() == 0.0 {
+            true => f64::INFINITY,
+            false => way_m / encounter.closing_mps(),
+        };
+        past_s + self.passing_margin_s < clearance_m / approach_mps
+    }
+
+    /// PFS: S and U are the ways to a stop with b₁ and b₂ after τ, less the
+    /// other's; the gap is what is left above the one kept at standstill.
+    fn proactive(&self, encounter: &Encounter) -> f64 {
+        let (ego_mps, other_mps) = (encounter.ego.speed_mps, encounter.other.speed_mps);
+        let behind_m = |brake_mps2: f64| {
+            ego_mps * self.reaction_s + ego_mps * ego_mps / (2.0 * brake_mps2)
+                - other_mps * other_mps / (2.0 * self.other_brake_mps2)
+        };
+        let safe_m = behind_m(self.comfort_brake_mps2) + self.safe_margin_m;
+        let unsafe_m = behind_m(self.hard_brake_mps2);
+        let spare_m = encounter.gap_m() - self.standstill_gap_m;
+        between(spare_m, safe_m, unsafe_m)
+    }
+
+    /// CFS: S and U are the ways on which the other is caught up with during τ,
+    /// at the present acceleration, and while braking with b₁ and b₂ down to the
+    /// other's speed.
+    fn critical(&self, encounter: &Encounter) -> f64 {
+        let (ego_mps, other_mps) = (encounter.ego.speed_mps, encounter.other.speed_mps);
+        if ego_mps <= other_mps {
+            return 0.0;
+        }
+        let (tau_s, accel_mps2) = (self.reaction_s, encounter.accel_mps2);
+        // Nobody keeps braking harder than comfortably without a reason.
+        let kept_mps2 = accel_mps2.max(-self.comfort_brake_mps2);
+        let then_mps = ego_mps + tau_s * kept_mps2;
+        let gap_m = encounter.gap_m();
+        if then_mps < other_mps {
+            let closing_mps = encounter.closing_mps();
+            let needed_m = closing_mps * closing_mps / (2.0 * accel_mps2.abs());
+            return if gap_m < needed_m { 1.0 } else { 0.0 };
+        }
+        let lost_m = (ego_mps + 0.5 * kept_mps2 * tau_s - other_mps) * tau_s;
+        let excess_mps = then_mps - other_mps;
+        let caught_m = |brake_mps2: f64| lost_m + excess_mps * excess_mps / (2.0 * brake_mps2);
+        between(
+            gap_m,
+            caught_m(self.comfort_brake_mps2),
+            caught_m(self.hard_brake_mps2),
+        )
+    }
+}
+
+/// 0 beyond the safe distance, 1 below the unsafe one, linear between; where
+/// both are the same, 1 up to it.
+fn between(gap_m: f64, safe_m: f64, unsafe_m: f64) -> f64 {
+    if safe_m < gap_m {
+        0.0
+    } else if gap_m < unsafe_m || safe_m == unsafe_m {
+        1.0
+    } else {
+        (gap_m - safe_m) / (unsafe_m - safe_m)
+    }
+}
+
+impl DriverModel for FsmDriver {
+    fn pedal(&self) -> Pedal {
+        Pedal {
+            reaction_s: self.reaction_s,
+            waiting_mps2: 0.0,
+            jerk_mps3: self.jerk_mps3,
+            max_brake_mps2: self.max_brake_mps2,
+        }
+    }
+
+    fn danger(&self, encounter: &Encounter) -> Option<f64> {
+        let Satisfaction {
+            proactive,
+            critical,
+        } = self.satisfaction(encounter);
+        let harder_mps2 = self.hard_brake_mps2 - self.comfort_brake_mps2;
+        let asked_mps2 = match 0.0 < critical {
+            true => self.comfort_brake_mps2 + critical * harder_mps2,
+            false => proactive * self.comfort_brake_mps2,
+        };
+        (0.0 < proactive + critical).then_some(asked_mps2)
+    }
+}

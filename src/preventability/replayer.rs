@@ -1,0 +1,528 @@
+//! The replay: a driver in the ego's place among recorded motions.
+
+use std::sync::Arc;
+
+use super::moments::Lanes;
+use super::outcome::{
+    DriverOutcome, Exoneration, NotApplicable, Preventability, ReplayContact, Struck,
+};
+use super::{Label, PANEL};
+use crate::ego::Actuator;
+use crate::ego::reference::{
+    Encounter, LaneBody, NOMINAL_MPS2, ReferenceDriver, Reflexes, Response, TtcReading,
+};
+use crate::rulebook::Rulebook;
+use crate::scenario::Scenario;
+use crate::scene::drive::{DriveScene, DriveWorld};
+use crate::scene::{Flow, Motion, Scene, Touch, World};
+use crate::sim::{Command, GRAVITY_MPS2};
+use crate::stl::Scratch;
+use crate::trace::Trace;
+
+/// How long a replay goes on after the recorded contact, at least.
+const AFTER_CONTACT_S: f64 = 5.0;
+/// Speed up to which the ego stands.
+const STANDING_MPS: f64 = 0.5;
+/// Sine of the angle between two headings up to which they are along each other.
+const ALONG: f64 = 0.5;
+
+/// Who is in the ego's place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seat {
+    /// A reference driver.
+    Driver(ReferenceDriver),
+    /// The ideal driver, braking from the moment it takes over.
+    FullBrakes,
+    /// Nobody who brakes: the nominal speed all the way.
+    Nominal,
+    /// The recorded ego itself, by what it commanded its vehicle.
+    Recorded,
+}
+
+/// A recorded episode, made ready to be driven by others.
+pub struct Case {
+    /// The motion, gone on with after its end.
+    whole: Motion,
+    /// Full samples of the record; drivers take over at one of these.
+    recorded: usize,
+    lanes: Lanes,
+    /// The first sample at which a driver may have something to answer.
+    pub handover: Option<usize>,
+    /// The first sample at which the ideal driver brakes.
+    pub danger: Option<usize>,
+}
+
+/// Replays episodes of one world; keeps what they share.
+pub struct Replayer {
+    world: DriveWorld,
+    scene: DriveScene,
+    rulebook: Arc<Rulebook>,
+    /// The vehicles that drivers look at, by position among the agents.
+    traffic: Vec<usize>,
+    lane_width_m: f64,
+    sample_s: f64,
+    /// What the ego's tyres can transmit.
+    grip_mps2: f64,
+    lag_s: f64,
+    /// The others of the present sample, kept to save the allocation.
+    others: Vec<LaneBody>,
+}
+
+/// A stretch of driving: from which sample, at which speed unless in danger.
+#[derive(Clone, Copy)]
+struct Stint {
+    from: usize,
+    nominal: Nominal,
+}
+
+#[derive(Clone, Copy)]
+enum Nominal {
+    /// As at the start of the episode.
+    Initial,
+    /// As recorded.
+    Recorded,
+}
+
+impl Replayer {
+    /// A replayer of a driving world; `None`: nothing drives in it.
+    pub fn new(scenario: &Scenario) -> Option<Replayer> {
+        let World::Drive(world) = scenario.world() else {
+            return None;
+        };
+        let spec = world.spec();
+        let ego = world.ego();
+        let vehicle = spec.agents[ego].body.vehicle()?;
+        let (_, drive) = spec.egos().next()?;
+        let agents = spec.agents.iter().enumerate();
+        let traffic = agents.filter(|(i, agent)| *i != ego && !agent.body.is_on_foot());
+        Some(Replayer {
+            scene: world.for_replay().scene(),
+            world: world.clone(),
+            rulebook: scenario.shared_rulebook(),
+            traffic: traffic.map(|(i, _)| i).collect(),
+            lane_width_m: spec.road.lane_width_m(),
+            sample_s: spec.clock.sample_s,
+            grip_mps2: spec.road.friction() * vehicle.grip * GRAVITY_MPS2,
+            lag_s: drive.lag_s,
+            others: Vec::new(),
+        })
+    }
+
+    /// Makes an episode ready.
+    pub fn case(&self, motion: &Motion) -> Case {
+        let contact_s = motion.contact.as_ref().map_or(0.0, |touch| touch.time_s);
+        let after = ((contact_s + AFTER_CONTACT_S) / self.sample_s).ceil() as usize + 1;
+        let samples = self.world.spec().clock.samples().max(after);
+        // The last sample of a contact shows its instant, not its time.
+        let partial = usize::from(motion.contact.is_some());
+        let recorded = motion.len().saturating_sub(partial).max(1);
+        let mut lanes = Lanes {
+            sample_s: self.sample_s,
+            lane_width_m: self.lane_width_m,
+            width: 1 + self.traffic.len(),
+            bodies: Vec::with_capacity(recorded * (1 + self.traffic.len())),
+        };
+        let ego = [self.world.ego()];
+        for sample in 0..recorded {
+            let row = motion.at(sample);
+            let agents = ego.iter().chain(&self.traffic);
+            let bodies = agents.map(|&i| self.world.lane_body(i, &row[i].state));
+            lanes.bodies.extend(bodies);
+        }
+        Case {
+            handover: lanes.handover(),
+            danger: lanes.danger(),
+            whole: self.world.continued(motion, samples),
+            recorded,
+            lanes,
+        }
+    }
+
+    /// Whether any of `drivers` avoids the contact from the handover on.
+    pub fn preventable_by(&mut self, motion: &Motion, drivers: &[ReferenceDriver]) -> bool {
+        if self.reason_against(motion).is_some() {
+            return false;
+        }
+        let case = self.case(motion);
+        let mut drivers = drivers.to_vec();
+        drivers.sort_by_key(|driver| chances(*driver));
+        drivers.into_iter().any(|driver| {
+            let outcome = self.from_handover(&case, driver, None);
+            outcome.is_some_and(|outcome| outcome.avoided)
+        })
+    }
+
+    /// Everything about the contact in which a motion ended.
+    ///
+    /// With the `trace` of the episode the rulebook is evaluated on each replay
+    /// as well; worlds with traffic lights are left out, whose phases are not
+    /// part of a motion.
+    pub fn assess(&mut self, motion: &Motion, trace: Option<&Trace>) -> Preventability {
+        let exonerated = self.exoneration(motion);
+        if let Some(why) = self.reason_against(motion) {
+            return Preventability {
+                exonerated,
+                ..Preventability::not_applicable(why)
+            };
+        }
+        let trace = trace.filter(|_| self.world.spec().lights.is_empty());
+        let case = self.case(motion);
+        let Some(handover) = case.handover else {
+            return Preventability {
+                exonerated,
+                ..Preventability::not_applicable(NotApplicable::NobodyAhead)
+            };
+        };
+        let time_s = |sample: usize| sample as f64 * self.sample_s;
+        let mut assessed = Preventability {
+            label: Label::NotApplicable,
+            not_applicable: None,
+            exonerated,
+            handover_s: Some(time_s(handover)),
+            danger_s: case.danger.map(time_s),
+            cut_in: self.partner(motion).and_then(|with| {
+                let number = self.traffic.iter().position(|&i| i == with)?;
+                case.lanes.cut_in(number)
+            }),
+            ..Preventability::not_applicable(NotApplicable::NoContact)
+        };
+        for driver in PANEL {
+            if let Some(outcome) = self.from_handover(&case, driver, trace) {
+                assessed.handover.insert(driver, outcome);
+            }
+            let seat = Seat::Driver(driver);
+            assessed
+                .t0
+                .insert(driver, self.from_start(&case, seat, trace));
+        }
+        assessed.perfect = self.from_handover(&case, ReferenceDriver::Ideal, trace);
+        assessed.foresight = Some(self.from_start(&case, Seat::FullBrakes, trace));
+        assessed.label_outcomes();
+        assessed
+    }
+
+    /// A driver from the handover on; the ideal one from the first danger on.
+    pub fn from_handover(
+        &mut self,
+        case: &Case,
+        driver: ReferenceDriver,
+        trace: Option<&Trace>,
+    ) -> Option<DriverOutcome> {
+        let (from, seat) = match driver {
+            ReferenceDriver::Ideal => (case.danger?, Seat::FullBrakes),
+            _ => (case.handover?, Seat::Driver(driver)),
+        };
+        let nominal = Nominal::Recorded;
+        Some(self.drive(case, seat, Stint { from, nominal }, trace))
+    }
+
+    /// Somebody in the ego's place from the start on, whose nominal speed is
+    /// the initial one.
+    pub fn from_start(&mut self, case: &Case, seat: Seat, trace: Option<&Trace>) -> DriverOutcome {
+        let nominal = Nominal::Initial;
+        self.drive(case, seat, Stint { from: 0, nominal }, trace)
+    }
+
+    fn drive(
+        &mut self,
+        case: &Case,
+        seat: Seat,
+        stint: Stint,
+        trace: Option<&Trace>,
+    ) -> DriverOutcome {
+        let Stint { from, .. } = stint;
+        let mut judged = trace.map(|trace| Rows::begin(trace, from));
+        let mut at_wheel = AtWheel::new(self, case, seat, from);
+        self.scene.take_up(&case.whole, from);
+        let mut least_m: Option<f64> = None;
+        let mut contact = None;
+        for sample in from + 1..case.whole.len() {
+            let ego = self.look(&mut least_m);
+            let command = match (seat, case.whole.at(sample)[self.world.ego()].command) {
+                (Seat::Recorded, Some(command @ Command::Drive { .. })) => command,
+                (Seat::Recorded, _) => self.scene.keep_lane(0.0),
+                _ => {
+                    let nominal_mps = case.nominal_mps(stint.nominal, sample, self.world.ego());
+                    let accel_mps2 = self.accel(&mut at_wheel, seat, &ego, nominal_mps);
+                    self.scene.keep_lane(accel_mps2)
+                }
+            };
+            let flow = self.scene.advance_along(command, case.whole.at(sample));
+            if let Some(rows) = &mut judged {
+                rows.push(&self.scene);
+            }
+            if let Flow::Contact(touch) = flow {
+                self.look(&mut least_m);
+                contact = self.contact_of(touch);
+                break;
+            }
+        }
+        self.outcome(
+            case,
+            contact,
+            least_m,
+            at_wheel.reacted(from, self.sample_s),
+            judged,
+        )
+    }
+
+    /// Reads everybody's place, and the gap to who is ahead in the path.
+    fn look(&mut self, least_m: &mut Option<f64>) -> LaneBody {
+        let ego = self.scene.lane_body(self.world.ego());
+        let bodies = self.traffic.iter().map(|&i| self.scene.lane_body(i));
+        self.others.clear();
+        // Who comes towards the ego is on no parallel axis.
+        self.others
+            .extend(bodies.filter(|it| -STANDING_MPS <= it.speed_mps));
+        for other in &self.others {
+            let encounter = between(&ego, other);
+            if encounter.clearance_m() < 0.0 && ego.x_m < other.x_m {
+                let gap_m = encounter.gap_m();
+                *least_m = Some(least_m.map_or(gap_m, |least| least.min(gap_m)));
+            }
+        }
+        ego
+    }
+
+    /// What reaches the vehicle of what is asked for.
+    fn accel(&self, at_wheel: &mut AtWheel, seat: Seat, ego: &LaneBody, nominal_mps: f64) -> f64 {
+        let nominal = || {
+            let wish_mps2 = (nominal_mps - ego.speed_mps) / self.sample_s;
+            wish_mps2.clamp(-NOMINAL_MPS2, NOMINAL_MPS2)
+        };
+        // In a curve the tyres hold the car in its lane first.
+        let across_mps2 = ego.speed_mps * ego.speed_mps * self.scene.curvature_per_m();
+        let cap_mps2 = self.grip_mps2 * self.grip_mps2 - across_mps2 * across_mps2;
+        let cap_mps2 = cap_mps2.max(0.0).sqrt();
+        let wish_mps2 = match (seat, &mut at_wheel.driver) {
+            (Seat::FullBrakes, _) => -cap_mps2,
+            (Seat::Driver(_), Some(driver)) => match driver.step(ego, &self.others) {
+                Response::Nominal => nominal(),
+                Response::Hold => 0.0,
+                Response::Brake(brake_mps2) => -brake_mps2.min(cap_mps2),
+            },
+            _ => nominal(),
+        };
+        at_wheel.note();
+        at_wheel.actuator.step(wish_mps2)
+    }
+
+    fn contact_of(&self, touch: Touch) -> Option<ReplayContact> {
+        let with = self.other_of(&touch)?;
+        let ego = self.scene.lane_body(self.world.ego());
+        Some(ReplayContact {
+            struck: struck(&ego, &self.scene.lane_body(with)),
+            with: self.world.spec().agents[with].name.clone(),
+            time_s: touch.time_s,
+            closing_speed_mps: touch.closing_speed_mps,
+        })
+    }
+
+    fn outcome(
+        &self,
+        case: &Case,
+        contact: Option<ReplayContact>,
+        least_m: Option<f64>,
+        reacted_s: Option<f64>,
+        judged: Option<Rows>,
+    ) -> DriverOutcome {
+        let recorded = case.whole.contact.as_ref();
+        let recorded_mps = recorded.map_or(0.0, |touch| touch.closing_speed_mps);
+        let now_mps = contact.as_ref().map(|it| it.closing_speed_mps);
+        let judged = judged.map(|rows| rows.judge(&self.rulebook));
+        DriverOutcome {
+            avoided: contact.is_none(),
+            margin: now_mps.map(|closing_mps| -closing_mps).or(least_m),
+            saved_mps: recorded_mps - now_mps.unwrap_or(0.0),
+            contact,
+            reacted_s,
+            rules_kept: judged.map(|(kept, _)| kept),
+            robustness: judged.map(|(_, robustness)| robustness),
+        }
+    }
+
+    /// The other of a contact with the ego.
+    fn other_of(&self, touch: &Touch) -> Option<usize> {
+        let agents = &self.world.spec().agents;
+        let ego = &agents[self.world.ego()].name;
+        let other = match (&touch.between.0 == ego, &touch.between.1 == ego) {
+            (true, _) => &touch.between.1,
+            (_, true) => &touch.between.0,
+            _ => return None,
+        };
+        agents.iter().position(|agent| agent.name == *other)
+    }
+
+    fn partner(&self, motion: &Motion) -> Option<usize> {
+        self.other_of(motion.contact.as_ref()?)
+    }
+
+    /// The ego and the other in lane coordinates when they touched.
+    fn at_contact(&self, motion: &Motion) -> Option<(LaneBody, LaneBody)> {
+        let with = self.partner(motion)?;
+        let row = motion.at(motion.len().checked_sub(1)?);
+        let body = |i: usize| self.world.lane_body(i, &row[i].state);
+        Some((body(self.world.ego()), body(with)))
+    }
+
+    /// Why the drivers do not apply, if they do not.
+    fn reason_against(&self, motion: &Motion) -> Option<NotApplicable> {
+        if motion.contact.is_none() {
+            return Some(NotApplicable::NoContact);
+        }
+        let (Some(with), Some((ego, other))) = (self.partner(motion), self.at_contact(motion))
+        else {
+            return Some(NotApplicable::WithoutEgo);
+        };
+        if self.world.spec().agents[with].body.is_on_foot() {
+            return Some(NotApplicable::OnFoot);
+        }
+        let row = motion.at(motion.len() - 1);
+        let heading = |i: usize| row[i].state.pose.heading_rad;
+        let turned_rad = heading(with) - heading(self.world.ego());
+        if ALONG < libm::sin(turned_rad).abs() {
+            return Some(NotApplicable::Crossing);
+        }
+        if libm::cos(turned_rad) < 0.0 || other.speed_mps < -STANDING_MPS {
+            return Some(NotApplicable::Oncoming);
+        }
+        (struck(&ego, &other) == Struck::Rear).then_some(NotApplicable::FromBehind)
+    }
+
+    fn exoneration(&self, motion: &Motion) -> Option<Exoneration> {
+        let (ego, other) = self.at_contact(motion)?;
+        if ego.speed_mps <= STANDING_MPS {
+            return Some(Exoneration::Standing);
+        }
+        let lanes = ego.y_m / self.lane_width_m;
+        let off_m = (lanes - libm::round(lanes)).abs() * self.lane_width_m;
+        let in_lane = off_m <= 0.5 * (self.lane_width_m - ego.width_m).max(0.0);
+        let from_behind = struck(&ego, &other) == Struck::Rear;
+        (in_lane && from_behind).then_some(Exoneration::StruckFromBehind)
+    }
+}
+
+impl Case {
+    /// The speed that the ego has at a sample unless in danger.
+    fn nominal_mps(&self, nominal: Nominal, sample: usize, ego: usize) -> f64 {
+        let sample = match nominal {
+            Nominal::Initial => 0,
+            Nominal::Recorded => sample.min(self.recorded - 1),
+        };
+        self.whole.at(sample)[ego].state.speed_mps
+    }
+}
+
+/// A driver and the actuator behind it.
+struct AtWheel {
+    driver: Option<Reflexes<ReferenceDriver>>,
+    actuator: Actuator,
+    /// Samples driven, and how many before the first danger.
+    driven: usize,
+    reacted: Option<usize>,
+}
+
+impl AtWheel {
+    fn new(replayer: &Replayer, case: &Case, seat: Seat, from: usize) -> AtWheel {
+        let driver = match seat {
+            Seat::Driver(driver) => Some(driver),
+            _ => None,
+        };
+        // Braking that builds up by itself holds the actuator's lag already.
+        let lag_s = match driver.is_some_and(ReferenceDriver::has_build_up) {
+            true => 0.0,
+            false => replayer.lag_s,
+        };
+        let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
+        let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);
+        AtWheel {
+            driver: driver.map(|driver| Reflexes::new(driver, sample_s, lane_width_m)),
+            actuator: Actuator::new(lag_s, sample_s).from(arriving_mps2),
+            driven: 0,
+            reacted: (seat == Seat::FullBrakes).then_some(0),
+        }
+    }
+
+    fn note(&mut self) {
+        let has_reacted = self.driver.as_ref().is_some_and(Reflexes::has_reacted);
+        if has_reacted && self.reacted.is_none() {
+            self.reacted = Some(self.driven);
+        }
+        self.driven += 1;
+    }
+
+    fn reacted(&self, from: usize, sample_s: f64) -> Option<f64> {
+        self.reacted.map(|after| (from + after) as f64 * sample_s)
+    }
+}
+
+/// The rows of a replay: those of the record up to the change of drivers.
+struct Rows {
+    trace: Trace,
+    row: Vec<f64>,
+    most: usize,
+}
+
+impl Rows {
+    fn begin(recorded: &Trace, from: usize) -> Rows {
+        let mut trace = recorded.clone();
+        trace.truncate(from + 1);
+        Rows {
+            row: vec![0.0; trace.schema().signals().len()],
+            trace,
+            most: usize::MAX,
+        }
+    }
+
+    fn push(&mut self, scene: &DriveScene) {
+        self.most = scene.clock().samples();
+        if self.trace.len() < self.most {
+            scene.publish(&mut self.row);
+            // A row that is none ends what can be judged.
+            if self.trace.push(&self.row).is_err() {
+                self.most = 0;
+            }
+        }
+    }
+
+    /// Whether all rules are kept, and ρ(ψ_ego).
+    fn judge(&self, rulebook: &Rulebook) -> (bool, f64) {
+        let mut scratch = Scratch::default();
+        let mut rules = rulebook.rules.iter();
+        let kept = rules.all(|rule| 0.0 < rule.monitor.robustness(&self.trace, &mut scratch));
+        (kept, rulebook.spec.robustness(&self.trace, &mut scratch))
+    }
+}
+
+fn between(ego: &LaneBody, other: &LaneBody) -> Encounter {
+    Encounter {
+        ego: *ego,
+        other: *other,
+        accel_mps2: 0.0,
+        lane_width_m: 0.0,
+        ttc: TtcReading::Closing,
+    }
+}
+
+/// Where the ego is struck: front unless the other's middle is behind its own.
+fn struck(ego: &LaneBody, other: &LaneBody) -> Struck {
+    let encounter = between(ego, other);
+    if ego.x_m <= other.x_m {
+        Struck::Front
+    } else if encounter.clearance_m() <= encounter.gap_m() {
+        Struck::Rear
+    } else {
+        Struck::Side
+    }
+}
+
+/// Who avoids most comes first: 99, 84, 82, 71, 66, 66 and 55 % of the cut-ins
+/// that nobody answers.
+fn chances(driver: ReferenceDriver) -> usize {
+    use ReferenceDriver::{Cc, CcLane, CcLatched, Fsm, Ideal, Reg, Rss};
+    let order = [Ideal, Rss, Fsm, Reg, CcLatched, CcLane, Cc];
+    order
+        .iter()
+        .position(|it| *it == driver)
+        .unwrap_or(usize::MAX)
+}

@@ -1,0 +1,269 @@
+//! Recorded motions, moved again with somebody else in the ego's place.
+//!
+//! Everybody but the ego moves as recorded and reacts to nothing. It is done on
+//! the kinematic plant, whose contacts are exact. What was recorded on it is
+//! repeated by its commands, bit for bit; other motions by their poses, between
+//! two samples in a straight line.
+
+use std::sync::Arc;
+
+use super::course::OnRoad;
+use super::motion::DriveScene;
+use super::spec::EgoController;
+use super::layout::Layout;
+use super::{Course, DriveWorld, Road};
+use crate::ego::Recorded;
+use crate::ego::reference::LaneBody;
+use crate::scene::{BodySample, Flow, Motion, Scene};
+use crate::sim::{Body, BodyState, Command, PlantKind};
+
+impl DriveWorld {
+    /// The same world on the kinematic plant, with nobody at the ego's wheel.
+    pub fn for_replay(&self) -> DriveWorld {
+        let mut layout = Layout::clone(&self.0);
+        Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
+        layout.ego_drive.controller = EgoController::Own {
+            name: "replay".to_owned(),
+            factory: Arc::new(|| Box::new(Recorded::new(Arc::from([])))),
+        };
+        DriveWorld(Arc::new(layout))
+    }
+
+    /// Position of the ego among the agents.
+    pub fn ego(&self) -> usize {
+        self.0.ego
+    }
+
+    /// Where on the road an agent's body is, and how it moves along it.
+    pub fn lane_body(&self, agent: usize, state: &BodyState) -> LaneBody {
+        let at = self.0.course.locate(&state.pose);
+        in_lane(state, &at, &self.0.spec.agents[agent].body)
+    }
+
+    /// A motion of this world with commands that repeat it, and gone on with
+    /// until there are `samples`.
+    ///
+    /// Where the record has ended everybody moves sideways on to the middle of
+    /// the next lane and straight on from there; lengthwise whoever braked keeps
+    /// that deceleration until it stands, and others keep their speed.
+    pub fn continued(&self, motion: &Motion, samples: usize) -> Motion {
+        let spec = &self.0.spec;
+        let mut whole = motion.clone();
+        let Some(last) = motion.len().checked_sub(1) else {
+            return whole;
+        };
+        let by_commands = |agent: usize| {
+            spec.plant == PlantKind::Kinematic && !spec.agents[agent].body.is_on_foot()
+        };
+        for sample in 1..=last {
+            for (agent, body) in whole.at_mut(sample).iter_mut().enumerate() {
+                if !by_commands(agent) {
+                    body.command = Some(Command::Glide {
+                        to: body.state.pose,
+                    });
+                }
+            }
+        }
+        let ends = motion.at(last).iter().enumerate();
+        let ends: Vec<Onward> = ends
+            .map(|(agent, body)| {
+                let on_foot = spec.agents[agent].body.is_on_foot();
+                Onward::new(&body.state, &self.0.course, &spec.road, on_foot)
+            })
+            .collect();
+        let mut row = motion.at(last).to_vec();
+        for sample in last..samples {
+            let after_s = sample as f64 * spec.clock.sample_s - motion.end_s;
+            if after_s <= 0.0 {
+                continue;
+            }
+            for (agent, (body, end)) in row.iter_mut().zip(&ends).enumerate() {
+                let state = end.state(after_s, &self.0.course);
+                let command = match sample == last && by_commands(agent) {
+                    true => motion.at(last)[agent].command,
+                    false => Some(Command::Glide { to: state.pose }),
+                };
+                *body = BodySample { state, command };
+            }
+            match sample == last {
+                true => whole.at_mut(last).copy_from_slice(&row),
+                false => whole.push(&row),
+            }
+        }
+        whole
+    }
+}
+
+/// How a body goes on when its record has ended.
+struct Onward {
+    at: OnRoad,
+    /// Speeds along the road and to the left.
+    along_mps: f64,
+    across_mps: f64,
+    /// Deceleration until it stands, at least 0.
+    brake_mps2: f64,
+    /// When it stands, and when it is in the middle of the next lane.
+    stands_s: f64,
+    centred_s: f64,
+}
+
+impl Onward {
+    fn new(state: &BodyState, course: &Course, road: &Road, on_foot: bool) -> Onward {
+        let at = course.locate(&state.pose);
+        let (along_mps, across_mps) = velocity_mps(state, &at);
+        let brake_mps2 = (-state.accel_mps2).max(0.0);
+        let stands_s = match brake_mps2 == 0.0 {
+            true => f64::INFINITY,
+            false => along_mps.abs() / brake_mps2,
+        };
+        let lanes = at.lateral_m / road.lane_width_m();
+        let next = match across_mps < 0.0 {
+            true => libm::floor(lanes),
+            false => libm::ceil(lanes),
+        };
+        let way_m = (next - lanes) * road.lane_width_m();
+        Onward {
+            at,
+            along_mps,
+            across_mps,
+            brake_mps2,
+            stands_s,
+            centred_s: match on_foot || across_mps == 0.0 {
+                true => f64::INFINITY,
+                false => way_m / across_mps,
+            },
+        }
+    }
+
+    fn state(&self, after_s: f64, course: &Course) -> BodyState {
+        let braking_s = after_s.min(self.stands_s);
+        let direction = if self.along_mps < 0.0 { -1.0 } else { 1.0 };
+        let lost_mps = self.brake_mps2 * braking_s;
+        let sideways_s = braking_s.min(self.centred_s);
+        let s_m = self.at.s_m + (self.along_mps - direction * 0.5 * lost_mps) * braking_s;
+        let lateral_m = self.at.lateral_m + self.across_mps * sideways_s;
+        let is_centred = self.centred_s <= after_s;
+        let mut pose = course.pose(s_m, lateral_m);
+        pose.heading_rad += match (is_centred, direction < 0.0) {
+            (false, _) => self.at.heading_rad,
+            (true, false) => 0.0,
+            (true, true) => core::f64::consts::PI,
+        };
+        let moves = after_s < self.stands_s;
+        let (sin, cos) = match is_centred {
+            true => (0.0, direction),
+            false => libm::sincos(self.at.heading_rad),
+        };
+        let along_mps = self.along_mps - direction * lost_mps;
+        let across_mps = match moves && !is_centred {
+            true => self.across_mps,
+            false => 0.0,
+        };
+        BodyState {
+            pose,
+            speed_mps: along_mps * cos + across_mps * sin,
+            lateral_mps: across_mps * cos - along_mps * sin,
+            yaw_rate_rad_per_s: 0.0,
+            accel_mps2: if moves { -self.brake_mps2 } else { 0.0 },
+        }
+    }
+}
+
+/// Velocity along and across the road.
+fn velocity_mps(state: &BodyState, at: &OnRoad) -> (f64, f64) {
+    let (sin, cos) = libm::sincos(at.heading_rad);
+    (
+        state.speed_mps * cos - state.lateral_mps * sin,
+        state.speed_mps * sin + state.lateral_mps * cos,
+    )
+}
+
+/// A body in lane coordinates: by its middle, as reference drivers see it.
+fn in_lane(state: &BodyState, at: &OnRoad, body: &Body) -> LaneBody {
+    let (sin, cos) = libm::sincos(at.heading_rad);
+    let lever_mps = state.yaw_rate_rad_per_s * body.half_length_m();
+    // Turning moves the front sideways, not the middle.
+    let lateral_mps = state.lateral_mps - lever_mps;
+    let velocity = (
+        state.speed_mps * cos - lateral_mps * sin,
+        state.speed_mps * sin + lateral_mps * cos,
+    );
+    let size = (body.length_m, body.width_m);
+    LaneBody {
+        accel_mps2: state.accel_mps2 * cos,
+        ..LaneBody::behind_front((at.s_m, at.lateral_m), velocity, (sin, cos), size)
+    }
+}
+
+impl DriveScene {
+    /// Puts everybody where a motion has them at a sample, at rest in nothing
+    /// but their speeds; at sample 0 this is how the episode began.
+    pub fn take_up(&mut self, motion: &Motion, sample: usize) {
+        self.reset(&motion.start, 0);
+        if sample == 0 {
+            return;
+        }
+        let layout = Arc::clone(&self.layout);
+        self.clear();
+        for (agent, body) in layout.spec.agents.iter().zip(motion.at(sample)) {
+            let lateral_m = layout.course.locate(&body.state.pose).lateral_m;
+            self.spawn_at(agent, body.state.pose, lateral_m, body.state.speed_mps);
+        }
+        self.state.sample = sample;
+        self.state.read(&layout.course);
+        let recorded = motion.at(sample).iter().map(|body| body.state);
+        self.state.states.clear();
+        self.state.states.extend(recorded);
+    }
+
+    /// Moves on by one sample: the ego by a command of its own, everybody else
+    /// as in `next`, a sample of a [continued](DriveWorld::continued) motion.
+    pub fn advance_along(&mut self, ego: Command, next: &[BodySample]) -> Flow {
+        for (agent, body) in next.iter().enumerate() {
+            let command = match agent == self.layout.ego {
+                true => Some(ego),
+                false => body.command,
+            };
+            if let Some(command) = command {
+                self.state.plant.command(self.state.bodies[agent], command);
+            }
+        }
+        let flow = self.move_on();
+        // A plant knows of who is carried the mean velocity on the way there.
+        for (state, body) in self.state.states.iter_mut().zip(next) {
+            if matches!(body.command, Some(Command::Glide { .. })) {
+                let pose = state.pose;
+                *state = BodyState { pose, ..body.state };
+            }
+        }
+        flow
+    }
+
+    /// The command that accelerates the ego and keeps it in its lane.
+    pub fn keep_lane(&mut self, accel_mps2: f64) -> Command {
+        let ego = self.layout.ego;
+        let (at, speed_mps) = (self.state.on_road[ego], self.state.states[ego].speed_mps);
+        let sample_s = self.layout.spec.clock.sample_s;
+        Command::Drive {
+            accel_mps2,
+            curvature_per_m: self.keepers[ego].curvature(&at, speed_mps, 0.0, sample_s),
+        }
+    }
+
+    /// An agent in lane coordinates.
+    pub fn lane_body(&self, agent: usize) -> LaneBody {
+        let body = &self.layout.spec.agents[agent].body;
+        in_lane(&self.state.states[agent], &self.state.on_road[agent], body)
+    }
+
+    /// Curvature of the road beside the ego, positive to the left.
+    pub fn curvature_per_m(&self) -> f64 {
+        self.state.on_road[self.layout.ego].curvature_per_m
+    }
+
+    /// Clear distance between the ego and an agent; 0 at a contact.
+    pub fn gap_m(&self, agent: usize) -> f64 {
+        let ego = self.state.bodies[self.layout.ego];
+        self.state.plant.gap_m(ego, self.state.bodies[agent])
+    }
+}

@@ -1,0 +1,64 @@
+//! Bodies of the kinematic plant that are carried along a recorded motion.
+
+use core::f64::consts::TAU;
+
+use super::path::{Anchor, Path, PathKind};
+use crate::sim::walker::length;
+
+/// Where the fixed point is to be after the next `advance`.
+#[derive(Clone, Debug)]
+pub(super) struct Rails {
+    pub x_m: f64,
+    pub y_m: f64,
+    pub heading_rad: f64,
+}
+
+impl Rails {
+    /// There at a constant velocity of the fixed point and turning rate.
+    pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
+        let velocity_mps = (
+            (self.x_m - start.x_m) / dt_s,
+            (self.y_m - start.y_m) / dt_s,
+        );
+        let turn_rad = libm::remainder(self.heading_rad - start.heading_rad, TAU);
+        let yaw_rate_rad_per_s = turn_rad / dt_s;
+        let turning_mps = yaw_rate_rad_per_s.abs() * arm_m;
+        Path {
+            start: Anchor {
+                walk_mps: velocity_mps,
+                yaw_rate_rad_per_s,
+                ..start
+            },
+            kind: PathKind::Even,
+            speed_bound_mps: length(velocity_mps) + turning_mps,
+            accel_bound_mps2: turning_mps * yaw_rate_rad_per_s.abs(),
+        }
+    }
+
+    /// Speed along the heading, speed to the left, and yaw rate.
+    pub fn motion(at: &Anchor) -> (f64, f64, f64) {
+        let (vx, vy) = at.walk_mps;
+        (
+            vx * at.cos + vy * at.sin,
+            vy * at.cos - vx * at.sin,
+            at.yaw_rate_rad_per_s,
+        )
+    }
+
+    /// Where the fixed point is after a time on its way.
+    pub fn after(start: Anchor, after_s: f64) -> Anchor {
+        let heading_rad = start.heading_rad + start.yaw_rate_rad_per_s * after_s;
+        let (sin, cos) = match start.yaw_rate_rad_per_s == 0.0 {
+            true => (start.sin, start.cos),
+            false => libm::sincos(heading_rad),
+        };
+        Anchor {
+            x_m: start.x_m + start.walk_mps.0 * after_s,
+            y_m: start.y_m + start.walk_mps.1 * after_s,
+            heading_rad,
+            cos,
+            sin,
+            ..start
+        }
+    }
+}
