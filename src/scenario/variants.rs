@@ -4,8 +4,8 @@ use std::path::Path as FilePath;
 use std::sync::Arc;
 
 use super::file::{Change, GridChange};
-use super::{Against, ChangeError, LoadError, Path, Repeats, Scenario, ScenarioError};
 use super::language::rulebook;
+use super::{Against, ChangeError, LoadError, Path, Repeats, Scenario, ScenarioError};
 use super::{changed, check, read};
 use crate::ego::{Command, Controller, Recorded};
 use crate::rl::{ConfigError, LearnerConfig};

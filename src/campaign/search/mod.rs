@@ -2,10 +2,12 @@
 //! baselines a reusable ado must beat.
 
 mod cem;
+mod confirm;
 mod mutate;
 mod random;
 mod request;
 mod switches;
+mod tree;
 mod trials;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,6 +15,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use cpu_time::ThreadTime;
 use rayon::prelude::*;
 
+pub(super) use confirm::{Confirmed, Confirmer};
 pub use request::{Cem, Found, Method, SWITCHES, SearchRequest};
 
 use super::Watch;
@@ -23,6 +26,7 @@ use crate::scene::{Dynamics, Start};
 use crate::severity::Impact;
 use crate::sim::PlantKind;
 use crate::testbench::{HOLD_DECISIONS, Testbench, count_faults};
+pub(super) use tree::{Next, Tree};
 use trials::Trials;
 
 /// A row and the solutions behind it.
