@@ -156,6 +156,13 @@ impl Evaluated {
         }
     }
 
+    /// Positions of the starts that were solved.
+    pub(super) fn solved(&self) -> impl Iterator<Item = usize> {
+        let outcomes = self.outcomes.iter().enumerate();
+        outcomes
+            .filter_map(|(index, outcome)| outcome.as_ref()?.verdict.is_success().then_some(index))
+    }
+
     /// The world in which a success is played again bit for bit.
     ///
     /// An ego that nobody here wrote may answer otherwise the next time: then

@@ -55,7 +55,7 @@ pub use evaluation::{Evaluation, EvaluationTable, Reason, TheoremsChecked};
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{Identification, IdentifyFound, IdentifyStep};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
-pub use keep::{keep, keep_played};
+pub use keep::{Again, Choice, Form, Keeper, KeptFiles, PERSISTENT, about, keep};
 pub use persistence::{FRICTION, START, persistence};
 pub use repeatable::{answers_differ, note_if_unrepeatable};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};

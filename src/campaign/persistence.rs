@@ -28,8 +28,12 @@ const FRICTIONS: (f64, f64) = (0.01, 2.0);
 /// the start ± 0.1 m or m/s, and the ego's sensors one sample later.
 ///
 /// Starts may so lie outside of their ranges, but no speed below 0. When the
-/// recorded actions end, the last one is held. `None`: the world is not driven.
+/// recorded actions end, the last one is held. `None`: the world is not driven,
+/// or its ego is one that nobody here wrote, which may answer otherwise anyway.
 pub fn persistence(scenario: &Scenario, episode: &Episode) -> Option<Persistence> {
+    if !episode.commands.is_empty() {
+        return None;
+    }
     let mut varied = worlds(scenario, episode)?;
     varied.extend(starts(scenario, &episode.start));
     let variations = varied.into_par_iter().map(|(name, world, start)| {

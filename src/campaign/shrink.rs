@@ -55,14 +55,16 @@ pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
 ///
 /// If the episode ends in a contact, so does the result: of the same two, at no
 /// less than half the closing speed, and with the rules kept up to it if they
-/// were. Worlds whose egos do not answer twice alike are left as they are.
+/// were. Episodes of an ego that nobody here wrote, which may answer otherwise
+/// the next time, are left as they are.
 pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Episode, Shrunk) {
     let before = effort(scenario, &episode.actions);
     let unchanged = Shrunk {
         before,
         after: before,
     };
-    if 1 < scenario.repeats().runs || !episode.verdict.is_success() {
+    let foreign = !episode.commands.is_empty();
+    if foreign || 1 < scenario.repeats().runs || !episode.verdict.is_success() {
         return (episode.clone(), unchanged);
     }
     // What is tried and fails is no fault of the ego that anybody must hear of.
