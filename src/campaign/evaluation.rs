@@ -8,7 +8,7 @@ use super::conditioning::{ConditionedAdo, ContextSource, conditioned};
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, EvalRequest, Evaluated, best_constant, eval, explain_first};
-use super::keep::{keep, keep_played};
+use super::keep::{Again, Choice, Form, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
 use super::retrained::retrained;
 use super::reuse::{ReusedOn, reused_on};
@@ -256,43 +256,56 @@ impl<'a> EvaluationTable<'a> {
         Ok(carry_over(&request, watch)?.map(TheoremsChecked::CarryOver))
     }
 
-    /// Plays the counterexamples of every ego again and writes the first `most`
-    /// of each into a directory; none unless [`Evaluation::keeps`].
+    /// Plays the counterexamples of every ego again and writes those asked for
+    /// into a directory, saying what each is; none unless [`Evaluation::keeps`].
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn keep(&self, dir: &Path, most: usize, watch: &Watch<'_>) -> Result<(), CampaignError> {
+    pub fn keep(
+        &self,
+        dir: &Path,
+        choice: Choice,
+        form: Form,
+        watch: &Watch<'_>,
+    ) -> Result<Vec<KeptFiles>, CampaignError> {
+        let mut all = Vec::new();
         for found in &self.found {
-            let (kept, of) = self.keep_those(found, dir, most)?;
-            watch.note(&format!(
-                "kept {kept} of {of} counterexamples of `{}` in {}",
-                found.ego.name(),
-                dir.display()
-            ));
+            let kept = self.keep_those(found, dir, (choice, form), watch)?;
+            kept.note(found.ego.name(), dir, watch);
+            all.push(kept);
         }
-        Ok(())
+        Ok(all)
     }
 
     fn keep_those(
         &self,
         found: &Found<'_>,
         dir: &Path,
-        most: usize,
-    ) -> Result<(usize, usize), CampaignError> {
+        (choice, form): (Choice, Form),
+        watch: &Watch<'_>,
+    ) -> Result<KeptFiles, CampaignError> {
         let starts = found.starts.as_ref().unwrap_or(&self.starts);
         let trained = self.asked.trained(found.ego, &found.ado, starts);
         let change = found.ego.change();
-        let (evaluated, files) = match &found.by {
-            FoundBy::Trained(evaluated) => {
-                (evaluated, keep(&trained, change, evaluated, dir, most)?)
-            }
+        let keep = |request: EvalRequest<'_>, evaluated: &Evaluated, play: Again<'_>| {
+            let again = |bench: &mut Testbench, index: usize| {
+                let mut played = |bench: &mut Testbench, index| play(bench, index);
+                evaluated.again(&request, bench, index, &mut played)
+            };
+            let keeper = Keeper::of(&request, change, choice, form);
+            let solved: Vec<usize> = evaluated.solved().collect();
+            keeper.keep(&solved, &again, dir, watch)
+        };
+        Ok(match &found.by {
+            FoundBy::Trained(evaluated) => keep(trained, evaluated, &|bench, index| {
+                trained.play(bench, index)
+            })?,
             FoundBy::Tries(Tried { evaluated, winners }) => {
                 let tries = self.asked.several(trained, &found.ado);
-                let mut again = |bench: &mut Testbench, index: usize| {
-                    tries.play(bench, index, winners[index].unwrap_or(0))
-                };
-                let files = keep_played(&trained, change, evaluated, dir, most, &mut again)?;
-                (evaluated, files)
+                let winner = |index: usize| winners[index].unwrap_or(0);
+                keep(trained, evaluated, &|bench, index| {
+                    tries.play(bench, index, winner(index))
+                })?
             }
             FoundBy::Optimal(evaluated) => {
                 let (whole, policy) = ByRule::Optimal.policy(found.ego)?;
@@ -301,10 +314,11 @@ impl<'a> EvaluationTable<'a> {
                     ado: ByRule::Optimal.ado(&policy),
                     ..trained
                 };
-                (evaluated, keep(&request, change, evaluated, dir, most)?)
+                keep(request, evaluated, &|bench, index| {
+                    request.play(bench, index)
+                })?
             }
-        };
-        Ok((files.len(), evaluated.row.successes))
+        })
     }
 }
 

@@ -1,16 +1,323 @@
-//! Keeping the counterexamples of an evaluation as files.
+//! Keeping the counterexamples of an evaluation or a search as files.
+//!
+//! Hundreds of counterexamples are as good as none to somebody who has to act on
+//! them. [`Keeper::keep`] hands over a few: the worst that differ from each other
+//! and persist, each made as small as it gets and labelled with what is known of
+//! it ([`About`]).
 
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
+
+use super::Watch;
+use super::distinct::{Shape, clusters};
 use super::eval::{EvalRequest, Evaluated};
-use crate::run::{Counterexample, KeptError, file_name, make_dir};
-use crate::scenario::Change;
+use super::persistence::persistence;
+use super::shrink::shrink;
+use super::why::why;
+use crate::rulebook::Verdict;
+use crate::run::{About, Counterexample, KeptError, Severity, file_name, make_dir};
+use crate::scenario::{Change, Scenario};
 use crate::testbench::{Episode, Testbench};
 
-/// Writes the first `most` counterexamples of an evaluation into a directory.
+/// Share of its variations in which a counterexample must fail to be handed over.
+pub const PERSISTENT: f64 = 0.5;
+/// So many times what is asked for is looked at, at most.
+const LOOKS: usize = 5;
+
+/// Which counterexamples are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// At most so many: the worst that differ and persist.
+    Worst(usize),
+    /// Every one.
+    All,
+}
+
+/// In which form they are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Made as small as they get ([`shrink`]).
+    Shrunk,
+    /// With the actions that were found.
+    AsFound,
+}
+
+/// Who made an ego fail, where; and how it is kept.
+#[derive(Clone, Copy)]
+pub struct Keeper<'a> {
+    /// The world, with the ego that fails.
+    pub scenario: &'a Scenario,
+    /// What rows call that ego.
+    pub ego: &'a str,
+    /// How it differs from the world's own.
+    pub change: &'a Change,
+    /// The word for who plays the ados.
+    pub ado: &'a str,
+    /// Seed of the test starts.
+    pub seed: u64,
+    /// Which ones are kept.
+    pub choice: Choice,
+    /// In which form.
+    pub form: Form,
+}
+
+/// What was kept of the counterexamples that were found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeptFiles {
+    /// The files and what each says of itself, worst first.
+    pub files: Vec<(PathBuf, About)>,
+    /// Counterexamples that were found.
+    pub found: usize,
+    /// How many of them differ from each other.
+    pub distinct: usize,
+    /// Those looked at and passed over, since they do not persist.
+    pub passed_over: usize,
+}
+
+impl KeptFiles {
+    /// Says what was kept of an ego's counterexamples, and what each is.
+    pub fn note(&self, ego: &str, dir: &Path, watch: &Watch<'_>) {
+        for (file, about) in &self.files {
+            let about = about.to_string().replace('\n', "\n  ");
+            watch.note(&format!("{}:\n  {about}", file.display()));
+        }
+        let passed_over = match self.passed_over {
+            0 => String::new(),
+            some => format!("; {some} were passed over, since they do not persist"),
+        };
+        watch.note(&format!(
+            "kept {} of {} counterexamples of `{ego}` in {}: {} of them differ{passed_over}",
+            self.files.len(),
+            self.found,
+            dir.display(),
+            self.distinct,
+        ));
+    }
+}
+
+/// A counterexample before it is looked at closely.
+struct Candidate {
+    /// Position among the test starts.
+    index: usize,
+    shape: Shape,
+    /// Contact, injury risk, closing speed, depth of the violation.
+    badness: [f64; 4],
+}
+
+/// One that was looked at.
+struct Labelled {
+    index: usize,
+    episode: Episode,
+    about: About,
+}
+
+/// Plays the counterexample of a start again, as it was.
+pub type Again<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
+
+/// What is known of an episode without comparing it to others or shrinking it.
+pub fn about(scenario: &Scenario, episode: &Episode) -> About {
+    About {
+        severity: Severity::of(episode),
+        shrunk: None,
+        why: Some(why(scenario, episode, None)),
+        persistence: persistence(scenario, episode),
+        cluster: None,
+    }
+}
+
+impl<'a> Keeper<'a> {
+    /// Who keeps the counterexamples of an evaluation.
+    pub fn of(
+        request: &EvalRequest<'a>,
+        change: &'a Change,
+        choice: Choice,
+        form: Form,
+    ) -> Keeper<'a> {
+        Keeper {
+            scenario: request.scenario,
+            ego: request.ego,
+            change,
+            ado: request.ado.word(),
+            seed: request.starts.seed,
+            choice,
+            form,
+        }
+    }
+
+    /// Plays the counterexamples of some starts again and keeps those that are
+    /// asked for as `WORLD-EGO-PLANT-SEED-INDEX.ron`, samples beside them.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(
+        &self,
+        starts: &[usize],
+        again: Again<'_>,
+        dir: &Path,
+        watch: &Watch<'_>,
+    ) -> Result<KeptFiles, KeptError> {
+        make_dir(dir)?;
+        let candidates = self.candidates(starts, again);
+        let shapes: Vec<Shape> = candidates.iter().map(|it| it.shape.clone()).collect();
+        let clusters = clusters(&shapes);
+        let mut kept = KeptFiles {
+            found: candidates.len(),
+            distinct: clusters.len(),
+            ..KeptFiles::default()
+        };
+        for labelled in self.chosen((&candidates, &clusters), again, watch, &mut kept) {
+            let Labelled {
+                index,
+                episode,
+                about,
+            } = labelled;
+            let (scenario, ego, change) = (self.scenario, self.ego, self.change);
+            let recorded = Counterexample {
+                about: Some(about.clone()),
+                ..Counterexample::record(scenario, ego, change, self.ado, &episode)
+            };
+            let stem = file_stem(scenario, ego, self.seed, index);
+            let file = recorded.save_as(dir, &stem, &episode.trace)?;
+            kept.files.push((file, about));
+        }
+        Ok(kept)
+    }
+
+    /// Every start's counterexample, worst first.
+    fn candidates(&self, starts: &[usize], again: Again<'_>) -> Vec<Candidate> {
+        let candidate = |bench: &mut Testbench, index: usize| {
+            let episode = again(bench, index);
+            // An ego that does not answer twice alike may not fail again.
+            episode.verdict.is_success().then(|| Candidate {
+                index,
+                shape: Shape::of(self.scenario, &episode),
+                badness: badness(&episode),
+            })
+        };
+        let starts = starts.par_iter();
+        let played = starts.map_init(
+            || self.scenario.bench(),
+            |bench, index| candidate(bench, *index),
+        );
+        let mut all: Vec<Candidate> = played.flatten().collect();
+        all.sort_by(|a, b| {
+            let pairs = b.badness.iter().zip(&a.badness);
+            let worse = pairs
+                .map(|(b, a)| b.total_cmp(a))
+                .find(|order| order.is_ne());
+            worse.unwrap_or_else(|| a.index.cmp(&b.index))
+        });
+        all
+    }
+
+    /// Those that are to be kept, looked at a few at a time.
+    fn chosen(
+        &self,
+        (candidates, clusters): (&[Candidate], &[Vec<usize>]),
+        again: Again<'_>,
+        watch: &Watch<'_>,
+        kept: &mut KeptFiles,
+    ) -> Vec<Labelled> {
+        let (mut queue, most) = match self.choice {
+            Choice::Worst(most) => (leaders(clusters), most),
+            Choice::All => (everybody(clusters), candidates.len()),
+        };
+        queue.truncate(LOOKS.saturating_mul(most));
+        let mut queue = queue.into_iter();
+        let (mut chosen, mut looked) = (Vec::new(), 0);
+        while chosen.len() < most && !watch.stopped() {
+            let batch: Vec<_> = queue.by_ref().take(most - chosen.len()).collect();
+            if batch.is_empty() {
+                break;
+            }
+            looked += batch.len();
+            let labelled: Vec<Labelled> = batch
+                .par_iter()
+                .map(|(at, size)| self.labelled(candidates[*at].index, *size, again, watch))
+                .collect();
+            let all = self.choice == Choice::All;
+            chosen.extend(labelled.into_iter().filter(|it| all || persists(&it.about)));
+        }
+        kept.passed_over = looked - chosen.len();
+        chosen
+    }
+
+    fn labelled(&self, index: usize, size: usize, again: Again<'_>, watch: &Watch<'_>) -> Labelled {
+        let mut bench = self.scenario.bench();
+        let found = again(&mut bench, index);
+        let (episode, mut known) = match self.form {
+            Form::AsFound => (found.clone(), about(self.scenario, &found)),
+            Form::Shrunk => self.shrunk(&found, watch),
+        };
+        known.cluster = Some(size);
+        Labelled {
+            index,
+            episode,
+            about: known,
+        }
+    }
+
+    /// The shrunk one, or the found one if only that persists.
+    fn shrunk(&self, found: &Episode, watch: &Watch<'_>) -> (Episode, About) {
+        let (episode, shrunk) = shrink(self.scenario, found, watch);
+        let small = about(self.scenario, &episode);
+        let smaller = shrunk.after != shrunk.before;
+        if smaller && !persists(&small) {
+            let large = about(self.scenario, found);
+            if persists(&large) {
+                return (found.clone(), large);
+            }
+        }
+        let shrunk = Some(shrunk);
+        (episode, About { shrunk, ..small })
+    }
+}
+
+fn persists(about: &About) -> bool {
+    let persistence = about.persistence.as_ref();
+    persistence.is_none_or(|persistence| PERSISTENT <= persistence.share())
+}
+
+/// The first of every cluster, with its size.
+fn leaders(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
+    let leaders = clusters.iter().map(|cluster| (cluster[0], cluster.len()));
+    leaders.collect()
+}
+
+/// Everybody in order, with the size of their cluster.
+fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
+    let all = clusters.iter().flat_map(|cluster| {
+        let members = cluster.iter();
+        members.map(|at| (*at, cluster.len()))
+    });
+    let mut all: Vec<_> = all.collect();
+    all.sort_unstable();
+    all
+}
+
+/// What makes one worse than another, first things first.
+fn badness(episode: &Episode) -> [f64; 4] {
+    let severity = Severity::of(episode);
+    let risk = severity.and_then(|severity| severity.injury_risk);
+    let depth = match episode.verdict {
+        Verdict::Counterexample { by } => by,
+        _ => 0.0,
+    };
+    [
+        f64::from(u8::from(severity.is_some())),
+        risk.map_or(0.0, |risk| risk.probability),
+        severity.map_or(0.0, |severity| severity.closing_speed_mps),
+        depth,
+    ]
+}
+
+/// Writes the first `most` counterexamples of an evaluation into a directory, as
+/// they were found and without labels: a training's own.
 ///
 /// Each is played again (episodes are pure functions of their start) and
-/// written as `WORLD-EGO-INDEX.ron` with its samples as `.csv` beside it.
+/// written as `WORLD-EGO-PLANT-SEED-INDEX.ron` with its samples as `.csv` beside
+/// it.
 ///
 /// # Errors
 /// The disk refuses.
@@ -21,46 +328,26 @@ pub fn keep(
     dir: &Path,
     most: usize,
 ) -> Result<Vec<PathBuf>, KeptError> {
-    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
-    keep_played(request, change, evaluated, dir, most, &mut again)
-}
-
-/// The same, for starts whose solution `again` plays.
-///
-/// # Errors
-/// The disk refuses.
-pub fn keep_played(
-    request: &EvalRequest<'_>,
-    change: &Change,
-    evaluated: &Evaluated,
-    dir: &Path,
-    most: usize,
-    again: &mut dyn FnMut(&mut Testbench, usize) -> Episode,
-) -> Result<Vec<PathBuf>, KeptError> {
     make_dir(dir)?;
     let mut bench = request.scenario.bench();
-    let solved = evaluated.outcomes.iter().enumerate();
-    let solved = solved
-        .filter(|(_, outcome)| outcome.is_some_and(|outcome| outcome.verdict.is_success()))
-        .take(most);
+    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
     let mut files = Vec::new();
-    for (index, _) in solved {
-        let episode = evaluated.again(request, &mut bench, index, again);
+    for index in evaluated.solved().take(most) {
+        let episode = evaluated.again(request, &mut bench, index, &mut again);
         let ado = request.ado.word();
         let kept = Counterexample::record(request.scenario, request.ego, change, ado, &episode);
-        let stem = file_stem(request, index);
+        let stem = file_stem(request.scenario, request.ego, request.starts.seed, index);
         files.push(kept.save_as(dir, &stem, &episode.trace)?);
     }
     Ok(files)
 }
 
 /// `WORLD-EGO-PLANT-SEED-INDEX`, with whatever could disturb a path replaced.
-fn file_stem(request: &EvalRequest<'_>, index: usize) -> String {
-    let plant = format!("{:?}", request.scenario.plant()).to_lowercase();
+fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
+    let plant = format!("{:?}", scenario.plant()).to_lowercase();
     format!(
-        "{}-{}-{plant}-{}-{index:04}",
-        file_name(&request.scenario.name),
-        file_name(request.ego),
-        request.starts.seed
+        "{}-{}-{plant}-{seed}-{index:04}",
+        file_name(scenario.name()),
+        file_name(ego),
     )
 }

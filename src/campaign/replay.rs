@@ -13,7 +13,7 @@ pub use kept::Kept;
 
 use crate::ego::Fault;
 use crate::rulebook::Verdict;
-use crate::run::{Counterexample, KeptError, RunError, StartRepeated};
+use crate::run::{About, Counterexample, KeptError, RunError, StartRepeated};
 use crate::scenario::{Change, ChangeError, Repeats, Scenario};
 use crate::scene::drive::ControllerFactory;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
@@ -40,6 +40,8 @@ pub struct Replayed {
     pub ego_as_recorded: Option<bool>,
     /// The runs, where the world asks for several.
     pub repeated: Option<StartRepeated>,
+    /// What the file says of itself.
+    pub about: Option<About>,
 }
 
 impl Replayed {
@@ -81,6 +83,7 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
         first_difference,
         ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
         repeated: (1 < runs).then_some(repeated),
+        about: recorded.about.clone(),
         scenario,
         episode,
     })

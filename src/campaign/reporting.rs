@@ -9,6 +9,7 @@ use super::conditioning::{ContextSource, conditioned};
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, EvalRequest, eval, explain_first};
+use super::keep::about;
 use super::starts::{TestStarts, test_starts};
 use super::telling::telling;
 use super::watch::Watch;
@@ -180,6 +181,7 @@ impl<'a> ReportRequest<'a> {
             starts: all.zip(verdicts).collect(),
             telling: chosen
                 .map(|chosen| Example {
+                    about: about(request.scenario, &chosen.episode),
                     chosen_for: chosen.chosen_for,
                     start: chosen.start,
                     episode: chosen.episode,

@@ -1,17 +1,21 @@
 //! Searches of many egos, beside the trained ado of a run if there is one.
 
+use std::path::Path;
+
 use super::break_even::{BreakEven, break_even};
 use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, eval};
+use super::keep::{Choice, Form, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
-use super::search::{Method, SearchRequest, Searched, search};
+use super::search::{Found, Method, SearchRequest, Searched, search};
 use super::starts::{TestStarts, test_starts};
 use super::watch::Watch;
 use crate::rl::Policy;
 use crate::run::{Row, RunDir, RunError, Stored};
 use crate::scenario::Scenario;
+use crate::testbench::{Aftermath, Replay, Testbench, play};
 
 /// What to search.
 #[derive(Clone, Copy)]
@@ -37,6 +41,49 @@ pub struct SearchTable {
     pub rows: Vec<Row>,
     /// From how many starts on the trained ado is cheaper.
     pub break_even: Vec<BreakEven>,
+    /// The test starts.
+    pub starts: TestStarts,
+    /// The solutions of every ego that was searched.
+    pub found: Vec<(EgoUnderTest, Vec<Option<Found>>)>,
+}
+
+impl SearchTable {
+    /// Plays the solutions again and writes those asked for into a directory,
+    /// saying what each is.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(
+        &self,
+        dir: &Path,
+        choice: Choice,
+        form: Form,
+        watch: &Watch<'_>,
+    ) -> Result<Vec<KeptFiles>, CampaignError> {
+        let mut all = Vec::new();
+        for (ego, found) in &self.found {
+            let keeper = Keeper {
+                scenario: ego.scenario(),
+                ego: ego.name(),
+                change: ego.change(),
+                ado: "search",
+                seed: self.starts.seed,
+                choice,
+                form,
+            };
+            let actions = |index: usize| found[index].as_ref()?.actions.as_deref();
+            let again = |bench: &mut Testbench, index: usize| {
+                let (start, noise) = &self.starts.starts[index];
+                let mut ado = Replay::holding(actions(index).unwrap_or_default());
+                play(bench, start, *noise, &mut ado, Aftermath::Play)
+            };
+            let solved = (0..found.len()).filter(|index| actions(*index).is_some());
+            let kept = keeper.keep(&solved.collect::<Vec<_>>(), &again, dir, watch)?;
+            kept.note(ego.name(), dir, watch);
+            all.push(kept);
+        }
+        Ok(all)
+    }
 }
 
 /// The trained ado of the run that is searched.
@@ -57,7 +104,7 @@ impl SearchCampaign<'_> {
         let Some(starts) = test_starts(self.world, seed, count, watch) else {
             return Ok(None);
         };
-        let (mut rows, mut evens) = (Vec::new(), Vec::new());
+        let (mut rows, mut evens, mut found) = (Vec::new(), Vec::new(), Vec::new());
         for ego in self.egos {
             watch.phase(&format!("searching: {}", ego.name()));
             let request = SearchRequest {
@@ -74,6 +121,7 @@ impl SearchCampaign<'_> {
                 rows.push(row);
             }
             rows.push(searched.row);
+            found.push((ego.clone(), searched.found));
             note_if_unrepeatable(ego, &starts, watch);
             if watch.stopped() {
                 break;
@@ -82,6 +130,8 @@ impl SearchCampaign<'_> {
         Ok(Some(SearchTable {
             rows,
             break_even: evens,
+            starts,
+            found,
         }))
     }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, one_of, open_run, print_json, start_count,
     table, talk, theorems,
@@ -42,12 +43,8 @@ pub(super) struct EvalArgs {
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub(super) tries: u64,
-    /// Write counterexamples of the trained ado into a directory.
-    #[arg(long, value_name = "DIR")]
-    keep: Option<PathBuf>,
-    /// Counterexamples to write per ego.
-    #[arg(long, value_name = "N", default_value_t = 10, requires = "keep")]
-    pub(super) keep_most: usize,
+    #[command(flatten)]
+    keep: KeepArgs,
     /// Also check the paper's theorems: 1 and 2 on a grid, 3 and Lemma 1 on the road.
     #[arg(long)]
     theorems: bool,
@@ -81,7 +78,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.common.seed),
         search: args.search,
         tries: args.tries,
-        keeps: args.keep.is_some(),
+        keeps: args.keep.dir().is_some(),
     };
     let Some(mut evaluated) = evaluation.run(&watch)? else {
         return interrupted_early(&args.common);
@@ -89,9 +86,9 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let theorems = checked(args, &mut evaluated, &watch);
     drop(bar);
     show(args, &evaluated, theorems.as_ref())?;
-    if let Some(dir) = &args.keep {
+    if let Some(dir) = args.keep.dir() {
         let bar = talk::bar("keeping");
-        evaluated.keep(dir, args.keep_most, &bar.watch())?;
+        evaluated.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
     }
     ended(args, evaluated, theorems)
 }
@@ -117,7 +114,7 @@ fn checked(
 /// Refuses to keep counterexamples of ados whose counterexamples are not kept.
 fn keeps_something(args: &EvalArgs) -> Result<(), Failure> {
     let kept = [AdoKind::Trained, AdoKind::All, AdoKind::Optimal];
-    match args.keep.is_some() && !kept.iter().any(|ado| args.ado.contains(ado)) {
+    match args.keep.dir().is_some() && !kept.iter().any(|ado| args.ado.contains(ado)) {
         true => Err(Failure::input(
             "`--keep` writes counterexamples of the trained ado, which is not asked for",
             "add `--ado trained`",

@@ -28,6 +28,10 @@ pub(super) struct ReplayArgs {
     /// reproduced bit for bit.
     #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
     seal: bool,
+    /// Find out what is to be said of each (severity, cause, persistence) and write
+    /// those that are reproduced bit for bit again with it, and their hashes.
+    #[arg(long, requires = "expect", conflicts_with_all = ["ego", "program"])]
+    refine: bool,
     /// Exit with 1 if a kept counterexample still fails (the default).
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -49,13 +53,16 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         .allow_programs(args.common.allow_programs)
         .allow_invalid(args.common.allow_invalid);
     let recorded = args.expect == Some(Expect::Recorded);
-    let replayed = match (&args.ego, args.program.is_empty()) {
+    let mut replayed = match (&args.ego, args.program.is_empty()) {
         (None, true) if recorded => regressions.replay_recorded()?,
         (ego, _) => {
             regressions = regressions.against(ego.as_deref(), &args.program)?;
             regressions.replay()?
         }
     };
+    if args.refine {
+        refine(&regressions, &mut replayed)?;
+    }
     match args.common.json {
         true => print_json(&json!({ "rows": replayed.iter().map(row).collect::<Vec<_>>() })),
         false => talk::data(&format!("{}{}", table(&replayed), remarks(&replayed))),
@@ -74,6 +81,20 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     })
 }
 
+/// Labels what is reproduced bit for bit.
+fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Failure> {
+    let bar = talk::bar("refining");
+    let watch = bar.watch();
+    let total = replayed.len() as u64;
+    for (done, (kept, replayed)) in regressions.kept().iter().zip(replayed).enumerate() {
+        (watch.progress)(done as u64, total);
+        if replayed.identical {
+            replayed.about = Some(kept.refine(&replayed.scenario, &replayed.episode)?);
+        }
+    }
+    Ok(())
+}
+
 /// Seals what earlier versions kept, or says that it could be.
 fn seal(
     args: &ReplayArgs,
@@ -84,7 +105,8 @@ fn seal(
     let unsealed: Vec<_> = pairs
         .filter(|(kept, _)| !kept.counterexample.is_sealed())
         .collect();
-    if unsealed.is_empty() {
+    // What is refined is sealed by that.
+    if unsealed.is_empty() || args.refine {
         return Ok(());
     }
     if !args.seal {
@@ -116,6 +138,7 @@ fn row(replayed: &Replayed) -> serde_json::Value {
         "runs": replayed.repeated.as_ref().map(runs),
         "rules_until_contact": rules_until_contact(&replayed.episode),
         "contact_s": replayed.episode.contact.as_ref().map(|touch| touch.time_s),
+        "about": replayed.about,
         "identical": replayed.identical,
         "first_difference": difference.map(ToString::to_string),
     })
@@ -150,6 +173,10 @@ fn remarks(replayed: &[Replayed]) -> String {
                     false => "",
                 }
             ));
+        }
+        if let Some(about) = &one.about {
+            let about = about.to_string().replace('\n', "\n  ");
+            text.push_str(&format!("\n{file}:\n  {about}"));
         }
         if one.ego_as_recorded == Some(false) && one.fault().is_none() {
             text.push_str(&format!(

@@ -7,6 +7,7 @@ mod crashes;
 mod eval;
 mod failure;
 mod identify;
+mod keep;
 mod kept;
 mod report;
 mod reproduce;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
     start_count, table, talk,
@@ -45,6 +46,8 @@ pub(super) struct SearchArgs {
     /// The physics to test in, instead of the world's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
     plant: Option<PlantKind>,
+    #[command(flatten)]
+    keep: KeepArgs,
     /// Exit with 1 if an ego can be made to fail.
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -101,6 +104,10 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     };
     drop(bar);
     show(args, &searched)?;
+    if let Some(dir) = args.keep.dir() {
+        let bar = talk::bar("keeping");
+        searched.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
+    }
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
 }
 

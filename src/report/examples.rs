@@ -22,6 +22,7 @@ pub(super) fn example(report: &Report<'_>, example: &Example) -> Markup {
                 h3 { (example.chosen_for) }
                 p class="dim" { "Start " (example.start) ": " (start_in_words(scenario, episode)) }
                 p class="dim" { "Actions: " (actions_in_words(scenario, episode)) }
+                @for line in example.about.to_string().lines() { p { (line) } }
             }
             div class="cards" {
                 @for picture in [speeds(scenario, episode), watched(scenario, episode)].into_iter().flatten() {

@@ -14,7 +14,7 @@ mod plot;
 mod results;
 
 use crate::rulebook::Verdict;
-use crate::run::{Manifest, Progress, Row};
+use crate::run::{About, Manifest, Progress, Row};
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::testbench::{Episode, FaultCount};
@@ -77,6 +77,8 @@ pub struct Example {
     pub start: usize,
     /// The episode, to contact or the horizon.
     pub episode: Episode,
+    /// How severe it is, why it fails and whether it persists.
+    pub about: About,
 }
 
 /// One row, and why the ego fails where it does.

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
+use super::about::About;
 use super::disk::read_text;
 use super::{RunError, trace_of_csv, write_file};
 use crate::ego::Command;
@@ -79,6 +80,9 @@ pub struct Counterexample {
     pub signals: Vec<String>,
     /// One digest of eight hexadecimal digits per sample.
     pub digests: String,
+    /// What is known of it; older files do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub about: Option<About>,
     /// The world file, verbatim.
     pub world_file: String,
 }
@@ -151,6 +155,7 @@ impl Counterexample {
                 .collect(),
             signals: Vec::new(),
             digests: String::new(),
+            about: None,
             world_file: scenario.text.clone(),
         };
         recorded.as_now(&episode.trace)
@@ -176,9 +181,13 @@ impl Counterexample {
         // Older files do not say what became of the rules.
         let rules = self.rules_until_contact.as_ref();
         let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
+        let contact_agrees = match (&episode.contact, &self.contact) {
+            (Some(now), Some(then)) => now.is_as_recorded(then),
+            (now, then) => now == then,
+        };
         episode.verdict == self.verdict
             && episode.robustness.to_bits() == self.robustness.to_bits()
-            && episode.contact == self.contact
+            && contact_agrees
             && episode.judged == self.judged
             && rules_agree
     }

@@ -18,6 +18,7 @@
 //! disk, a killed process or a power cut never leaves a half-written one behind.
 //! Wherever a training is killed: going on ends in the same bytes.
 
+mod about;
 mod differences;
 pub(crate) mod disk;
 mod error;
@@ -40,6 +41,9 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
+pub use about::{
+    About, Decisive, Effort, LastChance, Persistence, Severity, Shrunk, Variation, Why,
+};
 pub use differences::{Asked, RunDifference};
 pub use disk::{file_name, make_dir, write_file};
 pub use error::RunError;
@@ -54,7 +58,7 @@ pub use named::RunsOnDisk;
 pub use outcome::{Outcomes, StartOutcome, UnknownMark};
 pub use progress::Progress;
 pub use repeated::{Repeated, StartRepeated};
-pub use row::{Anytime, ClosingSpeed, Row, Unconfirmed};
+pub use row::{Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
 

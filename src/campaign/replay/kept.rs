@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::run::{Counterexample, KeptError};
+use crate::campaign::keep::about;
+use crate::run::{About, Counterexample, KeptError};
+use crate::scenario::Scenario;
 use crate::testbench::Episode;
 
 /// A counterexample and the file it was kept in.
@@ -23,5 +25,30 @@ impl Kept {
     pub fn seal(&self, episode: &Episode) -> Result<(), KeptError> {
         let current = self.counterexample.as_now(&episode.trace);
         current.save(&self.path, &episode.trace)
+    }
+
+    /// Finds out what is to be said of it and writes it again with that, and its
+    /// hash; `episode` must be the one it holds, played in `scenario`.
+    ///
+    /// Its actions stay as they are; what earlier labels say of shrinking and of
+    /// others like it stays, too.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn refine(&self, scenario: &Scenario, episode: &Episode) -> Result<About, KeptError> {
+        let before = self.counterexample.about.clone().unwrap_or_default();
+        let found = about(scenario, episode);
+        let refined = About {
+            shrunk: before.shrunk,
+            cluster: before.cluster,
+            ..found
+        };
+        let current = Counterexample {
+            about: Some(refined.clone()),
+            contact: episode.contact.clone(),
+            ..self.counterexample.as_now(&episode.trace)
+        };
+        current.save(&self.path, &episode.trace)?;
+        Ok(refined)
     }
 }

@@ -1,0 +1,180 @@
+//! Sequences with few switches of action, prefixes shared by copying the bench.
+
+use crate::campaign::Watch;
+use crate::ego::Fault;
+use crate::scene::Start;
+use crate::testbench::{Aftermath, Testbench};
+
+/// Whether to go on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(in crate::campaign) enum Next {
+    /// With the next sequence.
+    Continue,
+    /// Not any more.
+    Stop,
+}
+
+/// All sequences with a given number of switches, prefixes shared by forking.
+///
+/// An ego that cannot be copied, a program say, plays every sequence from the
+/// start, one after the other: one program is enough for that.
+pub(in crate::campaign) struct Tree<'a> {
+    start: &'a Start,
+    noise: u64,
+    index: usize,
+    aftermath: Aftermath,
+    forks: bool,
+    actions: usize,
+    prefix: Vec<usize>,
+    accept: Accept<'a>,
+    watch: &'a Watch<'a>,
+    /// Physics steps that may be spent.
+    pub budget: u64,
+    /// The first fault met.
+    pub fault: Option<Fault>,
+    /// Sequences played, a part of one counted as one.
+    pub simulations: u64,
+    /// Physics steps spent.
+    pub physics_steps: u64,
+}
+
+/// Is told of every sequence that makes the ego fail, and of how it ended.
+pub(in crate::campaign) type Accept<'a> = &'a mut dyn FnMut(&[usize], &Testbench) -> Next;
+
+impl<'a> Tree<'a> {
+    /// Nothing played yet on `root` from a start, which is the `index`th.
+    pub fn new(
+        root: &mut Testbench,
+        ((start, noise), index): ((&'a Start, u64), usize),
+        aftermath: Aftermath,
+        accept: Accept<'a>,
+        watch: &'a Watch<'a>,
+    ) -> Tree<'a> {
+        root.begin(start, noise, aftermath);
+        Tree {
+            start,
+            noise,
+            index,
+            aftermath,
+            forks: root.fork().is_some(),
+            actions: root.spaces().actions,
+            prefix: Vec::new(),
+            accept,
+            watch,
+            budget: u64::MAX,
+            fault: None,
+            simulations: 0,
+            physics_steps: 0,
+        }
+    }
+
+    /// Every sequence that begins with `action` and has exactly so many switches.
+    pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> Next {
+        root.begin(self.start, self.noise, self.aftermath);
+        self.explore(root, action, switches)
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.watch.stopped() || self.budget <= self.physics_steps
+    }
+
+    /// Goes on with `action` and exactly `switches` later changes of it.
+    fn explore(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        let depth = self.prefix.len();
+        let next = match self.forks {
+            true => self.walk(bench, action, switches),
+            false => self.walk_anew(bench, action, switches),
+        };
+        self.prefix.truncate(depth);
+        next
+    }
+
+    fn walk(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        if switches == 0 {
+            self.simulations += 1;
+        }
+        while !bench.is_done() {
+            if self.is_stopped() {
+                return Next::Stop;
+            }
+            let before = bench.physics_steps();
+            bench.decide(action);
+            self.physics_steps += bench.physics_steps() - before;
+            self.prefix.push(action);
+            if switches == 0 || bench.is_done() {
+                continue;
+            }
+            for other in (0..self.actions).filter(|&other| other != action) {
+                if self.branch(bench, other, switches - 1) == Next::Stop {
+                    return Next::Stop;
+                }
+            }
+        }
+        if switches == 0 {
+            self.note(bench);
+        }
+        self.leaf(bench, switches)
+    }
+
+    /// Whether a sequence without further switches makes the ego fail.
+    fn leaf(&mut self, bench: &Testbench, switches: usize) -> Next {
+        let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
+        match switches == 0 && success {
+            true => (self.accept)(&self.prefix, bench),
+            false => Next::Continue,
+        }
+    }
+
+    /// An episode is over.
+    fn note(&mut self, bench: &Testbench) {
+        self.watch.faults.note(self.index as u64, bench.fault());
+        if self.fault.is_none() {
+            self.fault = bench.fault().cloned();
+        }
+    }
+
+    /// The same where the ego cannot be copied: first to the end with `action`,
+    /// which tells where it can be changed, then each change from the start.
+    fn walk_anew(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        let depth = self.prefix.len();
+        while !bench.is_done() {
+            if self.is_stopped() {
+                return Next::Stop;
+            }
+            bench.decide(action);
+            self.prefix.push(action);
+        }
+        self.simulations += 1;
+        self.physics_steps += bench.physics_steps();
+        self.note(bench);
+        if switches == 0 {
+            return self.leaf(bench, switches);
+        }
+        let whole = self.prefix.clone();
+        for at in depth + 1..whole.len() {
+            for other in (0..self.actions).filter(|&other| other != action) {
+                bench.begin(self.start, self.noise, self.aftermath);
+                for &again in &whole[..at] {
+                    bench.decide(again);
+                }
+                self.prefix.truncate(at);
+                if self.explore(bench, other, switches - 1) == Next::Stop {
+                    return Next::Stop;
+                }
+                self.prefix.extend_from_slice(&whole[at..]);
+            }
+        }
+        Next::Continue
+    }
+
+    /// Goes on from here with another action and leaves `bench` as it is.
+    fn branch(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        let Some(mut branch) = bench.branch() else {
+            // Invariant: an ego that was copied once can be copied again.
+            return Next::Stop;
+        };
+        let next = self.explore(&mut branch, action, switches);
+        bench.rejoin(branch);
+        next
+    }
+}

@@ -1,0 +1,194 @@
+//! Why a counterexample is one: the leaf, the ado's action, the ego's last chance.
+//!
+//! Each is an answer to "what if", played from the recorded start with its noise
+//! on the world's own plant, with everything else as recorded. Avoided is a
+//! failure where the verdict is that the ego held; a replay in which an ado
+//! breaks a rule answers nothing.
+
+use std::sync::Arc;
+
+use crate::ego::{Controller, FullBrake, Recorded, Takeover};
+use crate::rulebook::Verdict;
+use crate::run::{Decisive, LastChance, Why};
+use crate::scenario::Scenario;
+use crate::scene::drive::ControllerFactory;
+use crate::sim::GRAVITY_MPS2;
+use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
+
+/// A driver in the ego's place.
+#[derive(Clone)]
+pub struct Driver {
+    /// How sentences call it.
+    pub name: String,
+    /// Makes one; its commands pass the ego's own actuator.
+    pub factory: ControllerFactory,
+}
+
+impl Driver {
+    /// The ideal driver: no delay, all the deceleration the road gives.
+    ///
+    /// `None`: the world is not driven.
+    pub fn full_brake(scenario: &Scenario) -> Option<Driver> {
+        let brake_mps2 = scenario.drive()?.road.friction() * GRAVITY_MPS2;
+        Some(Driver {
+            name: "full braking".to_owned(),
+            factory: Arc::new(move || Box::new(FullBrake { brake_mps2 })),
+        })
+    }
+}
+
+/// Why the ego fails in an episode of `scenario`.
+///
+/// The last chance is that of `driver`, [`Driver::full_brake`] if left out.
+pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> Why {
+    let mut judged = episode.trace.clone();
+    judged.truncate(episode.judged);
+    let explanation = scenario.rulebook().spec.explain(&judged);
+    let leaf = explanation.leaf();
+    let ideal = Driver::full_brake(scenario);
+    Why {
+        leaf: leaf.map(|leaf| leaf.formula.clone()).unwrap_or_default(),
+        leaf_s: tidy(leaf.map_or(0.0, |leaf| leaf.time_s)),
+        decisive: decisive(scenario, episode),
+        last_chance: driver
+            .or(ideal.as_ref())
+            .and_then(|driver| last_chance(scenario, episode, driver)),
+    }
+}
+
+/// The leaf of ψ_ego that decides an episode.
+pub(super) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
+    let mut judged = episode.trace.clone();
+    judged.truncate(episode.judged);
+    let explanation = scenario.rulebook().spec.explain(&judged);
+    let leaf = explanation.leaf().map(|leaf| leaf.formula.clone());
+    leaf.unwrap_or_default()
+}
+
+/// The earliest decision whose replacement by the neutral action, later ones as
+/// recorded, avoids the failure; if there is none, the earliest stretch of one
+/// action that does.
+///
+/// `None`: neither does, or an ego that nobody here wrote would have to be asked.
+pub fn decisive(scenario: &Scenario, episode: &Episode) -> Option<Decisive> {
+    if !episode.commands.is_empty() {
+        return None;
+    }
+    let actions = &episode.actions;
+    let singles = (0..actions.len()).map(|at| (at, at + 1));
+    let stretch_ends = |from: usize| {
+        let rest = actions[from..].iter();
+        from + rest.take_while(|action| **action == actions[from]).count()
+    };
+    let begins = (0..actions.len()).filter(|&at| at == 0 || actions[at - 1] != actions[at]);
+    let stretches = begins.map(|from| (from, stretch_ends(from)));
+    let neutral = scenario.world().spaces().neutral;
+    let singles = singles.filter(|span| actions[span.0] != neutral);
+    let stretches = stretches.filter(|span| actions[span.0] != neutral);
+    let (from, to) =
+        earliest(scenario, episode, singles).or_else(|| earliest(scenario, episode, stretches))?;
+    let decision_s = scenario.bench().clock().decision_s;
+    Some(Decisive {
+        action: scenario.action_label(actions[from]),
+        from_s: tidy(from as f64 * decision_s),
+        until_s: tidy(to as f64 * decision_s),
+    })
+}
+
+/// The first of some spans of decisions that avoid the failure if neutral.
+///
+/// The spans come in order of their beginnings; up to there everything is as
+/// recorded, so that much is played once.
+fn earliest(
+    scenario: &Scenario,
+    episode: &Episode,
+    mut spans: impl Iterator<Item = (usize, usize)>,
+) -> Option<(usize, usize)> {
+    let neutral = scenario.world().spaces().neutral;
+    let mut bench = scenario.bench();
+    bench.begin(&episode.start, episode.noise, Aftermath::Skip);
+    let mut played = 0;
+    spans.find(|&(from, to)| {
+        while played < from && !bench.is_done() {
+            bench.decide(episode.actions[played]);
+            played += 1;
+        }
+        let mut changed = episode.actions.clone();
+        changed[from..to].fill(neutral);
+        let verdict = match bench.fork() {
+            Some(branch) => finish(branch, &changed[played..]),
+            None => {
+                let mut anew = scenario.bench();
+                anew.begin(&episode.start, episode.noise, Aftermath::Skip);
+                finish(anew, &changed)
+            }
+        };
+        matches!(verdict, Some(Verdict::Held { .. }))
+    })
+}
+
+/// The verdict after these actions; they coast when the recording has ended.
+fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
+    let neutral = bench.spaces().neutral;
+    let mut rest = actions.iter().copied().chain(std::iter::repeat(neutral));
+    while let Some(action) = rest.next().filter(|_| !bench.is_done()) {
+        bench.decide(action);
+    }
+    bench.verdict()
+}
+
+/// The last sample from which `driver`, in the ego's place, avoids the failure,
+/// ados acting as recorded.
+///
+/// It is looked for backwards, decision by decision and then sample by sample
+/// within the first that helps: a chance that comes and goes between two
+/// decisions may be passed over. `None`: the world is not driven.
+pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> Option<LastChance> {
+    let sample_s = scenario.drive()?.clock.sample_s;
+    let violated = episode.judged.saturating_sub(1);
+    let per_decision = scenario.bench().clock().samples_per_decision().max(1);
+    let avoids = |after: usize| is_avoided(scenario, episode, driver, after);
+    let coarse = (0..=violated.div_ceil(per_decision)).rev();
+    let coarse = coarse.map(|decision| decision * per_decision);
+    let mut coarse = coarse.filter(|after| *after <= violated);
+    let at = coarse.find(|after| avoids(*after)).map(|from| {
+        let last = (from + per_decision - 1).min(violated);
+        (from + 1..=last)
+            .rev()
+            .find(|after| avoids(*after))
+            .unwrap_or(from)
+    });
+    Some(LastChance {
+        driver: driver.name.clone(),
+        at_s: at.map(|at| tidy(at as f64 * sample_s)),
+        violated_s: tidy(violated as f64 * sample_s),
+    })
+}
+
+/// Whether `driver` avoids it that takes over after so many samples.
+fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: usize) -> bool {
+    let Some((_, own)) = scenario.drive().and_then(|spec| spec.egos().next()) else {
+        return false;
+    };
+    let (own, commands) = (own.controller.clone(), episode.commands.clone());
+    let second = driver.factory.clone();
+    let factory = move || -> Box<dyn Controller> {
+        let first: Box<dyn Controller> = match commands.is_empty() {
+            true => own.build(),
+            // One that nobody here wrote repeats what it commanded.
+            false => Box::new(Recorded::new(commands.clone().into())),
+        };
+        Box::new(Takeover::new(first, second(), after))
+    };
+    let world = scenario.with_ego(&driver.name, Arc::new(factory));
+    let mut bench = world.bench();
+    let mut ado = Replay::then(&episode.actions, bench.spaces().neutral);
+    let (start, noise) = (&episode.start, episode.noise);
+    let replayed = play(&mut bench, start, noise, &mut ado, Aftermath::Skip);
+    matches!(replayed.verdict, Verdict::Held { .. })
+}
+
+/// A time without the dust of binary fractions.
+fn tidy(time_s: f64) -> f64 {
+    (time_s * 1e9).round() / 1e9
+}
