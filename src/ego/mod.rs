@@ -37,11 +37,13 @@ mod dummy;
 mod fault;
 mod filtered;
 mod idm;
+mod iso_acc;
 mod merge;
 mod parameters;
 mod polite;
 mod process;
 mod recorded;
+pub mod reference;
 mod stock;
 mod yellow;
 

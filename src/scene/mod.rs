@@ -16,6 +16,7 @@ pub use world::{Derived, Dynamics, Held, Observed, World};
 
 use serde::{Deserialize, Serialize};
 
+use crate::ego::reference::ReferenceDriver;
 use crate::ego::{Command, Fault, Phase};
 use crate::rl::Spaces;
 use crate::seed::StartKey;
@@ -179,6 +180,15 @@ pub trait Scene: Send {
     fn stage(&self) -> Stage;
     /// Where everybody is.
     fn frame(&self) -> Frame;
+    /// Whether the contact that ended the motion is one that the ego can answer
+    /// for: between it and an ado, the ego moving and not struck from behind.
+    fn is_egos_contact(&self) -> bool {
+        false
+    }
+    /// Whether any of these drivers in the ego's place would have avoided it.
+    fn was_avoidable(&self, _by: &[ReferenceDriver]) -> bool {
+        false
+    }
     /// The episode is over: whoever waits for another command need not.
     fn finish(&mut self) {}
     /// What an ego that nobody here wrote commanded in this episode, sample by
