@@ -45,6 +45,7 @@ pub mod scenario;
 pub mod scene;
 mod seal;
 pub mod seed;
+pub mod severity;
 pub mod sim;
 mod studies;
 pub mod testbench;

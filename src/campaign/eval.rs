@@ -13,9 +13,10 @@ use crate::ego::{Command, Fault};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run::{
-    ClosingSpeed, Outcomes, Repeated, Row, StartOutcome, StartRepeated, Stored, at_most, wilson,
+    ClosingSpeed, ContactSeverity, Outcomes, Repeated, Row, StartOutcome, StartRepeated, Stored, at_most, wilson,
 };
 use crate::scenario::{Against, Repeats, Scenario};
+use crate::severity::Impact;
 use crate::stl::Explanation;
 use crate::testbench::{
     Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, Held, PolicyActor, Random, Testbench,
@@ -104,6 +105,8 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Closing speed, if the agents touched.
     pub closing_speed_mps: Option<f64>,
+    /// What the contact does to the ego, if it has part in it.
+    pub impact: Option<Impact>,
     /// Whether a rule was broken between a success and the contact.
     pub foul_before_contact: bool,
     /// Episodes run; only `Ado::Replays` may take more than one.
@@ -225,6 +228,7 @@ impl Attempt {
             outcome: Outcome {
                 verdict: episode.verdict,
                 foul_before_contact: episode.is_foul_before_contact(),
+                impact: episode.contact.as_ref().and_then(|touch| touch.impact),
                 closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
                 simulations: self.simulations,
                 physics_steps: self.physics_steps,
@@ -298,6 +302,7 @@ impl EvalRequest<'_> {
         let some_do_not = !self.scenario.rulebook().counts.is_violation();
         row.uncounted = some_do_not.then(|| uncounted.count());
         let late_fouls = valid.clone().filter(|o| o.foul_before_contact).count();
+        let impacts: Vec<Impact> = valid.clone().filter_map(|o| o.impact).collect();
         let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
         let marks = played.iter().zip(&self.starts.trivial);
         row.solved = marks
@@ -320,6 +325,7 @@ impl EvalRequest<'_> {
         row.foul_before_contact_rate = Some(share(late_fouls, row.starts));
         row.contact_rate = share(contacts.len(), row.starts);
         row.closing_speed_mps = ClosingSpeed::of(contacts);
+        row.severity = ContactSeverity::of(&impacts);
         row
     }
 }
@@ -349,6 +355,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         foul_before_contact_rate: None,
         contact_rate: 0.0,
         closing_speed_mps: None,
+        severity: None,
         invalid: 0,
         faults: Vec::new(),
         repeats: None,

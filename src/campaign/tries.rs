@@ -136,6 +136,7 @@ impl Tries<'_> {
             let outcome = Outcome {
                 verdict: episode.verdict,
                 foul_before_contact: episode.is_foul_before_contact(),
+                impact: episode.contact.as_ref().and_then(|touch| touch.impact),
                 closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
                 simulations,
                 physics_steps,

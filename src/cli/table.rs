@@ -10,10 +10,13 @@ pub(super) fn rows(rows: &[Row]) -> String {
     format!("{}\n{}{}", opening(rows), lines(rows), remarks(rows))
 }
 
-/// What the table has no room for: faults, and several runs per start.
+/// What the table has no room for: contacts, faults, and several runs per start.
 fn remarks(rows: &[Row]) -> String {
     let mut text = String::new();
     for row in rows {
+        if let Some(severity) = &row.severity {
+            text.push_str(&format!("\ncontacts: {}, {}: {severity}", row.ego, row.ado));
+        }
         for fault in &row.faults {
             text.push_str(&format!("\ninvalid: {}, {}: {fault}", row.ego, row.ado));
         }
@@ -139,7 +142,7 @@ fn lines(rows: &[Row]) -> String {
         "fouls",
         "fouls before\ncontact",
         "contact",
-        "closing m/s",
+        "closing m/s,\nmedian / 90 %",
         "sims/start",
         "cpu s",
     ]);

@@ -45,6 +45,7 @@ mod process;
 mod recorded;
 pub mod reference;
 mod stock;
+mod takeover;
 mod yellow;
 
 use serde::{Deserialize, Serialize};
@@ -55,6 +56,7 @@ pub use parameters::{Parameter, UnknownParameter};
 pub use process::{DOCUMENT, Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
 pub use recorded::Recorded;
 pub use stock::*;
+pub use takeover::{FullBrake, Takeover};
 
 /// The ego's own state, as it knows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

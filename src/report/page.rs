@@ -64,7 +64,7 @@ fn opening(report: &Report<'_>) -> Markup {
                 div class="tile" { b { (percent(row.success_rate)) } span { "of " (row.starts) " starts make the ego fail, every rule kept [" (format!("{:.1}, {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1])) "]" } }
                 div class="tile" { b { (percent(row.trivial as f64 / all as f64)) } span { "of " (all) " starts fail without an adversary; left out" } }
                 div class="tile" { b { (percent(row.foul_rate)) } span { "fouls: the ado broke a rule" } }
-                div class="tile" { b { (percent(row.contact_rate)) } span { "end in contact" @if let Some(speed) = row.closing_speed_mps { ", closing at " (format!("{:.1}", speed.median)) " m/s (median)" } @if let Some(late) = row.foul_before_contact_rate { "; on " (percent(late)) " of the starts the ado broke a rule between the failure and the contact" } } }
+                div class="tile" { b { (percent(row.contact_rate)) } span { "end in contact" @if let Some(speed) = row.closing_speed_mps { ", closing at " (format!("{:.1}", speed.median)) " m/s (median), " (format!("{:.1}", speed.p90)) " m/s (90 %)" } @if let Some(late) = row.foul_before_contact_rate { "; on " (percent(late)) " of the starts the ado broke a rule between the failure and the contact" } } }
                 div class="tile" { b { (format!("{:.0} s", report.manifest.cpu_s)) } span { "of processor time trained the ado, " (report.manifest.decisions_done) " decisions" } }
                 div class="tile" { b { (format!("{:?}", row.plant)) } span { "plant; judge " (format!("{:?}", row.judge)) } }
             }

@@ -165,7 +165,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
 pub(super) fn rows(tested: &[Tested]) -> Markup {
     html! {
         div class="wide" { table {
-            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s" } th class="n" { "sims / start" } } }
+            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "sims / start" } } }
             tbody { @for Tested { row, .. } in tested { tr {
                 td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(told) = &row.told { ", told: " (told) } }
                 td class="n" {
@@ -176,9 +176,12 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
                 td { (interval(row)) }
                 td class="n" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
                 td class="n" { (percent(row.foul_rate)) } td class="n" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" { (percent(row.contact_rate)) }
-                td class="n" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1}", c.median))) }
+                td class="n" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
                 td class="n" { (format!("{:.1}", row.sims_per_start)) }
             } } }
+        } }
+        @for Tested { row, .. } in tested { @if let Some(severity) = &row.severity {
+            p class="dim" { "Contacts, " (row.ego) ", " (row.ado) ": " (severity) }
         } }
         @for Tested { row, .. } in tested { @for fault in &row.faults {
             p class="note" { (row.ego) ", " (row.ado) ": " (fault) }

@@ -176,9 +176,13 @@ impl Counterexample {
         // Older files do not say what became of the rules.
         let rules = self.rules_until_contact.as_ref();
         let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
+        let contact_agrees = match (&episode.contact, &self.contact) {
+            (Some(now), Some(then)) => now.is_as_recorded(then),
+            (now, then) => now == then,
+        };
         episode.verdict == self.verdict
             && episode.robustness.to_bits() == self.robustness.to_bits()
-            && episode.contact == self.contact
+            && contact_agrees
             && episode.judged == self.judged
             && rules_agree
     }

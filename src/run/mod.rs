@@ -54,7 +54,7 @@ pub use named::RunsOnDisk;
 pub use outcome::{Outcomes, StartOutcome, UnknownMark};
 pub use progress::Progress;
 pub use repeated::{Repeated, StartRepeated};
-pub use row::{Anytime, ClosingSpeed, Row, Unconfirmed};
+pub use row::{Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
 

@@ -1,11 +1,15 @@
 //! One row of every table: a rate with its interval and what it cost.
 
+use std::collections::BTreeMap;
+use std::fmt::{self, Display, Formatter};
+
 use serde::{Deserialize, Serialize};
 
 use super::outcome::{Outcomes, StartOutcome};
 use super::repeated::Repeated;
 use crate::rulebook::JudgeKind;
 use crate::scene::Dynamics;
+use crate::severity::{CrashKind, Impact, RiskCurve};
 use crate::testbench::FaultCount;
 
 /// A rate over starts, as every verb prints it.
@@ -66,6 +70,9 @@ pub struct Row {
     /// Closing speed of the contacts, if there were any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_speed_mps: Option<ClosingSpeed>,
+    /// What the contacts do to the ego, if it has part in any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub severity: Option<ContactSeverity>,
     /// Starts on which the ego or the physics failed: in no rate of this row.
     pub invalid: usize,
     /// Those faults, by kind.
@@ -138,6 +145,69 @@ impl ClosingSpeed {
             median: at(0.5),
             p90: at(0.9),
         })
+    }
+}
+
+/// What the contacts of a row do to the ego.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ContactSeverity {
+    /// Share of the contacts of each kind; they sum up to 1.
+    pub kinds: BTreeMap<CrashKind, f64>,
+    /// Share of the contacts in which somebody ran into the ego's rear.
+    pub struck_from_behind: f64,
+    /// Median of the ego's Δv.
+    pub ego_delta_v_mps: f64,
+    /// The greatest injury risk of each curve that applies to any.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub max_injury_risk: BTreeMap<RiskCurve, f64>,
+}
+
+impl ContactSeverity {
+    /// Of a list of contacts; `None` when it is empty.
+    pub fn of(impacts: &[Impact]) -> Option<ContactSeverity> {
+        let all = impacts.len().max(1) as f64;
+        let delta_v = impacts.iter().map(|impact| impact.ego_delta_v_mps);
+        let delta_v = ClosingSpeed::of(delta_v.collect())?;
+        let mut kinds: BTreeMap<CrashKind, f64> = BTreeMap::new();
+        let mut max_injury_risk = BTreeMap::new();
+        for impact in impacts {
+            *kinds.entry(impact.kind).or_default() += 1.0;
+            if let Some(risk) = impact.injury_risk() {
+                let most = max_injury_risk.entry(risk.curve).or_insert(0.0);
+                *most = risk.probability.max(*most);
+            }
+        }
+        kinds.values_mut().for_each(|count| *count /= all);
+        let behind = impacts.iter().filter(|impact| impact.is_struck_from_behind());
+        Some(ContactSeverity {
+            kinds,
+            struck_from_behind: behind.count() as f64 / all,
+            ego_delta_v_mps: delta_v.median,
+            max_injury_risk,
+        })
+    }
+}
+
+impl Display for ContactSeverity {
+    /// Kinds, Δv and the greatest risk in one line.
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        for (n, (kind, share)) in self.kinds.iter().enumerate() {
+            let comma = if n == 0 { "" } else { ", " };
+            write!(f, "{comma}{:.0} % {}", 100.0 * share, kind.word())?;
+        }
+        if 0.0 < self.struck_from_behind {
+            let share = 100.0 * self.struck_from_behind;
+            write!(f, " ({share:.0} % with the ego struck from behind)")?;
+        }
+        write!(f, "; Δv of the ego {:.1} m/s (median)", self.ego_delta_v_mps)?;
+        for (curve, risk) in &self.max_injury_risk {
+            let percent = 100.0 * risk;
+            write!(f, "; at most {percent:.1} % risk of {}", curve.about())?;
+        }
+        if self.max_injury_risk.is_empty() {
+            write!(f, "; injury risk not computed")?;
+        }
+        Ok(())
     }
 }
 

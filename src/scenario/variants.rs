@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use super::file::{Change, GridChange};
 use super::{Against, ChangeError, LoadError, Path, Repeats, Scenario, ScenarioError};
+use super::language::rulebook;
 use super::{changed, check, read};
 use crate::ego::{Command, Controller, Recorded};
 use crate::rl::{ConfigError, LearnerConfig};
+use crate::rulebook::Rulebook;
 use crate::scene::World;
 use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoController};
 use crate::sim::PlantKind;
@@ -111,6 +113,28 @@ impl Scenario {
             }
             World::Grid(_) => self.clone(),
         }
+    }
+
+    /// The same driving world, sampled so often; decisions stay where they are.
+    ///
+    /// `None`: it is not driven, its formulas do not bind to such samples, or a
+    /// trained ado in it was trained on others.
+    pub fn sampled_every(&self, sample_s: f64) -> Option<Scenario> {
+        let mut spec = self.drive()?.clone();
+        spec.clock.sample_s = sample_s;
+        let world = DriveWorld::new(spec).ok()?;
+        let (judge, reward) = (self.rulebook.judge, self.rulebook.reward);
+        let (spec, rules, names) = (&self.ego_spec, &self.rules, &self.names);
+        let bound = rulebook(world.schema(), spec, rules, names, judge, reward).ok()?;
+        Some(Scenario {
+            rulebook: Arc::new(Rulebook {
+                spec: bound.spec,
+                rules: bound.rules,
+                ..Rulebook::clone(&self.rulebook)
+            }),
+            world: World::Drive(world),
+            ..self.clone()
+        })
     }
 
     /// The same world with the user's own controller as the ego.

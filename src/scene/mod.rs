@@ -20,6 +20,7 @@ use crate::ego::reference::ReferenceDriver;
 use crate::ego::{Command, Fault, Phase};
 use crate::rl::Spaces;
 use crate::seed::StartKey;
+use crate::severity::Impact;
 use crate::sim::Placement;
 use crate::trace::Schema;
 
@@ -93,6 +94,22 @@ pub struct Touch {
     pub closing_speed_mps: f64,
     /// Where, in the world frame.
     pub point_m: [f64; 3],
+    /// What it does to the ego; `None`: the ego has no part in it, or is a cell
+    /// of a grid, or an earlier version recorded it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub impact: Option<Impact>,
+}
+
+impl Touch {
+    /// Whether it is the contact that was recorded; what the record does not
+    /// say, because an earlier version wrote it, is not compared.
+    pub fn is_as_recorded(&self, recorded: &Touch) -> bool {
+        let said = Touch {
+            impact: recorded.impact.and(self.impact),
+            ..self.clone()
+        };
+        said == *recorded
+    }
 }
 
 /// Who somebody is, for viewers.

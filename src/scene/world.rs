@@ -150,6 +150,15 @@ impl World {
         }
     }
 
+    /// How far two joint actions are apart, 0 to 1; on a grid, moves are alike
+    /// or not.
+    pub fn action_distance(&self, a: usize, b: usize) -> f64 {
+        match self {
+            World::Drive(world) => world.spec().action_distance(a, b),
+            World::Grid(_) => f64::from(u8::from(a != b)),
+        }
+    }
+
     /// Every signal that formulas may use, derived ones included.
     pub fn signals(&self) -> Vec<(Signal, Held)> {
         match self {

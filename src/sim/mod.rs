@@ -154,6 +154,9 @@ pub struct Contact {
     pub closing_speed_mps: f64,
     /// Where, in the world frame.
     pub point_m: [f64; 3],
+    /// The contact normal on the ground: a unit vector from the first body of
+    /// the pair to the second, square to the face that is touched.
+    pub normal: [f64; 2],
 }
 
 /// Position and orientation of a body's centre, for viewers.

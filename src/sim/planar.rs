@@ -50,6 +50,8 @@ pub(super) struct Meeting {
     pub point_m: [f64; 3],
     /// Along the contact normal, at least 0.
     pub closing_speed_mps: f64,
+    /// From the first to the second.
+    pub normal: [f64; 2],
 }
 
 impl Meeting {
@@ -58,12 +60,14 @@ impl Meeting {
         let Meeting {
             point_m,
             closing_speed_mps,
+            normal,
         } = *self;
         Contact {
             pair,
             after_s,
             closing_speed_mps,
             point_m,
+            normal,
         }
     }
 }
@@ -193,6 +197,7 @@ impl Shape<'_> {
         Meeting {
             point_m: [point.0, point.1, height_m],
             closing_speed_mps: closing.max(0.0),
+            normal: [nx, ny],
         }
     }
 }

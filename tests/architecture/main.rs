@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 21] = [
+const FLOORS: [(&str, u32); 22] = [
     ("seed", 0),
     ("seal", 0),
     ("guide", 0),
@@ -19,6 +19,7 @@ const FLOORS: [(&str, u32); 21] = [
     ("sim", 0),
     ("stl", 1),
     ("ego", 1),
+    ("severity", 1),
     ("rulebook", 2),
     ("scene", 2),
     ("testbench", 3),

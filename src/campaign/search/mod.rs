@@ -17,9 +17,10 @@ pub use request::{Cem, Found, Method, SWITCHES, SearchRequest};
 
 use super::Watch;
 use super::eval::{blank_row, count_solved, note_row};
-use crate::run::{Anytime, ClosingSpeed, Row, StartOutcome, Unconfirmed, wilson};
+use crate::run::{Anytime, ClosingSpeed, ContactSeverity, Row, StartOutcome, Unconfirmed, wilson};
 use crate::scenario::Scenario;
 use crate::scene::{Dynamics, Start};
+use crate::severity::Impact;
 use crate::sim::PlantKind;
 use crate::testbench::{HOLD_DECISIONS, Testbench, count_faults};
 use trials::Trials;
@@ -168,6 +169,8 @@ pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a 
     row.foul_before_contact_rate = Some(share(late_fouls.count()));
     row.contact_rate = share(contacts.len());
     row.closing_speed_mps = ClosingSpeed::of(contacts);
+    let impacts: Vec<Impact> = found.filter_map(|f| f.impact).collect();
+    row.severity = ContactSeverity::of(&impacts);
 }
 
 /// One worker: the bench asked for and, for pre-screening, a cheap one.

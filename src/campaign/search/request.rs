@@ -4,6 +4,7 @@ use crate::campaign::starts::TestStarts;
 use crate::ego::Fault;
 use crate::run::Stored;
 use crate::scenario::Scenario;
+use crate::severity::Impact;
 
 /// Settings of the cross-entropy method.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +74,8 @@ pub struct Found {
     pub actions: Option<Vec<usize>>,
     /// Closing speed, if the agents touched after it.
     pub closing_speed_mps: Option<f64>,
+    /// What the contact does to the ego, if it has part in it.
+    pub impact: Option<Impact>,
     /// Whether a rule was broken between the success and that contact.
     pub foul_before_contact: bool,
     /// Episodes run, a part of one counted as one; the last is the success.

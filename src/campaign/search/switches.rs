@@ -32,6 +32,7 @@ pub(super) fn solve(
         }
         if played.success {
             found.closing_speed_mps = played.closing_speed_mps;
+            found.impact = played.impact;
             found.foul_before_contact = played.foul_before_contact;
             found.actions = Some(actions.to_vec());
         }

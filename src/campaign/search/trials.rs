@@ -71,6 +71,7 @@ impl<'a> Trials<'a> {
         if episode.verdict.is_success() && self.fails_again(&episode.actions) {
             self.found.foul_before_contact = episode.is_foul_before_contact();
             self.found.actions = Some(episode.actions);
+            self.found.impact = episode.contact.as_ref().and_then(|touch| touch.impact);
             self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
             return None;
         }

@@ -120,6 +120,37 @@ impl Actions {
         }
     }
 
+    /// How far two actions are apart, 0 to 1: by the physical values they ask
+    /// for, as a share of the largest distance there is in this set.
+    ///
+    /// Of a grid both parts count half; a light's actions are alike or not.
+    pub fn distance(&self, a: usize, b: usize) -> f64 {
+        let among = |list: &[f64], a: f64, b: f64| {
+            let least = list.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = list.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            share((a - b).abs(), most - least)
+        };
+        match self {
+            Actions::Accelerations(list) => among(list, list[a], list[b]),
+            Actions::Grid(grid) => {
+                let ((a, a_moves), (b, b_moves)) = (grid.at(a), grid.at(b));
+                let moves: Vec<f64> = grid.lateral.iter().map(|it| it.towards()).collect();
+                let lateral = among(&moves, a_moves.towards(), b_moves.towards());
+                0.5 * (among(&grid.accelerations, a, b) + lateral)
+            }
+            Actions::Walks(list) => {
+                let apart = |a: (f64, f64), b: (f64, f64)| {
+                    let (along, left) = (a.0 - b.0, a.1 - b.1);
+                    (along * along + left * left).sqrt()
+                };
+                let pairs = list.iter().flat_map(|a| list.iter().map(move |b| (a, b)));
+                let most = pairs.map(|(a, b)| apart(*a, *b)).fold(0.0, f64::max);
+                share(apart(list[a], list[b]), most)
+            }
+            Actions::Phases(list) => f64::from(u8::from(list[a] != list[b])),
+        }
+    }
+
     /// What an action asks for.
     pub(super) fn choice(&self, action: usize) -> Choice {
         match self {
@@ -133,8 +164,7 @@ impl Actions {
                     accel_mps2,
                     lateral_mps: match lateral {
                         Lateral::Hold => 0.0,
-                        Lateral::Left => grid.lateral_mps,
-                        Lateral::Right => -grid.lateral_mps,
+                        Lateral::Left | Lateral::Right => lateral.towards() * grid.lateral_mps,
                     },
                 }
             }
@@ -151,6 +181,25 @@ impl Actions {
         match self {
             Actions::Grid(grid) => grid.lateral_lag_s,
             _ => lateral_lag_s(),
+        }
+    }
+}
+
+/// A part of a whole that may be nothing.
+fn share(part: f64, whole: f64) -> f64 {
+    match 0.0 < whole {
+        true => part / whole,
+        false => 0.0,
+    }
+}
+
+impl Lateral {
+    /// 1 to the left, −1 to the right.
+    fn towards(self) -> f64 {
+        match self {
+            Lateral::Hold => 0.0,
+            Lateral::Left => 1.0,
+            Lateral::Right => -1.0,
         }
     }
 }

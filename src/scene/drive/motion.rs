@@ -17,6 +17,7 @@ use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
+use crate::severity::{Impact, Party};
 use crate::sim::{self, BodyId, BodyState, Command, Contact, Ground, Plant, Pose};
 use crate::trace::Schema;
 
@@ -201,7 +202,26 @@ impl DriveScene {
             time_s: self.time_s() - self.layout.spec.clock.sample_s + contact.after_s,
             closing_speed_mps: contact.closing_speed_mps,
             point_m: contact.point_m,
+            impact: self.impact_of(contact),
         }
+    }
+
+    /// What a contact does to the ego, if it has part in it.
+    fn impact_of(&self, contact: &Contact) -> Option<Impact> {
+        let ego = self.layout.ego;
+        let (BodyId(first), BodyId(second)) = contact.pair;
+        let [x, y] = contact.normal;
+        let (other, normal) = match (first == ego, second == ego) {
+            (true, _) => (second, [x, y]),
+            (false, true) => (first, [-x, -y]),
+            (false, false) => return None,
+        };
+        let party = |agent: usize| Party {
+            body: &self.layout.spec.agents[agent].body,
+            state: self.states[agent],
+        };
+        let closing_mps = contact.closing_speed_mps;
+        Some(Impact::of(party(ego), party(other), normal, closing_mps))
     }
 }
 

@@ -244,6 +244,18 @@ impl DriveSpec {
         labels.join(" | ")
     }
 
+    /// How far two joint actions are apart: the mean over the ados of what their
+    /// own sets say, 0 to 1.
+    pub fn action_distance(&self, mut a: usize, mut b: usize) -> f64 {
+        let (mut sum, mut ados) = (0.0, 0.0);
+        for (_, actions, _) in self.action_sets() {
+            sum += actions.distance(a % actions.len(), b % actions.len());
+            (a, b) = (a / actions.len(), b / actions.len());
+            ados += 1.0;
+        }
+        if ados == 0.0 { 0.0 } else { sum / ados }
+    }
+
     /// X_init: one axis per range in the agents' places.
     pub fn axes(&self) -> Vec<Axis> {
         let mut axes = Vec::new();

@@ -191,6 +191,7 @@ impl GridScene {
             time_s: f64::from(self.moment.step),
             closing_speed_mps: closed / f64::from(arena.refine),
             point_m: [middle(ego.x, ado.x), middle(ego.y, ado.y), 0.0],
+            impact: None,
         }
     }
 }
