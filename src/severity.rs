@@ -186,7 +186,11 @@ impl Party<'_> {
     /// to the left; with half the width that this face has there.
     fn face(&self, side: Side, frame: &Party<'_>) -> (f64, f64) {
         let (own, other) = (&self.state.pose, &frame.state.pose);
-        let back_m = if side == Side::Rear { self.body.length_m } else { 0.0 };
+        let back_m = if side == Side::Rear {
+            self.body.length_m
+        } else {
+            0.0
+        };
         let (sin, cos) = libm::sincos(own.heading_rad);
         let (dx_m, dy_m) = (
             own.x_m - back_m * cos - other.x_m,
@@ -227,12 +231,26 @@ pub struct Impact {
     pub curve: Option<RiskCurve>,
 }
 
+/// Speed at or below which the ego stands, and is to blame for no contact.
+pub const STANDING_MPS: f64 = 0.5;
+
 impl Impact {
+    /// Whether the ego can be asked about it at all: it moved, and was not
+    /// struck from behind.
+    pub fn concerns_ego(&self) -> bool {
+        STANDING_MPS < self.ego_speed_mps && self.ego_side != Side::Rear
+    }
+
     /// What the contact does to `ego`.
     ///
     /// `normal` is the contact normal from the ego to the other one, a unit
     /// vector in the world frame; along it they close by `closing_speed_mps`.
-    pub fn of(ego: Party<'_>, other: Party<'_>, normal: [f64; 2], closing_speed_mps: f64) -> Impact {
+    pub fn of(
+        ego: Party<'_>,
+        other: Party<'_>,
+        normal: [f64; 2],
+        closing_speed_mps: f64,
+    ) -> Impact {
         let (own, its) = (ego.state.pose.heading_rad, other.state.pose.heading_rad);
         let out_rad = libm::atan2(normal[1], normal[0]);
         let ego_side = Side::towards(wrapped(out_rad - own));
@@ -326,8 +344,8 @@ fn kind_of(ego: Side, other: Side, turned_rad: f64) -> CrashKind {
 fn overlap((ego, ego_side): (&Party<'_>, Side), (other, other_side): (&Party<'_>, Side)) -> f64 {
     let (own_m, own_half_m) = ego.face(ego_side, ego);
     let (its_m, its_half_m) = other.face(other_side, ego);
-    let common_m = (own_m + own_half_m).min(its_m + its_half_m)
-        - (own_m - own_half_m).max(its_m - its_half_m);
+    let common_m =
+        (own_m + own_half_m).min(its_m + its_half_m) - (own_m - own_half_m).max(its_m - its_half_m);
     (common_m / ego.body.width_m.min(other.body.width_m)).clamp(0.0, 1.0)
 }
 

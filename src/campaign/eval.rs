@@ -13,7 +13,8 @@ use crate::ego::{Command, Fault};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run::{
-    ClosingSpeed, ContactSeverity, Outcomes, Repeated, Row, StartOutcome, StartRepeated, Stored, at_most, wilson,
+    ClosingSpeed, ContactSeverity, Outcomes, Repeated, Row, StartOutcome, StartRepeated, Stored,
+    at_most, wilson,
 };
 use crate::scenario::{Against, Repeats, Scenario};
 use crate::severity::Impact;

@@ -16,11 +16,7 @@ pub struct Takeover {
 
 impl Takeover {
     /// Obeys `first` for `after` samples, then `second`.
-    pub fn new(
-        first: Box<dyn Controller>,
-        second: Box<dyn Controller>,
-        after: usize,
-    ) -> Takeover {
+    pub fn new(first: Box<dyn Controller>, second: Box<dyn Controller>, after: usize) -> Takeover {
         Takeover {
             first,
             second,

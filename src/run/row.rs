@@ -178,7 +178,9 @@ impl ContactSeverity {
             }
         }
         kinds.values_mut().for_each(|count| *count /= all);
-        let behind = impacts.iter().filter(|impact| impact.is_struck_from_behind());
+        let behind = impacts
+            .iter()
+            .filter(|impact| impact.is_struck_from_behind());
         Some(ContactSeverity {
             kinds,
             struck_from_behind: behind.count() as f64 / all,
@@ -199,7 +201,11 @@ impl Display for ContactSeverity {
             let share = 100.0 * self.struck_from_behind;
             write!(f, " ({share:.0} % with the ego struck from behind)")?;
         }
-        write!(f, "; Δv of the ego {:.1} m/s (median)", self.ego_delta_v_mps)?;
+        write!(
+            f,
+            "; Δv of the ego {:.1} m/s (median)",
+            self.ego_delta_v_mps
+        )?;
         for (curve, risk) in &self.max_injury_risk {
             let percent = 100.0 * risk;
             write!(f, "; at most {percent:.1} % risk of {}", curve.about())?;

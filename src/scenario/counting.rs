@@ -54,7 +54,7 @@ pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
 fn is_ado_with_a_body(agent: &AgentFile) -> bool {
     match agent {
         AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => {
-            matches!(drive, DriveFile::Ado(_) | DriveFile::Trained(_))
+            matches!(drive, DriveFile::Ado(_))
         }
         AgentFile::Light { .. } => false,
     }

@@ -197,11 +197,6 @@ pub trait Scene: Send {
     fn stage(&self) -> Stage;
     /// Where everybody is.
     fn frame(&self) -> Frame;
-    /// Whether the contact that ended the motion is one that the ego can answer
-    /// for: between it and an ado, the ego moving and not struck from behind.
-    fn is_egos_contact(&self) -> bool {
-        false
-    }
     /// Whether any of these drivers in the ego's place would have avoided it.
     fn was_avoidable(&self, _by: &[ReferenceDriver]) -> bool {
         false

@@ -2,6 +2,7 @@
 
 use super::Testbench;
 use crate::rulebook::{Counts, Verdict};
+use crate::scene::{Role, Touch};
 
 impl Testbench {
     /// The verdict as the world counts it: the rulebook reads traces, and what
@@ -21,12 +22,20 @@ impl Testbench {
         let Some(touch) = &self.contact else {
             return false;
         };
-        if touch.closing_speed_mps < least_mps || !self.scene.is_egos_contact() {
+        let concerns_ego = touch.impact.is_some_and(|impact| impact.concerns_ego());
+        if touch.closing_speed_mps < least_mps || !concerns_ego || !self.is_with_ado(touch) {
             return false;
         }
         match counts {
             Counts::Violation | Counts::Contact { .. } => true,
             Counts::Preventable { by, .. } => self.scene.was_avoidable(by),
         }
+    }
+
+    /// Whether one of the two is an ado; traffic that follows a script is none.
+    fn is_with_ado(&self, touch: &Touch) -> bool {
+        let cast = self.scene.stage().cast;
+        let mut ados = cast.iter().filter(|who| who.role == Role::Ado);
+        ados.any(|ado| [&touch.between.0, &touch.between.1].contains(&&ado.name))
     }
 }

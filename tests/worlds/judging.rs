@@ -187,7 +187,7 @@ fn after_a_success_the_first_rule_lost_for_good_is_named() {
             let lost = rows.map(|row| judge.push_after(&book, &row));
             let expect = match kind {
                 JudgeKind::UntilViolation => expect,
-                JudgeKind::WholeRun => [None, None],
+                JudgeKind::WholeRun | JudgeKind::UntilContact => [None, None],
             };
             assert_eq!(lost, expect, "{what}");
         }

@@ -318,6 +318,7 @@ impl Confirmer<'_> {
 struct Confirmed {
     success: bool,
     closing_speed_mps: Option<f64>,
+    impact: Option<crate::severity::Impact>,
     foul_before_contact: bool,
 }
 
@@ -329,6 +330,7 @@ impl Confirmed {
         Confirmed {
             success,
             closing_speed_mps: touch.map(|touch| touch.closing_speed_mps),
+            impact: touch.and_then(|touch| touch.impact),
             foul_before_contact: rules.is_some_and(|rules| !rules.is_kept()),
         }
     }
