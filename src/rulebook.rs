@@ -9,6 +9,14 @@
 //!
 //! Architecture Invariant: pure functions of traces; no scene, no learner.
 
+mod counts;
+mod reward;
+mod verdict;
+
+pub use counts::Counts;
+pub use reward::Reward;
+pub use verdict::{RulesUntilContact, Verdict};
+
 use serde::{Deserialize, Serialize};
 
 use crate::stl::{Monitor, OnlineMonitor, Scratch};
@@ -22,194 +30,9 @@ pub enum JudgeKind {
     UntilViolation,
     /// The whole run to the horizon is judged; the contact sample is held.
     WholeRun,
-}
-
-/// From a verdict to a number: strictly increasing in ρ(¬ψ), fouls below all.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum Reward {
-    /// Definition 4 as printed, with the penalty −M ρ_max.
-    Plain {
-        /// Clamp of the robustness, above 0.
-        rho_max: f64,
-    },
-    /// ±jump + (1 − jump) tanh(ρ / scale); fouls at −1 − span (M − 1) / rules.
-    Tanh {
-        /// Clamp of the robustness, above 0.
-        #[serde(default = "default_rho_max")]
-        rho_max: f64,
-        /// Robustness at which tanh reaches 0.76, above 0.
-        #[serde(default = "default_scale")]
-        scale: f64,
-        /// Height of the step at ρ = 0, in [0, 1).
-        #[serde(default = "default_jump")]
-        jump: f64,
-        /// Fouls lie in (−1 − span, −1], by rank; above 0.
-        #[serde(default = "default_foul_span")]
-        foul_span: f64,
-    },
-}
-
-fn default_rho_max() -> f64 {
-    50.0
-}
-
-fn default_scale() -> f64 {
-    10.0
-}
-
-fn default_jump() -> f64 {
-    0.5
-}
-
-/// Small, so that the cliff beside a rule is hardly deeper than holding still:
-/// with 1, ados that must cut in along a rule's edge learned to stay away.
-fn default_foul_span() -> f64 {
-    0.1
-}
-
-impl Default for Reward {
-    fn default() -> Reward {
-        Reward::Tanh {
-            rho_max: default_rho_max(),
-            scale: default_scale(),
-            jump: default_jump(),
-            foul_span: default_foul_span(),
-        }
-    }
-}
-
-/// Lawful values stay this much inside the clamp, so a foul is never a tie;
-/// learners see rewards in f32, hence no less.
-const OPEN: f64 = 1.0 - 1e-6;
-
-impl Reward {
-    /// The clamp ρ_max of the robustness.
-    pub fn rho_max(&self) -> f64 {
-        match *self {
-            Reward::Plain { rho_max } | Reward::Tanh { rho_max, .. } => rho_max,
-        }
-    }
-
-    /// Reward of a lawful run with robustness `rho` = ρ(¬ψ).
-    ///
-    /// ρ = 0 counts as held. Infinite robustness (no window, Boolean signals)
-    /// is clamped first.
-    pub fn lawful(&self, rho: f64) -> f64 {
-        match *self {
-            Reward::Plain { rho_max } => rho.clamp(-rho_max * OPEN, rho_max * OPEN),
-            Reward::Tanh {
-                rho_max,
-                scale,
-                jump,
-                ..
-            } => {
-                let rho = rho.clamp(-rho_max, rho_max);
-                let step = if 0.0 < rho { jump } else { -jump };
-                let reward = step + (1.0 - jump) * libm::tanh(rho / scale);
-                reward.clamp(-OPEN, OPEN)
-            }
-        }
-    }
-
-    /// Penalty when `forfeited` (M ≥ 1) of `rules` rules are forfeited.
-    pub fn foul(&self, forfeited: usize, rules: usize) -> f64 {
-        match *self {
-            Reward::Plain { rho_max } => -(forfeited as f64) * rho_max,
-            Reward::Tanh { foul_span, .. } => {
-                -1.0 - foul_span * (forfeited as f64 - 1.0) / rules.max(1) as f64
-            }
-        }
-    }
-
-    /// The reward of a verdict; an invalid episode has none.
-    pub fn of(&self, verdict: &Verdict, rules: usize) -> Option<f64> {
-        match verdict {
-            Verdict::Counterexample { by } => Some(self.lawful(*by)),
-            Verdict::Held { margin } => Some(self.lawful(-*margin)),
-            Verdict::Foul { forfeited, .. } => Some(self.foul(*forfeited, rules)),
-            Verdict::Invalid => None,
-        }
-    }
-}
-
-/// How an episode is judged.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Verdict {
-    /// ψ_ego violated by `by` = ρ(¬ψ) > 0 while every rule was strictly kept.
-    Counterexample {
-        /// Depth of the violation.
-        by: f64,
-    },
-    /// ψ_ego held with `margin` = ρ(ψ) ≥ 0 (or the motion ended before a verdict).
-    Held {
-        /// Robustness of the specification.
-        margin: f64,
-    },
-    /// The ado broke its rule number `rule`.
-    Foul {
-        /// Position of the rule in the rulebook.
-        rule: usize,
-        /// M of Definition 4: rules of no higher priority, this one included.
-        forfeited: usize,
-    },
-    /// A fault of the ego or of the physics: nobody's success.
-    Invalid,
-}
-
-impl Verdict {
-    /// The word used in tables and files.
-    pub fn word(&self) -> &'static str {
-        match self {
-            Verdict::Counterexample { .. } => "counterexample",
-            Verdict::Held { .. } => "held",
-            Verdict::Foul { .. } => "foul",
-            Verdict::Invalid => "invalid",
-        }
-    }
-
-    /// Whether the ado made the ego fail with all rules kept.
-    pub fn is_success(&self) -> bool {
-        matches!(self, Verdict::Counterexample { .. })
-    }
-}
-
-/// Whether the ados' rules held between a success and the contact.
-///
-/// The verdict falls on the first violated sample; what it leaves open is
-/// whether the ado is lawful when the two touch.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum RulesUntilContact {
-    /// No rule was lost for good up to the contact, that sample included.
-    Kept,
-    /// One was, so that the contact itself is no counterexample.
-    Broken {
-        /// The rule lost first; of several at once the most important one.
-        rule: String,
-        /// The ado that broke it.
-        ado: String,
-        /// When; at the latest the time of the contact.
-        time_s: f64,
-    },
-}
-
-impl RulesUntilContact {
-    /// Whether no rule was broken before the contact.
-    pub fn is_kept(&self) -> bool {
-        *self == RulesUntilContact::Kept
-    }
-}
-
-impl std::fmt::Display for RulesUntilContact {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            RulesUntilContact::Kept => write!(f, "kept"),
-            RulesUntilContact::Broken { rule, ado, time_s } => {
-                write!(f, "{ado} broke `{rule}` at {time_s:.2} s")
-            }
-        }
-    }
+    /// Play ends at a contact or the horizon, and all of it is judged then; a
+    /// rule that no further sample can save ends it before.
+    UntilContact,
 }
 
 /// One rule of an ado, bound to the scene's signals.
@@ -234,6 +57,8 @@ pub struct Rulebook {
     pub rules: Vec<Rule>,
     /// Which part of the run is judged.
     pub judge: JudgeKind,
+    /// Which violations are counterexamples.
+    pub counts: Counts,
     /// From the verdict to a number.
     pub reward: Reward,
 }
@@ -339,17 +164,24 @@ impl Judge {
         match rulebook.judge {
             JudgeKind::UntilViolation => self.until_violation(rulebook, trace, row, stop),
             JudgeKind::WholeRun => stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch)),
+            JudgeKind::UntilContact => match self.broken_at(rulebook, row) {
+                Err(_) => Some(Verdict::Invalid),
+                Ok(Some(rule)) => Some(rulebook.foul(rule)),
+                // What was played is read as it stands: a rule that is not
+                // strictly kept on it is broken, however the run ended.
+                Ok(None) => stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch)),
+            },
         }
     }
 
     /// Reads a sample after a success: the rule that is lost for good by then.
     ///
-    /// The verdict stands. Under [`JudgeKind::WholeRun`] nothing comes after it.
+    /// The verdict stands. Under the other judges nothing comes after it.
     pub fn push_after(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
         match rulebook.judge {
             // A row that is no sample was refused by the trace: none comes here.
             JudgeKind::UntilViolation => self.broken_at(rulebook, row).ok().flatten(),
-            JudgeKind::WholeRun => None,
+            JudgeKind::WholeRun | JudgeKind::UntilContact => None,
         }
     }
 
@@ -442,6 +274,7 @@ mod tests {
             spec: bind("always[0, 3] (x >= 0)"),
             rules,
             judge: JudgeKind::UntilViolation,
+            counts: Counts::Violation,
             reward: Reward::default(),
         };
         for rulebook in [book(vec![rule]), book(Vec::new())] {

@@ -231,7 +231,16 @@ pub struct Impact {
     pub curve: Option<RiskCurve>,
 }
 
+/// Speed at or below which the ego stands, and is to blame for no contact.
+pub const STANDING_MPS: f64 = 0.5;
+
 impl Impact {
+    /// Whether the ego can be asked about it at all: it moved, and was not
+    /// struck from behind.
+    pub fn concerns_ego(&self) -> bool {
+        STANDING_MPS < self.ego_speed_mps && self.ego_side != Side::Rear
+    }
+
     /// What the contact does to `ego`.
     ///
     /// `normal` is the contact normal from the ego to the other one, a unit

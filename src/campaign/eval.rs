@@ -288,6 +288,10 @@ impl EvalRequest<'_> {
         let fouls = valid.clone();
         let fouls = fouls.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
         let fouls = fouls.count();
+        let uncounted = valid.clone();
+        let uncounted = uncounted.filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
+        let some_do_not = !self.scenario.rulebook().counts.is_violation();
+        row.uncounted = some_do_not.then(|| uncounted.count());
         let late_fouls = valid.clone().filter(|o| o.foul_before_contact).count();
         let impacts: Vec<Impact> = valid.clone().filter_map(|o| o.impact).collect();
         let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
@@ -338,6 +342,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         recall: None,
         beyond_search: None,
         foul_rate: 0.0,
+        uncounted: None,
         foul_before_contact_rate: None,
         contact_rate: 0.0,
         closing_speed_mps: None,

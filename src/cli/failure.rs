@@ -199,6 +199,9 @@ impl From<TheoremsError> for Failure {
             TheoremsError::Stochastic { .. } => {
                 "leave out `--theorems`; for such an ego count successes over fresh noise seeds"
             }
+            TheoremsError::NotEveryViolation { .. } => {
+                "leave out `--theorems`; `eval --ego all` says what carries over to which ego"
+            }
             TheoremsError::NoCounterexample { .. } => "train longer, or evaluate more starts",
             TheoremsError::NothingChanged { .. } => {
                 "name changed egos under `reuse`, or give one with `--ego FILE.ron`"

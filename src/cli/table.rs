@@ -176,7 +176,28 @@ fn lines(rows: &[Row]) -> String {
         cells.extend(numbers.iter().map(right));
         table.add_row(cells);
     }
-    format!("{table}{}", bounds(rows))
+    format!("{table}{}{}", bounds(rows), uncounted(rows))
+}
+
+/// Violations that do not count in a world, one line for all rows.
+fn uncounted(rows: &[Row]) -> String {
+    let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
+    let named = rows.iter().filter_map(|row| {
+        let (uncounted, starts) = (row.uncounted.filter(|count| 0 < *count)?, row.starts);
+        let name = match one_ego {
+            true => row.ado.clone(),
+            false => format!("{} on {}", row.ado, row.ego),
+        };
+        Some(format!("{name} {uncounted} of {starts}"))
+    });
+    let named: Vec<String> = named.collect();
+    match named.is_empty() {
+        true => String::new(),
+        false => format!(
+            "\nviolated, but not as `counts` asks for (uncounted): {}",
+            named.join(", ")
+        ),
+    }
 }
 
 /// What rows without a success say all the same; one line per number of starts.

@@ -37,6 +37,7 @@ mod dummy;
 mod fault;
 mod filtered;
 mod idm;
+mod iso_acc;
 mod merge;
 mod parameters;
 mod polite;

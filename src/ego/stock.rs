@@ -154,6 +154,8 @@ egos! {
     polite::PoliteAcc by clone;
     /// The intelligent driver model.
     idm::Idm by clone;
+    /// Follows within the limits of ISO 15622; may brake in an emergency.
+    iso_acc::IsoAcc by build;
     /// Cruises, and brakes for whoever crosses its path.
     aeb::Aeb by build;
     /// The switching merge controller, Sec. V-C.

@@ -114,7 +114,7 @@ pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
 
 fn rho(verdict: &Option<Verdict>) -> Option<f64> {
     match verdict {
-        Some(Verdict::Counterexample { by }) => Some(-by),
+        Some(Verdict::Counterexample { by } | Verdict::Uncounted { by }) => Some(-by),
         Some(Verdict::Held { margin }) => Some(*margin),
         _ => None,
     }

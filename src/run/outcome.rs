@@ -37,7 +37,9 @@ impl StartOutcome {
     pub fn of(verdict: &Verdict) -> StartOutcome {
         match verdict {
             Verdict::Counterexample { .. } => StartOutcome::Solved,
-            Verdict::Held { .. } | Verdict::Foul { .. } => StartOutcome::Unsolved,
+            Verdict::Uncounted { .. } | Verdict::Held { .. } | Verdict::Foul { .. } => {
+                StartOutcome::Unsolved
+            }
             Verdict::Invalid => StartOutcome::Invalid,
         }
     }

@@ -57,6 +57,10 @@ pub struct Row {
     pub beyond_search: Option<usize>,
     /// Share of starts on which a rule was broken, which is no success.
     pub foul_rate: f64,
+    /// Starts on which ψ_ego was violated, every rule kept, but not in a way
+    /// that counts; `None`: every violation counts in this world.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncounted: Option<usize>,
     /// Share of starts that were solved, and where a rule was then broken
     /// between the verdict and the contact; `None`: it was not recorded.
     #[serde(default)]

@@ -8,11 +8,11 @@ use super::check;
 use super::error::Problem;
 use super::family::Against;
 use super::file::ScenarioFile;
-use super::language::{Language, constants, formula, rulebook};
+use super::language::{Judging, Language, constants, formula, rulebook};
 use super::locate::Path;
 use super::problems::Problems;
 use super::runs::{Assembled, Origin, RunSource};
-use super::{kinship, read, starts, trained, trial, vacuous};
+use super::{counting, kinship, read, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 
@@ -63,6 +63,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     check::clock(&mut problems, &top.to("clock"), &file.clock);
     check::road(&mut problems, &top.to("road"), &file.road);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
+    counting::check(&mut problems, &top, &file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
     let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
@@ -145,8 +146,11 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         &ego_spec,
         &rules,
         &names,
-        file.judge,
-        file.reward,
+        Judging {
+            judge: file.judge,
+            counts: file.counts,
+            reward: file.reward,
+        },
     ) {
         Ok(rulebook) => Arc::new(rulebook),
         Err(error) => {

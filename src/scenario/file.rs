@@ -11,7 +11,7 @@ use super::repeats::Repeats;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::{DqnSettings, LearnerSettings};
-use crate::rulebook::{JudgeKind, Reward};
+use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, Range, Road, Schedule, Script, Sensors};
 use crate::scene::grid::{AtWall, Horizon, Starts};
@@ -29,6 +29,8 @@ pub(super) struct ScenarioFile {
     pub(super) plant: PlantKind,
     #[serde(default)]
     pub(super) judge: JudgeKind,
+    #[serde(default)]
+    pub(super) counts: Counts,
     pub(super) road: Road,
     #[serde(default)]
     pub(super) bodies: Ordered<Body>,

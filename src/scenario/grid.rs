@@ -6,17 +6,18 @@ use indexmap::IndexMap;
 use serde::Deserialize;
 
 use super::check;
+use super::counting;
 use super::error::Problem;
 use super::family::Against;
 use super::file::{GridChange, RuleFile, SignalFile};
-use super::language::{Language, constants, formula, rulebook};
+use super::language::{Judging, Language, constants, formula, rulebook};
 use super::locate::Path;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::trial;
 use super::{Change, ChangeError, Repeats, RuleSpec, Scenario};
 use crate::rl::LearnerSettings;
-use crate::rulebook::{JudgeKind, Reward};
+use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
 use crate::scene::{Observed, World};
 
@@ -40,6 +41,8 @@ pub(super) struct GridFile {
     horizon: Horizon,
     #[serde(default)]
     judge: JudgeKind,
+    #[serde(default)]
+    counts: Counts,
     ego: EgoFile,
     ado: AdoFile,
     #[serde(default)]
@@ -92,6 +95,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     let mut problems = Problems::new(text);
     let top = Path::top();
     check::reward(&mut problems, &top.to("reward"), &file.reward);
+    counting::nothing_touches(&mut problems, &top, file.judge, &file.counts);
     let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
     let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
     moves(&mut problems, &top.to("ado"), &file.ado);
@@ -158,7 +162,12 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         }
     };
     let schema = world.schema();
-    let rulebook = match rulebook(schema, &ego_spec, &rules, &names, file.judge, file.reward) {
+    let judging = Judging {
+        judge: file.judge,
+        counts: file.counts,
+        reward: file.reward,
+    };
+    let rulebook = match rulebook(schema, &ego_spec, &rules, &names, judging) {
         Ok(rulebook) => Arc::new(rulebook),
         Err(error) => {
             problems.stl(&top.to("ego_spec"), &error);
@@ -414,8 +423,11 @@ impl Scenario {
             &self.ego_spec,
             &self.rules,
             &names,
-            self.rulebook.judge,
-            self.rulebook.reward,
+            Judging {
+                judge: self.rulebook.judge,
+                counts: self.rulebook.counts.clone(),
+                reward: self.rulebook.reward,
+            },
         );
         Ok(Scenario {
             rulebook: Arc::new(rulebook.map_err(|error| misfit(error.to_string()))?),

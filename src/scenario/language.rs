@@ -14,7 +14,7 @@ use super::locate::Path;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::world::bound_rules;
-use crate::rulebook::{JudgeKind, Reward, Rulebook};
+use crate::rulebook::{Counts, JudgeKind, Reward, Rulebook};
 use crate::scene::{Derived, Observed};
 use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};
 use crate::trace::{Schema, Signal};
@@ -213,14 +213,20 @@ impl Language {
     }
 }
 
+/// What a file says of how episodes are judged.
+pub(super) struct Judging {
+    pub(super) judge: JudgeKind,
+    pub(super) counts: Counts,
+    pub(super) reward: Reward,
+}
+
 /// Binds the specification and all rules to the signals that are published.
 pub(super) fn rulebook(
     schema: &Schema,
     ego_spec: &Formula,
     rules: &[RuleSpec],
     names: &Names,
-    judge: JudgeKind,
-    reward: Reward,
+    judging: Judging,
 ) -> Result<Rulebook, StlError> {
     let settings = Settings::default();
     let monitors = rules
@@ -230,8 +236,9 @@ pub(super) fn rulebook(
     Ok(Rulebook {
         spec: ego_spec.bind_with(schema, names, &settings)?,
         rules: bound_rules(rules, monitors),
-        judge,
-        reward,
+        judge: judging.judge,
+        counts: judging.counts,
+        reward: judging.reward,
     })
 }
 

@@ -16,6 +16,7 @@ mod build;
 mod cast;
 mod changed;
 mod check;
+mod counting;
 mod error;
 mod family;
 mod file;

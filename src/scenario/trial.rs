@@ -1,10 +1,12 @@
 //! Trying a world at load: what only a run can show.
 
+use std::borrow::Cow;
+
 use super::Scenario;
 use super::error::Problem;
 use super::locate::Path;
 use super::problems::Problems;
-use crate::rulebook::{Judge, Verdict};
+use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::{Placement, PlantKind};
@@ -82,8 +84,16 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
             return;
         }
         bench.trace().read_row(0, &mut row);
-        let mut judge = Judge::new(rulebook, bench.clock().samples());
-        match judge.push(rulebook, bench.trace(), &row, None) {
+        // What is lost for good on the first sample is, under any judge.
+        let first = match rulebook.judge {
+            JudgeKind::UntilContact => Cow::Owned(Rulebook {
+                judge: JudgeKind::UntilViolation,
+                ..rulebook.clone()
+            }),
+            _ => Cow::Borrowed(rulebook),
+        };
+        let mut judge = Judge::new(&first, bench.clock().samples());
+        match judge.push(&first, bench.trace(), &row, None) {
             Some(Verdict::Foul { rule, .. }) => {
                 let rule = &rulebook.rules[rule];
                 let what = format!("the rule `{}` is broken already at the start", rule.name);

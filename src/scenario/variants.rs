@@ -4,7 +4,7 @@ use std::path::Path as FilePath;
 use std::sync::Arc;
 
 use super::file::{Change, GridChange};
-use super::language::rulebook;
+use super::language::{Judging, rulebook};
 use super::{Against, ChangeError, LoadError, Path, Repeats, Scenario, ScenarioError};
 use super::{changed, check, read};
 use crate::ego::{Command, Controller, Recorded};
@@ -123,9 +123,13 @@ impl Scenario {
         let mut spec = self.drive()?.clone();
         spec.clock.sample_s = sample_s;
         let world = DriveWorld::new(spec).ok()?;
-        let (judge, reward) = (self.rulebook.judge, self.rulebook.reward);
+        let judging = Judging {
+            judge: self.rulebook.judge,
+            counts: self.rulebook.counts.clone(),
+            reward: self.rulebook.reward,
+        };
         let (spec, rules, names) = (&self.ego_spec, &self.rules, &self.names);
-        let bound = rulebook(world.schema(), spec, rules, names, judge, reward).ok()?;
+        let bound = rulebook(world.schema(), spec, rules, names, judging).ok()?;
         Some(Scenario {
             rulebook: Arc::new(Rulebook {
                 spec: bound.spec,

@@ -5,6 +5,7 @@
 //! any [`Actor`] act in it and records the [`Episode`].
 
 mod actors;
+mod counting;
 mod faults;
 mod gym;
 mod recording;
@@ -358,9 +359,10 @@ impl Testbench {
             // Rigid bodies stop each other: the contact sample holds to T.
             while 0 < self.samples_left() && self.trace.push(&self.row).is_ok() {}
         }
-        self.verdict = self
+        let verdict = self
             .judge
             .push(&self.rulebook, &self.trace, &self.row, stop);
+        self.verdict = verdict.map(|verdict| self.counted(verdict));
         if self.is_decided() {
             self.judged = self.trace.len();
         }

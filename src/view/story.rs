@@ -60,7 +60,9 @@ impl<'a> Story<'a> {
             .collect();
         let last = episode.judged.saturating_sub(1);
         let decided = match episode.verdict {
-            Verdict::Counterexample { .. } => Some(spec.lost.unwrap_or(last)),
+            Verdict::Counterexample { .. } | Verdict::Uncounted { .. } => {
+                Some(spec.lost.unwrap_or(last))
+            }
             Verdict::Foul { rule, .. } => Some(rules[rule].lost.unwrap_or(last)),
             Verdict::Invalid => Some(last),
             Verdict::Held { .. } => None,

@@ -215,6 +215,7 @@ fn judged(world: &Scenario, episode: &Episode) {
             assert!(0.0 < by && by == -robustness, "{by} and {robustness}");
             assert!(margins.iter().all(|margin| 0.0 < *margin), "{margins:?}");
         }
+        Verdict::Uncounted { by } => assert!(0.0 < by, "{by}"),
         Verdict::Held { margin } => assert!(0.0 <= margin, "{margin}"),
         Verdict::Foul { rule, .. } => assert!(margins[rule] <= 0.0, "{margins:?}"),
         Verdict::Invalid => {}

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brakecheck::rulebook::{Judge, JudgeKind, Reward, Rule, Rulebook, Stop, Verdict};
+use brakecheck::rulebook::{Counts, Judge, JudgeKind, Reward, Rule, Rulebook, Stop, Verdict};
 use brakecheck::stl::{Constants, Formula, Scratch};
 use brakecheck::trace::{Schema, Signal, Trace};
 
@@ -37,6 +37,7 @@ fn rulebook(judge: JudgeKind, rules: &[(&str, usize)]) -> Rulebook {
         spec: bind("always[0, T] d >= 1"),
         rules: rules.iter().map(rule).collect(),
         judge,
+        counts: Counts::Violation,
         reward: Reward::default(),
     }
 }

@@ -13,6 +13,42 @@ fn mistakes() -> Vec<(&'static str, String)> {
         ACC.replacen(from, to, 1)
     };
     vec![
+        (
+            "a contact that ends no episode",
+            with(
+                "plant: Rigid,",
+                "plant: Rigid, counts: Contact(closing_mps: 3.0),",
+            ),
+        ),
+        (
+            "a reward without a step",
+            with(
+                "judge: UntilViolation,",
+                "judge: UntilContact, counts: Contact(closing_mps: 3.0),",
+            )
+            .replace("jump: 0.5", "jump: 0.0"),
+        ),
+        (
+            "nobody who would have avoided it",
+            with(
+                "judge: UntilViolation,",
+                "judge: UntilContact, counts: Preventable(by: []),",
+            ),
+        ),
+        (
+            "a driver that is none",
+            with(
+                "judge: UntilViolation,",
+                "judge: UntilContact, counts: Preventable(by: [Rss]),",
+            ),
+        ),
+        (
+            "a contact at a speed below none",
+            with(
+                "judge: UntilViolation,",
+                "judge: UntilContact, counts: Contact(closing_mps: -1.0),",
+            ),
+        ),
         ("a missing comma", with("plant: Rigid,", "plant: Rigid")),
         ("an unknown field", with("horizon_s:", "horizont_s:")),
         ("an unknown variant", with("plant: Rigid", "plant: Rigit")),

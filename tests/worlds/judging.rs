@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brakecheck::rulebook::{Judge, JudgeKind, Reward, Rule, Rulebook, Stop, Verdict};
+use brakecheck::rulebook::{Counts, Judge, JudgeKind, Reward, Rule, Rulebook, Stop, Verdict};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::stl::{Constants, Formula, Scratch};
 use brakecheck::testbench::{Aftermath, Held, play};
@@ -36,6 +36,7 @@ fn rulebook(judge: JudgeKind, rules: &[&str]) -> Rulebook {
             })
             .collect(),
         judge,
+        counts: Counts::Violation,
         reward: Reward::default(),
     }
 }
@@ -186,7 +187,7 @@ fn after_a_success_the_first_rule_lost_for_good_is_named() {
             let lost = rows.map(|row| judge.push_after(&book, &row));
             let expect = match kind {
                 JudgeKind::UntilViolation => expect,
-                JudgeKind::WholeRun => [None, None],
+                JudgeKind::WholeRun | JudgeKind::UntilContact => [None, None],
             };
             assert_eq!(lost, expect, "{what}");
         }
@@ -225,6 +226,51 @@ fn the_whole_run_counts_under_the_papers_judge() {
     let rows = [[5.0, 5.0, 0.0], [0.25, 5.0, 0.0], [0.0, 5.0, 0.0]];
     let expect = (2, Verdict::Counterexample { by: 1.0 });
     assert_eq!(judged(&book, &rows, false), expect);
+}
+
+#[test]
+fn until_contact_all_that_was_played_is_judged() {
+    let book = rulebook(JudgeKind::UntilContact, &[SLOW, GOAL]);
+    let foul = |rule, forfeited| Verdict::Foul { rule, forfeited };
+    let lost = [[5.0, 5.0, 0.0], [0.25, 5.0, 2.0], [0.0, 5.0, 0.0]];
+    let mut late = lost;
+    late[2][1] = 10.0;
+    let cases = [
+        // A violation ends nothing: the deepest one counts, at the contact.
+        (&lost[..], true, 2, Verdict::Counterexample { by: 1.0 }),
+        (&lost[..], false, 2, Verdict::Counterexample { by: 1.0 }),
+        // A rule at its bound exactly, on the sample of the contact.
+        (&late[..], true, 2, foul(0, 2)),
+        // A goal not reached by the contact was not kept.
+        (
+            &[[5.0, 5.0, 0.0], [0.25, 5.0, 0.0]][..],
+            true,
+            1,
+            foul(1, 1),
+        ),
+        // What cannot be kept any more ends it before.
+        (
+            &[[5.0, 11.0, 0.0], [5.0, 5.0, 0.0]][..],
+            true,
+            0,
+            foul(0, 2),
+        ),
+        (
+            &[[5.0, 5.0, 2.0], [3.0, 5.0, 0.0]][..],
+            true,
+            1,
+            Verdict::Held { margin: 2.0 },
+        ),
+        (
+            &[[5.0, 5.0, 2.0], [1.0, 5.0, 0.0]][..],
+            true,
+            1,
+            Verdict::Held { margin: 0.0 },
+        ),
+    ];
+    for (rows, contact, at, expect) in cases {
+        assert_eq!(judged(&book, rows, contact), (at, expect), "{rows:?}");
+    }
 }
 
 #[test]

@@ -70,6 +70,34 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Lemma 2's order with what does not count in it: a foul, held, a
+    /// violation that does not count, one that does.
+    #[test]
+    fn what_does_not_count_earns_more_than_held_and_less_than_what_counts(
+        (rho_max, scale, jump) in (0.1..1e3f64, 0.1..1e3f64, 1e-2..0.99f64),
+        shallow in 1e-6..1e3f64, deep in 1e-6..1e4f64, margin in 0.0..1e3f64,
+    ) {
+        let reward = Reward::Tanh { rho_max, scale, jump, foul_span: 0.1 };
+        let of = |verdict| reward.of(&verdict, 2).unwrap();
+        let foul = of(Verdict::Foul { rule: 1, forfeited: 1 });
+        let held = of(Verdict::Held { margin });
+        let uncounted = of(Verdict::Uncounted { by: deep });
+        let counted = of(Verdict::Counterexample { by: shallow });
+        let order = [foul, held, uncounted, counted];
+        prop_assert!(order.is_sorted_by(|a, b| a < b), "{:?}", order);
+        // Learners see them in single precision.
+        let [held, uncounted, counted] = [held, uncounted, counted].map(|x| x as f32);
+        prop_assert!([held, uncounted, counted].is_sorted_by(|a, b| a < b));
+        // Deeper is never worse, counted or not.
+        let deeper = of(Verdict::Uncounted { by: shallow.max(deep) });
+        let less_deep = of(Verdict::Uncounted { by: shallow.min(deep) });
+        prop_assert!(less_deep <= deeper);
+    }
+}
+
 #[test]
 fn the_numbers_of_the_default_transform() {
     let reward = Reward::default();
@@ -77,6 +105,8 @@ fn the_numbers_of_the_default_transform() {
     close(reward.lawful(10.0), 0.5 + 0.5 * 1f64.tanh());
     close(reward.lawful(-10.0), -0.5 - 0.5 * 1f64.tanh());
     close(reward.lawful(0.0), -0.5);
+    close(reward.uncounted(10.0), 0.5 * 1f64.tanh());
+    close(reward.uncounted(0.0), 0.0);
     close(reward.foul(1, 2), -1.0);
     close(reward.foul(2, 2), -1.05);
     assert_eq!(reward.of(&Verdict::Invalid, 2), None);

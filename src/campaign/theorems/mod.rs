@@ -44,6 +44,14 @@ pub enum TheoremsError {
         /// Name of the world.
         world: String,
     },
+    /// Some violations are no counterexamples in it.
+    #[error(
+        "`{world}` counts some violations only, by how the agents touch, and Theorem 3 speaks of every violation"
+    )]
+    NotEveryViolation {
+        /// Name of the world.
+        world: String,
+    },
     /// The policy makes the nominal ego fail from no start.
     #[error("no start of `{world}` gives a counterexample to carry over")]
     NoCounterexample {

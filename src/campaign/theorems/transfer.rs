@@ -127,6 +127,9 @@ pub fn carry_over(
     if is_stochastic(request.nominal) {
         return Err(TheoremsError::Stochastic { world });
     }
+    if !request.nominal.rulebook().counts.is_violation() {
+        return Err(TheoremsError::NotEveryViolation { world });
+    }
     let (changed, refused): (Vec<_>, Vec<_>) = request
         .changed
         .iter()

@@ -115,6 +115,7 @@ fn behaviour(scenario: &Scenario, one: &Shown, distance: &str) -> Behaviour {
     let rules = &scenario.rulebook().rules;
     let word = match episode.verdict {
         Verdict::Counterexample { .. } => "ψ_ego violated".to_owned(),
+        Verdict::Uncounted { .. } => "ψ_ego violated, uncounted".to_owned(),
         Verdict::Foul { rule, .. } => format!("breaks `{}`", rules[rule].name),
         Verdict::Held { .. } => "ψ_ego held".to_owned(),
         Verdict::Invalid => "invalid".to_owned(),

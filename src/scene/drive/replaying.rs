@@ -8,9 +8,9 @@
 use std::sync::Arc;
 
 use super::course::OnRoad;
+use super::layout::Layout;
 use super::motion::DriveScene;
 use super::spec::EgoController;
-use super::layout::Layout;
 use super::{Course, DriveWorld, Road};
 use crate::ego::Recorded;
 use crate::ego::reference::LaneBody;

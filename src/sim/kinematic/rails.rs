@@ -16,10 +16,7 @@ pub(super) struct Rails {
 impl Rails {
     /// There at a constant velocity of the fixed point and turning rate.
     pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
-        let velocity_mps = (
-            (self.x_m - start.x_m) / dt_s,
-            (self.y_m - start.y_m) / dt_s,
-        );
+        let velocity_mps = ((self.x_m - start.x_m) / dt_s, (self.y_m - start.y_m) / dt_s);
         let turn_rad = libm::remainder(self.heading_rad - start.heading_rad, TAU);
         let yaw_rate_rad_per_s = turn_rad / dt_s;
         let turning_mps = yaw_rate_rad_per_s.abs() * arm_m;

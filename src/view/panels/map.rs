@@ -192,6 +192,8 @@ fn log_outcome(story: &Story<'_>, arena: &Arena, journal: &mut Journal) -> Resul
     };
     let what = match story.episode.verdict {
         Verdict::Counterexample { .. } => "captured",
+        // Invariant: in a world of cells every violation counts.
+        Verdict::Uncounted { .. } => "uncounted",
         Verdict::Foul { .. } => "rule broken",
         Verdict::Held { .. } => "held",
         Verdict::Invalid => "fault",

@@ -181,6 +181,7 @@ fn log_verdict_mark(story: &Story<'_>, journal: &mut Journal) -> Result<(), View
     };
     let what = match story.episode.verdict {
         Verdict::Counterexample { .. } => "specification violated",
+        Verdict::Uncounted { .. } => "specification violated, uncounted",
         Verdict::Foul { .. } => "rule broken",
         Verdict::Held { .. } => "held",
         Verdict::Invalid => "fault",

@@ -104,6 +104,7 @@ fn write_document(story: &Story<'_>, text: &mut String) -> std::fmt::Result {
 fn headline(story: &Story<'_>) -> String {
     match story.episode.verdict {
         Verdict::Counterexample { .. } => "Counterexample".to_owned(),
+        Verdict::Uncounted { .. } => "Uncounted".to_owned(),
         Verdict::Held { .. } => "Held".to_owned(),
         Verdict::Foul { .. } => "Foul".to_owned(),
         Verdict::Invalid => "Invalid".to_owned(),
@@ -126,6 +127,10 @@ fn sentence(story: &Story<'_>) -> String {
             "**Yes, from this start:** {ado} kept every rule, and {ego} violated its \
              specification{at}, in the end by {by:.3}.",
             ado = if ados.is_empty() { "traffic" } else { &ados },
+        ),
+        Verdict::Uncounted { by } => format!(
+            "**Not one that counts:** {ego} violated its specification{at}, in the end by \
+             {by:.3}, but not in the way this world's `counts` asks for.",
         ),
         Verdict::Held { margin } => {
             format!("**Not this time:** {ego} kept its specification, with {margin:.3} to spare.")

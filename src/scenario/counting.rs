@@ -1,0 +1,78 @@
+//! Checks of `counts`: what it needs of the judge, the reward and the road users.
+
+use super::check;
+use super::file::{AgentFile, DriveFile, ScenarioFile};
+use super::locate::Path;
+use super::problems::Problems;
+use crate::rulebook::{Counts, JudgeKind, Reward};
+
+/// Largest closing speed that a contact may be asked for.
+const MAX_CLOSING_MPS: f64 = 150.0;
+
+pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
+    let place = top.to("counts");
+    let Some(closing_mps) = file.counts.closing_mps() else {
+        return;
+    };
+    check::within(
+        problems,
+        &place.to("closing_mps"),
+        closing_mps,
+        0.0,
+        MAX_CLOSING_MPS,
+    );
+    if let Counts::Preventable { by, .. } = &file.counts
+        && by.is_empty()
+    {
+        let what = "nobody is named who would have avoided it".to_owned();
+        let help = Some("name drivers, any of whom is enough: by: [RSS]".to_owned());
+        problems.add(&place.to("by"), what, "empty", help);
+    }
+    if file.judge != JudgeKind::UntilContact {
+        let what = format!(
+            "judge {:?} ends an episode before the contact on which `counts` rests",
+            file.judge
+        );
+        let help = Some("write judge: UntilContact".to_owned());
+        problems.add(&place, what, "needs another judge", help);
+    }
+    // Lemma 2's order: what does not count is paid below all that does.
+    let stepped = matches!(file.reward, Reward::Tanh { jump, .. } if 0.0 < jump);
+    if !stepped {
+        let what = "this reward has no step between what counts and what does not".to_owned();
+        let help = Some("write reward: Tanh() or any with jump above 0".to_owned());
+        problems.add(&place, what, "needs another reward", help);
+    }
+    let mut agents = file.agents.iter();
+    if !agents.any(is_ado_with_a_body) {
+        let what = "no ado of this world can touch the ego".to_owned();
+        let help = Some("only vehicles and pedestrians can; write counts: Violation".to_owned());
+        problems.add(&place, what, "here", help);
+    }
+}
+
+fn is_ado_with_a_body(agent: &AgentFile) -> bool {
+    match agent {
+        AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => {
+            matches!(drive, DriveFile::Ado(_))
+        }
+        AgentFile::Light { .. } => false,
+    }
+}
+
+/// Refuses what asks for a contact in a world of cells.
+pub(super) fn nothing_touches(
+    problems: &mut Problems,
+    top: &Path,
+    judge: JudgeKind,
+    counts: &Counts,
+) {
+    let nothing = "nothing touches in a world of cells".to_owned();
+    if judge == JudgeKind::UntilContact {
+        let help = Some("write judge: UntilViolation or WholeRun".to_owned());
+        problems.add(&top.to("judge"), nothing, "no contact", help);
+    } else if !counts.is_violation() {
+        let help = Some("leave `counts` out".to_owned());
+        problems.add(&top.to("counts"), nothing, "no contact", help);
+    }
+}

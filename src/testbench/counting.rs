@@ -1,0 +1,41 @@
+//! Whether a violation that ended in contact is one that counts.
+
+use super::Testbench;
+use crate::rulebook::{Counts, Verdict};
+use crate::scene::{Role, Touch};
+
+impl Testbench {
+    /// The verdict as the world counts it: the rulebook reads traces, and what
+    /// a contact was is known to the scene.
+    pub(super) fn counted(&self, verdict: Verdict) -> Verdict {
+        match verdict {
+            Verdict::Counterexample { by } if !self.counts() => Verdict::Uncounted { by },
+            verdict => verdict,
+        }
+    }
+
+    fn counts(&self) -> bool {
+        let counts = &self.rulebook.counts;
+        let Some(least_mps) = counts.closing_mps() else {
+            return true;
+        };
+        let Some(touch) = &self.contact else {
+            return false;
+        };
+        let concerns_ego = touch.impact.is_some_and(|impact| impact.concerns_ego());
+        if touch.closing_speed_mps < least_mps || !concerns_ego || !self.is_with_ado(touch) {
+            return false;
+        }
+        match counts {
+            Counts::Violation | Counts::Contact { .. } => true,
+            Counts::Preventable { .. } => false,
+        }
+    }
+
+    /// Whether one of the two is an ado; traffic that follows a script is none.
+    fn is_with_ado(&self, touch: &Touch) -> bool {
+        let cast = self.scene.stage().cast;
+        let mut ados = cast.iter().filter(|who| who.role == Role::Ado);
+        ados.any(|ado| [&touch.between.0, &touch.between.1].contains(&&ado.name))
+    }
+}
