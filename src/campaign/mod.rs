@@ -29,6 +29,7 @@ mod search;
 mod search_table;
 mod session;
 mod starts;
+mod sweep;
 mod telling;
 mod theorems;
 mod train;
@@ -46,7 +47,7 @@ pub use ego_under_test::{EgoUnderTest, consent};
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;
 pub use eval::{Ado, EvalRequest, Evaluated, Outcome, best_constant, eval, explain_first};
-pub use evaluation::{Evaluation, EvaluationTable, Reason, TheoremsChecked};
+pub use evaluation::{Evaluation, EvaluationTable, Flipped, Gate, Reason, TheoremsChecked};
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{Identification, IdentifyFound, IdentifyStep};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
@@ -61,6 +62,7 @@ pub use search::{Cem, Found, Method, SWITCHES, SearchRequest, Searched, anytime,
 pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use starts::{TestStarts, test_starts};
+pub use sweep::{Point, Sweep, Swept};
 pub use telling::{Telling, telling};
 pub use theorems::{
     CarriedOver, CarryOver, Distance, Forecast, NearbyStarts, Refused, Sharper, Spread,
