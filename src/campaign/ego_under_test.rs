@@ -110,7 +110,7 @@ impl EgoUnderTest {
         }
     }
 
-    fn changed(
+    pub(super) fn changed(
         world: &Scenario,
         name: &str,
         change: &Change,

@@ -1,6 +1,10 @@
 //! A trained ado and its rivals on many egos: the table of reuse (Sec. IV).
 
+mod gate;
+
 use std::path::Path;
+
+pub use gate::{Flipped, Gate};
 
 use super::baselines::{AdoKind, Baselines};
 use super::by_rule::ByRule;
@@ -56,6 +60,9 @@ pub struct Reason {
     pub ego: String,
     /// Position of the start.
     pub start: usize,
+    /// The requirement that ψ_ego stands for, if the world names one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub requirement: Option<String>,
     /// Which leaf decides, when, and with which value.
     #[serde(rename = "explain")]
     pub explanation: Explanation,
@@ -105,6 +112,15 @@ struct Found<'a> {
     ado: ConditionedAdo,
     /// The ego's own starts, where it has others.
     starts: Option<TestStarts>,
+}
+
+impl Found<'_> {
+    fn evaluated(&self) -> &Evaluated {
+        match &self.by {
+            FoundBy::Trained(evaluated) | FoundBy::Optimal(evaluated) => evaluated,
+            FoundBy::Tries(tried) => &tried.evaluated,
+        }
+    }
 }
 
 /// Whose counterexamples they are.
@@ -423,6 +439,7 @@ impl<'a> Meeting<'a> {
             self.reason = explained.map(|(start, explanation)| Reason {
                 ego: self.ego.name().to_owned(),
                 start,
+                requirement: self.ego.scenario().requirement.clone(),
                 explanation,
             });
             let row = evaluated.row.clone();

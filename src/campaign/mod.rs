@@ -33,6 +33,7 @@ mod search_table;
 mod session;
 mod shrink;
 mod starts;
+mod sweep;
 mod telling;
 mod theorems;
 mod train;
@@ -53,7 +54,7 @@ pub(crate) use episodes::EpisodeLoop;
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;
 pub use eval::{Ado, EvalRequest, Evaluated, Outcome, best_constant, eval, explain_first};
-pub use evaluation::{Evaluation, EvaluationTable, Reason, TheoremsChecked};
+pub use evaluation::{Evaluation, EvaluationTable, Flipped, Gate, Reason, TheoremsChecked};
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{Identification, IdentifyFound, IdentifyStep};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
@@ -70,6 +71,7 @@ pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{effort, shrink};
 pub use starts::{TestStarts, test_starts};
+pub use sweep::{Point, Sweep, Swept};
 pub use telling::{Telling, telling};
 pub use theorems::{
     CarriedOver, CarryOver, Distance, Forecast, NearbyStarts, Refused, Sharper, Spread,

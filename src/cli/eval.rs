@@ -5,15 +5,17 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::compared::{Compared, GateOn};
 use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, one_of, open_run, print_json, start_count,
     table, talk, theorems,
 };
 use crate::campaign::{
-    AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, TheoremsChecked, Watch,
-    on_plant, summarise,
+    AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
+    Watch, on_plant, summarise,
 };
+use crate::scenario::Scenario;
 use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
@@ -48,6 +50,23 @@ pub(super) struct EvalArgs {
     /// Also check the paper's theorems: 1 and 2 on a grid, 3 and Lemma 1 on the road.
     #[arg(long)]
     theorems: bool,
+    /// The ego before: what fails newly against it decides the exit code.
+    #[arg(long, value_name = "NAME|FILE.ron", conflicts_with = "over")]
+    pub(super) baseline_ego: Option<String>,
+    /// Which newly failing starts exit with 1, with `--baseline-ego`.
+    #[arg(
+        long,
+        value_enum,
+        default_value = "preventable",
+        requires = "baseline_ego"
+    )]
+    gate: GateOn,
+    /// One parameter of the ego over a range instead of `--ego`: where it is safe.
+    #[arg(long, value_name = "ego.NAME=LO..HI[:N]", conflicts_with_all = ["ego", "program"])]
+    over: Option<String>,
+    /// Draw the sweep of `--over` as SVG.
+    #[arg(long, value_name = "FILE.svg", requires = "over")]
+    pub(super) curve: Option<PathBuf>,
     /// Exit with 1 if any ado makes an ego fail.
     #[arg(long)]
     fail_on_counterexample: bool,
@@ -67,7 +86,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     if let Some(plant) = args.plant {
         nominal = on_plant(&nominal, plant)?;
     }
-    let egos = EgoUnderTest::find_or_program(&nominal, &args.ego, &args.program)?;
+    let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
+    let egos = egos(args, sweep.as_ref(), &nominal)?;
     keeps_something(args)?;
     let evaluation = Evaluation {
         run: &run,
@@ -78,19 +98,51 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.common.seed),
         search: args.search,
         tries: args.tries,
-        keeps: args.keep.dir().is_some(),
+        keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
     let Some(mut evaluated) = evaluation.run(&watch)? else {
         return interrupted_early(&args.common);
     };
     let theorems = checked(args, &mut evaluated, &watch);
+    let compared = Compared::of(args, sweep.as_ref(), &evaluated)?;
     drop(bar);
-    show(args, &evaluated, theorems.as_ref())?;
+    show(args, &evaluated, theorems.as_ref(), &compared)?;
     if let Some(dir) = args.keep.dir() {
         let bar = talk::bar("keeping");
         evaluated.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
     }
-    ended(args, evaluated, theorems)
+    ended(args, evaluated, theorems, &compared)
+}
+
+/// The egos that are met: those of the sweep, or those asked for and the one
+/// before.
+fn egos(
+    args: &EvalArgs,
+    sweep: Option<&Sweep>,
+    nominal: &Scenario,
+) -> Result<Vec<EgoUnderTest>, Failure> {
+    if let Some(sweep) = sweep {
+        return Ok(sweep.egos(nominal)?);
+    }
+    let mut egos = EgoUnderTest::find_or_program(nominal, &args.ego, &args.program)?;
+    if let Some(asked) = &args.baseline_ego {
+        let before = EgoUnderTest::find(nominal, asked)?;
+        let [before] = &before[..] else {
+            return Err(Failure::input(
+                "`--baseline-ego all` is more than one ego",
+                "name the one ego that the others are compared with",
+            ));
+        };
+        egos.retain(|ego| ego.name() != before.name());
+        if egos.is_empty() {
+            return Err(Failure::input(
+                format!("`{asked}` is compared with itself"),
+                "name another ego with `--ego`",
+            ));
+        }
+        egos.push(before.clone());
+    }
+    Ok(egos)
 }
 
 /// The theorems, if they are asked for and everything was played; why they
@@ -127,6 +179,7 @@ fn show(
     args: &EvalArgs,
     evaluated: &EvaluationTable<'_>,
     theorems: Option<&TheoremsChecked>,
+    compared: &Compared,
 ) -> Result<(), Failure> {
     let summary = summarise(&evaluated.egos, "trained");
     if args.common.json {
@@ -139,6 +192,7 @@ fn show(
         if let Some(theorems) = theorems {
             object["theorems"] = json!(theorems);
         }
+        compared.add_to(&mut object);
         return print_json(&object);
     }
     talk::data(&table::reuse(&evaluated.egos, &summary))?;
@@ -148,10 +202,10 @@ fn show(
             why.ego, why.start, why.explanation
         ))?;
     }
-    match theorems {
-        Some(theorems) => talk::data(&format!("\n{}", theorems::text(theorems))),
-        None => Ok(()),
+    if let Some(theorems) = theorems {
+        talk::data(&format!("\n{}", theorems::text(theorems)))?;
     }
+    compared.show()
 }
 
 /// How it ended, with everything shown and kept.
@@ -159,6 +213,7 @@ fn ended(
     args: &EvalArgs,
     evaluated: EvaluationTable<'_>,
     theorems: Option<TheoremsChecked>,
+    compared: &Compared,
 ) -> Result<Exit, Failure> {
     let rows = evaluated.rows();
     if let Some(failure) = evaluated.failure {
@@ -170,5 +225,8 @@ fn ended(
             Some("this is a bug of brakecheck: please report it with the run".to_owned()),
         ));
     }
-    Ok(exit_of(&rows, args.fail_on_counterexample))
+    Ok(match compared.is_held_up(args.gate) {
+        true => Exit::Counterexample,
+        false => exit_of(&rows, args.fail_on_counterexample),
+    })
 }

@@ -3,6 +3,7 @@
 //! stdout is data, stderr is talk and progress bars. Exit codes: [`Exit`].
 
 mod check;
+mod compared;
 mod crashes;
 mod eval;
 mod failure;

@@ -134,6 +134,32 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
     figure(&panels.collect::<Vec<_>>(), caption)
 }
 
+/// Share of starts that fail over a parameter of the ego, with the ends of its
+/// interval; shares are 0 to 1.
+pub fn sweep_curve(parameter: &str, points: &[(f64, f64, [f64; 2])], caption: &str) -> String {
+    let curve = |name: &str, class: &str, share: &dyn Fn(&(f64, f64, [f64; 2])) -> f64| Curve {
+        name: name.to_owned(),
+        class: class.to_owned(),
+        points: points
+            .iter()
+            .map(|point| (point.0, 100.0 * share(point)))
+            .collect(),
+    };
+    let panel = Chart {
+        title: format!("failing starts over {parameter}"),
+        x_label: parameter.to_owned(),
+        y_label: "starts that fail [%]".to_owned(),
+        curves: vec![
+            curve("share", "c-ego", &|point| point.1),
+            curve("95 % interval", "c-ado", &|point| point.2[0]),
+            curve("", "c-ado", &|point| point.2[1]),
+        ],
+        y_span: Some((0.0, 100.0)),
+        ..Chart::default()
+    };
+    figure(&[panel], caption)
+}
+
 /// Panels in two columns over a caption.
 fn figure(panels: &[Chart], caption: &str) -> String {
     let rows = panels.len().div_ceil(2);

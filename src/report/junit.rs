@@ -3,67 +3,105 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::{Report, Tested};
-use crate::run::Row;
+use crate::run::{Row, StartOutcome};
 use crate::testbench::FaultCount;
 
+/// One test case per counterexample of the adversaries that are tested with;
+/// an ego that none of them makes fail has one that passes. Baselines say how
+/// hard that was and are no cases.
 pub(super) fn xml(report: &Report<'_>) -> String {
-    let rows = report.tested.iter().map(|tested| &tested.row);
-    let skipped = rows.clone().filter(|row| row.starts + row.invalid == 0);
-    let skipped = skipped.count();
-    // A row with a failure and faults is one test case: it counts as an error.
-    let errors = rows.clone().filter(|row| 0 < row.invalid).count();
-    let errors = errors + usize::from(!report.faults.is_empty());
-    let failures = rows.filter(|row| 0 < row.successes && row.invalid == 0);
-    let failures = failures.count();
-    let seconds: f64 = report.tested.iter().map(|tested| tested.row.cpu_s).sum();
-    let tests = report.tested.len() + usize::from(!report.faults.is_empty());
+    let tested: Vec<&Tested> = report.tested.iter().filter(is_adversary).collect();
+    let not_run = usize::from(!report.faults.is_empty());
+    let rows = || tested.iter().map(|tested| &tested.row);
+    let errors = rows().filter(|row| errs(row)).count() + not_run;
+    let failures: usize = rows().map(|row| row.successes).sum();
+    let skipped = rows().filter(|row| row.starts + row.invalid == 0).count();
+    let cases = |row: &Row| row.successes + usize::from(errs(row) || row.successes == 0);
+    let tests = rows().map(cases).sum::<usize>() + not_run;
+    let seconds: f64 = rows().map(|row| row.cpu_s).sum();
     let time = format!("{seconds:.3}");
     let name = legible(&report.scenario.name);
     let page = html! {
         (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
         testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) time=(time) {
             testsuite name=(name) tests=(tests) failures=(failures) errors=(errors) skipped=(skipped) time=(time) {
-                @if !report.faults.is_empty() { (not_run(report)) }
-                @for tested in &report.tested { (case(report, tested)) }
+                @if !report.faults.is_empty() { (not_ran(report)) }
+                @for tested in &tested { (cases_of(report, tested)) }
             }
         }
     };
     page.into_string()
 }
 
-fn case(report: &Report<'_>, tested: &Tested) -> Markup {
+/// Whether a row is of a trained ado or a search, not of a baseline.
+fn is_adversary(tested: &&Tested) -> bool {
+    tested.row.train_seed.is_some() || tested.row.ado == "search"
+}
+
+/// Whether the ego or the physics failed somewhere.
+fn errs(row: &Row) -> bool {
+    0 < row.invalid
+}
+
+fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
     let row = &tested.row;
+    let solved = row.solved.iter().enumerate();
+    let solved = solved.filter(|(_, outcome)| **outcome == StartOutcome::Solved);
+    let starts: Vec<usize> = solved.map(|(start, _)| start).collect();
     let class = legible(&format!("{}.{:?}", row.world, row.plant));
-    let name = legible(&format!("ego {} against ado {}", row.ego, row.ado));
-    let says = format!(
-        "{} of {} starts make the ego fail with every rule kept",
-        row.successes, row.starts
-    );
-    let why = tested.why.as_deref().unwrap_or("no episode was explained");
-    let text = format!(
-        "{}\nego_spec: {}\nmethod: {}\nstarts of seed {}, {} left out because the ego fails by itself\n{why}",
-        report.scenario.question, report.scenario.ego_spec, row.method, row.start_seed, row.trivial
-    );
+    let name = format!("ego {} against ado {}", row.ego, row.ado);
     html! {
-        testcase classname=(class) name=(name) time=(format!("{:.3}", row.cpu_s)) {
-            @if 0 < row.invalid {
+        @if errs(row) {
+            testcase classname=(class) name=(legible(&format!("{name} runs"))) time="0.000" {
                 error type=(row.faults.first().map_or("fault", |fault| fault.kind.word()))
                     message=(legible(&format!(
                         "the ego or the physics failed on {} of {} starts",
                         row.invalid,
                         row.starts + row.invalid
                     ))) { (legible(&faults(row))) }
-            } @else if row.starts == 0 {
-                skipped message="no start was evaluated" {}
-            } @else if 0 < row.successes {
-                failure type="counterexample" message=(says) { (legible(&text)) }
+            }
+        } @else if starts.is_empty() {
+            testcase classname=(class) name=(legible(&name)) time=(format!("{:.3}", row.cpu_s)) {
+                (requirement(report))
+                @if row.starts == 0 { skipped message="no start was evaluated" {} }
+            }
+        }
+        @for (i, start) in starts.iter().enumerate() {
+            testcase classname=(class) name=(legible(&format!("{name}, start {start:04}"))) time=(format!("{:.3}", row.cpu_s / starts.len() as f64)) {
+                (requirement(report))
+                failure type="counterexample" message="the ego fails, every rule kept" {
+                    (legible(&about(report, tested, i == 0)))
+                }
             }
         }
     }
 }
 
+/// The requirement that ψ_ego stands for.
+fn requirement(report: &Report<'_>) -> Markup {
+    html! {
+        @if let Some(requirement) = &report.scenario.requirement {
+            properties { property name="requirement" value=(legible(requirement)) {} }
+        }
+    }
+}
+
+fn about(report: &Report<'_>, tested: &Tested, is_first: bool) -> String {
+    let row = &tested.row;
+    let why = tested.why.as_deref().filter(|_| is_first);
+    format!(
+        "{}\nego_spec: {}\nmethod: {}\nstarts of seed {}, {} left out because the ego fails by itself\n{}",
+        report.scenario.question,
+        report.scenario.ego_spec,
+        row.method,
+        row.start_seed,
+        row.trivial,
+        why.unwrap_or("")
+    )
+}
+
 /// An ego that failed to run, whatever else was found.
-fn not_run(report: &Report<'_>) -> Markup {
+fn not_ran(report: &Report<'_>) -> Markup {
     let class = legible(&report.scenario.name);
     let first = report.faults.first();
     let text: Vec<String> = report.faults.iter().map(in_full).collect();

@@ -19,7 +19,7 @@ use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::testbench::{Episode, FaultCount};
 
-pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5};
+pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5, sweep_curve};
 
 /// Everything a report shows.
 pub struct Report<'a> {
@@ -112,7 +112,7 @@ impl Report<'_> {
         page::html(self)
     }
 
-    /// The report as JUnit XML: one test case per ego and ado.
+    /// The report as JUnit XML: one test case per counterexample.
     pub fn junit(&self) -> String {
         junit::xml(self)
     }

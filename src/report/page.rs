@@ -93,9 +93,9 @@ fn world(scenario: &Scenario) -> Markup {
         div class="wide" { table {
             thead { tr { th { "" } th { "who" } th { "what" } th { "in Signal Temporal Logic" } } }
             tbody {
-                tr { td { "ψ_ego" } td { "ego" } td {} td class="w" { code { (scenario.ego_spec) } } }
+                tr { td { "ψ_ego" } td { "ego" } td class="w" { @if let Some(requirement) = &scenario.requirement { (requirement) } } td class="w" { code { (scenario.ego_spec) } } }
                 @for rule in &scenario.rules {
-                    tr { td { "rule " (rule.priority + 1) } td { (rule.ado) } td class="w" { (rule.name) } td class="w" { code { (rule.formula) } } }
+                    tr { td { "rule " (rule.priority + 1) } td { (rule.ado) } td class="w" { (rule.name) @if let Some(requirement) = &rule.requirement { " (" (requirement) ")" } } td class="w" { code { (rule.formula) } } }
                 }
             }
         } }

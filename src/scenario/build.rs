@@ -162,6 +162,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         name: file.name,
         question: file.question,
         source: file.source,
+        requirement: file.requirement,
         text: trained::with_values(text, &written_out),
         ego_spec,
         rules,

@@ -289,6 +289,7 @@ impl Cast<'_> {
                 ado: name.to_owned(),
                 priority: rule.priority.unwrap_or(self.rules.len()),
                 formula,
+                requirement: rule.requirement.clone(),
                 place: stl,
             });
         }

@@ -42,6 +42,9 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) formulas: Ordered<String>,
     pub(super) ego_spec: String,
+    /// What ψ_ego stands for in a regulation or a list of requirements.
+    #[serde(default)]
+    pub(super) requirement: Option<String>,
     #[serde(default)]
     pub(super) constants: Ordered<f64>,
     #[serde(default)]
@@ -169,6 +172,8 @@ pub(super) struct AdoFile {
 pub(super) struct RuleFile {
     pub(super) name: String,
     pub(super) stl: String,
+    #[serde(default)]
+    pub(super) requirement: Option<String>,
     #[serde(default)]
     pub(super) priority: Option<usize>,
 }

@@ -53,6 +53,8 @@ pub(super) struct GridFile {
     formulas: Ordered<String>,
     ego_spec: String,
     #[serde(default)]
+    requirement: Option<String>,
+    #[serde(default)]
     constants: Ordered<f64>,
     #[serde(default)]
     reward: Reward,
@@ -181,6 +183,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         name: file.name,
         question: file.question,
         source: file.source,
+        requirement: file.requirement,
         text: text.to_owned(),
         ego_spec,
         rules,
@@ -242,6 +245,7 @@ fn rules(problems: &mut Problems, path: &Path, file: &[RuleFile]) -> Vec<RuleSpe
                 ado: "ado".to_owned(),
                 priority: rule.priority.unwrap_or(rules.len()),
                 formula,
+                requirement: rule.requirement.clone(),
                 place,
             });
         }

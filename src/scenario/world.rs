@@ -33,6 +33,8 @@ pub struct Scenario {
     pub(crate) text: String,
     /// ψ_ego.
     pub(crate) ego_spec: Formula,
+    /// The requirement that ψ_ego stands for, if the world names one.
+    pub(crate) requirement: Option<String>,
     /// The ados' rules, in the file's order.
     pub(crate) rules: Vec<RuleSpec>,
     /// Constants and named formulas.
@@ -76,6 +78,8 @@ pub struct RuleSpec {
     pub priority: usize,
     /// Kept when its robustness is above 0.
     pub formula: Formula,
+    /// The requirement it stands for, such as a paragraph of a regulation.
+    pub requirement: Option<String>,
     /// Where its formula stands in the file.
     pub(super) place: Path,
 }

@@ -97,7 +97,7 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
     let rules = scenario.rules.iter();
     let rules: Vec<_> = rules
         .map(|rule| {
-            json!({ "name": rule.name, "ado": rule.ado, "priority": rule.priority, "stl": rule.formula.to_string() })
+            json!({ "name": rule.name, "ado": rule.ado, "priority": rule.priority, "stl": rule.formula.to_string(), "requirement": rule.requirement })
         })
         .collect();
     let actions: Vec<_> = (0..scenario.world().spaces().actions)
@@ -116,6 +116,7 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
         "signals": signals,
         "constants": scenario.names.constants,
         "ego_spec": scenario.ego_spec.to_string(),
+        "requirement": scenario.requirement,
         "rules": rules,
         "actions": actions,
         "egos": egos,

@@ -13,10 +13,13 @@
 //!
 //! docs/intervals.md has the method in formulas, docs/lab/coverage.md its coverage.
 
+mod mcnemar;
 mod scores;
 #[cfg(test)]
 mod tests;
 mod trainings;
+
+pub use mcnemar::mcnemar;
 
 use super::outcome::{Outcomes, StartOutcome};
 use scores::{Scores, Side};

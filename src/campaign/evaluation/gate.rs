@@ -1,0 +1,138 @@
+//! One ado on an ego and on the one before it: what fails newly, what is mended.
+
+use serde::Serialize;
+
+use super::{EvaluationTable, Found};
+use crate::campaign::error::CampaignError;
+use crate::campaign::eval::Evaluated;
+use crate::run::{ClosingSpeed, StartOutcome, mcnemar};
+
+/// A start whose outcome is another on the new ego.
+#[derive(Clone, Debug, Serialize)]
+pub struct Flipped {
+    /// Position of the start.
+    pub start: usize,
+    /// Closing speed on the ego that fails there, if it ends in contact.
+    pub closing_mps: Option<f64>,
+    /// Whether a careful driver in that ego's place would have avoided it;
+    /// `None`: nobody judges such an encounter.
+    pub preventable: Option<bool>,
+}
+
+/// The trained ado on a new ego against a baseline, start by start.
+#[derive(Clone, Debug, Serialize)]
+pub struct Gate {
+    /// The new ego.
+    pub ego: String,
+    /// The one it is compared with.
+    pub baseline: String,
+    /// Starts that tell something of both.
+    pub compared: usize,
+    /// Starts from which the new ego fails and the baseline does not.
+    pub newly_failing: Vec<Flipped>,
+    /// Starts from which the baseline fails and the new ego does not.
+    pub newly_fixed: Vec<Flipped>,
+    /// Starts from which both fail.
+    pub both_fail: usize,
+    /// Where both fail in contact: closing speeds of the baseline.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_before_mps: Option<ClosingSpeed>,
+    /// The same of the new ego.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_after_mps: Option<ClosingSpeed>,
+    /// Exact two-sided p-value of McNemar's test on the flipped starts.
+    pub p_value: f64,
+}
+
+impl Gate {
+    /// Whether a start fails newly that a careful driver would have survived.
+    pub fn is_newly_preventable(&self) -> bool {
+        let mut starts = self.newly_failing.iter();
+        starts.any(|start| start.preventable == Some(true))
+    }
+
+    /// Compares two evaluations of one ado over the same starts.
+    fn of((ego, new): (&str, &Evaluated), (baseline, old): (&str, &Evaluated)) -> Gate {
+        let mut gate = Gate {
+            ego: ego.to_owned(),
+            baseline: baseline.to_owned(),
+            compared: 0,
+            newly_failing: Vec::new(),
+            newly_fixed: Vec::new(),
+            both_fail: 0,
+            closing_before_mps: None,
+            closing_after_mps: None,
+            p_value: 1.0,
+        };
+        let closing = |of: &Evaluated, start: usize| {
+            let outcome = of.outcomes.get(start).copied().flatten();
+            outcome.and_then(|outcome| outcome.closing_speed_mps)
+        };
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        let pairs = new.row.solved.iter().zip(old.row.solved.iter());
+        for (start, (new_one, old_one)) in pairs.enumerate() {
+            use StartOutcome::{Solved, Unsolved};
+            let flipped = |of| Flipped {
+                start,
+                closing_mps: closing(of, start),
+                preventable: None,
+            };
+            match (new_one, old_one) {
+                (Solved, Unsolved) => gate.newly_failing.push(flipped(new)),
+                (Unsolved, Solved) => gate.newly_fixed.push(flipped(old)),
+                (Solved, Solved) => {
+                    gate.both_fail += 1;
+                    if let (Some(was), Some(is)) = (closing(old, start), closing(new, start)) {
+                        before.push(was);
+                        after.push(is);
+                    }
+                }
+                (Unsolved, Unsolved) => {}
+                _ => continue,
+            }
+            gate.compared += 1;
+        }
+        gate.closing_before_mps = ClosingSpeed::of(before);
+        gate.closing_after_mps = ClosingSpeed::of(after);
+        gate.p_value = mcnemar(gate.newly_failing.len(), gate.newly_fixed.len());
+        gate
+    }
+}
+
+impl EvaluationTable<'_> {
+    /// Compares every other ego with `baseline`, by what the trained ado did to
+    /// them; needs [`super::Evaluation::keeps`].
+    ///
+    /// # Errors
+    /// Two egos do not start alike, so that nothing pairs their starts.
+    pub fn gates(&self, baseline: &str) -> Result<Vec<Gate>, CampaignError> {
+        let of = |name: &str| self.found.iter().find(|found| found.ego.name() == name);
+        let Some(old) = of(baseline) else {
+            return Ok(Vec::new());
+        };
+        let others = self
+            .found
+            .iter()
+            .filter(|found| found.ego.name() != baseline);
+        others
+            .map(|new| match comparable(new, old) {
+                true => Ok(Gate::of(
+                    (new.ego.name(), new.evaluated()),
+                    (baseline, old.evaluated()),
+                )),
+                false => Err(CampaignError::request(
+                    format!(
+                        "`{}` and `{baseline}` start from different places",
+                        new.ego.name()
+                    ),
+                    "compare egos on the same map",
+                )),
+            })
+            .collect()
+    }
+}
+
+/// Whether both were met from the table's own starts.
+fn comparable(new: &Found<'_>, old: &Found<'_>) -> bool {
+    new.starts.is_none() && old.starts.is_none()
+}

@@ -1,0 +1,145 @@
+//! What `eval` prints of egos compared: the gate, and a sweep.
+
+use clap::ValueEnum;
+use serde_json::{Value, json};
+
+use super::eval::EvalArgs;
+use super::{Failure, table_of, talk};
+use crate::campaign::{EvaluationTable, Gate, Point, Sweep, Swept};
+use crate::report::sweep_curve;
+use crate::run::{at_most, wilson, write_file};
+
+/// Which newly failing starts hold a change up.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum GateOn {
+    /// Those that a careful driver would have avoided.
+    Preventable,
+    /// All of them.
+    Any,
+    /// None.
+    Never,
+}
+
+/// Egos compared with each other.
+#[derive(Default)]
+pub(super) struct Compared {
+    gates: Vec<Gate>,
+    swept: Option<Swept>,
+}
+
+impl Compared {
+    pub(super) fn of(
+        args: &EvalArgs,
+        sweep: Option<&Sweep>,
+        evaluated: &EvaluationTable<'_>,
+    ) -> Result<Compared, Failure> {
+        let swept = sweep.map(|sweep| sweep.swept(&evaluated.egos));
+        if let (Some(file), Some(swept)) = (args.curve.as_deref(), &swept) {
+            write_file(file, curve(swept).as_bytes())?;
+        }
+        Ok(Compared {
+            gates: match &args.baseline_ego {
+                Some(baseline) => evaluated.gates(baseline)?,
+                None => Vec::new(),
+            },
+            swept,
+        })
+    }
+
+    pub(super) fn add_to(&self, object: &mut Value) {
+        if !self.gates.is_empty() {
+            object["gates"] = json!(self.gates);
+        }
+        if let Some(swept) = &self.swept {
+            object["swept"] = json!(swept);
+        }
+    }
+
+    pub(super) fn show(&self) -> Result<(), Failure> {
+        for gate in &self.gates {
+            talk::data(&format!("\n{}", in_words(gate)))?;
+        }
+        match &self.swept {
+            Some(swept) => talk::data(&format!("\n{}", of_sweep(swept))),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether a new ego fails where the one before it did not.
+    pub(super) fn is_held_up(&self, on: GateOn) -> bool {
+        self.gates.iter().any(|gate| match on {
+            GateOn::Preventable => gate.is_newly_preventable(),
+            GateOn::Any => !gate.newly_failing.is_empty(),
+            GateOn::Never => false,
+        })
+    }
+}
+
+fn in_words(gate: &Gate) -> String {
+    let (ego, baseline) = (&gate.ego, &gate.baseline);
+    let speeds = match (gate.closing_before_mps, gate.closing_after_mps) {
+        (Some(before), Some(after)) => format!(
+            "; closing there {:.1} / {:.1} m/s before, {:.1} / {:.1} m/s now (median / 90 %)",
+            before.median, before.p90, after.median, after.p90
+        ),
+        _ => String::new(),
+    };
+    let preventable = gate.newly_failing.iter();
+    let preventable = preventable.filter(|start| start.preventable == Some(true));
+    format!(
+        "`{ego}` against `{baseline}`, {} starts: {} newly failing ({} of them preventable), {} \
+         newly fixed, {} fail on both{speeds}; exact McNemar p = {:.2e}",
+        gate.compared,
+        gate.newly_failing.len(),
+        preventable.count(),
+        gate.newly_fixed.len(),
+        gate.both_fail,
+        gate.p_value
+    )
+}
+
+fn curve(swept: &Swept) -> String {
+    let points = swept.points.iter().map(|point| {
+        let share = point.failing as f64 / point.starts.max(1) as f64;
+        (point.value, share, wilson(point.failing, point.starts))
+    });
+    sweep_curve(
+        &swept.parameter,
+        &points.collect::<Vec<_>>(),
+        &safety(swept),
+    )
+}
+
+fn of_sweep(swept: &Swept) -> String {
+    let parameter = &swept.parameter;
+    let lines = swept.points.iter().map(|point| {
+        let Point {
+            value,
+            starts,
+            failing,
+        } = *point;
+        let [lo, hi] = wilson(failing, starts).map(|share| 100.0 * share);
+        [
+            format!("{value}"),
+            format!("{failing} of {starts}"),
+            format!("{lo:.1} – {hi:.1}"),
+            "#".repeat((40.0 * failing as f64 / starts.max(1) as f64).ceil() as usize),
+        ]
+    });
+    let table = table_of([parameter.as_str(), "failing", "95 % interval", ""], lines);
+    format!("{table}\n{}", safety(swept))
+}
+
+/// From where on, or up to where, no start fails.
+fn safety(swept: &Swept) -> String {
+    let parameter = &swept.parameter;
+    let starts = swept.points.iter().map(|point| point.starts);
+    let bound = 100.0 * at_most(starts.min().unwrap_or(0));
+    let safe = match (swept.safe_from, swept.safe_up_to) {
+        (Some(least), Some(most)) if least <= most => "no value fails".to_owned(),
+        (Some(from), _) => format!("no failure from {parameter} = {from} on"),
+        (None, Some(to)) => format!("no failure up to {parameter} = {to}"),
+        (None, None) => return "starts fail at both ends of the range".to_owned(),
+    };
+    format!("{safe}: at each such value at most {bound:.1} % at 95 %, for these ados and starts")
+}
