@@ -16,7 +16,7 @@ use super::keep::{Again, Choice, Form, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
 use super::retrained::retrained;
 use super::reuse::{ReusedOn, reused_on};
-use super::search::{Method, SearchRequest, search};
+use super::search::{SearchRequest, Switches, search};
 use super::starts::{TestStarts, test_starts};
 use super::theorems::{CarryOver, NearbyStarts, TheoremsRequest, carry_over, nearby_starts};
 use super::tries::{Tried, Tries};
@@ -384,7 +384,7 @@ impl<'a> Meeting<'a> {
             let request = SearchRequest {
                 scenario: self.ego.scenario(),
                 ego: self.ego.name(),
-                method: Method::Switches(switches),
+                method: Switches(switches).into(),
                 budget: 0,
                 starts: self.starts,
             };

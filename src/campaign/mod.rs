@@ -66,7 +66,10 @@ pub use reporting::{GivenRows, ReportRequest};
 pub use retrained::retrained;
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub(crate) use search::count_contacts;
-pub use search::{Cem, Found, Method, SWITCHES, SearchRequest, Searched, anytime, search};
+pub use search::{
+    BUDGET, Cem, Found, Hold, Method, MethodInfo, MethodOption, MethodSettings, Mutate, SWITCHES,
+    SearchRequest, Searched, Switches, Uniform, anytime, search,
+};
 pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{effort, shrink};

@@ -9,7 +9,7 @@ use super::error::CampaignError;
 use super::eval::{Ado, eval};
 use super::keep::{Choice, Form, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
-use super::search::{Found, Method, SearchRequest, Searched, search};
+use super::search::{Found, Method, MethodOption, SearchRequest, Searched, search};
 use super::starts::{TestStarts, test_starts};
 use super::watch::Watch;
 use crate::rl::Policy;
@@ -28,7 +28,7 @@ pub struct SearchCampaign<'a> {
     pub run: Option<&'a RunDir>,
     /// How sequences are chosen.
     pub method: Method<'a>,
-    /// Simulations per start; [`Method::Switches`] does without.
+    /// Simulations per start; 0 for methods that take none.
     pub budget: u64,
     /// Test starts to draw, and the seed of their stream.
     pub starts: (usize, u64),
@@ -174,12 +174,14 @@ impl Trained<'_> {
         watch: &Watch<'_>,
     ) -> Option<BreakEven> {
         let manifest = self.run.manifest();
-        let once = match request.method {
-            _ if watch.interrupted() => return None,
-            Method::Switches(_) => return None,
+        let method = request.method.info();
+        if watch.interrupted() || !method.takes(MethodOption::Budget) {
+            return None;
+        }
+        let once = match method.takes(MethodOption::From) {
             // It lives on a training as well: neither is charged for one.
-            Method::Mutate(_) => Cost::default(),
-            _ => Cost::of_training(manifest),
+            true => Cost::default(),
+            false => Cost::of_training(manifest),
         };
         if manifest.physics_steps == 0 {
             watch.note("an earlier version trained this run: it counted no physics steps");

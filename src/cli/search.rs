@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
+use strum::VariantArray;
 
 use super::keep::KeepArgs;
 use super::{
@@ -11,14 +13,11 @@ use super::{
     start_count, table, talk,
 };
 use crate::campaign::{
-    BreakEven, Cem, EgoUnderTest, Method, SWITCHES, SearchCampaign, SearchTable,
-    counterexamples_for, on_plant,
+    BUDGET, BreakEven, EgoUnderTest, Method, MethodInfo, MethodOption, MethodSettings,
+    SearchCampaign, SearchTable, counterexamples_for, on_plant,
 };
 use crate::run::{Row, RunDir, Stored};
 use crate::sim::PlantKind;
-
-/// Simulations per start of the other methods, unless told otherwise.
-const BUDGET: u64 = 100;
 
 #[derive(Args, Debug)]
 pub(super) struct SearchArgs {
@@ -26,16 +25,14 @@ pub(super) struct SearchArgs {
     #[arg(value_name = "WORLD|RUN")]
     world: PathBuf,
     /// How sequences are chosen.
-    #[arg(long, value_enum, default_value = "switches")]
-    method: MethodArg,
-    /// Most switches of action in a sequence (switches) [default: 2].
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_parser = method_of_the_list(), default_value = "switches")]
+    method: MethodInfo,
+    #[arg(long, value_name = "M", help = MethodOption::Switches.help())]
     switches: Option<usize>,
-    /// Simulations per start (uniform, hold, cem, mutate) [default: 100].
-    #[arg(long, value_name = "SIMS", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "SIMS", help = MethodOption::Budget.help(),
+        value_parser = clap::value_parser!(u64).range(1..))]
     budget: Option<u64>,
-    /// The run whose training counterexamples are mutated (mutate) [default: RUN].
-    #[arg(long, value_name = "RUN")]
+    #[arg(long, value_name = "RUN", help = MethodOption::From.help())]
     from: Option<PathBuf>,
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = start_count())]
@@ -58,22 +55,17 @@ pub(super) struct SearchArgs {
     pub(super) common: Common,
 }
 
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum MethodArg {
-    /// A random action at each decision.
-    Uniform,
-    /// A random action, held for five decisions.
-    Hold,
-    /// The cross-entropy method, with the rulebook's reward.
-    Cem,
-    /// The nearest counterexamples of a training, then mutations of them.
-    Mutate,
-    /// All sequences with at most M switches of action, fewest first.
-    Switches,
+/// The methods of the list, each with its help.
+fn method_of_the_list() -> impl TypedValueParser<Value = MethodInfo> {
+    let all = Method::all().iter();
+    let values = all.map(|method| PossibleValue::new(method.name).help(method.help));
+    let named = |name: String| Method::all().iter().find(|method| method.name == name);
+    // Invariant: the words are names of the list.
+    PossibleValuesParser::new(values).try_map(move |name| named(name.clone()).copied().ok_or(name))
 }
 
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
-    fitting(args)?;
+    args.method.refuse_others(&given(args))?;
     let run = match args.world.is_dir() {
         true => Some(open_run(&args.world, &args.common)?),
         false => None,
@@ -90,12 +82,16 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     }
     let egos = EgoUnderTest::find_or_program(&nominal, &args.ego, &args.program)?;
     let stored = stored(args, run.as_ref(), &egos)?;
+    let settings = MethodSettings {
+        switches: args.switches,
+        stored: stored.as_ref(),
+    };
     let bar = talk::bar("searching");
     let campaign = SearchCampaign {
         world: &world,
         egos: &egos,
         run: run.as_ref(),
-        method: method(args, stored.as_ref()),
+        method: Method::named(args.method.name, &settings)?,
         budget: args.budget.unwrap_or(BUDGET),
         starts: (args.starts, args.common.seed),
     };
@@ -124,60 +120,30 @@ fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     }
 }
 
-/// Refuses options that the method would ignore.
-fn fitting(args: &SearchArgs) -> Result<(), Failure> {
-    let switches = args.method == MethodArg::Switches;
-    let refused = |what: &str, help: &str| Err(Failure::input(what, help));
-    if switches && args.budget.is_some() {
-        return refused(
-            "`--budget` is for methods that sample, and `switches` tries all sequences",
-            "bound it with `--switches M`, or choose a method with `--method hold`, `cem` or `uniform`",
-        );
-    }
-    if !switches && args.switches.is_some() {
-        return refused(
-            "`--switches` is for `--method switches`",
-            "bound this method with `--budget SIMS`",
-        );
-    }
-    if args.method != MethodArg::Mutate && args.from.is_some() {
-        return refused(
-            "`--from` is for `--method mutate`",
-            "leave it out, or add `--method mutate`",
-        );
-    }
-    Ok(())
+/// The options that were given, of those that some methods take.
+fn given(args: &SearchArgs) -> Vec<MethodOption> {
+    let options = MethodOption::VARIANTS.iter().copied();
+    let is_given = |option: &MethodOption| match option {
+        MethodOption::Switches => args.switches.is_some(),
+        MethodOption::Budget => args.budget.is_some(),
+        MethodOption::From => args.from.is_some(),
+    };
+    options.filter(is_given).collect()
 }
 
-fn method<'a>(args: &SearchArgs, stored: Option<&'a Stored>) -> Method<'a> {
-    match (args.method, stored) {
-        (MethodArg::Mutate, Some(stored)) => Method::Mutate(stored),
-        (MethodArg::Uniform, _) => Method::Uniform,
-        (MethodArg::Cem, _) => Method::Cem(Cem::default()),
-        (MethodArg::Switches, _) => Method::Switches(args.switches.unwrap_or(SWITCHES)),
-        // Invariant: `mutate` has been given what it mutates.
-        (MethodArg::Hold | MethodArg::Mutate, _) => Method::Hold,
-    }
-}
-
-/// The counterexamples to mutate, if the method does.
+/// The counterexamples to mutate, if the method does and there is a run.
 fn stored(
     args: &SearchArgs,
     run: Option<&RunDir>,
     egos: &[EgoUnderTest],
 ) -> Result<Option<Stored>, Failure> {
-    if args.method != MethodArg::Mutate {
+    if !args.method.takes(MethodOption::From) {
         return Ok(None);
     }
     let from = args.from.as_ref();
     let from = from.map(|from| open_run(from, &args.common)).transpose()?;
-    let Some(run) = from.as_ref().or(run) else {
-        return Err(Failure::input(
-            "`--method mutate` needs the counterexamples of a training",
-            "name a run directory with `--from RUN`",
-        ));
-    };
-    Ok(Some(counterexamples_for(run, egos)?))
+    let run = from.as_ref().or(run);
+    Ok(run.map(|run| counterexamples_for(run, egos)).transpose()?)
 }
 
 /// Success after fewer simulations, one line per search.
@@ -234,4 +200,31 @@ fn in_words(even: &BreakEven) -> String {
         from(even.starts_by_physics_steps),
         from(even.starts_by_cpu_s),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory, Parser};
+
+    use super::SearchArgs;
+
+    #[derive(Parser)]
+    struct Alone {
+        #[command(flatten)]
+        search: SearchArgs,
+    }
+
+    #[test]
+    fn a_method_of_the_list_is_a_value_with_its_help() {
+        let parsed = Alone::try_parse_from(["search", "a.ron", "--method", "constants"]);
+        let parsed = parsed.map_err(|e| e.to_string()).expect("in the list");
+        assert_eq!(parsed.search.method.name, "constants");
+        let help = Alone::command().render_long_help().to_string();
+        for says in [
+            "- constants: Each action for a whole episode",
+            "(uniform, hold, cem, mutate, constants) [default: 100]",
+        ] {
+            assert!(help.contains(says), "{help}");
+        }
+    }
 }

@@ -4,7 +4,7 @@
 //! sequences with few switches, so the same pictures come out on every machine.
 
 use super::extreme::extreme;
-use crate::campaign::{Method, SWITCHES, SearchRequest, TestStarts, Watch, search};
+use crate::campaign::{SWITCHES, SearchRequest, Switches, TestStarts, Watch, search};
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
 use crate::scene::Start;
@@ -133,7 +133,7 @@ fn first_found(scenario: &Scenario, start: &Start, watch: &Watch<'_>) -> Option<
     let request = SearchRequest {
         scenario,
         ego: "nominal",
-        method: Method::Switches(SWITCHES),
+        method: Switches(SWITCHES).into(),
         budget: 0,
         starts: &starts,
     };

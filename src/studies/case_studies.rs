@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::campaign::{
-    Ado, EvalRequest, Method, SWITCHES, SearchRequest, TestStarts, TrainError, Watch,
+    Ado, EvalRequest, SWITCHES, SearchRequest, Switches, TestStarts, TrainError, Watch,
     best_constant, eval, search, test_starts, train,
 };
 use crate::run::{Asked, Outcomes, Row, RunDir, RunError, paired_difference, seeds_interval};
@@ -99,7 +99,7 @@ pub fn case_study(
         &SearchRequest {
             scenario,
             ego: "nominal",
-            method: Method::Switches(switches),
+            method: Switches(switches).into(),
             budget: 0,
             starts: &starts,
         },

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use brakecheck::campaign::{
-    Cem, Found, Method, SearchRequest, Searched, TestStarts, anytime, search,
+    Cem, Found, Hold, Method, Mutate, SearchRequest, Searched, Switches, TestStarts, Uniform,
+    anytime, search,
 };
 use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::run::{ClosingSpeed, Stored, Unconfirmed, at_most, wilson};
@@ -126,13 +127,13 @@ fn the_cost_of_a_search_without_solution_is_a_closed_form() {
     let starts = starts_at(&[50.01]);
     // Nothing brakes for longer than its rule allows: −3 lasts five decisions,
     // and is over in the sixth, −2 lasts all eight.
-    let none = searched(&world, Method::Switches(0), 1, &starts);
+    let none = searched(&world, Switches(0).into(), 1, &starts);
     assert_eq!((none.row.sims_per_start, none.row.successes), (5.0, 0));
     // Samples: 1, 16, 16, 16 and 11.
     assert_eq!(none.row.physics_steps, SUBSTEPS * (1 + 16 + 16 + 16 + 11));
     // From 0, −1 and −2 there are 7 places to switch, from −3 there are 5, with
     // four others each: 7 · 4 · 3 + 5 · 4 sequences more.
-    let one = searched(&world, Method::Switches(1), 1, &starts);
+    let one = searched(&world, Switches(1).into(), 1, &starts);
     assert_eq!(one.row.sims_per_start, (5 + 7 * 4 * 3 + 5 * 4) as f64);
     let row = one.row;
     assert_eq!((row.at_most, row.recall), (Some(at_most(1)), None));
@@ -146,7 +147,7 @@ fn the_cost_of_a_search_without_solution_is_a_closed_form() {
 fn sequences_with_few_switches_are_found_where_and_when_paper_finds_them() {
     let world = chase();
     for most in 0..=2 {
-        let Searched { row, found } = searched(&world, Method::Switches(most), 1, &starts());
+        let Searched { row, found } = searched(&world, Switches(most).into(), 1, &starts());
         let mut papers = Vec::new();
         let (mut simulations, mut steps) = (0, 0);
         for (h, found) in HEADWAYS_M.into_iter().zip(&found) {
@@ -215,7 +216,7 @@ fn what_does_not_carry_over_to_rigid_bodies_is_counted() {
     let world = rigid_with(&format!("headway < 20 or {EXACT}"));
     let headways_m = [15.51, 17.01, 20.51, 24.01, 50.01];
     let starts = starts_at(&headways_m);
-    let Searched { row, found } = searched(&world, Method::Switches(1), 1, &starts);
+    let Searched { row, found } = searched(&world, Switches(1).into(), 1, &starts);
     let trees = headways_m.map(|h| Tree::search(h, 1, h < 20.0));
     let mut simulations = 0;
     for ((h, tree), found) in headways_m.iter().zip(&trees).zip(&found) {
@@ -269,7 +270,7 @@ fn what_does_not_carry_over_to_rigid_bodies_is_counted() {
 fn a_start_that_is_solved_in_the_end_is_not_one_with_nothing_else() {
     let world = rigid_with(&format!("{EXACT} or eventually[0, T] (ado.accel <= -2.5)"));
     let starts = starts_at(&[19.01]);
-    let Searched { row, found } = searched(&world, Method::Switches(0), 1, &starts);
+    let Searched { row, found } = searched(&world, Switches(0).into(), 1, &starts);
     let found = found[0].as_ref().expect("searched");
     assert_eq!(row.solved.to_string(), "1");
     let actions = found.actions.as_ref().expect("solved");
@@ -289,7 +290,7 @@ fn a_start_is_given_up_after_three_hundred_confirmations() {
     let world = rigid_with(&format!("headway < 20 or {EXACT}"));
     let tree = Tree::search(20.51, 2, false);
     assert_eq!(tree.unconfirmed, 300, "there are more");
-    let searched = searched(&world, Method::Switches(2), 1, &starts_at(&[20.51]));
+    let searched = searched(&world, Switches(2).into(), 1, &starts_at(&[20.51]));
     let found = searched.found[0].as_ref().expect("searched");
     assert_eq!((found.unconfirmed, &found.actions), (300, &None));
     assert_eq!(found.simulations, tree.simulations + 300);
@@ -316,12 +317,12 @@ fn searches_with_a_budget_cost_their_episodes() {
     );
     let nothing = Stored::new(Vec::new(), &world.axes());
     let methods = [
-        (Method::Uniform, "uniform, 40 simulations"),
-        (Method::Hold, "hold, 40 simulations"),
-        (Method::Cem(Cem::default()), "cem, held 5, 40 simulations"),
-        (Method::Mutate(&stored), "mutate, 40 simulations"),
+        (Uniform.into(), "uniform, 40 simulations"),
+        (Hold.into(), "hold, 40 simulations"),
+        (Cem::default().into(), "cem, held 5, 40 simulations"),
+        (Mutate(&stored).into(), "mutate, 40 simulations"),
         // A training that found nothing leaves nothing to mutate.
-        (Method::Mutate(&nothing), "mutate, 40 simulations"),
+        (Mutate(&nothing).into(), "mutate, 40 simulations"),
     ];
     let starts = starts();
     for (method, text) in methods {
@@ -376,7 +377,7 @@ fn searches_with_a_budget_cost_their_episodes() {
     }
     // Nearest first, as they are: 20, 30 and 45 m with −2, −1 and −3. At 27.51 m
     // the second simulation solves, at 24.01 m the first.
-    let found = searched(&world, Method::Mutate(&stored), 3, &starts).found;
+    let found = searched(&world, Mutate(&stored).into(), 3, &starts).found;
     let spent = |h: f64| {
         let at = HEADWAYS_M
             .iter()
@@ -389,7 +390,7 @@ fn searches_with_a_budget_cost_their_episodes() {
     assert_eq!(spent(27.51), (2, Some(3)));
     assert_eq!(spent(28.01), (3, None));
     // Held draws are five decisions long.
-    let held = searched(&world, Method::Hold, 40, &starts).found;
+    let held = searched(&world, Hold.into(), 40, &starts).found;
     for actions in held.iter().flatten().filter_map(|f| f.actions.as_ref()) {
         let first = &actions[..actions.len().min(5)];
         assert!(first.iter().all(|a| *a == first[0]), "{actions:?}");
@@ -439,7 +440,7 @@ fn starts_on_which_the_ego_fails_say_nothing_of_a_search() {
     let request = SearchRequest {
         scenario: &world,
         ego: "quirky",
-        method: Method::Switches(0),
+        method: Switches(0).into(),
         budget: 1,
         starts: &starts(),
     };
@@ -495,7 +496,7 @@ fn a_search_asks_for_as_many_failures_as_the_gate() {
             }],
             &world.axes(),
         );
-        let row = searched(&world, Method::Mutate(&stored), 1, &starts_at(&[24.01])).row;
+        let row = searched(&world, Mutate(&stored).into(), 1, &starts_at(&[24.01])).row;
         assert_eq!(row.solved.to_string(), solved);
         assert_eq!(row.sims_per_start, 5.0);
     }
@@ -506,7 +507,7 @@ fn a_search_asks_for_as_many_failures_as_the_gate() {
 #[test]
 fn a_search_tells_of_rules_that_were_broken_before_the_contact() {
     let world = altered(&[("[1.0, 0.0, -1.0, -2.0, -3.0]", "[1.0, 0.0, -3.0]")]);
-    for method in [Method::Switches(0), Method::Hold] {
+    for method in [Switches(0).into(), Hold.into()] {
         let Searched { row, found } = searched(&world, method, 1000, &starts());
         let late: Vec<bool> = found
             .iter()
@@ -541,7 +542,7 @@ fn cross_entropy_draws_from_the_best() {
     };
     let starts = starts_at(&[50.01]);
     let steps = |budget: u64| {
-        let row = searched(&world, Method::Cem(cem), budget, &starts).row;
+        let row = searched(&world, cem.into(), budget, &starts).row;
         assert_eq!(row.sims_per_start, budget as f64);
         row.physics_steps
     };
@@ -575,10 +576,10 @@ fn an_ego_that_cannot_be_copied_is_searched_with_the_same_sequences() {
     // Without a solution every sequence is tried.
     let hopeless = starts_at(&[50.01]);
     for most in 0..=1 {
-        let of = |world| searched(world, Method::Switches(most), 1, &starts()).row;
+        let of = |world| searched(world, Switches(most).into(), 1, &starts()).row;
         let (copied, played) = (of(&world), of(&single));
         assert_eq!(played.solved, copied.solved, "{most}");
-        let of = |world| searched(world, Method::Switches(most), 1, &hopeless).row;
+        let of = |world| searched(world, Switches(most).into(), 1, &hopeless).row;
         let (copied, played) = (of(&world), of(&single));
         // Where to switch is known once the five of one action are played again.
         let again = (5 * most) as f64;

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::campaign::{
-    Ado, EvalRequest, Method, Regressions, SearchRequest, TestStarts, Watch, eval, search,
+    Ado, EvalRequest, Mutate, Regressions, SearchRequest, Switches, TestStarts, Watch, eval, search,
 };
 use brakecheck::rulebook::RulesUntilContact;
 use brakecheck::run::{Counterexample, Row, Stored};
@@ -201,7 +201,7 @@ fn rows_of_evaluations_and_searches_count_fouls_before_contact() {
             starts: &starts,
         };
         let evaluated = eval(&request, &watch);
-        let methods = [Method::Switches(0), Method::Mutate(&stored)];
+        let methods = [Switches(0).into(), Mutate(&stored).into()];
         let searched = methods.map(|method| {
             let request = SearchRequest {
                 scenario: &world,

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{Method, SearchRequest, Watch, search, test_starts, train};
+use brakecheck::campaign::{SearchRequest, Switches, Watch, search, test_starts, train};
 use brakecheck::run::RunDir;
 use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
@@ -84,7 +84,7 @@ fn worlds_of_other_kinds_ask_something_that_search_can_answer() {
         let request = SearchRequest {
             scenario: &world,
             ego: "nominal",
-            method: Method::Switches(1),
+            method: Switches(1).into(),
             budget: 20,
             starts: &starts,
         };

@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::campaign::{
-    Ado, Cem, Cost, EvalRequest, Found, Method, SearchRequest, TestStarts, Watch, best_constant,
-    break_even, eval, search, test_starts, train, tune_heuristic,
+    Ado, Cem, Cost, EvalRequest, Found, Hold, Method, Mutate, SearchRequest, Switches, TestStarts,
+    Uniform, Watch, best_constant, break_even, eval, search, test_starts, train, tune_heuristic,
 };
 use brakecheck::run::StartOutcome::{Solved, Unsolved};
 use brakecheck::run::{RunDir, Stored};
@@ -110,10 +110,10 @@ fn searches_do_not_depend_on_the_number_of_threads() {
         pool.install(|| {
             let starts = test_starts(&world, 1, 5, &quiet()).expect("not stopped");
             [
-                Method::Uniform,
-                Method::Cem(Cem::default()),
-                Method::Mutate(stored),
-                Method::Switches(1),
+                Uniform.into(),
+                Cem::default().into(),
+                Mutate(stored).into(),
+                Switches(1).into(),
             ]
             .map(|method| {
                 let mut row = search(&request(&world, method, 30, &starts), &quiet()).row;
@@ -134,7 +134,7 @@ fn cross_entropy_beats_uniform_actions() {
         let row = search(&request(&world, method, 100, &starts), &quiet()).row;
         row.success_rate
     };
-    let (cem, uniform) = (rate(Method::Cem(Cem::default())), rate(Method::Uniform));
+    let (cem, uniform) = (rate(Cem::default().into()), rate(Uniform.into()));
     assert!(uniform + 0.2 < cem, "{cem} against {uniform}");
 }
 
@@ -147,7 +147,7 @@ fn mutated_counterexamples_beat_held_random_ones_on_a_changed_ego() {
         let row = search(&request(&changed, method, 30, &starts), &quiet()).row;
         row.success_rate
     };
-    let (mutated, held) = (rate(Method::Mutate(&stored().0)), rate(Method::Hold));
+    let (mutated, held) = (rate(Mutate(&stored().0).into()), rate(Hold.into()));
     assert!(held + 0.2 < mutated, "{mutated} against {held}");
 }
 
@@ -155,11 +155,11 @@ fn mutated_counterexamples_beat_held_random_ones_on_a_changed_ego() {
 fn a_smaller_budget_is_what_the_larger_one_had_reached_by_then() {
     let world = acc();
     let starts = test_starts(&world, 77, 60, &quiet()).expect("not stopped");
-    let whole = search(&request(&world, Method::Hold, 100, &starts), &quiet()).row;
+    let whole = search(&request(&world, Hold.into(), 100, &starts), &quiet()).row;
     let budgets: Vec<u64> = whole.anytime.iter().map(|at| at.budget).collect();
     assert_eq!(budgets, [10, 30, 100]);
     for at in &whole.anytime {
-        let alone = search(&request(&world, Method::Hold, at.budget, &starts), &quiet()).row;
+        let alone = search(&request(&world, Hold.into(), at.budget, &starts), &quiet()).row;
         assert_eq!(at.successes, alone.successes);
         assert_eq!(at.success_rate, alone.success_rate);
         assert_eq!(at.sims_per_start, alone.sims_per_start);
@@ -190,7 +190,7 @@ fn replays_cost_what_they_try_and_more_of_them_solve_no_less() {
     assert!(row(Ado::Held).successes < one.successes);
     // They are the first trials of `mutate`.
     let mutated = search(
-        &request(&world, Method::Mutate(stored), 10, &starts),
+        &request(&world, Mutate(stored).into(), 10, &starts),
         &quiet(),
     )
     .row;
@@ -230,7 +230,7 @@ fn the_tuned_heuristic_is_the_same_again_and_beats_the_best_constant() {
 fn break_even_is_the_training_over_what_each_start_saves() {
     let world = acc();
     let starts = test_starts(&world, 77, 5, &quiet()).expect("not stopped");
-    let mut searched = search(&request(&world, Method::Hold, 100, &starts), &quiet());
+    let mut searched = search(&request(&world, Hold.into(), 100, &starts), &quiet());
     let found = |simulations: u64, solved: bool| {
         Some(Found {
             actions: solved.then(|| vec![0]),

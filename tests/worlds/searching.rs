@@ -3,7 +3,8 @@
 use std::sync::atomic::AtomicBool;
 
 use brakecheck::campaign::{
-    Ado, EvalRequest, Method, SearchRequest, TestStarts, Watch, eval, search, test_starts,
+    Ado, EvalRequest, Hold, Method, SearchRequest, Switches, TestStarts, Watch, eval, search,
+    test_starts,
 };
 use brakecheck::run::StartOutcome;
 use brakecheck::scenario::Scenario;
@@ -34,7 +35,7 @@ fn request<'a>(
 fn search_solves_what_a_replay_of_its_actions_solves_on_the_plant_asked_for() {
     let world = super::acc();
     let starts = test_starts(&world, 3, 24, &quiet()).expect("not stopped");
-    let searched = search(&request(&world, Method::Switches(1), &starts), &quiet());
+    let searched = search(&request(&world, Switches(1).into(), &starts), &quiet());
     assert!(12 <= searched.row.successes, "{:?}", searched.row);
     let mut bench = world.bench();
     for ((start, noise), found) in starts.starts.iter().zip(&searched.found) {
@@ -53,8 +54,8 @@ fn search_solves_what_a_replay_of_its_actions_solves_on_the_plant_asked_for() {
 fn more_switches_solve_no_less_and_prefix_sharing_finds_what_brute_force_finds() {
     let world = super::acc().on(PlantKind::Kinematic);
     let starts = test_starts(&world, 5, 12, &quiet()).expect("not stopped");
-    let none = search(&request(&world, Method::Switches(0), &starts), &quiet());
-    let one = search(&request(&world, Method::Switches(1), &starts), &quiet());
+    let none = search(&request(&world, Switches(0).into(), &starts), &quiet());
+    let one = search(&request(&world, Switches(1).into(), &starts), &quiet());
     assert!(none.row.successes <= one.row.successes);
     let mut bench = world.bench();
     let decisions = bench.clock().decisions();
@@ -97,7 +98,7 @@ fn rows_do_not_depend_on_the_number_of_threads() {
             };
             let mut rows = vec![
                 eval(&hold, &quiet()).row,
-                search(&request(&world, Method::Hold, &starts), &quiet()).row,
+                search(&request(&world, Hold.into(), &starts), &quiet()).row,
             ];
             // Processor time is measured, everything else is computed.
             rows.iter_mut().for_each(|row| row.cpu_s = 0.0);
@@ -137,7 +138,7 @@ fn a_stopped_evaluation_says_which_starts_it_did_not_reach() {
     let starts = test_starts(&world, 0, 10, &quiet()).expect("not stopped");
     let stop = AtomicBool::new(true);
     let watch = Watch::new(&|_, _| {}, &stop);
-    let row = search(&request(&world, Method::Switches(2), &starts), &watch).row;
+    let row = search(&request(&world, Switches(2).into(), &starts), &watch).row;
     assert_eq!(row.starts, 0);
     let unseen = [StartOutcome::NotReached, StartOutcome::Trivial];
     assert!(row.solved.iter().all(|outcome| unseen.contains(outcome)));

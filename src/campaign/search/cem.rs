@@ -7,14 +7,67 @@
 
 use rand::RngExt;
 
-use super::request::Cem;
+use super::found::Found;
+use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
 use super::trials::Trials;
 use crate::campaign::entropy::pick;
+use crate::campaign::error::CampaignError;
+use crate::run::Unconfirmed;
 use crate::seed;
 
-/// Tries sequences until one succeeds; the dice depend on `noise`.
-pub(super) fn solve(trials: &mut Trials<'_>, noise: u64, cem: Cem) {
-    let mut rng = seed::generator("cem", &[noise]);
+/// The cross-entropy method, with its settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cem {
+    /// Sequences per generation (20).
+    pub population: usize,
+    /// The best of them, from which the next generation is drawn (4).
+    pub elites: usize,
+    /// Weight of the elites against the old distribution (0.6).
+    pub smoothing: f64,
+    /// Decisions for which a drawn action is held (5).
+    pub hold: usize,
+    /// Chance that an action is drawn uniformly after all (0.2).
+    pub exploration: f64,
+}
+
+impl Default for Cem {
+    fn default() -> Cem {
+        Cem {
+            population: 20,
+            elites: 4,
+            smoothing: 0.6,
+            hold: 5,
+            exploration: 0.2,
+        }
+    }
+}
+
+impl SearchMethod<'_> for Cem {
+    const INFO: MethodInfo = MethodInfo::sampling(
+        "cem",
+        "The cross-entropy method, with the rulebook's reward",
+    );
+
+    fn with(_: &MethodSettings<'_>) -> Result<Cem, CampaignError> {
+        Ok(Cem::default())
+    }
+
+    fn text(&self, budget: u64, _: Option<Unconfirmed>) -> String {
+        format!(
+            "{}, held {}, {budget} simulations",
+            Self::INFO.name,
+            self.hold
+        )
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        Trials::spend(one, |trials| solve(trials, *self))
+    }
+}
+
+/// Tries sequences until one succeeds; the dice depend on the noise.
+fn solve(trials: &mut Trials<'_>, cem: Cem) {
+    let mut rng = seed::generator("cem", &[trials.noise()]);
     let (decisions, actions) = (trials.decisions(), trials.actions());
     let blocks = decisions.div_ceil(cem.hold.max(1));
     let mut shares = vec![vec![1.0 / actions as f64; actions]; blocks];

@@ -3,15 +3,25 @@
 
 mod cem;
 mod confirm;
+#[cfg(test)]
+mod dummy;
+mod found;
+mod hold;
+mod list;
+mod method;
 mod mutate;
 mod random;
 mod request;
 mod switches;
 mod tree;
 mod trials;
+mod uniform;
 
 pub(super) use confirm::{Confirmed, Confirmer};
-pub use request::{Cem, Found, Method, SWITCHES, SearchRequest};
+pub use found::Found;
+pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
+pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES};
+pub use request::SearchRequest;
 
 use super::Watch;
 use super::eval::{blank_row, count_solved, note_row};
@@ -20,9 +30,9 @@ use crate::scenario::Scenario;
 use crate::scene::{Dynamics, Start};
 use crate::severity::Impact;
 use crate::sim::PlantKind;
-use crate::testbench::{HOLD_DECISIONS, Testbench, count_faults};
+use crate::testbench::{Testbench, count_faults};
+use method::StartSearch;
 pub(super) use tree::{Next, Tree};
-use trials::Trials;
 
 /// A row and the solutions behind it.
 #[derive(Clone, Debug)]
@@ -71,34 +81,12 @@ pub fn anytime(found: &[Option<Found>], budget: u64) -> Anytime {
 impl SearchRequest<'_> {
     /// Whether the kinematic plant sorts out sequences first.
     fn prescreens(&self) -> bool {
-        self.scenario.plant() == Dynamics::Rigid && matches!(self.method, Method::Switches(_))
-    }
-
-    fn method_text(&self, unconfirmed: Option<Unconfirmed>) -> String {
-        let budget = self.budget;
-        match self.method {
-            Method::Uniform => format!("uniform, {budget} simulations"),
-            Method::Hold => format!("hold, {budget} simulations"),
-            Method::Cem(cem) => format!("cem, held {}, {budget} simulations", cem.hold),
-            Method::Mutate(_) => format!("mutate, {budget} simulations"),
-            Method::Switches(most) => {
-                let mut text = format!("switches ≤ {most}");
-                if let Some(Unconfirmed { sequences, starts }) = unconfirmed {
-                    text.push_str(&format!(
-                        ", pre-screened on the kinematic plant, {sequences} unconfirmed"
-                    ));
-                    if 0 < starts {
-                        text.push_str(&format!(" (nothing else on {starts} starts)"));
-                    }
-                }
-                text
-            }
-        }
+        self.scenario.plant() == Dynamics::Rigid && self.method.info().prescreens
     }
 
     /// Budgets that rows report: 10, 30, 100, 300 … and the whole one.
     fn checkpoints(&self) -> Vec<u64> {
-        if matches!(self.method, Method::Switches(_)) {
+        if !self.method.info().takes(MethodOption::Budget) {
             return Vec::new();
         }
         let decades = (1..).map_while(|power| 10u64.checked_pow(power));
@@ -119,7 +107,7 @@ impl SearchRequest<'_> {
                 .filter(|found| 0 < found.unconfirmed && found.actions.is_none())
                 .count(),
         });
-        row.method = self.method_text(row.unconfirmed);
+        row.method = self.method.text(self.budget, row.unconfirmed);
         let marks = found.iter().zip(&self.starts.trivial);
         row.solved = marks
             .map(|(found, trivial)| match (found, trivial) {
@@ -183,17 +171,16 @@ impl<'a> Searcher<'a> {
     /// `None` when stopped from outside before a result.
     fn solve(&mut self, from: (&Start, u64), index: usize, watch: &Watch<'_>) -> Option<Found> {
         let (start, noise) = from;
-        let mut trials = Trials::new(self.request, &mut self.bench, from, index, watch);
-        match self.request.method {
-            Method::Uniform => random::solve(&mut trials, noise, 1),
-            Method::Hold => random::solve(&mut trials, noise, HOLD_DECISIONS),
-            Method::Cem(cem) => cem::solve(&mut trials, noise, cem),
-            Method::Mutate(stored) => mutate::solve(&mut trials, (start, noise), stored),
-            Method::Switches(most) => {
-                let cheap = self.cheap.as_ref();
-                return switches::solve(self.request, cheap, (from, index), most, watch);
-            }
-        }
-        trials.finish()
+        let request = self.request;
+        request.method.solve(StartSearch {
+            scenario: request.scenario,
+            cheap: self.cheap.as_ref(),
+            bench: &mut self.bench,
+            start,
+            noise,
+            index,
+            budget: request.budget,
+            watch,
+        })
     }
 }

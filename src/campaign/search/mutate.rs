@@ -9,9 +9,11 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::found::Found;
+use super::method::{MethodInfo, MethodOption, MethodSettings, SearchMethod, StartSearch};
 use super::trials::Trials;
+use crate::campaign::error::CampaignError;
 use crate::run::Stored;
-use crate::scene::Start;
 use crate::seed;
 
 /// Stored counterexamples that are replayed first.
@@ -21,12 +23,40 @@ const ELITES: usize = 5;
 /// Farthest a switch is moved, and longest block that is held, in decisions.
 const REACH: usize = 8;
 
-/// Tries sequences until one succeeds; the dice depend on `noise`.
-pub(super) fn solve(trials: &mut Trials<'_>, (start, noise): (&Start, u64), stored: &Stored) {
-    let mut rng = seed::generator("mutate", &[noise]);
+/// Mutations of the nearest of these counterexamples of a training.
+#[derive(Clone, Copy, Debug)]
+pub struct Mutate<'a>(pub &'a Stored);
+
+impl<'a> SearchMethod<'a> for Mutate<'a> {
+    const INFO: MethodInfo = MethodInfo {
+        takes: &[MethodOption::Budget, MethodOption::From],
+        ..MethodInfo::sampling(
+            "mutate",
+            "The nearest counterexamples of a training, then mutations of them",
+        )
+    };
+
+    fn with(settings: &MethodSettings<'a>) -> Result<Mutate<'a>, CampaignError> {
+        let missing = || {
+            CampaignError::request(
+                "`--method mutate` needs the counterexamples of a training",
+                "name a run directory with `--from RUN`",
+            )
+        };
+        settings.stored.map(Mutate).ok_or_else(missing)
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        Trials::spend(one, |trials| solve(trials, self.0))
+    }
+}
+
+/// Tries sequences until one succeeds; the dice depend on the noise.
+fn solve(trials: &mut Trials<'_>, stored: &Stored) {
+    let mut rng = seed::generator("mutate", &[trials.noise()]);
     let (decisions, actions) = (trials.decisions(), trials.actions());
     let mut elites: Vec<(f64, Vec<usize>)> = Vec::new();
-    for seed in stored.nearest(start, SEEDS) {
+    for seed in stored.nearest(trials.start(), SEEDS) {
         let mut sequence = seed.actions.clone();
         let last = sequence.last().copied().unwrap_or(0);
         sequence.resize(decisions, last);

@@ -5,15 +5,15 @@ use crate::scene::Start;
 use crate::seed;
 use crate::testbench::{Actor, Held};
 
-/// Tries random sequences until one succeeds; the dice depend on `noise`.
-pub(super) fn solve(trials: &mut Trials<'_>, noise: u64, hold: usize) {
+/// Tries random sequences until one succeeds; the dice depend on the noise.
+pub(super) fn solve(trials: &mut Trials<'_>, hold: usize) {
     let mut actor = Reseeded {
         held: Held::new(trials.actions(), hold),
         seed: 0,
     };
     loop {
         // The noise is the start's own; only the ado's dice differ.
-        let mut dice = seed::generator("search", &[noise, hold as u64, trials.spent()]);
+        let mut dice = seed::generator("search", &[trials.noise(), hold as u64, trials.spent()]);
         actor.seed = rand::Rng::next_u64(&mut dice);
         if trials.play(&mut actor).is_none() {
             return;

@@ -1,29 +1,66 @@
 //! All sequences with at most so many switches of action, fewest first.
 
 use super::confirm::Confirmer;
-use super::request::{Found, SearchRequest};
+use super::found::Found;
+use super::method::{
+    MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchMethod, StartSearch,
+};
 use super::tree::{Next, Tree};
-use crate::campaign::Watch;
-use crate::scenario::Scenario;
-use crate::scene::Start;
+use crate::campaign::error::CampaignError;
+use crate::run::Unconfirmed;
 use crate::testbench::{Aftermath, Testbench};
 
 /// Pre-screened sequences that are tried on the plant asked for, per start.
-pub(super) const MAX_CONFIRMATIONS: u64 = 300;
+const MAX_CONFIRMATIONS: u64 = 300;
 
-/// Searches one start; `None` when stopped from outside before a result.
-///
-/// `cheap` is the world on the plant that sorts out sequences first; without
-/// one, what succeeds on the plant asked for is played once more, to contact.
-pub(super) fn solve(
-    request: &SearchRequest<'_>,
-    cheap: Option<&Scenario>,
-    ((start, noise), index): ((&Start, u64), usize),
-    most: usize,
-    watch: &Watch<'_>,
-) -> Option<Found> {
-    let scenario = cheap.unwrap_or(request.scenario);
-    let mut confirmer = Confirmer::new(request.scenario, (start, noise), index, watch);
+/// All sequences with at most so many switches of action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Switches(pub usize);
+
+impl SearchMethod<'_> for Switches {
+    const INFO: MethodInfo = MethodInfo {
+        name: "switches",
+        help: "All sequences with at most M switches of action, fewest first",
+        takes: &[MethodOption::Switches],
+        prescreens: true,
+    };
+
+    fn with(settings: &MethodSettings<'_>) -> Result<Switches, CampaignError> {
+        Ok(Switches(settings.switches.unwrap_or(SWITCHES)))
+    }
+
+    fn text(&self, _budget: u64, unconfirmed: Option<Unconfirmed>) -> String {
+        let mut text = format!("switches ≤ {}", self.0);
+        if let Some(Unconfirmed { sequences, starts }) = unconfirmed {
+            text.push_str(&format!(
+                ", pre-screened on the kinematic plant, {sequences} unconfirmed"
+            ));
+            if 0 < starts {
+                text.push_str(&format!(" (nothing else on {starts} starts)"));
+            }
+        }
+        text
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        solve(&one, self.0)
+    }
+}
+
+/// Without a plant that sorts out sequences first, what succeeds on the plant
+/// asked for is played once more, to contact.
+fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
+    let &StartSearch {
+        scenario: asked_for,
+        cheap,
+        start,
+        noise,
+        index,
+        watch,
+        ..
+    } = one;
+    let scenario = cheap.unwrap_or(asked_for);
+    let mut confirmer = Confirmer::new(asked_for, (start, noise), index, watch);
     let mut found = Found::default();
     let mut accept = |actions: &[usize], _: &Testbench| {
         let played = confirmer.confirm(actions);

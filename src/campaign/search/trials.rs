@@ -1,44 +1,41 @@
 //! Whole episodes from one start, one after the other, until one succeeds.
 
-use super::request::{Found, SearchRequest};
-use crate::campaign::Watch;
+use super::found::Found;
+use super::method::StartSearch;
 use crate::scenario::Repeats;
 use crate::scene::Start;
-use crate::testbench::{Actor, Aftermath, Episode, Replay, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Episode, Replay, play};
 
 /// The simulations spent on one start, within the budget.
 pub(super) struct Trials<'a> {
-    bench: &'a mut Testbench,
-    start: &'a Start,
-    noise: u64,
-    budget: u64,
-    repeats: Repeats,
-    index: u64,
-    watch: &'a Watch<'a>,
+    one: StartSearch<'a>,
     stopped: bool,
     found: Found,
 }
 
 impl<'a> Trials<'a> {
-    /// Nothing spent yet of `budget` simulations.
-    pub fn new(
-        request: &SearchRequest<'_>,
-        bench: &'a mut Testbench,
-        (start, noise): (&'a Start, u64),
-        index: usize,
-        watch: &'a Watch<'a>,
-    ) -> Trials<'a> {
-        Trials {
-            bench,
-            start,
-            noise,
-            budget: request.budget,
-            repeats: request.scenario.repeats,
-            index: index as u64,
-            watch,
+    /// Lets a method try until [`Trials::play`] says that there is nothing more to
+    /// do; `None` when stopped from outside before a result.
+    pub fn spend(one: StartSearch<'a>, method: impl FnOnce(&mut Trials<'a>)) -> Option<Found> {
+        let mut trials = Trials {
+            one,
             stopped: false,
             found: Found::default(),
-        }
+        };
+        method(&mut trials);
+        let tells = trials.found.actions.is_some() || trials.found.fault.is_some();
+        let unfinished = trials.stopped && !tells;
+        (!unfinished).then_some(trials.found)
+    }
+
+    /// The start.
+    pub fn start(&self) -> &'a Start {
+        self.one.start
+    }
+
+    /// The noise of every episode, on which a method's dice depend as well.
+    pub fn noise(&self) -> u64 {
+        self.one.noise
     }
 
     /// Simulations so far.
@@ -48,12 +45,12 @@ impl<'a> Trials<'a> {
 
     /// Joint actions to choose from.
     pub fn actions(&self) -> usize {
-        self.bench.spaces().actions
+        self.one.bench.spaces().actions
     }
 
     /// Decisions of a full episode.
     pub fn decisions(&self) -> usize {
-        self.bench.clock().decisions()
+        self.one.bench.clock().decisions()
     }
 
     /// Plays one episode and gives its reward (Definition 4).
@@ -61,7 +58,7 @@ impl<'a> Trials<'a> {
     /// `None`: there is nothing more to do, because it succeeded, the budget is
     /// spent, or somebody asked to stop. An invalid episode ranks last.
     pub fn play(&mut self, actor: &mut dyn Actor) -> Option<f64> {
-        if self.watch.stopped() {
+        if self.one.watch.stopped() {
             self.stopped = true;
         }
         if self.stopped || self.is_over() {
@@ -75,13 +72,16 @@ impl<'a> Trials<'a> {
             self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
             return None;
         }
-        let reward = self.bench.rulebook().reward_of(&episode.verdict);
+        let reward = self.one.bench.rulebook().reward_of(&episode.verdict);
         Some(reward.unwrap_or(f64::NEG_INFINITY))
     }
 
     fn simulate(&mut self, actor: &mut dyn Actor) -> Episode {
-        let episode = play(self.bench, self.start, self.noise, actor, Aftermath::Play);
-        self.watch.faults.note(self.index, episode.fault.as_ref());
+        let one = &mut self.one;
+        let episode = play(one.bench, one.start, one.noise, actor, Aftermath::Play);
+        one.watch
+            .faults
+            .note(one.index as u64, episode.fault.as_ref());
         self.found.simulations += 1;
         self.found.physics_steps += episode.physics_steps;
         if self.found.fault.is_none() {
@@ -92,7 +92,7 @@ impl<'a> Trials<'a> {
 
     /// Whether an ego that failed once does so as often as the world asks.
     fn fails_again(&mut self, actions: &[usize]) -> bool {
-        let Repeats { runs, gate } = self.repeats;
+        let Repeats { runs, gate } = self.one.scenario.repeats;
         let again = (1..runs).filter(|_| {
             let mut same = Replay::holding(actions);
             self.simulate(&mut same).verdict.is_success()
@@ -105,14 +105,7 @@ impl<'a> Trials<'a> {
         self.play(&mut Replay::holding(actions))
     }
 
-    /// What came of it; `None` when stopped from outside before a result.
-    pub fn finish(self) -> Option<Found> {
-        let tells = self.found.actions.is_some() || self.found.fault.is_some();
-        let unfinished = self.stopped && !tells;
-        (!unfinished).then_some(self.found)
-    }
-
     fn is_over(&self) -> bool {
-        self.found.actions.is_some() || self.budget <= self.found.simulations
+        self.found.actions.is_some() || self.one.budget <= self.found.simulations
     }
 }

@@ -2,8 +2,9 @@
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
 use crate::campaign::{
-    Ado, EvalRequest, Found, Heuristic, Method, SWITCHES, SearchRequest, Searched, TestStarts,
-    Tries, Watch, best_constant, count_contacts, count_solved, eval, other_members, search,
+    Ado, EvalRequest, Found, Heuristic, Hold, Method, Mutate, SWITCHES, SearchRequest, Searched,
+    Switches, TestStarts, Tries, Watch, best_constant, count_contacts, count_solved, eval,
+    other_members, search,
 };
 use crate::rl::Policy;
 use crate::run::{Row, RunDir, RunError, StartOutcome, Stored};
@@ -80,13 +81,13 @@ impl Player<'_> {
             .collect();
         rows.push(best_constant(self.scenario, self.ego, self.starts, self.watch).row);
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
-        let held = self.searched(Method::Hold, most);
+        let held = self.searched(Hold.into(), most);
         for budget in HELD_BUDGETS {
             rows.push(called(&held_word(budget), cut(&held, budget)));
         }
-        let mutated = self.searched(Method::Mutate(&stored), tries);
+        let mutated = self.searched(Mutate(&stored).into(), tries);
         rows.push(called(&format!("mutate, {tries}"), mutated.row));
-        rows.push(self.searched(Method::Switches(SWITCHES), 0).row);
+        rows.push(self.searched(Switches(SWITCHES).into(), 0).row);
         Ok(rows)
     }
 
@@ -139,7 +140,7 @@ fn cut(searched: &Searched, budget: u64) -> Row {
     row.sims_per_start = spent as f64 / row.starts.max(1) as f64;
     let found = searched.found.iter().flatten();
     count_contacts(&mut row, found.filter(|found| within(found).1));
-    row.method = format!("hold, {budget} simulations");
+    row.method = Method::from(Hold).text(budget, None);
     row.anytime.clear();
     row
 }

@@ -1,0 +1,29 @@
+#![cfg(test)]
+//! A method that only tests have.
+
+use super::found::Found;
+use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
+use super::trials::Trials;
+use crate::campaign::error::CampaignError;
+
+/// Each action for a whole episode, in order.
+#[derive(Clone, Copy, Debug)]
+pub struct Constants;
+
+impl SearchMethod<'_> for Constants {
+    const INFO: MethodInfo = MethodInfo::sampling("constants", "Each action for a whole episode");
+
+    fn with(_: &MethodSettings<'_>) -> Result<Constants, CampaignError> {
+        Ok(Constants)
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        Trials::spend(one, |trials| {
+            for action in 0..trials.actions() {
+                if trials.replay(&[action]).is_none() {
+                    return;
+                }
+            }
+        })
+    }
+}

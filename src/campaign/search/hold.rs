@@ -1,0 +1,25 @@
+//! A random action, held for some decisions.
+
+use super::found::Found;
+use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
+use super::random;
+use super::trials::Trials;
+use crate::campaign::error::CampaignError;
+use crate::testbench::HOLD_DECISIONS;
+
+/// A uniformly random action, held for [`HOLD_DECISIONS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hold;
+
+impl SearchMethod<'_> for Hold {
+    const INFO: MethodInfo =
+        MethodInfo::sampling("hold", "A random action, held for five decisions");
+
+    fn with(_: &MethodSettings<'_>) -> Result<Hold, CampaignError> {
+        Ok(Hold)
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        Trials::spend(one, |trials| random::solve(trials, HOLD_DECISIONS))
+    }
+}

@@ -1,0 +1,23 @@
+//! A random action at each decision.
+
+use super::found::Found;
+use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
+use super::random;
+use super::trials::Trials;
+use crate::campaign::error::CampaignError;
+
+/// A uniformly random action at each decision.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Uniform;
+
+impl SearchMethod<'_> for Uniform {
+    const INFO: MethodInfo = MethodInfo::sampling("uniform", "A random action at each decision");
+
+    fn with(_: &MethodSettings<'_>) -> Result<Uniform, CampaignError> {
+        Ok(Uniform)
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        Trials::spend(one, |trials| random::solve(trials, 1))
+    }
+}
