@@ -46,7 +46,7 @@ pub use ego_under_test::{EgoUnderTest, consent};
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;
 pub use eval::{Ado, EvalRequest, Evaluated, Outcome, best_constant, eval, explain_first};
-pub use evaluation::{Evaluation, EvaluationTable, Reason, TheoremsChecked};
+pub use evaluation::{Evaluation, EvaluationTable, ExplainedCounterexample, TheoremsChecked};
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{Identification, IdentifyFound, IdentifyStep};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
@@ -69,6 +69,6 @@ pub use theorems::{
     CarriedOver, CarryOver, Distance, Forecast, NearbyStarts, Refused, Sharper, Spread,
     TheoremsError, TheoremsRequest, Witness, carry_over, nearby_starts, optimal_values,
 };
-pub use train::{TrainError, Trained, train};
+pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};
 pub use watch::{Remark, Watch};

@@ -2,7 +2,7 @@
 
 use super::locate::Path;
 use super::problems::Problems;
-use crate::scene::drive::{Agent, DriveSpec, Place, Range};
+use crate::scene::drive::{Agent, DriveSpec, Range, StartPlace};
 use crate::sim::BodyKind;
 
 /// Highest speed anybody may start with.
@@ -111,7 +111,7 @@ fn width_m(agent: &Agent) -> f64 {
 fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
     let mut chain = vec![agent];
     let mut at = agent;
-    while let Place::Ahead { of, .. } = spec.agents[at].place {
+    while let StartPlace::Ahead { of, .. } = spec.agents[at].place {
         chain.push(of);
         at = of;
     }
@@ -120,8 +120,8 @@ fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
 
 fn own_offset(agent: &Agent) -> Range {
     match agent.place {
-        Place::At { x_m, .. } => x_m,
-        Place::Ahead { headway_m, .. } => headway_m,
+        StartPlace::At { x_m, .. } => x_m,
+        StartPlace::Ahead { headway_m, .. } => headway_m,
     }
 }
 

@@ -45,9 +45,9 @@ pub struct Body {
 /// How a body moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum BodyKind {
-    /// On wheels; takes [`super::Command::Drive`].
+    /// On wheels; takes [`super::BodyCommand::Drive`].
     Vehicle(Vehicle),
-    /// On foot; takes [`super::Command::Walk`].
+    /// On foot; takes [`super::BodyCommand::Walk`].
     Walker(Walker),
 }
 

@@ -30,9 +30,11 @@ pub use motion::DriveScene;
 pub use road::Road;
 pub use script::Script;
 pub use sensors::Sensors;
-pub use signals::{Offer, TTC_CAP_S, current_name};
-pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Place, Range};
-pub use trained::{Trained, TrainedError};
+pub use signals::{SignalSource, TTC_CAP_S, current_name};
+pub use spec::{
+    Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Range, StartPlace,
+};
+pub use trained::{TrainedAdo, TrainedError};
 pub use tuning::Tuning;
 
 use super::Axis;
@@ -175,7 +177,7 @@ impl Layout {
 
 /// The trained ados of a spec, bound to it.
 fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
-    let bind = |(name, trained): (&str, &Trained)| {
+    let bind = |(name, trained): (&str, &TrainedAdo)| {
         trained
             .bind(spec, name)
             .map_err(|source| SceneError::Trained {

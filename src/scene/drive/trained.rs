@@ -12,7 +12,7 @@ use indexmap::IndexMap;
 use super::actions::Actions;
 use super::motion::DriveScene;
 use super::reading::scaled;
-use super::signals::{Of, Offer, Source};
+use super::signals::{Of, SignalSource, Source};
 use super::spec::DriveSpec;
 use crate::rl::Policy;
 use crate::scene::Derived;
@@ -21,7 +21,7 @@ use crate::trace::{Schema, SchemaError};
 
 /// A trained ado and what it knows.
 #[derive(Clone)]
-pub struct Trained {
+pub struct TrainedAdo {
     /// The world it was trained in.
     pub home: Arc<DriveSpec>,
     /// Its name there.
@@ -36,7 +36,7 @@ pub struct Trained {
     pub names: IndexMap<String, String>,
 }
 
-impl std::fmt::Debug for Trained {
+impl std::fmt::Debug for TrainedAdo {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Trained({} of {})", self.part, self.home.world)
     }
@@ -137,7 +137,7 @@ enum Input {
     },
 }
 
-impl Trained {
+impl TrainedAdo {
     /// Whether it can act in a world as the agent or light `own` of it.
     ///
     /// # Errors
@@ -246,7 +246,7 @@ fn who(spec: &DriveSpec, name: &str) -> Option<Who> {
 }
 
 /// What of its world's signals an observation hangs on, in order.
-fn needed(home: &DriveSpec) -> (Vec<Offer>, Vec<&Derived>) {
+fn needed(home: &DriveSpec) -> (Vec<SignalSource>, Vec<&Derived>) {
     let mut names: Vec<String> = home.observe.iter().map(|o| o.name.clone()).collect();
     let mut derived: Vec<&Derived> = Vec::new();
     for candidate in home.derived.iter().rev() {
@@ -266,7 +266,7 @@ fn input(
     home: &DriveSpec,
     here: &DriveSpec,
     parts: &[(String, Who)],
-    offer: &Offer,
+    offer: &SignalSource,
 ) -> Result<Input, TrainedError> {
     let player = |name: &str| {
         let mut parts = parts.iter();

@@ -14,7 +14,7 @@ use self::mover::{Anchor, Engine, Mover, Path};
 use super::body::{Body, BodyKind};
 use super::limits::Limits;
 use super::planar::Extent;
-use super::{BodyId, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose};
+use super::{BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose};
 
 /// Distance from the origin beyond which the plant calls itself unsound.
 const BOUND_M: f64 = 1e6;
@@ -114,7 +114,7 @@ impl Plant for Kinematic {
         BodyId(self.movers.len() - 1)
     }
 
-    fn command(&mut self, id: BodyId, command: Command) {
+    fn command(&mut self, id: BodyId, command: BodyCommand) {
         let Some(command) = super::finite(command) else {
             self.faulty = true;
             return;
@@ -126,14 +126,14 @@ impl Plant for Kinematic {
                     curvature_per_m,
                     ..
                 },
-                Command::Drive {
+                BodyCommand::Drive {
                     accel_mps2: a,
                     curvature_per_m: k,
                 },
             ) => {
                 (*accel_mps2, *curvature_per_m) = (a, k);
             }
-            (Engine::Legs { walker, target_mps }, Command::Walk { x_mps, y_mps }) => {
+            (Engine::Legs { walker, target_mps }, BodyCommand::Walk { x_mps, y_mps }) => {
                 *target_mps = walker.within_limit((x_mps, y_mps));
             }
             _ => self.faulty = true,

@@ -19,8 +19,8 @@ use self::world::World;
 use super::planar::{Extent, Meeting, Rect};
 use super::walk::Stride;
 use super::{
-    Body, BodyId, BodyKind, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose,
-    Walker,
+    Body, BodyCommand, BodyId, BodyKind, BodyState, Contact, Ground, Placement, Plant, PlantKind,
+    Pose, Walker,
 };
 
 /// Distance from the origin beyond which the plant calls itself unsound.
@@ -179,7 +179,7 @@ impl Plant for Rigid {
         BodyId(self.movers.len() - 1)
     }
 
-    fn command(&mut self, id: BodyId, command: Command) {
+    fn command(&mut self, id: BodyId, command: BodyCommand) {
         let Some(command) = super::finite(command) else {
             self.faulty = true;
             return;
@@ -187,14 +187,14 @@ impl Plant for Rigid {
         match (&mut self.movers[id.0].body, command) {
             (
                 Figure::Car(car),
-                Command::Drive {
+                BodyCommand::Drive {
                     accel_mps2,
                     curvature_per_m,
                 },
             ) => {
                 car.command(accel_mps2, curvature_per_m);
             }
-            (Figure::Foot(foot), Command::Walk { x_mps, y_mps }) => {
+            (Figure::Foot(foot), BodyCommand::Walk { x_mps, y_mps }) => {
                 foot.target_mps = foot.walker.within_limit((x_mps, y_mps));
             }
             _ => self.faulty = true,

@@ -104,7 +104,7 @@ impl Source {
         }
     }
 
-    fn offer(self, spec: &DriveSpec) -> Offer {
+    fn offer(self, spec: &DriveSpec) -> SignalSource {
         let Quantity {
             name, unit, about, ..
         } = *self.quantity;
@@ -112,7 +112,7 @@ impl Source {
         let name = [&owners[..], &[name]].concat().join(".");
         let about = in_words(about, &owners);
         let Interval { lo, hi } = self.range(spec);
-        Offer {
+        SignalSource {
             signal: match self.quantity.value {
                 Value::Real(_) => Signal::real(name, unit, about),
                 Value::Boolean(_) => Signal::boolean(name, about),
@@ -133,7 +133,7 @@ fn in_words(about: &str, owners: &[&str]) -> String {
 
 /// A signal that can be published, with the range by which it is observed.
 #[derive(Clone, Debug)]
-pub struct Offer {
+pub struct SignalSource {
     /// Its declaration.
     pub signal: Signal,
     /// Usual range; observations are scaled by it.
@@ -153,11 +153,11 @@ pub fn current_name(name: &str) -> Option<String> {
 }
 
 /// The former names of a signal that is offered, as signals of their own.
-fn formerly(offer: &Offer) -> impl Iterator<Item = Offer> {
+fn formerly(offer: &SignalSource) -> impl Iterator<Item = SignalSource> {
     let Quantity { former, name, .. } = offer.source.quantity;
     former.iter().map(move |former| {
         let now = &offer.signal.name;
-        Offer {
+        SignalSource {
             signal: Signal {
                 name: format!("{}{former}", now.strip_suffix(name).unwrap_or_default()),
                 about: format!("former name of `{now}`"),
@@ -171,7 +171,7 @@ fn formerly(offer: &Offer) -> impl Iterator<Item = Offer> {
 
 impl DriveSpec {
     /// Every signal this scene can publish, derived ones excepted.
-    pub fn catalogue(&self) -> Vec<Offer> {
+    pub fn catalogue(&self) -> Vec<SignalSource> {
         let agents = 0..self.agents.len();
         let mut owners = vec![(Of::Clock, [0, 0]), (Of::Scene, [0, 0])];
         owners.extend(agents.clone().map(|a| (Of::Agent, [a, 0])));
@@ -187,14 +187,14 @@ impl DriveSpec {
             let rows = SIGNALS.iter().filter(move |row| row.of == of);
             rows.map(move |quantity| Source { quantity, whose })
         });
-        let mut offers: Vec<Offer> = sources.map(|source| source.offer(self)).collect();
-        let former: Vec<Offer> = offers.iter().flat_map(formerly).collect();
+        let mut offers: Vec<SignalSource> = sources.map(|source| source.offer(self)).collect();
+        let former: Vec<SignalSource> = offers.iter().flat_map(formerly).collect();
         offers.extend(former);
         offers
     }
 
     /// The signals a trace of this scene holds, derived ones excepted.
-    pub(super) fn published(&self) -> Vec<Offer> {
+    pub(super) fn published(&self) -> Vec<SignalSource> {
         let mut offers = self.catalogue();
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers
