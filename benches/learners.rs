@@ -3,7 +3,7 @@
 //! Throughput is printed as items per second: updates, actions, decisions.
 
 use brakecheck::rl::nn::{Adam, Mlp, argmax};
-use brakecheck::rl::replay::{Batch, Replay, Transition};
+use brakecheck::rl::replay::{Batch, ReplayBuffer, Transition};
 use brakecheck::rl::{
     Control, Dice, DqnSettings, End, Env, LearnerConfig, LearnerSettings, PpoSettings,
     QTableSettings, Spaces, Step,
@@ -58,7 +58,7 @@ fn act(bencher: Bencher) {
 #[divan::bench]
 fn replay(bencher: Bencher) {
     let (mut dice, row) = (Dice::new(1), [0.0; SIZES[0]]);
-    let mut replay = Replay::new(SIZES[0], 300_000, 0.6);
+    let mut replay = ReplayBuffer::new(SIZES[0], 300_000, 0.6);
     for slot in 0..300_000 {
         let (observation, next) = (&row, &row);
         replay.push(Transition {

@@ -9,7 +9,8 @@ use brakecheck::rl::{Control, Env};
 use brakecheck::scenario::Scenario;
 use brakecheck::seed::Purpose;
 use brakecheck::sim::{
-    Body, BodyId, Command, GRAVITY_MPS2, Ground, Kinematic, Plant, PlantKind, Pose, Rigid, plant,
+    Body, BodyCommand, BodyId, GRAVITY_MPS2, Ground, Kinematic, Plant, PlantKind, Pose, Rigid,
+    plant,
 };
 use brakecheck::testbench::Gym;
 use divan::{Bencher, black_box};
@@ -53,7 +54,7 @@ fn commands(plant: &mut dyn Plant, cars: usize, sample: usize) {
         -1.0
     };
     for index in 0..cars {
-        let command = Command::Drive {
+        let command = BodyCommand::Drive {
             accel_mps2,
             curvature_per_m: 0.0,
         };

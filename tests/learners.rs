@@ -15,7 +15,7 @@ mod scripted;
 mod starts;
 
 use brakecheck::rl::nn::{Adam, Mlp};
-use brakecheck::rl::replay::{Batch, Lived, Replay, SumTree, Tail, Transition};
+use brakecheck::rl::replay::{Batch, Lived, ReplayBuffer, SumTree, Tail, Transition};
 use brakecheck::rl::{
     Bundle, BundleError, Control, Dice, End, Env, Learner, LearnerConfig, LearnerSettings, Spaces,
     Step, load_policy, load_policy_for,
@@ -720,7 +720,7 @@ fn a_return_ends_before_the_first_later_action_that_was_not_greedy() {
 
 #[test]
 fn replay_draws_by_priority_and_corrects_for_it() {
-    let mut replay = Replay::new(1, 3, 1.0);
+    let mut replay = ReplayBuffer::new(1, 3, 1.0);
     for x in 0..4 {
         let x = x as f32;
         let next = [x + 1.0];

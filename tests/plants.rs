@@ -11,8 +11,8 @@ mod contacts;
 mod faults;
 
 use brakecheck::sim::{
-    Body, BodyError, BodyId, BodyKind, BodyState, Command, Contact, GRAVITY_MPS2, Ground, Plant,
-    PlantKind, Pose, plant,
+    Body, BodyCommand, BodyError, BodyId, BodyKind, BodyState, Contact, GRAVITY_MPS2, Ground,
+    Plant, PlantKind, Pose, plant,
 };
 use proptest::prelude::*;
 
@@ -36,8 +36,8 @@ fn at(x_m: f64, y_m: f64, heading_rad: f64) -> Pose {
     }
 }
 
-fn drive(accel_mps2: f64, curvature_per_m: f64) -> Command {
-    Command::Drive {
+fn drive(accel_mps2: f64, curvature_per_m: f64) -> BodyCommand {
+    BodyCommand::Drive {
         accel_mps2,
         curvature_per_m,
     }
@@ -60,7 +60,7 @@ impl Alone {
     }
 
     /// Obeys one command for a while and reports every sample.
-    fn run(&mut self, command: Command, for_s: f64) -> Vec<BodyState> {
+    fn run(&mut self, command: BodyCommand, for_s: f64) -> Vec<BodyState> {
         self.plant.command(BodyId(0), command);
         let samples = (for_s / SAMPLE_S).round() as usize;
         let mut states = Vec::new();
@@ -330,7 +330,7 @@ fn a_walker_reaches_the_velocity_asked_for_at_its_acceleration() {
     for kind in KINDS {
         let mut walker = Alone::new(kind, DRY, "pedestrian", 0.0);
         let (x_mps, y_mps) = (0.0, 1.5);
-        let states = walker.run(Command::Walk { x_mps, y_mps }, 2.0);
+        let states = walker.run(BodyCommand::Walk { x_mps, y_mps }, 2.0);
         // 0.5 s at 3 m/s², then 1.5 s at 1.5 m/s.
         close(states[4].lateral_mps, 0.75, 1e-9, "half way up the ramp");
         close(
@@ -341,7 +341,7 @@ fn a_walker_reaches_the_velocity_asked_for_at_its_acceleration() {
         );
         close(walker.state().pose.x_m, 0.0, 1e-9, "no drift");
         let (x_mps, y_mps) = (30.0, 40.0);
-        walker.run(Command::Walk { x_mps, y_mps }, 3.0);
+        walker.run(BodyCommand::Walk { x_mps, y_mps }, 3.0);
         close(
             walker.state().speed_mps,
             2.4,
@@ -405,7 +405,7 @@ fn broken_commands_make_a_plant_unsound_not_panic() {
     let broken = [
         drive(f64::NAN, 0.0),
         drive(0.0, f64::INFINITY),
-        Command::Walk {
+        BodyCommand::Walk {
             x_mps: 1.0,
             y_mps: 0.0,
         },

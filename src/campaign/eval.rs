@@ -16,8 +16,8 @@ use crate::scenario::{Against, Repeats, Scenario};
 use crate::severity::Impact;
 use crate::stl::Explanation;
 use crate::testbench::{
-    Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, Held, PolicyActor, Random, Testbench,
-    count_faults, play,
+    Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random,
+    Testbench, count_faults, play,
 };
 
 /// Who plays the ado.
@@ -74,7 +74,7 @@ impl Ado<'_> {
         match *self {
             Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
             Ado::Random => Box::new(Random::new(actions)),
-            Ado::Held => Box::new(Held::new(actions, HOLD_DECISIONS)),
+            Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),
             Ado::Heuristic(heuristic) => Box::new(PolicyActor(heuristic)),
             Ado::Replays(stored, _) => Box::new(NearestReplay::new(stored, 0)),

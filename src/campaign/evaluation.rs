@@ -55,7 +55,7 @@ pub struct Evaluation<'a> {
 
 /// Why the first counterexample of an ego is one.
 #[derive(Clone, Debug, serde::Serialize)]
-pub struct Reason {
+pub struct ExplainedCounterexample {
     /// The ego.
     pub ego: String,
     /// Position of the start.
@@ -96,7 +96,7 @@ pub struct EvaluationTable<'a> {
     /// Every ego that was met.
     pub egos: Vec<ReusedOn>,
     /// Why each fails, if the trained ado made it.
-    pub reasons: Vec<Reason>,
+    pub reasons: Vec<ExplainedCounterexample>,
     /// Why it ended early, if it did.
     pub failure: Option<CampaignError>,
     /// The nominal ego's test starts.
@@ -367,7 +367,7 @@ struct Meeting<'a> {
     baselines: &'a Baselines,
     watch: &'a Watch<'a>,
     rows: Vec<Row>,
-    reason: Option<Reason>,
+    reason: Option<ExplainedCounterexample>,
     found: Option<FoundBy>,
 }
 
@@ -436,7 +436,7 @@ impl<'a> Meeting<'a> {
         } else {
             let evaluated = eval(&request, self.watch);
             let explained = explain_first(&request, &evaluated);
-            self.reason = explained.map(|(start, explanation)| Reason {
+            self.reason = explained.map(|(start, explanation)| ExplainedCounterexample {
                 ego: self.ego.name().to_owned(),
                 start,
                 requirement: self.ego.scenario().requirement.clone(),

@@ -19,7 +19,7 @@ use crate::rl::Policy;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{self, Purpose, StartKey};
-use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, Held, Testbench};
+use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, HeldRandom, Testbench};
 
 /// Training starts on which every rule is tried.
 const STARTS: u64 = 32;
@@ -154,7 +154,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
     let mut bench = scenario.bench();
     let spaces = bench.spaces().clone();
     let mut seen = Seen {
-        held: Held::new(spaces.actions, HOLD_DECISIONS),
+        held: HeldRandom::new(spaces.actions, HOLD_DECISIONS),
         values: vec![Vec::new(); spaces.observation],
     };
     let mut cost = Cost::default();
@@ -174,7 +174,7 @@ fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f
 
 /// Held-random actions that note what is observed.
 struct Seen {
-    held: Held,
+    held: HeldRandom,
     values: Vec<Vec<f32>>,
 }
 

@@ -80,7 +80,7 @@ pub use theorems::{
     CarriedOver, CarryOver, Distance, Forecast, NearbyStarts, Refused, Sharper, Spread,
     TheoremsError, TheoremsRequest, Witness, carry_over, nearby_starts, optimal_values,
 };
-pub use train::{TrainError, Trained, train};
+pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};
 pub use watch::{Remark, Watch};
 pub use why::{Driver, decisive, last_chance, why};

@@ -8,7 +8,7 @@ use super::error::CampaignError;
 use super::eval::{Ado, Evaluated, best_constant, eval};
 use super::keep::keep;
 use super::starts::{TestStarts, test_starts};
-use super::train::{TrainError, Trained, train};
+use super::train::{TrainError, TrainingOutcome, train};
 use super::watch::Watch;
 use crate::rl::Policy;
 use crate::run::{Asked, Beginning, ChangedEgo, Row, RunDir, RunError};
@@ -135,7 +135,7 @@ impl TrainSession {
     ///
     /// # Errors
     /// The disk refuses, or the ego keeps failing to run.
-    pub fn train(&mut self, watch: &Watch<'_>) -> Result<Trained, CampaignError> {
+    pub fn train(&mut self, watch: &Watch<'_>) -> Result<TrainingOutcome, CampaignError> {
         Ok(train(self.ego.scenario(), &mut self.run, watch)?)
     }
 

@@ -4,7 +4,7 @@ use cpu_time::ThreadTime;
 
 use super::Watch;
 use super::against::TrainingGym;
-use crate::rl::{BundleError, Control, Learner, Progress};
+use crate::rl::{BundleError, Control, Learner, LearnerReport};
 use crate::run::{Done, RunDir, RunError, Window};
 use crate::scenario::Scenario;
 use crate::seed::Purpose;
@@ -17,7 +17,7 @@ const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
 
 /// What training came to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Trained {
+pub struct TrainingOutcome {
     /// How far it came.
     pub done: Done,
     /// Whether somebody stopped it; a checkpoint is kept then.
@@ -56,7 +56,7 @@ pub fn train(
     scenario: &Scenario,
     run: &mut RunDir,
     watch: &Watch<'_>,
-) -> Result<Trained, TrainError> {
+) -> Result<TrainingOutcome, TrainError> {
     if run.manifest().is_finished() {
         return Ok(finished(run));
     }
@@ -121,7 +121,7 @@ pub fn train(
     if learner.finished() {
         run.save_policy(&learner.policy_bundle(), done)?;
     }
-    Ok(Trained {
+    Ok(TrainingOutcome {
         done,
         interrupted: !learner.finished(),
         aborted: ledger.aborted,
@@ -129,9 +129,9 @@ pub fn train(
 }
 
 /// What a finished run came to.
-fn finished(run: &RunDir) -> Trained {
+fn finished(run: &RunDir) -> TrainingOutcome {
     let manifest = run.manifest();
-    Trained {
+    TrainingOutcome {
         done: Done {
             decisions_asked: manifest.decisions,
             decisions: manifest.decisions_done,
@@ -156,7 +156,7 @@ struct Ledger {
 }
 
 impl Ledger {
-    fn note(&mut self, progress: &Progress) {
+    fn note(&mut self, progress: &LearnerReport) {
         self.aborted = progress.aborted;
         self.episodes = progress.episodes;
         let window = &mut self.window;

@@ -9,7 +9,7 @@ use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
     start_count, table, talk,
 };
-use crate::campaign::{TrainRequest, TrainSession, Trained};
+use crate::campaign::{TrainRequest, TrainSession, TrainingOutcome};
 use crate::run::Row;
 use crate::scenario::{Against, Scenario};
 use crate::sim::PlantKind;
@@ -101,7 +101,7 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
     })
 }
 
-fn say_trained(trained: &Trained) {
+fn say_trained(trained: &TrainingOutcome) {
     let done = &trained.done;
     talk::say(&format!(
         "trained for {} decisions in {} episodes: {:.1} s of processor time, {:.0} decisions/s",
@@ -119,14 +119,14 @@ fn say_trained(trained: &Trained) {
 }
 
 /// Decisions per second of processor time.
-fn rate(trained: &Trained) -> f64 {
+fn rate(trained: &TrainingOutcome) -> f64 {
     trained.done.decisions as f64 / trained.done.cpu_s.max(1e-9)
 }
 
 fn show(
     args: &TrainArgs,
     session: &TrainSession,
-    trained: &Trained,
+    trained: &TrainingOutcome,
     rows: &[Row],
 ) -> Result<(), Failure> {
     if !args.common.json {

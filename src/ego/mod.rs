@@ -54,7 +54,7 @@ pub use actuator::{Actuated, Actuator};
 pub use fault::{Fault, FaultKind, PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
 pub use process::{DOCUMENT, Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
-pub use recorded::Recorded;
+pub use recorded::RecordedCommands;
 pub use stock::*;
 pub use takeover::{FullBrake, Takeover};
 

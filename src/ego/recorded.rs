@@ -10,19 +10,19 @@ use super::{Command, Controller, Fault, Percept};
 /// gave them: so a run with an ego that never answers twice alike can still be
 /// repeated bit for bit.
 #[derive(Clone, Debug)]
-pub struct Recorded {
+pub struct RecordedCommands {
     commands: Arc<[Command]>,
     next: usize,
 }
 
-impl Recorded {
+impl RecordedCommands {
     /// Repeats `commands`.
-    pub fn new(commands: Arc<[Command]>) -> Recorded {
-        Recorded { commands, next: 0 }
+    pub fn new(commands: Arc<[Command]>) -> RecordedCommands {
+        RecordedCommands { commands, next: 0 }
     }
 }
 
-impl Controller for Recorded {
+impl Controller for RecordedCommands {
     fn reset(&mut self, _seed: u64) {
         self.next = 0;
     }

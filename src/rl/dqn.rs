@@ -18,7 +18,7 @@ use super::dice::Dice;
 use super::kind::{Built, Kind, Shaped};
 use super::learner::{ConfigError, Learner, Tally, epsilon, expect_sizes, linear, within};
 use super::nn::{Adam, Mlp, Tape, argmax};
-use super::replay::{Batch, Lived, Replay, Tail};
+use super::replay::{Batch, Lived, ReplayBuffer, Tail};
 use super::starts::Starts;
 use super::{End, Env, Policy, Spaces};
 
@@ -197,7 +197,7 @@ struct Dqn {
     online: Mlp,
     target: Mlp,
     adam: Adam,
-    replay: Replay,
+    replay: ReplayBuffer,
     starts: Starts,
     dice: Dice,
     tally: Tally,
@@ -220,7 +220,7 @@ impl Dqn {
         Dqn {
             target: online.clone(),
             adam: Adam::new(parameters),
-            replay: Replay::new(spaces.observation, capacity, config.priority),
+            replay: ReplayBuffer::new(spaces.observation, capacity, config.priority),
             starts: Starts::new(config.restart, config.restart_pool, config.restart_tries),
             dice,
             tally: Tally::new(config.decisions),

@@ -1,7 +1,7 @@
 //! The learner-neutral surface: what a learner does, and how it says no.
 
 use super::bundle::{Bundle, BundleError};
-use super::{Control, Env, Policy, Progress};
+use super::{Control, Env, LearnerReport, Policy};
 
 /// How much of what a learner was asked to do is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,11 +62,11 @@ pub trait Learner: Send {
     /// `observer` is called after every episode; the episode in which the last
     /// decision falls is played to its end. `env` must be the same problem at
     /// every call.
-    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&Progress) -> Control) {
+    fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&LearnerReport) -> Control) {
         while !self.finished() {
             let episode_return = self.episode(env);
             let tally = self.tally();
-            let progress = Progress {
+            let progress = LearnerReport {
                 decisions: tally.decisions,
                 episodes: tally.episodes,
                 aborted: tally.aborted,

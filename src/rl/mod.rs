@@ -96,7 +96,7 @@ pub trait Policy: Send + Sync {
 
 /// What a learner reports after an episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
+pub struct LearnerReport {
     /// Decisions taken so far.
     pub decisions: u64,
     /// Episodes finished so far (aborted ones not counted).

@@ -131,7 +131,7 @@ pub struct Batch {
 
 /// The memory: transitions and their priorities.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Replay {
+pub struct ReplayBuffer {
     observation: usize,
     capacity: usize,
     alpha: f64,
@@ -144,13 +144,13 @@ pub struct Replay {
     priorities: SumTree,
 }
 
-impl Replay {
+impl ReplayBuffer {
     /// Added to |δ|, so that nothing is forgotten for good.
     const FLOOR: f32 = 1e-3;
 
     /// An empty memory of up to `capacity` transitions.
-    pub fn new(observation: usize, capacity: usize, alpha: f64) -> Replay {
-        Replay {
+    pub fn new(observation: usize, capacity: usize, alpha: f64) -> ReplayBuffer {
+        ReplayBuffer {
             observation,
             capacity,
             alpha,
@@ -224,7 +224,10 @@ impl Replay {
 
     /// Sets the priority of a slot to (|δ| + floor)^α.
     pub fn prioritise(&mut self, slot: usize, error: f32) {
-        let priority = f64::from(libm::powf(error.abs() + Replay::FLOOR, self.alpha as f32));
+        let priority = f64::from(libm::powf(
+            error.abs() + ReplayBuffer::FLOOR,
+            self.alpha as f32,
+        ));
         self.largest = self.largest.max(priority);
         self.priorities.set(slot, priority);
     }

@@ -13,7 +13,9 @@ use super::problems::Problems;
 use super::runs::Origin;
 use super::trained;
 use super::trained::run::TrainedFile;
-use crate::scene::drive::{Agent, Drive, EgoController, Light, LightDrive, Place, Range, Trained};
+use crate::scene::drive::{
+    Agent, Drive, EgoController, Light, LightDrive, Range, StartPlace, TrainedAdo,
+};
 use crate::sim::Body;
 
 /// Everybody in a world file, with what their ados observe and obey.
@@ -236,7 +238,7 @@ impl Cast<'_> {
         path: &Path,
         file: &TrainedFile,
         acts_as: ActsAs,
-    ) -> Option<Trained> {
+    ) -> Option<TrainedAdo> {
         let (trained, written_out) = trained::open(problems, (path, self.origin), file, acts_as)?;
         self.written_out.extend(written_out);
         Some(trained)
@@ -295,13 +297,13 @@ impl Cast<'_> {
         }
     }
 
-    fn place(&self, problems: &mut Problems, path: &Path, start: &StartFile) -> Option<Place> {
+    fn place(&self, problems: &mut Problems, path: &Path, start: &StartFile) -> Option<StartPlace> {
         let range = |problems: &mut Problems, field: &str, value: &NumberOrRange| -> Range {
             check::range(problems, &path.to(field), value.0);
             value.0
         };
         match start {
-            StartFile::At { x_m, speed_mps } => Some(Place::At {
+            StartFile::At { x_m, speed_mps } => Some(StartPlace::At {
                 x_m: range(problems, "x_m", x_m),
                 speed_mps: range(problems, "speed_mps", speed_mps),
             }),
@@ -321,7 +323,7 @@ impl Cast<'_> {
                     }
                     return None;
                 };
-                Some(Place::Ahead {
+                Some(StartPlace::Ahead {
                     of: position,
                     headway_m,
                     speed_mps,

@@ -104,7 +104,7 @@ fn width_m(agent: &Agent) -> f64 {
 fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
     let mut chain = vec![agent];
     let mut at = agent;
-    while let Place::Ahead { of, .. } = spec.agents[at].place {
+    while let StartPlace::Ahead { of, .. } = spec.agents[at].place {
         chain.push(of);
         at = of;
     }
@@ -113,8 +113,8 @@ fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
 
 fn own_offset(agent: &Agent) -> Range {
     match agent.place {
-        Place::At { x_m, .. } => x_m,
-        Place::Ahead { headway_m, .. } => headway_m,
+        StartPlace::At { x_m, .. } => x_m,
+        StartPlace::Ahead { headway_m, .. } => headway_m,
     }
 }
 

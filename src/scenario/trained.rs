@@ -23,7 +23,7 @@ use super::problems::Problems;
 use super::runs::{Origin, RunRefused, refused};
 use crate::rl::{Bundle, Policy, load_policy_for};
 use crate::scene::World;
-use crate::scene::drive::{Drive, DriveSpec, LightDrive, Trained, TrainedError};
+use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError};
 
 /// A trained ado, and the text that says the same without its directory.
 pub(super) fn open(
@@ -31,7 +31,7 @@ pub(super) fn open(
     (path, origin): (&Path, Origin<'_>),
     trained: &TrainedFile,
     acts_as: ActsAs,
-) -> Option<(Trained, Option<(Path, String)>)> {
+) -> Option<(TrainedAdo, Option<(Path, String)>)> {
     let place = path.to("run");
     let made = opened(&trained.run, origin).and_then(|run| {
         nested::check(&run, origin)?;
@@ -62,7 +62,7 @@ fn made_from(
     run: &Run,
     names: &Ordered<String>,
     origin: Origin<'_>,
-) -> Result<Trained, RunRefused> {
+) -> Result<TrainedAdo, RunRefused> {
     let from = &run.from;
     let world = world_of(run, origin)?;
     let World::Drive(world) = world else {
@@ -90,7 +90,7 @@ fn made_from(
             "restore the run from a backup, or train again",
         )
     })?;
-    Ok(Trained {
+    Ok(TrainedAdo {
         lag_s: lag_s(home),
         part,
         actions,

@@ -10,7 +10,7 @@ use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::sim::{Placement, PlantKind};
-use crate::testbench::{Actor, Aftermath, Constant, Held, Testbench, play};
+use crate::testbench::{Actor, Aftermath, Constant, HeldRandom, Testbench, play};
 
 /// Starts on which a world is tried at load, besides the corners of X_init.
 const TRIED_STARTS: u64 = 32;
@@ -199,7 +199,7 @@ pub(super) fn can_be_kept(problems: &mut Problems, scenario: &Scenario) -> Optio
     let most = bench.fork().map_or(0, |_| affordable.clamp(1, MAX_TRIALS));
     for (i, start) in tried_starts(&tried).iter().enumerate() {
         let mut constant = Constant(i % actions);
-        let mut changing = Held::new(actions, 1 + i % MAX_HOLD);
+        let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
         let actors: [&mut dyn Actor; 2] = [&mut constant, &mut changing];
         for actor in actors {
             let together = runs

@@ -7,7 +7,7 @@ use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{Against, ChangeError, LoadError, Path, Repeats, Scenario, ScenarioError};
 use super::{changed, check, read};
-use crate::ego::{Command, Controller, Recorded};
+use crate::ego::{Command, Controller, RecordedCommands};
 use crate::rl::{ConfigError, LearnerConfig};
 use crate::rulebook::Rulebook;
 use crate::scene::World;
@@ -168,7 +168,7 @@ impl Scenario {
     pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
         let commands = Arc::clone(commands);
         let recorded =
-            move || Box::new(Recorded::new(Arc::clone(&commands))) as Box<dyn Controller>;
+            move || Box::new(RecordedCommands::new(Arc::clone(&commands))) as Box<dyn Controller>;
         self.with_ego("recorded", Arc::new(recorded))
     }
 

@@ -14,7 +14,7 @@ use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
 use crate::scene::drive::{DriveSpec, EgoController, Tuning};
 use crate::scene::grid::GridWorld;
-use crate::scene::{Axis, Dynamics, Held, Scene, Start, World};
+use crate::scene::{Availability, Axis, Dynamics, Scene, Start, World};
 use crate::stl::{Formula, Names};
 use crate::testbench::Testbench;
 use crate::trace::Signal;
@@ -265,7 +265,7 @@ impl Scenario {
     }
 
     /// Every signal that formulas may use, derived ones included.
-    pub fn signals(&self) -> Vec<(Signal, Held)> {
+    pub fn signals(&self) -> Vec<(Signal, Availability)> {
         self.world.signals()
     }
 }

@@ -53,7 +53,7 @@ impl Dynamics {
 
 /// Whether traces hold a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Held {
+pub enum Availability {
     /// Always, or because the world mentions it.
     Recorded,
     /// Only when a world mentions it.
@@ -62,13 +62,13 @@ pub enum Held {
     Derived,
 }
 
-impl Held {
+impl Availability {
     /// The word in listings.
     pub fn word(self) -> &'static str {
         match self {
-            Held::Recorded => "recorded",
-            Held::OnDemand => "on demand",
-            Held::Derived => "derived",
+            Availability::Recorded => "recorded",
+            Availability::OnDemand => "on demand",
+            Availability::Derived => "derived",
         }
     }
 }
@@ -160,7 +160,7 @@ impl World {
     }
 
     /// Every signal that formulas may use, derived ones included.
-    pub fn signals(&self) -> Vec<(Signal, Held)> {
+    pub fn signals(&self) -> Vec<(Signal, Availability)> {
         match self {
             World::Drive(world) => {
                 let spec = world.spec();
@@ -198,15 +198,15 @@ fn listed(
     offers: impl Iterator<Item = (Signal, bool)>,
     extra: &[String],
     derived: &[Derived],
-) -> Vec<(Signal, Held)> {
+) -> Vec<(Signal, Availability)> {
     let published = offers.map(|(signal, always)| {
         let held = match always || extra.contains(&signal.name) {
-            true => Held::Recorded,
-            false => Held::OnDemand,
+            true => Availability::Recorded,
+            false => Availability::OnDemand,
         };
         (signal, held)
     });
     let derived = derived.iter();
-    let derived = derived.map(|derived| (derived.signal.clone(), Held::Derived));
+    let derived = derived.map(|derived| (derived.signal.clone(), Availability::Derived));
     published.chain(derived).collect()
 }

@@ -47,9 +47,9 @@ pub struct Body {
 /// How a body moves: a file of its own for each, and one match in each plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum BodyKind {
-    /// On wheels; takes [`super::Command::Drive`].
+    /// On wheels; takes [`super::BodyCommand::Drive`].
     Vehicle(Vehicle),
-    /// On foot; takes [`super::Command::Walk`].
+    /// On foot; takes [`super::BodyCommand::Walk`].
     Walker(Walker),
 }
 

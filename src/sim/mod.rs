@@ -9,13 +9,13 @@
 //! **front bumper's middle**, projected to the ground.
 //!
 //! ```
-//! use brakecheck::sim::{Body, Command, Ground, PlantKind, Pose, plant};
+//! use brakecheck::sim::{Body, BodyCommand, Ground, PlantKind, Pose, plant};
 //!
 //! let sedan = Body::shipped("sedan").unwrap().unwrap();
 //! let mut plant = plant(PlantKind::Rigid, Ground { friction: 0.9 });
 //! let rear = plant.spawn(&sedan, Pose::default(), 20.0);
 //! let front = plant.spawn(&sedan, Pose { x_m: 14.54, ..Pose::default() }, 0.0);
-//! plant.command(front, Command::Drive { accel_mps2: -6.0, curvature_per_m: 0.0 });
+//! plant.command(front, BodyCommand::Drive { accel_mps2: -6.0, curvature_per_m: 0.0 });
 //! let contact = (0..100).find_map(|_| plant.advance(0.05, 4)).unwrap();
 //! assert_eq!(contact.pair, (rear, front));
 //! assert!((contact.closing_speed_mps - 20.0).abs() < 1e-3);
@@ -127,7 +127,7 @@ pub struct BodyState {
 
 /// What a body is asked to do until the next command.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Command {
+pub enum BodyCommand {
     /// A wheeled vehicle: net acceleration along the heading and path curvature.
     ///
     /// The plant caps the acceleration at ±μg and by engine power; a braking
@@ -208,7 +208,7 @@ pub trait Plant: Send {
     ///
     /// A command that is not finite, or not of the body's kind, is not obeyed
     /// and makes the plant unsound until it is cleared.
-    fn command(&mut self, id: BodyId, command: Command);
+    fn command(&mut self, id: BodyId, command: BodyCommand);
     /// Moves on by `dt_s` in `substeps` equal steps; stops at first contact.
     ///
     /// Returns the earliest contact within the step, if any. Every body then is

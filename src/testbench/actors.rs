@@ -41,7 +41,7 @@ impl Actor for Constant {
 pub const HOLD_DECISIONS: usize = 5;
 
 /// Uniformly random actions, each held for a number of decisions.
-pub struct Held {
+pub struct HeldRandom {
     actions: usize,
     hold: usize,
     left: usize,
@@ -49,10 +49,10 @@ pub struct Held {
     rng: ChaCha8Rng,
 }
 
-impl Held {
+impl HeldRandom {
     /// Each action is held for `hold` ≥ 1 decisions.
-    pub fn new(actions: usize, hold: usize) -> Held {
-        Held {
+    pub fn new(actions: usize, hold: usize) -> HeldRandom {
+        HeldRandom {
             actions,
             hold,
             left: 0,
@@ -62,7 +62,7 @@ impl Held {
     }
 }
 
-impl Actor for Held {
+impl Actor for HeldRandom {
     fn begin(&mut self, seed: u64, _start: &Start) {
         self.rng = seed::generator("held", &[seed, self.hold as u64]);
         self.left = 0;
@@ -79,12 +79,12 @@ impl Actor for Held {
 }
 
 /// Uniformly random actions, a new one at each decision.
-pub struct Random(Held);
+pub struct Random(HeldRandom);
 
 impl Random {
     /// Draws among `actions`.
     pub fn new(actions: usize) -> Random {
-        Random(Held::new(actions, 1))
+        Random(HeldRandom::new(actions, 1))
     }
 }
 

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use rand::Rng;
 
-pub use actors::{Actor, Constant, HOLD_DECISIONS, Held, PolicyActor, Random, Replay};
+pub use actors::{Actor, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay};
 pub use faults::{Complaint, FaultCount, FaultLog, count_faults};
 pub use gym::{Gym, Spent, Success};
 pub use recording::motion_of;

@@ -91,7 +91,7 @@ use story::Story;
 
 /// What was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Recorded {
+pub struct RecordingFile {
     /// Where.
     pub path: PathBuf,
     /// Size of the file.
@@ -112,14 +112,14 @@ pub fn record(
     episode: &Episode,
     caption: &str,
     out: &Path,
-) -> Result<Recorded, ViewError> {
+) -> Result<RecordingFile, ViewError> {
     let refused = |source| ViewError::Write {
         path: out.into(),
         source,
     };
     let bytes = Recording::new(scenario, episode, caption).encode()?;
     write_whole(out, &bytes).map_err(refused)?;
-    Ok(Recorded {
+    Ok(RecordingFile {
         path: out.into(),
         bytes: bytes.len() as u64,
         samples: episode.trace.len(),

@@ -1,6 +1,7 @@
 //! The floors of ARCHITECTURE.md, checked from the sources.
 
 mod circles;
+mod names;
 mod snippets;
 mod sources;
 
@@ -256,6 +257,13 @@ fn signals_and_robustness_are_double_precision() {
         let double = place.starts_with("crates/stl/") || place.starts_with("src/rulebook");
         assert!(!(double && line.contains("f32")), "{place}");
     }
+}
+
+/// In both packages: one is re-exported by the other.
+#[test]
+fn no_two_public_types_have_one_name() {
+    let twice = names::twice(library(), &texts());
+    assert!(twice.is_empty(), "\n{twice:#?}");
 }
 
 /// A verb parses, calls the library and prints; what it decides is below.

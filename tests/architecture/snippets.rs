@@ -1,6 +1,7 @@
 //! What the floors and circles are read from, on small sources.
 
 use super::circles::circles;
+use super::names;
 use super::sources::Sources;
 use super::upward;
 
@@ -228,5 +229,44 @@ fn code_of_a_head_file_counts_and_its_list_of_modules_does_not() {
             expected,
             "{head}"
         );
+    }
+}
+
+#[test]
+fn a_name_of_two_public_types_is_seen_wherever_they_stand() {
+    let twice = |code: &str| {
+        let texts = [
+            ("src/lib.rs", "pub mod sim; pub use sim::Body;"),
+            ("src/sim/mod.rs", "pub struct Body;"),
+            ("src/sim/rigid.rs", code),
+            ("crates/stl/src/lib.rs", "pub enum Formula {}"),
+        ];
+        names::twice(&Sources::read(&texts), &texts)
+    };
+    for code in [
+        "pub struct Body { x_m: f64 }",
+        "pub enum Formula { None }",
+        "pub trait Body {}",
+        "pub type Body = u8;",
+        "mod inner { pub union Body { x: u8 } }",
+        "bodies! { /// One. pub struct Body { x_m } }",
+        "macro_rules! m { ($a:ident) => { #[derive(Debug)] pub enum Body { $a } } }",
+        "pub struct Own; macro_rules! m { () => { pub struct Own; } }",
+    ] {
+        let found = twice(code);
+        assert_eq!(found.len(), 1, "{code}: {found:?}");
+        assert!(found.values().all(|places| places.len() == 2), "{found:?}");
+    }
+    for code in [
+        "struct Body;",
+        "pub(crate) struct Body; pub(super) enum Formula {}",
+        "pub use super::Body; pub fn body(body: Body) {}",
+        "#[cfg(test)] mod tests { pub struct Body; }",
+        "#[cfg(test)] pub struct Body;",
+        "#![cfg(test)] pub struct Body;",
+        "macro_rules! m { ($kind:ident) => { pub struct $kind; } }",
+        "pub enum Motion { Body(Body) } m!(Body);",
+    ] {
+        assert!(twice(code).is_empty(), "{code}: {:?}", twice(code));
     }
 }

@@ -208,7 +208,7 @@ fn module_of(path: &str) -> Names {
 }
 
 /// `#[cfg(test)]`, `#[cfg(all(test, unix))]`, `#[test]`
-fn is_for_tests(attribute: &syn::Attribute) -> bool {
+pub fn is_for_tests(attribute: &syn::Attribute) -> bool {
     fn asks(meta: &syn::Meta) -> bool {
         let inner = |list: &syn::MetaList| {
             let all = Punctuated::<syn::Meta, syn::Token![,]>::parse_terminated;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use brakecheck::rl::replay::{Batch, Replay, Transition};
+use brakecheck::rl::replay::{Batch, ReplayBuffer, Transition};
 use brakecheck::rl::{Bins, Bundle, Dice, End, LearnerConfig, QTableSettings, Spaces};
 
 use crate::config;
@@ -69,7 +69,7 @@ fn draws_are_as_the_errors_to_the_power_of_alpha_and_weights_undo_it_by_beta() {
         (0.0, [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0]),
     ] {
         for beta in [0.0, 0.3, 0.5, 1.0] {
-            let mut replay = Replay::new(1, 10, alpha);
+            let mut replay = ReplayBuffer::new(1, 10, alpha);
             for (slot, error) in errors.into_iter().enumerate() {
                 let (observation, next) = (&[0.0], &[0.0]);
                 replay.push(Transition {
@@ -104,8 +104,8 @@ fn draws_are_as_the_errors_to_the_power_of_alpha_and_weights_undo_it_by_beta() {
 
 #[test]
 fn a_new_transition_has_the_largest_priority_ever_seen() {
-    let mut replay = Replay::new(1, 10, 0.5);
-    let push = |replay: &mut Replay, action| {
+    let mut replay = ReplayBuffer::new(1, 10, 0.5);
+    let push = |replay: &mut ReplayBuffer, action| {
         replay.push(Transition {
             observation: &[0.0],
             action,

@@ -24,7 +24,7 @@ fn stir(plant: &mut dyn Plant, samples: core::ops::Range<usize>) -> Vec<BodyStat
             plant.command(BodyId(index), drive(3.0 * wave, 0.002 * wave));
         }
         let (x_mps, y_mps) = (0.2, 1.5 * wave);
-        plant.command(BodyId(4), Command::Walk { x_mps, y_mps });
+        plant.command(BodyId(4), BodyCommand::Walk { x_mps, y_mps });
         plant.advance(SAMPLE_S, 4);
         states.extend((0..5).map(|index| plant.state(BodyId(index))));
     }

@@ -212,7 +212,7 @@ fn a_car_hits_a_pedestrian_who_steps_out() {
             0.0,
         );
         let (x_mps, y_mps) = (0.0, 2.0);
-        plant.command(walker, Command::Walk { x_mps, y_mps });
+        plant.command(walker, BodyCommand::Walk { x_mps, y_mps });
         let mut elapsed_s = 0.0;
         let contact = loop {
             match plant.advance(SAMPLE_S, 4) {

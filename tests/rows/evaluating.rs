@@ -8,7 +8,7 @@ use brakecheck::rl::Policy;
 use brakecheck::run::{ClosingSpeed, Row, StartOutcome, Stored, at_most, wilson};
 use brakecheck::scenario::{Repeats, Scenario};
 use brakecheck::scene::Start;
-use brakecheck::testbench::{Actor, FaultLog, Held, Random, Success};
+use brakecheck::testbench::{Actor, FaultLog, HeldRandom, Random, Success};
 
 use super::near;
 use super::scene::{
@@ -215,7 +215,7 @@ fn random_and_held_ados_come_to_what_their_draws_come_to() {
             .map(|i| paper_of(HEADWAYS_M[i], &drawn(actor, i)))
             .collect()
     };
-    let (random, held) = (of(&mut Random::new(5)), of(&mut Held::new(5, 5)));
+    let (random, held) = (of(&mut Random::new(5)), of(&mut HeldRandom::new(5, 5)));
     for (ado, word, papers) in [(Ado::Random, "random", random), (Ado::Held, "hold", held)] {
         let row = evaluated(&world, ado, &starts).row;
         let steps = papers.iter().map(Paper::steps).sum();
@@ -223,7 +223,7 @@ fn random_and_held_ados_come_to_what_their_draws_come_to() {
         assert_eq!(row.ado, word);
     }
     // Held for five decisions, then for the next three; else a new one each time.
-    let mut actor = Held::new(5, 5);
+    let mut actor = HeldRandom::new(5, 5);
     let mut firsts = [0; 5];
     for index in (0..400).map(|i| i % starts.starts.len()) {
         let (start, noise) = &starts.starts[index];

@@ -6,7 +6,7 @@ use brakecheck::campaign::{SearchRequest, Switches, Watch, search, test_starts, 
 use brakecheck::run::RunDir;
 use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Actor, Aftermath, Held, PolicyActor, play};
+use brakecheck::testbench::{Actor, Aftermath, HeldRandom, PolicyActor, play};
 
 const DOC: &str = include_str!("../../docs/worlds.md");
 const AUTHORED: [(&str, &str); 3] = [
@@ -69,7 +69,7 @@ fn the_example_of_the_documentation_becomes_a_trained_ado() {
         solved
     };
     let trained = successes(&mut PolicyActor(&*policy));
-    let held = successes(&mut Held::new(world.bench().spaces().actions, 5));
+    let held = successes(&mut HeldRandom::new(world.bench().spaces().actions, 5));
     assert!(held + 20 <= trained, "trained {trained}, held {held} of 60");
 }
 

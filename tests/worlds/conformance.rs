@@ -2,7 +2,7 @@
 
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, Episode, Held, Testbench, play};
+use brakecheck::testbench::{Aftermath, Episode, HeldRandom, Testbench, play};
 
 fn key(purpose: Purpose, index: u64) -> StartKey {
     StartKey {
@@ -15,7 +15,7 @@ fn key(purpose: Purpose, index: u64) -> StartKey {
 fn episode(bench: &mut Testbench, index: u64) -> Episode {
     let key = key(Purpose::Test, index);
     let (start, noise) = (bench.draw(key), bench.noise_of(key));
-    let mut actor = Held::new(bench.spaces().actions, 5);
+    let mut actor = HeldRandom::new(bench.spaces().actions, 5);
     play(bench, &start, noise, &mut actor, Aftermath::Play)
 }
 

@@ -13,7 +13,7 @@ use brakecheck::scenario::{Against, Change, Family, Scenario};
 use brakecheck::scene::Dynamics;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, Gym, Held, play};
+use brakecheck::testbench::{Aftermath, Gym, HeldRandom, play};
 
 use super::acc;
 
@@ -162,7 +162,7 @@ fn a_tuned_scene_drives_like_the_changed_world() {
                     bench,
                     &start,
                     index,
-                    &mut Held::new(actions, 3),
+                    &mut HeldRandom::new(actions, 3),
                     Aftermath::Play,
                 )
             };

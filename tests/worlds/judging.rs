@@ -5,7 +5,7 @@ use std::sync::Arc;
 use brakecheck::rulebook::{Counts, Judge, JudgeKind, Reward, Rule, Rulebook, Stop, Verdict};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::stl::{Constants, Formula, Scratch};
-use brakecheck::testbench::{Aftermath, Held, play};
+use brakecheck::testbench::{Aftermath, HeldRandom, play};
 use brakecheck::trace::{Schema, Signal, Trace};
 
 fn schema() -> Arc<Schema> {
@@ -301,7 +301,7 @@ fn at_the_horizon_the_online_judge_says_what_the_whole_trace_says() {
                 index,
             };
             let (start, noise) = (bench.draw(key), bench.noise_of(key));
-            let mut held = Held::new(bench.spaces().actions, 5);
+            let mut held = HeldRandom::new(bench.spaces().actions, 5);
             let episode = play(&mut bench, &start, noise, &mut held, Aftermath::Skip);
             let whole = episode.judged == world.world().clock().samples();
             if whole && episode.contact.is_none() {

@@ -38,7 +38,7 @@ pub enum Reason {
 
 /// One formula on the way from the whole to what decides.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Step {
+pub struct ExplanationStep {
     /// The sub-formula, as canonical text.
     pub formula: String,
     /// The sample at which it matters.
@@ -59,14 +59,14 @@ pub struct Explanation {
     /// What the path ends with.
     pub reason: Reason,
     /// From the whole formula to what decides; |value| is the same throughout.
-    pub path: Vec<Step>,
+    pub path: Vec<ExplanationStep>,
     /// The signals the deciding leaf reads, and their values there.
     pub signals: Vec<(String, f64)>,
 }
 
 impl Explanation {
     /// The deciding sub-formula; `None` for an empty trace.
-    pub fn leaf(&self) -> Option<&Step> {
+    pub fn leaf(&self) -> Option<&ExplanationStep> {
         self.path.last()
     }
 }
@@ -175,7 +175,7 @@ fn explain(monitor: &Monitor, trace: &Trace) -> Explanation {
         // A conjunction of many is one step, however it is evaluated.
         let step = (Arc::as_ptr(&instruction.source), place.sample);
         if shown != Some(step) {
-            explanation.path.push(Step {
+            explanation.path.push(ExplanationStep {
                 formula: instruction.source.to_string(),
                 sample: place.sample,
                 time_s: place.sample as f64 * trace.dt_s(),

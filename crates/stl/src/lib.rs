@@ -36,7 +36,7 @@ mod undefined;
 
 pub use bind::BoundExpr;
 pub use error::StlError;
-pub use explain::{Explanation, Reason, Step};
+pub use explain::{Explanation, ExplanationStep, Reason};
 pub use formula::{Expr, Formula};
 pub use interval::Interval;
 pub use monitor::Monitor;

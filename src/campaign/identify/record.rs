@@ -5,7 +5,7 @@ use crate::ego::Fault;
 use crate::scenario::Scenario;
 use crate::scene::{Flow, Scene, Start};
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Actor, HOLD_DECISIONS, Held};
+use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
 
 /// Whom to identify, in which family.
 #[derive(Clone, Copy)]
@@ -68,7 +68,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
         };
         let start = bench.draw(key);
         let noise = bench.noise_of(key);
-        let mut actor = Held::new(bench.spaces().actions, HOLD_DECISIONS);
+        let mut actor = HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS);
         actor.begin(noise, &start);
         let actions = (0..bench.clock().decisions()).map(|_| actor.act(&[]));
         let actions: Vec<usize> = actions.collect();

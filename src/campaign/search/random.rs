@@ -3,12 +3,12 @@
 use super::trials::Trials;
 use crate::scene::Start;
 use crate::seed;
-use crate::testbench::{Actor, Held};
+use crate::testbench::{Actor, HeldRandom};
 
 /// Tries random sequences until one succeeds; the dice depend on the noise.
 pub(super) fn solve(trials: &mut Trials<'_>, hold: usize) {
     let mut actor = Reseeded {
-        held: Held::new(trials.actions(), hold),
+        held: HeldRandom::new(trials.actions(), hold),
         seed: 0,
     };
     loop {
@@ -23,7 +23,7 @@ pub(super) fn solve(trials: &mut Trials<'_>, hold: usize) {
 
 /// Held-random actions from a seed of their own, whatever the episode's noise.
 struct Reseeded {
-    held: Held,
+    held: HeldRandom,
     seed: u64,
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::actions::{Actions, Turn};
-use super::trained::Trained;
+use super::trained::TrainedAdo;
 use crate::ego::Phase;
 
 /// A traffic light with its stop line across all lanes.
@@ -32,7 +32,7 @@ pub enum LightDrive {
         neutral: usize,
     },
     /// An ado trained elsewhere, frozen.
-    Trained(Trained),
+    Trained(TrainedAdo),
 }
 
 /// Phases, each from its time on: `[(at_s, phase), …]`.

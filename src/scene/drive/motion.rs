@@ -74,7 +74,7 @@ impl DriveScene {
         let (lag_s, lateral_lag_s) = match &agent.drive {
             Drive::Ego(drive) => (drive.lag_s, drive.lag_s),
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
-            Drive::Trained(Trained { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
+            Drive::Trained(TrainedAdo { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
             Drive::Scripted(_) => (0.0, 0.0),
         };
         let sample_s = self.layout.spec.clock.sample_s;
@@ -161,7 +161,7 @@ impl DriveScene {
             Choice::Drive {
                 accel_mps2,
                 lateral_mps,
-            } => Command::Drive {
+            } => BodyCommand::Drive {
                 accel_mps2: self.actuators[agent].step(accel_mps2),
                 curvature_per_m: self.keepers[agent].curvature(
                     at,
@@ -176,7 +176,7 @@ impl DriveScene {
             } => {
                 let road_rad = state.pose.heading_rad - at.heading_rad;
                 let (sin, cos) = libm::sincos(road_rad);
-                Command::Walk {
+                BodyCommand::Walk {
                     x_mps: along_mps * cos - left_mps * sin,
                     y_mps: along_mps * sin + left_mps * cos,
                 }
@@ -273,8 +273,8 @@ impl Scene for DriveScene {
         let mut fronts_m: Vec<f64> = Vec::with_capacity(layout.spec.agents.len());
         for agent in &layout.spec.agents {
             let front_m = match agent.place {
-                Place::At { x_m, .. } => value(x_m),
-                Place::Ahead { of, headway_m, .. } => fronts_m[of] + value(headway_m),
+                StartPlace::At { x_m, .. } => value(x_m),
+                StartPlace::Ahead { of, headway_m, .. } => fronts_m[of] + value(headway_m),
             };
             fronts_m.push(front_m);
             let lateral_m = value(agent.lateral_m);

@@ -42,7 +42,7 @@ impl Range {
 
 /// Where and how fast an agent starts.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Place {
+pub enum StartPlace {
     /// At a position along the road.
     At {
         /// Front bumper along the road.
@@ -61,11 +61,11 @@ pub enum Place {
     },
 }
 
-impl Place {
+impl StartPlace {
     /// The initial speed.
     pub fn speed_mps(&self) -> Range {
         match *self {
-            Place::At { speed_mps, .. } | Place::Ahead { speed_mps, .. } => speed_mps,
+            StartPlace::At { speed_mps, .. } | StartPlace::Ahead { speed_mps, .. } => speed_mps,
         }
     }
 }
@@ -145,7 +145,7 @@ pub enum Drive {
         lag_s: f64,
     },
     /// An ado trained elsewhere, frozen.
-    Trained(Trained),
+    Trained(TrainedAdo),
     /// Background traffic.
     Scripted(Script),
 }
@@ -162,7 +162,7 @@ pub struct Agent {
     /// Its heading at the start, counter-clockwise from the road's.
     pub facing_rad: f64,
     /// Where it starts.
-    pub place: Place,
+    pub place: StartPlace,
     /// Who drives it.
     pub drive: Drive,
 }
@@ -223,7 +223,7 @@ impl DriveSpec {
     }
 
     /// The trained ados, road users first, by their names here.
-    pub fn trained(&self) -> impl Iterator<Item = (&str, &Trained)> {
+    pub fn trained(&self) -> impl Iterator<Item = (&str, &TrainedAdo)> {
         let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
             Drive::Trained(trained) => Some((agent.name.as_str(), trained)),
             _ => None,
@@ -284,8 +284,8 @@ impl DriveSpec {
         let mut axes = Vec::new();
         for agent in &self.agents {
             let (what, along) = match agent.place {
-                Place::At { x_m, .. } => ("x", x_m),
-                Place::Ahead { headway_m, .. } => ("headway", headway_m),
+                StartPlace::At { x_m, .. } => ("x", x_m),
+                StartPlace::Ahead { headway_m, .. } => ("headway", headway_m),
             };
             let ranges = [
                 (what, "m", along),

@@ -17,7 +17,7 @@ use crate::stl::Constants;
 
 /// A trained ado and what it knows.
 #[derive(Clone)]
-pub struct Trained {
+pub struct TrainedAdo {
     /// The world it was trained in.
     pub home: Arc<TrainingWorld>,
     /// Its name there.
@@ -32,7 +32,7 @@ pub struct Trained {
     pub names: IndexMap<String, String>,
 }
 
-impl std::fmt::Debug for Trained {
+impl std::fmt::Debug for TrainedAdo {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Trained({} of {})", self.part, self.home.world)
     }

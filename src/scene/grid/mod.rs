@@ -16,7 +16,7 @@ use std::sync::Arc;
 use rand::RngExt;
 
 pub use arena::{Arena, AtWall, Cell, Position};
-pub use signals::Offer;
+pub use signals::GridSignalSource;
 pub use spec::{GridSpec, Horizon, Starts, position, position_of, start_of};
 
 use super::drive::SceneError;

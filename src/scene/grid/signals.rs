@@ -48,7 +48,7 @@ impl Source {
 
 /// A signal that can be published, with the range by which it is observed.
 #[derive(Clone, Debug)]
-pub struct Offer {
+pub struct GridSignalSource {
     /// Its declaration.
     pub signal: Signal,
     /// Usual range; observations are scaled by it.
@@ -63,13 +63,13 @@ const USUAL_CELLS: f64 = 4.0;
 
 impl GridSpec {
     /// Every signal this scene can publish, derived ones excepted.
-    pub fn catalogue(&self) -> Vec<Offer> {
+    pub fn catalogue(&self) -> Vec<GridSignalSource> {
         let steps = f64::from(self.steps());
         let length = (0.0, USUAL_CELLS);
         let offset = (-USUAL_CELLS, USUAL_CELLS);
         let mut offers = Vec::new();
         let mut offer = |name: &str, unit, about: &str, range, always, source| {
-            offers.push(Offer {
+            offers.push(GridSignalSource {
                 signal: Signal::real(name, unit, about),
                 range,
                 always,
@@ -207,7 +207,7 @@ impl GridSpec {
             false,
             Source::Size,
         );
-        offers.push(Offer {
+        offers.push(GridSignalSource {
             signal: Signal::boolean("captured", "whether the two are less than one cell apart"),
             range: (0.0, 1.0),
             always: false,
@@ -217,7 +217,7 @@ impl GridSpec {
     }
 
     /// The signals a trace of this scene holds, derived ones excepted.
-    pub(super) fn published(&self) -> Vec<Offer> {
+    pub(super) fn published(&self) -> Vec<GridSignalSource> {
         let mut offers = self.catalogue();
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers

@@ -20,7 +20,7 @@ use self::mover::Mover;
 use self::path::{Anchor, Path};
 use super::body::Body;
 use super::planar::Extent;
-use super::{BodyId, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose};
+use super::{BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose};
 
 /// Distance from the origin beyond which the plant calls itself unsound.
 const BOUND_M: f64 = 1e6;
@@ -105,7 +105,7 @@ impl Plant for Kinematic {
         BodyId(self.movers.len() - 1)
     }
 
-    fn command(&mut self, id: BodyId, command: Command) {
+    fn command(&mut self, id: BodyId, command: BodyCommand) {
         let Some(command) = super::finite(command) else {
             self.faulty = true;
             return;

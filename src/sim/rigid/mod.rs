@@ -144,7 +144,7 @@ impl Plant for Rigid {
         BodyId(self.movers.len() - 1)
     }
 
-    fn command(&mut self, id: BodyId, command: Command) {
+    fn command(&mut self, id: BodyId, command: BodyCommand) {
         let Some(command) = super::finite(command) else {
             self.faulty = true;
             return;

@@ -124,12 +124,12 @@ pub struct MapResult {
     /// Share that the two-line chaser captures.
     pub chaser: f64,
     /// By learner.
-    pub trained: Vec<Trained>,
+    pub trained: Vec<LearnerOnMap>,
 }
 
 /// One learner on one map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Trained {
+pub struct LearnerOnMap {
     /// Median over seeds of the share of captured starts.
     pub median: f64,
     /// Mean over seeds.
@@ -328,7 +328,7 @@ fn measure(
         }
         let solved: Vec<&Outcomes> = own.iter().map(|row| &row.solved).collect();
         let shares: Vec<f64> = own.iter().map(|row| row.success_rate).collect();
-        trained.push(Trained {
+        trained.push(LearnerOnMap {
             ci95: seeds_interval(&solved),
             ..spread(&shares)
         });
@@ -369,10 +369,10 @@ fn measure(
 }
 
 /// Mean, median and worst of the shares of all seeds; no interval yet.
-fn spread(shares: &[f64]) -> Trained {
+fn spread(shares: &[f64]) -> LearnerOnMap {
     let mut sorted = shares.to_vec();
     sorted.sort_by(f64::total_cmp);
-    Trained {
+    LearnerOnMap {
         median: sorted.get(sorted.len() / 2).copied().unwrap_or(0.0),
         mean: shares.iter().sum::<f64>() / shares.len().max(1) as f64,
         ci95: [0.0, 1.0],

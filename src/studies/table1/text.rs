@@ -1,6 +1,6 @@
 //! Table I as Markdown.
 
-use super::{GridStudy, MapResult, Trained, verdict_on};
+use super::{GridStudy, LearnerOnMap, MapResult, verdict_on};
 use crate::scene::grid::AtWall;
 
 /// The studies, the headline first.
@@ -86,7 +86,7 @@ fn captures(study: &GridStudy, text: &mut String) {
     text.push('\n');
 }
 
-fn share(trained: &Trained) -> String {
+fn share(trained: &LearnerOnMap) -> String {
     format!("{} {}", percent(trained.median), interval(trained.ci95))
 }
 

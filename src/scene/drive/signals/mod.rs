@@ -96,7 +96,7 @@ fn in_words(about: &str, owners: &[&str]) -> String {
 
 /// A signal that can be published, with the range by which it is observed.
 #[derive(Clone, Debug)]
-pub struct Offer {
+pub struct SignalSource {
     /// Its declaration.
     pub signal: Signal,
     /// Usual range; observations are scaled by it.
@@ -191,7 +191,7 @@ impl DriveSpec {
     }
 
     /// The signals a trace of this scene holds, derived ones excepted.
-    pub(super) fn published(&self) -> Vec<Offer> {
+    pub(super) fn published(&self) -> Vec<SignalSource> {
         let mut offers = self.catalogue();
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers

@@ -1,0 +1,93 @@
+//! Public types by their names.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use proc_macro2::{TokenStream, TokenTree};
+use syn::visit::{self, Visit};
+
+use super::sources::{Sources, is_for_tests};
+
+/// What makes a type, a trait included.
+const KINDS: [&str; 5] = ["struct", "enum", "union", "trait", "type"];
+
+/// The names of public types that are more than one, each with where they are.
+///
+/// What is `pub` counts wherever it stands, so that a name means one thing in
+/// private modules too; a re-export is no type of its own.
+pub fn twice(
+    sources: &Sources,
+    texts: &[(impl AsRef<str>, impl AsRef<str>)],
+) -> BTreeMap<String, BTreeSet<String>> {
+    let mut public = Public::default();
+    for (at, (path, text)) in texts.iter().enumerate() {
+        if sources.is_for_tests(&sources.module_of_file(at)) {
+            continue;
+        }
+        let file = syn::parse_file(text.as_ref()).expect("a source file");
+        public.path = path.as_ref().to_owned();
+        public.visit_file(&file);
+    }
+    public.types.retain(|_, places| 1 < places.len());
+    public.types
+}
+
+#[derive(Default)]
+struct Public {
+    path: String,
+    types: BTreeMap<String, BTreeSet<String>>,
+}
+
+impl Public {
+    fn add(&mut self, name: &proc_macro2::Ident) {
+        let place = format!("{}:{}", self.path, name.span().start().line);
+        let places = self.types.entry(name.to_string()).or_default();
+        places.insert(place);
+    }
+
+    /// `pub struct A` in tokens of macros, which are no syntax yet.
+    fn scan(&mut self, tokens: TokenStream) {
+        // The last two tokens, as far as they are words.
+        let (mut before, mut last) = (String::new(), String::new());
+        for token in tokens {
+            let mut word = String::new();
+            match token {
+                TokenTree::Group(group) => self.scan(group.stream()),
+                TokenTree::Ident(ident) => {
+                    if before == "pub" && KINDS.contains(&&*last) {
+                        self.add(&ident);
+                    }
+                    word = ident.to_string();
+                }
+                _ => {}
+            }
+            (before, last) = (last, word);
+        }
+    }
+}
+
+impl<'a> Visit<'a> for Public {
+    fn visit_item(&mut self, item: &'a syn::Item) {
+        use syn::Item;
+        let (visible, name, attributes) = match item {
+            Item::Enum(it) => (Some(&it.vis), Some(&it.ident), &it.attrs),
+            Item::Struct(it) => (Some(&it.vis), Some(&it.ident), &it.attrs),
+            Item::Trait(it) => (Some(&it.vis), Some(&it.ident), &it.attrs),
+            Item::Type(it) => (Some(&it.vis), Some(&it.ident), &it.attrs),
+            Item::Union(it) => (Some(&it.vis), Some(&it.ident), &it.attrs),
+            Item::Mod(it) => (None, None, &it.attrs),
+            Item::Macro(it) => (None, None, &it.attrs),
+            _ => return visit::visit_item(self, item),
+        };
+        if attributes.iter().any(is_for_tests) {
+            return;
+        }
+        if let (Some(syn::Visibility::Public(_)), Some(name)) = (visible, name) {
+            self.add(name);
+        }
+        visit::visit_item(self, item);
+    }
+
+    fn visit_macro(&mut self, it: &'a syn::Macro) {
+        self.scan(it.tokens.clone());
+    }
+}
