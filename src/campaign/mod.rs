@@ -54,7 +54,9 @@ pub(crate) use episodes::EpisodeLoop;
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;
 pub use eval::{Ado, EvalRequest, Evaluated, Outcome, best_constant, eval, explain_first};
-pub use evaluation::{Evaluation, EvaluationTable, Flipped, Gate, Reason, TheoremsChecked};
+pub use evaluation::{
+    Evaluation, EvaluationTable, ExplainedCounterexample, Flipped, Gate, TheoremsChecked,
+};
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{Identification, IdentifyFound, IdentifyStep};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};

@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use crate::ego::{Controller, FullBrake, Recorded, Takeover};
+use crate::ego::{Controller, FullBrake, RecordedCommands, Takeover};
 use crate::rulebook::Verdict;
 use crate::run::{Decisive, LastChance, Why};
 use crate::scenario::Scenario;
@@ -176,7 +176,7 @@ fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: us
         let first: Box<dyn Controller> = match commands.is_empty() {
             true => own.build(),
             // One that nobody here wrote repeats what it commanded.
-            false => Box::new(Recorded::new(commands.clone().into())),
+            false => Box::new(RecordedCommands::new(commands.clone().into())),
         };
         Box::new(Takeover::new(first, second(), after))
     };

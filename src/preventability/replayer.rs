@@ -15,7 +15,7 @@ use crate::rulebook::Rulebook;
 use crate::scenario::Scenario;
 use crate::scene::drive::{DriveScene, DriveWorld};
 use crate::scene::{Flow, Motion, Scene, Touch, World};
-use crate::sim::{Command, GRAVITY_MPS2};
+use crate::sim::{BodyCommand, GRAVITY_MPS2};
 use crate::stl::Scratch;
 use crate::trace::Trace;
 
@@ -239,7 +239,7 @@ impl Replayer {
         for sample in from + 1..case.whole.len() {
             let ego = self.look(&mut least_m);
             let command = match (seat, case.whole.at(sample)[self.world.ego()].command) {
-                (Seat::Recorded, Some(command @ Command::Drive { .. })) => command,
+                (Seat::Recorded, Some(command @ BodyCommand::Drive { .. })) => command,
                 (Seat::Recorded, _) => self.scene.keep_lane(0.0),
                 _ => {
                     let nominal_mps = case.nominal_mps(stint.nominal, sample, self.world.ego());

@@ -2,7 +2,7 @@
 
 use super::locate::Path;
 use super::problems::Problems;
-use crate::scene::drive::{Agent, DriveSpec, Place, Range};
+use crate::scene::drive::{Agent, DriveSpec, Range, StartPlace};
 
 /// Highest speed anybody may start with.
 const MAX_SPEED_MPS: f64 = 100.0;

@@ -14,7 +14,7 @@ mod world;
 use std::sync::Arc;
 
 pub use record::{BodySample, Motion};
-pub use world::{Derived, Dynamics, Held, Observed, World};
+pub use world::{Availability, Derived, Dynamics, Observed, World};
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! What everybody did in an episode, sample by sample.
 
 use super::{Start, Touch};
-use crate::sim::{BodyState, Command};
+use crate::sim::{BodyCommand, BodyState};
 
 /// One body at one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,7 +9,7 @@ pub struct BodySample {
     /// How it moves.
     pub state: BodyState,
     /// What it was asked to do over the sample before; `None`: nothing.
-    pub command: Option<Command>,
+    pub command: Option<BodyCommand>,
 }
 
 /// The motion of everybody in one episode.

@@ -53,14 +53,14 @@ pub fn plant(kind: PlantKind, ground: Ground) -> Box<dyn Plant> {
 }
 
 /// The command, unless a number in it is not finite.
-fn finite(command: Command) -> Option<Command> {
+fn finite(command: BodyCommand) -> Option<BodyCommand> {
     let numbers = match command {
-        Command::Drive {
+        BodyCommand::Drive {
             accel_mps2,
             curvature_per_m,
         } => [accel_mps2, curvature_per_m, 0.0],
-        Command::Walk { x_mps, y_mps } => [x_mps, y_mps, 0.0],
-        Command::Glide { to } => [to.x_m, to.y_m, to.heading_rad],
+        BodyCommand::Walk { x_mps, y_mps } => [x_mps, y_mps, 0.0],
+        BodyCommand::Glide { to } => [to.x_m, to.y_m, to.heading_rad],
     };
     numbers.iter().all(|it| it.is_finite()).then_some(command)
 }
@@ -160,9 +160,9 @@ pub enum BodyCommand {
 /// of its kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Control {
-    /// [`Command::Drive`].
+    /// [`BodyCommand::Drive`].
     Drive,
-    /// [`Command::Walk`].
+    /// [`BodyCommand::Walk`].
     Walk,
 }
 

@@ -3,7 +3,6 @@
 
 mod cem;
 mod confirm;
-#[cfg(test)]
 mod dummy;
 mod found;
 mod hold;

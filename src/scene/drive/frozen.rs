@@ -1,4 +1,4 @@
-//! Trained ados bound to the world they act in.
+//! TrainedAdo ados bound to the world they act in.
 //!
 //! Whatever a policy observed at home is worked out here from those who play
 //! the parts it knows.
@@ -11,7 +11,7 @@ use super::observing::Observation;
 use super::signals::{Declared, Of, Source, declared};
 use super::spec::DriveSpec;
 use super::state::SceneState;
-use super::trained::{Trained, TrainingWorld};
+use super::trained::{TrainedAdo, TrainingWorld};
 use crate::rl::Policy;
 use crate::scene::Derived;
 use crate::stl::{BoundExpr, StlError};
@@ -105,7 +105,7 @@ enum Input {
     },
 }
 
-impl Trained {
+impl TrainedAdo {
     /// Whether it can act in a world as the agent or light `own` of it.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use super::frozen::{Frozen, TrainedError};
 use super::observing::Observation;
 use super::signals::{Source, schema_of};
 use super::spec::{DriveSpec, EgoDrive};
-use super::trained::Trained;
+use super::trained::TrainedAdo;
 use crate::ego::{Briefing, RoadGeometry};
 use crate::rl::Spaces;
 use crate::scene::Axis;
@@ -42,7 +42,7 @@ pub enum SceneError {
     },
     /// A trained ado cannot act in it.
     #[error("the trained ado `{name}`: {source}")]
-    Trained {
+    TrainedAdo {
         /// Its name here.
         name: String,
         /// Why.
@@ -127,10 +127,10 @@ impl Layout {
 
 /// The trained ados of a spec, bound to it.
 fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
-    let bind = |(name, trained): (&str, &Trained)| {
+    let bind = |(name, trained): (&str, &TrainedAdo)| {
         trained
             .bind(spec, name)
-            .map_err(|source| SceneError::Trained {
+            .map_err(|source| SceneError::TrainedAdo {
                 name: name.to_owned(),
                 source: Box::new(source),
             })

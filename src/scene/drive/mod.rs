@@ -38,9 +38,11 @@ pub use names::Names;
 pub use road::Road;
 pub use script::Script;
 pub use sensors::Sensors;
-pub use signals::{Offer, TTC_CAP_S, current_name, schema_of};
-pub use spec::{Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Place, Range};
-pub use trained::{Trained, TrainingWorld};
+pub use signals::{SignalSource, TTC_CAP_S, current_name, schema_of};
+pub use spec::{
+    Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Range, StartPlace,
+};
+pub use trained::{TrainedAdo, TrainingWorld};
 pub use tuning::Tuning;
 
 use crate::rl::Spaces;

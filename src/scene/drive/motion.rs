@@ -9,17 +9,17 @@ use super::layout::Layout;
 use super::light::LightDrive;
 use super::names::Who;
 use super::sensors::Sensing;
-use super::spec::{Agent, Drive, Place, Range};
+use super::spec::{Agent, Drive, Range, StartPlace};
 use super::state::SceneState;
 use super::steering::LaneKeeper;
-use super::trained::Trained;
+use super::trained::TrainedAdo;
 use super::{perceiving, staging};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, BodySample, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
 use crate::severity::{Impact, Party};
-use crate::sim::{BodyId, Command, Contact, Pose};
+use crate::sim::{BodyCommand, BodyId, Contact, Pose};
 use crate::trace::Schema;
 
 /// A driving scene in motion.
@@ -35,7 +35,7 @@ pub struct DriveScene {
     pub(super) keepers: Vec<LaneKeeper>,
     chosen: Vec<Choice>,
     /// What each body was last asked to do; `None` before the first time.
-    commanded: Vec<Option<Command>>,
+    commanded: Vec<Option<BodyCommand>>,
     percept: Percept,
 }
 

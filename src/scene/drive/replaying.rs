@@ -12,10 +12,10 @@ use super::layout::Layout;
 use super::motion::DriveScene;
 use super::spec::EgoController;
 use super::{Course, DriveWorld, Road};
-use crate::ego::Recorded;
+use crate::ego::RecordedCommands;
 use crate::ego::reference::LaneBody;
 use crate::scene::{BodySample, Flow, Motion, Scene};
-use crate::sim::{Body, BodyState, Command, PlantKind};
+use crate::sim::{Body, BodyCommand, BodyState, PlantKind};
 
 impl DriveWorld {
     /// The same world on the kinematic plant, with nobody at the ego's wheel.
@@ -24,7 +24,7 @@ impl DriveWorld {
         Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
         layout.ego_drive.controller = EgoController::Own {
             name: "replay".to_owned(),
-            factory: Arc::new(|| Box::new(Recorded::new(Arc::from([])))),
+            factory: Arc::new(|| Box::new(RecordedCommands::new(Arc::from([])))),
         };
         DriveWorld(Arc::new(layout))
     }
@@ -58,7 +58,7 @@ impl DriveWorld {
         for sample in 1..=last {
             for (agent, body) in whole.at_mut(sample).iter_mut().enumerate() {
                 if !by_commands(agent) {
-                    body.command = Some(Command::Glide {
+                    body.command = Some(BodyCommand::Glide {
                         to: body.state.pose,
                     });
                 }
@@ -81,7 +81,7 @@ impl DriveWorld {
                 let state = end.state(after_s, &self.0.course);
                 let command = match sample == last && by_commands(agent) {
                     true => motion.at(last)[agent].command,
-                    false => Some(Command::Glide { to: state.pose }),
+                    false => Some(BodyCommand::Glide { to: state.pose }),
                 };
                 *body = BodySample { state, command };
             }
@@ -218,7 +218,7 @@ impl DriveScene {
 
     /// Moves on by one sample: the ego by a command of its own, everybody else
     /// as in `next`, a sample of a [continued](DriveWorld::continued) motion.
-    pub fn advance_along(&mut self, ego: Command, next: &[BodySample]) -> Flow {
+    pub fn advance_along(&mut self, ego: BodyCommand, next: &[BodySample]) -> Flow {
         for (agent, body) in next.iter().enumerate() {
             let command = match agent == self.layout.ego {
                 true => Some(ego),
@@ -231,7 +231,7 @@ impl DriveScene {
         let flow = self.move_on();
         // A plant knows of who is carried the mean velocity on the way there.
         for (state, body) in self.state.states.iter_mut().zip(next) {
-            if matches!(body.command, Some(Command::Glide { .. })) {
+            if matches!(body.command, Some(BodyCommand::Glide { .. })) {
                 let pose = state.pose;
                 *state = BodyState { pose, ..body.state };
             }
@@ -240,11 +240,11 @@ impl DriveScene {
     }
 
     /// The command that accelerates the ego and keeps it in its lane.
-    pub fn keep_lane(&mut self, accel_mps2: f64) -> Command {
+    pub fn keep_lane(&mut self, accel_mps2: f64) -> BodyCommand {
         let ego = self.layout.ego;
         let (at, speed_mps) = (self.state.on_road[ego], self.state.states[ego].speed_mps);
         let sample_s = self.layout.spec.clock.sample_s;
-        Command::Drive {
+        BodyCommand::Drive {
             accel_mps2,
             curvature_per_m: self.keepers[ego].curvature(&at, speed_mps, 0.0, sample_s),
         }

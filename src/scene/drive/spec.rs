@@ -8,7 +8,7 @@ use super::names::Names;
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
-use super::trained::{Trained, TrainingWorld};
+use super::trained::{TrainedAdo, TrainingWorld};
 use indexmap::IndexMap;
 
 use crate::ego::{Actuated, Controller, ControllerSpec};

@@ -5,7 +5,7 @@ use super::legs::Legs;
 use super::path::{Anchor, Path, PathKind};
 use super::rails::Rails;
 use super::wheels::Wheels;
-use crate::sim::{Body, BodyKind, Command, Ground};
+use crate::sim::{Body, BodyCommand, BodyKind, Ground};
 
 /// What moves a body, and what it is asked to do.
 #[derive(Clone, Debug)]
@@ -37,7 +37,7 @@ impl Engine {
     }
 
     /// Takes a command; whether it is one for this kind of body.
-    pub fn command(&mut self, command: Command) -> bool {
+    pub fn command(&mut self, command: BodyCommand) -> bool {
         match self {
             Engine::Wheels(wheels) => wheels.command(command),
             Engine::Legs(legs) => legs.command(command),

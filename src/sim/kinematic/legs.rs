@@ -2,7 +2,7 @@
 
 use super::path::{Anchor, Path, PathKind};
 use crate::sim::walker::{Ramp, Stride, length};
-use crate::sim::{Command, Walker};
+use crate::sim::{BodyCommand, Walker};
 
 /// What a walker can do, and the velocity it is asked for.
 #[derive(Clone, Debug)]
@@ -26,8 +26,8 @@ impl Legs {
     }
 
     /// Whether the command is one for walkers.
-    pub fn command(&mut self, command: Command) -> bool {
-        let Command::Walk { x_mps, y_mps } = command else {
+    pub fn command(&mut self, command: BodyCommand) -> bool {
+        let BodyCommand::Walk { x_mps, y_mps } = command else {
             return false;
         };
         self.target_mps = self.walker.within_limit((x_mps, y_mps));

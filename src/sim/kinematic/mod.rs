@@ -112,7 +112,7 @@ impl Plant for Kinematic {
         };
         let mover = &mut self.movers[id.0];
         match command {
-            Command::Glide { to } => mover.glide(&to),
+            BodyCommand::Glide { to } => mover.glide(&to),
             command => self.faulty |= !mover.engine.command(command),
         }
     }

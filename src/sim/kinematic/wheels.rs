@@ -2,7 +2,7 @@
 
 use super::path::{Anchor, Path, PathKind};
 use crate::sim::limits::{Drive, Limits};
-use crate::sim::{Body, Command, Ground, Vehicle};
+use crate::sim::{Body, BodyCommand, Ground, Vehicle};
 
 /// What a vehicle can do, and what it is asked to do.
 #[derive(Clone, Debug)]
@@ -29,8 +29,8 @@ impl Wheels {
     }
 
     /// Whether the command is one for vehicles.
-    pub fn command(&mut self, command: Command) -> bool {
-        let Command::Drive {
+    pub fn command(&mut self, command: BodyCommand) -> bool {
+        let BodyCommand::Drive {
             accel_mps2,
             curvature_per_m,
         } = command

@@ -7,7 +7,7 @@ use super::motor::Motor;
 use super::world::{ComOffset, Motion, World, vector};
 use crate::sim::limits::{Drive, Limits};
 use crate::sim::planar::Rect;
-use crate::sim::{Body, Command, Ground, Placement, Vehicle};
+use crate::sim::{Body, BodyCommand, Ground, Placement, Vehicle};
 
 /// More than any suspension needs, so that a spring always carries its car.
 const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
@@ -157,8 +157,8 @@ impl Car {
 }
 
 impl Motor for Car {
-    fn command(&mut self, command: Command) -> bool {
-        let Command::Drive {
+    fn command(&mut self, command: BodyCommand) -> bool {
+        let BodyCommand::Drive {
             accel_mps2,
             curvature_per_m,
         } = command

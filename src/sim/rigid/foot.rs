@@ -5,7 +5,7 @@ use super::motor::Motor;
 use super::world::World;
 use crate::sim::planar::Rect;
 use crate::sim::walker::Stride;
-use crate::sim::{Command, Placement, Walker};
+use crate::sim::{BodyCommand, Placement, Walker};
 
 /// A walker, and the velocity it is asked for.
 #[derive(Clone)]
@@ -39,8 +39,8 @@ impl Foot {
 }
 
 impl Motor for Foot {
-    fn command(&mut self, command: Command) -> bool {
-        let Command::Walk { x_mps, y_mps } = command else {
+    fn command(&mut self, command: BodyCommand) -> bool {
+        let BodyCommand::Walk { x_mps, y_mps } = command else {
             return false;
         };
         self.target_mps = self.walker.within_limit((x_mps, y_mps));

@@ -19,7 +19,9 @@ use self::motor::{Motor, motor};
 use self::touch::{Sweep, touch};
 use self::world::World;
 use super::planar::{Extent, Meeting, Rect};
-use super::{Body, BodyId, BodyState, Command, Contact, Ground, Placement, Plant, PlantKind, Pose};
+use super::{
+    Body, BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose,
+};
 
 /// Distance from the origin beyond which the plant calls itself unsound.
 const BOUND_M: f64 = 1e6;

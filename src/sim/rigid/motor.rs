@@ -5,12 +5,12 @@ use super::car::Car;
 use super::foot::Foot;
 use super::world::World;
 use crate::sim::planar::Rect;
-use crate::sim::{Body, BodyKind, Command, Ground, Placement};
+use crate::sim::{Body, BodyCommand, BodyKind, Ground, Placement};
 
 /// What moves a body, and what it is asked to do.
 pub(super) trait Motor: Send {
     /// Takes a command; whether it is one for this kind of body.
-    fn command(&mut self, command: Command) -> bool;
+    fn command(&mut self, command: BodyCommand) -> bool;
     /// Acts for one step, before the world takes its own; `rect` is where the
     /// body is and how it moves.
     fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64);

@@ -176,11 +176,11 @@ pub fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
 
 impl DriveSpec {
     /// Every signal this scene can publish, derived ones excepted.
-    pub fn catalogue(&self) -> Vec<Offer> {
+    pub fn catalogue(&self) -> Vec<SignalSource> {
         let offer = |declared: Declared| {
             let (source, quantity) = (declared.source, declared.source.quantity);
             let Interval { lo, hi } = source.range(self);
-            Offer {
+            SignalSource {
                 signal: declared.signal,
                 range: quantity.usual.unwrap_or((lo, hi)),
                 always: quantity.always && !declared.is_former,
