@@ -33,6 +33,10 @@ pub mod physics {}
 #[doc = include_str!("../docs/files.md")]
 pub mod files {}
 
+/// Kept crashes: how severe, how small, why, whether they persist.
+#[doc = include_str!("../docs/crashes.md")]
+pub mod crashes {}
+
 /// The page and the JUnit file of a run.
 #[doc = include_str!("../docs/report.md")]
 pub mod report {}

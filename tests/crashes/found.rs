@@ -1,0 +1,59 @@
+//! Counterexamples to look at, found by held-random search on the 2D plant.
+
+use std::sync::LazyLock;
+
+use brakecheck::campaign::{Method, SearchRequest, TestStarts, Watch, search, test_starts};
+use brakecheck::scenario::Scenario;
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, Episode, Replay, play};
+
+/// The cruise control on the 2D plant.
+pub fn acc() -> &'static Scenario {
+    static ACC: LazyLock<Scenario> = LazyLock::new(|| {
+        let text = include_str!("../../worlds/acc.ron");
+        let world = Scenario::parse("acc.ron", text).expect("a world");
+        world.on(PlantKind::Kinematic)
+    });
+    &ACC
+}
+
+/// The cut-in on the 2D plant: six actions, sideways ones among them.
+pub fn cut_in() -> &'static Scenario {
+    static CUT_IN: LazyLock<Scenario> = LazyLock::new(|| {
+        let text = include_str!("../../worlds/cut_in.ron");
+        let world = Scenario::parse("cut_in.ron", text).expect("a world");
+        world.on(PlantKind::Kinematic)
+    });
+    &CUT_IN
+}
+
+/// An episode of recorded actions, the last one held.
+pub fn replayed(world: &Scenario, of: &Episode, actions: &[usize]) -> Episode {
+    let mut ado = Replay::holding(actions);
+    let aftermath = Aftermath::Play;
+    play(&mut world.bench(), &of.start, of.noise, &mut ado, aftermath)
+}
+
+/// Counterexamples as a random search finds them, switching every few decisions.
+pub fn found(world: &Scenario, count: usize) -> (TestStarts, Vec<Episode>) {
+    let watch = Watch::unwatched();
+    let starts = test_starts(world, 3, count, &watch).expect("not stopped");
+    let request = SearchRequest {
+        scenario: world,
+        ego: "nominal",
+        method: Method::Hold,
+        budget: 60,
+        starts: &starts,
+    };
+    let found = search(&request, &watch).found;
+    let episodes = found.iter().zip(&starts.starts);
+    let episodes = episodes.filter_map(|(found, (start, noise))| {
+        let actions = found.as_ref()?.actions.as_ref()?;
+        let mut ado = Replay::holding(actions);
+        let aftermath = Aftermath::Play;
+        Some(play(&mut world.bench(), start, *noise, &mut ado, aftermath))
+    });
+    let episodes: Vec<Episode> = episodes.collect();
+    assert!(episodes.iter().all(|it| it.verdict.is_success()));
+    (starts, episodes)
+}

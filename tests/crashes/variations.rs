@@ -1,0 +1,114 @@
+//! What is varied, and that it is.
+
+use brakecheck::campaign::persistence;
+use brakecheck::run::{Persistence, Variation};
+use brakecheck::scenario::{Change, Scenario};
+use brakecheck::scene::drive::Sensors;
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, Episode, Replay, play};
+
+use super::found::{acc, found};
+use super::near;
+
+const NAMES: [&str; 11] = [
+    "the rigid plant",
+    "half the sample time",
+    "friction × 0.9",
+    "friction × 1.1",
+    "sensors one sample later",
+    "ego.speed -0.1 m/s",
+    "ego.speed +0.1 m/s",
+    "ado.headway -0.1 m",
+    "ado.headway +0.1 m",
+    "ado.speed -0.1 m/s",
+    "ado.speed +0.1 m/s",
+];
+
+fn fails(world: &Scenario, of: &Episode, by: (usize, f64)) -> bool {
+    let mut start = of.start.clone();
+    start.0[by.0] += by.1;
+    let mut ado = Replay::holding(&of.actions);
+    let played = play(
+        &mut world.bench(),
+        &start,
+        of.noise,
+        &mut ado,
+        Aftermath::Skip,
+    );
+    played.verdict.is_success()
+}
+
+/// A reminder of what each variation is, written once more.
+#[test]
+fn every_variation_is_what_its_name_says() {
+    let world = acc();
+    let changed = |change: Change| world.with(&change).expect("it fits");
+    let friction = |friction: f64| {
+        changed(Change {
+            friction: Some(friction),
+            ..Change::default()
+        })
+    };
+    let later = changed(Change {
+        sensors: Some(Sensors {
+            delay_s: 0.05,
+            ..Sensors::default()
+        }),
+        ..Change::default()
+    });
+    let text = include_str!("../../worlds/acc.ron").replace("sample_s: 0.05", "sample_s: 0.025");
+    let halved = Scenario::parse("acc.ron", &text).expect("a world");
+    let halved = halved.on(PlantKind::Kinematic);
+    let worlds = [
+        world.on(PlantKind::Rigid),
+        halved,
+        friction(0.9 * 0.9),
+        friction(1.1 * 0.9),
+        later,
+    ];
+    let (_, episodes) = found(world, 8);
+    for episode in &episodes {
+        let told = persistence(world, episode).expect("driven");
+        let names: Vec<&str> = told.variations.iter().map(|it| it.name.as_str()).collect();
+        assert_eq!(names, NAMES);
+        let by_world = worlds.iter().map(|world| fails(world, episode, (0, 0.0)));
+        let by_start = [0, 1, 2]
+            .into_iter()
+            .flat_map(|axis| [-0.1, 0.1].map(|by| fails(world, episode, (axis, by))));
+        let expected: Vec<Option<bool>> = by_world.chain(by_start).map(Some).collect();
+        let is: Vec<Option<bool>> = told.variations.iter().map(|it| it.fails).collect();
+        assert_eq!(is, expected);
+    }
+}
+
+#[test]
+fn the_share_is_of_those_that_ran() {
+    let of = |name: &str, fails| Variation {
+        name: name.to_owned(),
+        fails,
+    };
+    let it = Persistence {
+        variations: vec![
+            of("a", Some(true)),
+            of("b", Some(false)),
+            of("c", None),
+            of("d", Some(true)),
+        ],
+    };
+    near(it.share(), 2.0 / 3.0);
+    assert_eq!(
+        it.to_string(),
+        "still fails in 67 % of 4 variations, not with b, c"
+    );
+    near(Persistence { variations: vec![] }.share(), 0.0);
+}
+
+#[test]
+fn a_grid_has_nothing_to_vary() {
+    let world = include_str!("../../worlds/grid.ron");
+    let world = Scenario::parse("grid.ron", world).expect("a world");
+    let (start, noise) = (world.starts().expect("finite")[0].clone(), 0);
+    let mut ado = Replay::holding(&[0]);
+    let episode = play(&mut world.bench(), &start, noise, &mut ado, Aftermath::Play);
+    assert_eq!(persistence(&world, &episode), None);
+}
