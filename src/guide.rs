@@ -29,6 +29,10 @@ pub mod learners {}
 #[doc = include_str!("../docs/physics.md")]
 pub mod physics {}
 
+/// Would a careful driver have avoided it.
+#[doc = include_str!("../docs/preventability.md")]
+pub mod preventability {}
+
 /// Run directories and kept files.
 #[doc = include_str!("../docs/files.md")]
 pub mod files {}

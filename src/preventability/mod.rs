@@ -24,9 +24,11 @@
 //!
 //! Architecture Invariant: nothing here changes an episode, a verdict or a file.
 
+mod contact;
 mod moments;
 mod outcome;
 mod replayer;
+mod stint;
 
 pub use moments::CutIn;
 pub use outcome::{

@@ -2,29 +2,21 @@
 
 use std::sync::Arc;
 
+use super::contact::{STANDING_MPS, between, struck};
 use super::moments::Lanes;
-use super::outcome::{
-    DriverOutcome, Exoneration, NotApplicable, Preventability, ReplayContact, Struck,
-};
+use super::outcome::{DriverOutcome, NotApplicable, Preventability, ReplayContact};
+use super::stint::{AtWheel, Rows};
 use super::{Label, PANEL};
-use crate::ego::Actuator;
-use crate::ego::reference::{
-    Encounter, LaneBody, NOMINAL_MPS2, ReferenceDriver, Reflexes, Response, TtcReading,
-};
+use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;
 use crate::scenario::Scenario;
 use crate::scene::drive::{DriveScene, DriveWorld};
 use crate::scene::{Flow, Motion, Scene, Touch, World};
 use crate::sim::{BodyCommand, GRAVITY_MPS2};
-use crate::stl::Scratch;
 use crate::trace::Trace;
 
 /// How long a replay goes on after the recorded contact, at least.
 const AFTER_CONTACT_S: f64 = 5.0;
-/// Speed up to which the ego stands.
-const STANDING_MPS: f64 = 0.5;
-/// Sine of the angle between two headings up to which they are along each other.
-const ALONG: f64 = 0.5;
 
 /// Who is in the ego's place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +34,7 @@ pub enum Seat {
 /// A recorded episode, made ready to be driven by others.
 pub struct Case {
     /// The motion, gone on with after its end.
-    whole: Motion,
+    pub(super) whole: Motion,
     /// Full samples of the record; drivers take over at one of these.
     recorded: usize,
     lanes: Lanes,
@@ -54,16 +46,16 @@ pub struct Case {
 
 /// Replays episodes of one world; keeps what they share.
 pub struct Replayer {
-    world: DriveWorld,
+    pub(super) world: DriveWorld,
     scene: DriveScene,
     rulebook: Arc<Rulebook>,
     /// The vehicles that drivers look at, by position among the agents.
     traffic: Vec<usize>,
-    lane_width_m: f64,
-    sample_s: f64,
+    pub(super) lane_width_m: f64,
+    pub(super) sample_s: f64,
     /// What the ego's tyres can transmit.
     grip_mps2: f64,
-    lag_s: f64,
+    pub(super) lag_s: f64,
     /// The others of the present sample, kept to save the allocation.
     others: Vec<LaneBody>,
 }
@@ -145,6 +137,7 @@ impl Replayer {
         }
         let case = self.case(motion);
         let mut drivers = drivers.to_vec();
+        drivers.retain(|_| case.handover.is_some());
         drivers.sort_by_key(|driver| chances(*driver));
         drivers.into_iter().any(|driver| {
             let outcome = self.from_handover(&case, driver, None);
@@ -231,7 +224,7 @@ impl Replayer {
         trace: Option<&Trace>,
     ) -> DriverOutcome {
         let Stint { from, .. } = stint;
-        let mut judged = trace.map(|trace| Rows::begin(trace, from));
+        let mut judged = trace.map(|trace| Rows::begin(trace, from, self.scene.clock().samples()));
         let mut at_wheel = AtWheel::new(self, case, seat, from);
         self.scene.take_up(&case.whole, from);
         let mut least_m: Option<f64> = None;
@@ -340,66 +333,6 @@ impl Replayer {
             robustness: judged.map(|(_, robustness)| robustness),
         }
     }
-
-    /// The other of a contact with the ego.
-    fn other_of(&self, touch: &Touch) -> Option<usize> {
-        let agents = &self.world.spec().agents;
-        let ego = &agents[self.world.ego()].name;
-        let other = match (&touch.between.0 == ego, &touch.between.1 == ego) {
-            (true, _) => &touch.between.1,
-            (_, true) => &touch.between.0,
-            _ => return None,
-        };
-        agents.iter().position(|agent| agent.name == *other)
-    }
-
-    fn partner(&self, motion: &Motion) -> Option<usize> {
-        self.other_of(motion.contact.as_ref()?)
-    }
-
-    /// The ego and the other in lane coordinates when they touched.
-    fn at_contact(&self, motion: &Motion) -> Option<(LaneBody, LaneBody)> {
-        let with = self.partner(motion)?;
-        let row = motion.at(motion.len().checked_sub(1)?);
-        let body = |i: usize| self.world.lane_body(i, &row[i].state);
-        Some((body(self.world.ego()), body(with)))
-    }
-
-    /// Why the drivers do not apply, if they do not.
-    fn reason_against(&self, motion: &Motion) -> Option<NotApplicable> {
-        if motion.contact.is_none() {
-            return Some(NotApplicable::NoContact);
-        }
-        let (Some(with), Some((ego, other))) = (self.partner(motion), self.at_contact(motion))
-        else {
-            return Some(NotApplicable::WithoutEgo);
-        };
-        if self.world.spec().agents[with].body.is_on_foot() {
-            return Some(NotApplicable::OnFoot);
-        }
-        let row = motion.at(motion.len() - 1);
-        let heading = |i: usize| row[i].state.pose.heading_rad;
-        let turned_rad = heading(with) - heading(self.world.ego());
-        if ALONG < libm::sin(turned_rad).abs() {
-            return Some(NotApplicable::Crossing);
-        }
-        if libm::cos(turned_rad) < 0.0 || other.speed_mps < -STANDING_MPS {
-            return Some(NotApplicable::Oncoming);
-        }
-        (struck(&ego, &other) == Struck::Rear).then_some(NotApplicable::FromBehind)
-    }
-
-    fn exoneration(&self, motion: &Motion) -> Option<Exoneration> {
-        let (ego, other) = self.at_contact(motion)?;
-        if ego.speed_mps <= STANDING_MPS {
-            return Some(Exoneration::Standing);
-        }
-        let lanes = ego.y_m / self.lane_width_m;
-        let off_m = (lanes - libm::round(lanes)).abs() * self.lane_width_m;
-        let in_lane = off_m <= 0.5 * (self.lane_width_m - ego.width_m).max(0.0);
-        let from_behind = struck(&ego, &other) == Struck::Rear;
-        (in_lane && from_behind).then_some(Exoneration::StruckFromBehind)
-    }
 }
 
 impl Case {
@@ -410,109 +343,6 @@ impl Case {
             Nominal::Recorded => sample.min(self.recorded - 1),
         };
         self.whole.at(sample)[ego].state.speed_mps
-    }
-}
-
-/// A driver and the actuator behind it.
-struct AtWheel {
-    driver: Option<Reflexes<ReferenceDriver>>,
-    actuator: Actuator,
-    /// Samples driven, and how many before the first danger.
-    driven: usize,
-    reacted: Option<usize>,
-}
-
-impl AtWheel {
-    fn new(replayer: &Replayer, case: &Case, seat: Seat, from: usize) -> AtWheel {
-        let driver = match seat {
-            Seat::Driver(driver) => Some(driver),
-            _ => None,
-        };
-        // Braking that builds up by itself holds the actuator's lag already.
-        let lag_s = match driver.is_some_and(ReferenceDriver::has_build_up) {
-            true => 0.0,
-            false => replayer.lag_s,
-        };
-        let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
-        let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);
-        AtWheel {
-            driver: driver.map(|driver| Reflexes::new(driver, sample_s, lane_width_m)),
-            actuator: Actuator::new(lag_s, sample_s).from(arriving_mps2),
-            driven: 0,
-            reacted: (seat == Seat::FullBrakes).then_some(0),
-        }
-    }
-
-    fn note(&mut self) {
-        let has_reacted = self.driver.as_ref().is_some_and(Reflexes::has_reacted);
-        if has_reacted && self.reacted.is_none() {
-            self.reacted = Some(self.driven);
-        }
-        self.driven += 1;
-    }
-
-    fn reacted(&self, from: usize, sample_s: f64) -> Option<f64> {
-        self.reacted.map(|after| (from + after) as f64 * sample_s)
-    }
-}
-
-/// The rows of a replay: those of the record up to the change of drivers.
-struct Rows {
-    trace: Trace,
-    row: Vec<f64>,
-    most: usize,
-}
-
-impl Rows {
-    fn begin(recorded: &Trace, from: usize) -> Rows {
-        let mut trace = recorded.clone();
-        trace.truncate(from + 1);
-        Rows {
-            row: vec![0.0; trace.schema().signals().len()],
-            trace,
-            most: usize::MAX,
-        }
-    }
-
-    fn push(&mut self, scene: &DriveScene) {
-        self.most = scene.clock().samples();
-        if self.trace.len() < self.most {
-            scene.publish(&mut self.row);
-            // A row that is none ends what can be judged.
-            if self.trace.push(&self.row).is_err() {
-                self.most = 0;
-            }
-        }
-    }
-
-    /// Whether all rules are kept, and ρ(ψ_ego).
-    fn judge(&self, rulebook: &Rulebook) -> (bool, f64) {
-        let mut scratch = Scratch::default();
-        let mut rules = rulebook.rules.iter();
-        let kept = rules.all(|rule| 0.0 < rule.monitor.robustness(&self.trace, &mut scratch));
-        (kept, rulebook.spec.robustness(&self.trace, &mut scratch))
-    }
-}
-
-fn between(ego: &LaneBody, other: &LaneBody) -> Encounter {
-    Encounter {
-        ego: *ego,
-        other: *other,
-        accel_mps2: 0.0,
-        lane_width_m: 0.0,
-        ttc: TtcReading::Closing,
-    }
-}
-
-/// Where the ego is struck: front unless the other's middle is behind its own.
-fn struck(ego: &LaneBody, other: &LaneBody) -> Struck {
-    let encounter = between(ego, other);
-    if ego.x_m <= other.x_m {
-        Struck::Front
-    } else if encounter.clearance_m() <= encounter.gap_m() {
-        Struck::Rear
-    } else {
-        Struck::Side
     }
 }
 

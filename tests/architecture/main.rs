@@ -26,14 +26,15 @@ const FLOORS: [(&str, u32); 22] = [
     ("testbench", 3),
     ("conformance", 3),
     ("scenario", 4),
-    ("run", 5),
-    ("view", 6),
-    ("report", 6),
-    ("campaign", 7),
-    ("studies", 8),
-    ("cli", 9),
-    ("lib", 10),
-    ("main", 10),
+    ("preventability", 5),
+    ("run", 6),
+    ("view", 7),
+    ("report", 7),
+    ("campaign", 8),
+    ("studies", 9),
+    ("cli", 10),
+    ("lib", 11),
+    ("main", 11),
 ];
 
 /// Floors below this one know no files, no clock and no terminal.

@@ -20,7 +20,7 @@
 //! for _ in 0..8 {
 //!     assert_eq!(driver.step(&ego, &[lead]), Response::Brake(0.0));
 //! }
-//! assert_eq!(driver.step(&ego, &[lead]), Response::Brake(1.265));
+//! assert_eq!(driver.step(&ego, &[lead]), Response::Brake(12.65 * 0.1));
 //! ```
 
 mod at_the_wheel;

@@ -196,11 +196,13 @@ fn in_lane(state: &BodyState, at: &OnRoad, body: &Body) -> LaneBody {
 }
 
 impl DriveScene {
-    /// Puts everybody where a motion has them at a sample, at rest in nothing
-    /// but their speeds; at sample 0 this is how the episode began.
+    /// Puts everybody where a motion has them at a sample.
+    ///
+    /// At the first one this is how the episode began, bit for bit.
     pub fn take_up(&mut self, motion: &Motion, sample: usize) {
         self.reset(&motion.start, 0);
-        if sample == 0 {
+        let recorded = motion.at(sample).iter().map(|body| &body.state);
+        if self.states.iter().eq(recorded) {
             return;
         }
         let layout = Arc::clone(&self.layout);

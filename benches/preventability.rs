@@ -1,0 +1,63 @@
+//! What it costs to ask whether a contact was preventable.
+//!
+//! `cargo bench --bench preventability`; the episodes are random ados' contacts
+//! on the kinematic plant. `preventable_by` is for training loops, which keep
+//! the replayer; `assess` gives everything, rulebook included.
+
+use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::preventability::Replayer;
+use brakecheck::scenario::{Change, Scenario};
+use brakecheck::scene::Motion;
+use brakecheck::seed::{Purpose, StartKey};
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, Held, motion_of, play};
+use divan::{Bencher, black_box};
+
+const WORLDS: [&str; 3] = ["acc_plain", "cut_in", "merge_plain"];
+
+fn main() {
+    divan::main();
+}
+
+fn contact(name: &str) -> (Scenario, Episode, Motion) {
+    let path = format!("{}/worlds/{name}.ron", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).expect("a world");
+    let change = Change {
+        plant: Some(PlantKind::Kinematic),
+        ..Change::default()
+    };
+    let world = Scenario::parse(&path, &text).expect("a world");
+    let world = world.with(&change).expect("a change");
+    let mut bench = world.bench();
+    let actions = bench.spaces().actions;
+    let found = (0..1000).find_map(|index| {
+        let start = bench.draw(StartKey {
+            purpose: Purpose::Train,
+            seed: 7,
+            index,
+        });
+        let mut ado = Held::new(actions, HOLD_DECISIONS);
+        let episode = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
+        episode.contact.as_ref()?;
+        let motion = motion_of(&mut bench, &episode)?;
+        Some((episode, motion))
+    });
+    let (episode, motion) = found.expect("a contact");
+    (world, episode, motion)
+}
+
+#[divan::bench(args = WORLDS)]
+fn preventable_by(bencher: Bencher, world: &str) {
+    let (world, _, motion) = contact(world);
+    let mut replayer = Replayer::new(&world).expect("a driving world");
+    // The two that fail most often, so that both are asked mostly.
+    let drivers = [ReferenceDriver::CcLatched, ReferenceDriver::Cc];
+    bencher.bench_local(|| replayer.preventable_by(black_box(&motion), &drivers));
+}
+
+#[divan::bench(args = WORLDS)]
+fn assess(bencher: Bencher, world: &str) {
+    let (world, episode, motion) = contact(world);
+    let mut replayer = Replayer::new(&world).expect("a driving world");
+    bencher.bench_local(|| replayer.assess(black_box(&motion), Some(&episode.trace)));
+}

@@ -1,0 +1,96 @@
+//! Who touched whom, how, and whether the drivers have anything to say of it.
+
+use super::outcome::{Exoneration, NotApplicable, Struck};
+use super::replayer::Replayer;
+use crate::ego::reference::{Encounter, LaneBody, TtcReading};
+use crate::scene::{Motion, Touch};
+
+/// Speed up to which the ego stands.
+pub(super) const STANDING_MPS: f64 = 0.5;
+/// Sine of the angle between two headings up to which they are along each other.
+const ALONG: f64 = 0.5;
+
+impl Replayer {
+    /// The other of a contact with the ego.
+    pub(super) fn other_of(&self, touch: &Touch) -> Option<usize> {
+        let agents = &self.world.spec().agents;
+        let ego = &agents[self.world.ego()].name;
+        let other = match (&touch.between.0 == ego, &touch.between.1 == ego) {
+            (true, _) => &touch.between.1,
+            (_, true) => &touch.between.0,
+            _ => return None,
+        };
+        agents.iter().position(|agent| agent.name == *other)
+    }
+
+    pub(super) fn partner(&self, motion: &Motion) -> Option<usize> {
+        self.other_of(motion.contact.as_ref()?)
+    }
+
+    /// The ego and the other in lane coordinates when they touched.
+    fn at_contact(&self, motion: &Motion) -> Option<(LaneBody, LaneBody)> {
+        let with = self.partner(motion)?;
+        let row = motion.at(motion.len().checked_sub(1)?);
+        let body = |i: usize| self.world.lane_body(i, &row[i].state);
+        Some((body(self.world.ego()), body(with)))
+    }
+
+    /// Why the drivers do not apply, if they do not.
+    pub(super) fn reason_against(&self, motion: &Motion) -> Option<NotApplicable> {
+        if motion.contact.is_none() {
+            return Some(NotApplicable::NoContact);
+        }
+        let (Some(with), Some((ego, other))) = (self.partner(motion), self.at_contact(motion))
+        else {
+            return Some(NotApplicable::WithoutEgo);
+        };
+        if self.world.spec().agents[with].body.is_on_foot() {
+            return Some(NotApplicable::OnFoot);
+        }
+        let row = motion.at(motion.len() - 1);
+        let heading = |i: usize| row[i].state.pose.heading_rad;
+        let turned_rad = heading(with) - heading(self.world.ego());
+        if ALONG < libm::sin(turned_rad).abs() {
+            return Some(NotApplicable::Crossing);
+        }
+        if libm::cos(turned_rad) < 0.0 || other.speed_mps < -STANDING_MPS {
+            return Some(NotApplicable::Oncoming);
+        }
+        (struck(&ego, &other) == Struck::Rear).then_some(NotApplicable::FromBehind)
+    }
+
+    pub(super) fn exoneration(&self, motion: &Motion) -> Option<Exoneration> {
+        let (ego, other) = self.at_contact(motion)?;
+        if ego.speed_mps <= STANDING_MPS {
+            return Some(Exoneration::Standing);
+        }
+        let lanes = ego.y_m / self.lane_width_m;
+        let off_m = (lanes - libm::round(lanes)).abs() * self.lane_width_m;
+        let in_lane = off_m <= 0.5 * (self.lane_width_m - ego.width_m).max(0.0);
+        let from_behind = struck(&ego, &other) == Struck::Rear;
+        (in_lane && from_behind).then_some(Exoneration::StruckFromBehind)
+    }
+}
+
+/// The geometry of two bodies.
+pub(super) fn between(ego: &LaneBody, other: &LaneBody) -> Encounter {
+    Encounter {
+        ego: *ego,
+        other: *other,
+        accel_mps2: 0.0,
+        lane_width_m: 0.0,
+        ttc: TtcReading::Closing,
+    }
+}
+
+/// Where the ego is struck: front unless the other's middle is behind its own.
+pub(super) fn struck(ego: &LaneBody, other: &LaneBody) -> Struck {
+    let encounter = between(ego, other);
+    if ego.x_m <= other.x_m {
+        Struck::Front
+    } else if encounter.clearance_m() <= encounter.gap_m() {
+        Struck::Rear
+    } else {
+        Struck::Side
+    }
+}

@@ -1,0 +1,91 @@
+//! What a stretch of driving keeps: the driver's state, and the rows it makes.
+
+use super::replayer::{Case, Replayer, Seat};
+use crate::ego::Actuator;
+use crate::ego::reference::{ReferenceDriver, Reflexes};
+use crate::rulebook::Rulebook;
+use crate::scene::Scene;
+use crate::scene::drive::DriveScene;
+use crate::stl::Scratch;
+use crate::trace::Trace;
+
+/// A driver and the actuator behind it.
+pub(super) struct AtWheel {
+    pub driver: Option<Reflexes<ReferenceDriver>>,
+    pub actuator: Actuator,
+    /// Samples driven, and how many before the first danger.
+    driven: usize,
+    reacted: Option<usize>,
+}
+
+impl AtWheel {
+    pub fn new(replayer: &Replayer, case: &Case, seat: Seat, from: usize) -> AtWheel {
+        let driver = match seat {
+            Seat::Driver(driver) => Some(driver),
+            _ => None,
+        };
+        // Braking that builds up by itself holds the actuator's lag already.
+        let lag_s = match driver.is_some_and(ReferenceDriver::has_build_up) {
+            true => 0.0,
+            false => replayer.lag_s,
+        };
+        let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
+        let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);
+        AtWheel {
+            driver: driver.map(|driver| Reflexes::new(driver, sample_s, lane_width_m)),
+            actuator: Actuator::new(lag_s, sample_s).from(arriving_mps2),
+            driven: 0,
+            reacted: (seat == Seat::FullBrakes).then_some(0),
+        }
+    }
+
+    pub fn note(&mut self) {
+        let has_reacted = self.driver.as_ref().is_some_and(Reflexes::has_reacted);
+        if has_reacted && self.reacted.is_none() {
+            self.reacted = Some(self.driven);
+        }
+        self.driven += 1;
+    }
+
+    pub fn reacted(&self, from: usize, sample_s: f64) -> Option<f64> {
+        self.reacted.map(|after| (from + after) as f64 * sample_s)
+    }
+}
+
+/// The rows of a replay: those of the record up to the change of drivers.
+pub(super) struct Rows {
+    trace: Trace,
+    row: Vec<f64>,
+    /// Samples of a full episode.
+    most: usize,
+}
+
+impl Rows {
+    pub fn begin(recorded: &Trace, from: usize, most: usize) -> Rows {
+        let mut trace = recorded.clone();
+        trace.truncate(from + 1);
+        Rows {
+            row: vec![0.0; trace.schema().signals().len()],
+            trace,
+            most,
+        }
+    }
+
+    pub fn push(&mut self, scene: &DriveScene) {
+        if self.trace.len() < self.most {
+            scene.publish(&mut self.row);
+            // A row that is none ends what can be judged.
+            if self.trace.push(&self.row).is_err() {
+                self.most = 0;
+            }
+        }
+    }
+
+    /// Whether all rules are kept, and ρ(ψ_ego).
+    pub fn judge(&self, rulebook: &Rulebook) -> (bool, f64) {
+        let mut scratch = Scratch::default();
+        let mut rules = rulebook.rules.iter();
+        let kept = rules.all(|rule| 0.0 < rule.monitor.robustness(&self.trace, &mut scratch));
+        (kept, rulebook.spec.robustness(&self.trace, &mut scratch))
+    }
+}

@@ -1,0 +1,163 @@
+//! Replays with somebody else in the ego's place.
+
+#[path = "preventability/panel.rs"]
+mod panel;
+
+use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::preventability::{
+    Label, NotApplicable, PANEL, Preventability, Replayer, Seat, assess, preventable_by,
+};
+use brakecheck::scenario::{Change, Scenario};
+use brakecheck::scene::Motion;
+use brakecheck::seed::{Purpose, StartKey};
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, Held, motion_of, play};
+
+const WORLDS: [&str; 6] = [
+    "acc_plain",
+    "cut_in",
+    "merge_plain",
+    "bend",
+    "sandwich",
+    "acc",
+];
+/// How far a rigid ego's recorded commands may lead a kinematic one astray.
+const RIGID_S: f64 = 0.1;
+const RIGID_MPS: f64 = 0.5;
+
+fn world(name: &str, plant: PlantKind) -> Scenario {
+    let path = format!("{}/worlds/{name}.ron", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(&path).expect("a world");
+    let change = Change {
+        plant: Some(plant),
+        ..Change::default()
+    };
+    let world = Scenario::parse(&path, &text).expect("a world");
+    world.with(&change).expect("a change")
+}
+
+/// Episodes of random ados that end in a contact of the ego's.
+fn contacts(world: &Scenario, most: usize) -> Vec<(Episode, Motion)> {
+    let mut bench = world.bench();
+    let actions = bench.spaces().actions;
+    let mut found = Vec::new();
+    for index in 0..400 {
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed: 7,
+            index,
+        };
+        let start = bench.draw(key);
+        let mut ado = Held::new(actions, HOLD_DECISIONS);
+        let episode = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
+        let is_egos =
+            |it: &brakecheck::scene::Touch| it.between.0 == "ego" || it.between.1 == "ego";
+        if !episode.contact.as_ref().is_some_and(is_egos) {
+            continue;
+        }
+        let motion = motion_of(&mut bench, &episode).expect("bodies");
+        assert_eq!(motion.contact, episode.contact);
+        found.push((episode, motion));
+        if found.len() == most {
+            break;
+        }
+    }
+    found
+}
+
+fn identity(world: &Scenario, motion: &Motion) -> Option<(f64, f64)> {
+    let mut replayer = Replayer::new(world).expect("a driving world");
+    let case = replayer.case(motion);
+    let outcome = replayer.from_start(&case, Seat::Recorded, None);
+    let contact = outcome.contact?;
+    Some((contact.time_s, contact.closing_speed_mps))
+}
+
+#[test]
+fn the_recorded_ego_meets_the_recorded_contact_bit_for_bit() {
+    let mut met = 0;
+    for name in WORLDS {
+        let world = world(name, PlantKind::Kinematic);
+        for (episode, motion) in contacts(&world, 5) {
+            let touch = episode.contact.expect("a contact");
+            let want = (touch.time_s, touch.closing_speed_mps);
+            assert_eq!(identity(&world, &motion), Some(want), "{name}");
+            met += 1;
+        }
+    }
+    println!("{met}");
+    assert!(10 <= met, "{met} contacts");
+}
+
+#[test]
+fn a_rigid_ego_meets_it_nearly_so() {
+    let mut met = 0;
+    for name in ["acc_plain", "cut_in"] {
+        let world = world(name, PlantKind::Rigid);
+        for (episode, motion) in contacts(&world, 3) {
+            let touch = episode.contact.expect("a contact");
+            let (time_s, closing_mps) = identity(&world, &motion).expect("a contact");
+            println!(
+                "{name} {} {}",
+                time_s - touch.time_s,
+                closing_mps - touch.closing_speed_mps
+            );
+            assert!((time_s - touch.time_s).abs() < RIGID_S, "{name}");
+            assert!(
+                (closing_mps - touch.closing_speed_mps).abs() < RIGID_MPS,
+                "{name}"
+            );
+            met += 1;
+        }
+    }
+    assert!(4 <= met, "{met} contacts");
+}
+
+/// What an assessment says of one driver is what asking for that driver says,
+/// and a label is what its drivers make it.
+#[test]
+fn an_assessment_agrees_with_itself() {
+    let mut seen = Vec::new();
+    for name in WORLDS {
+        let world = world(name, PlantKind::Kinematic);
+        for (episode, motion) in contacts(&world, 4) {
+            let assessed = assess(&world, &episode);
+            println!(
+                "{name} {:?} {:?} {:?}",
+                assessed.label, assessed.not_applicable, assessed.exonerated
+            );
+            for driver in PANEL.into_iter().chain([ReferenceDriver::Ideal]) {
+                let avoided = assessed.is_avoided_by(driver);
+                assert_eq!(
+                    preventable_by(&world, &motion, &[driver]),
+                    avoided,
+                    "{name} {driver:?}"
+                );
+            }
+            let json = serde_json::to_string(&assessed).expect("JSON");
+            let ron = ron::to_string(&assessed).expect("RON");
+            assert_eq!(
+                serde_json::from_str::<Preventability>(&json).expect("read"),
+                assessed
+            );
+            assert_eq!(
+                ron::from_str::<Preventability>(&ron).expect("read"),
+                assessed
+            );
+            seen.push(assessed.label);
+        }
+    }
+    assert!(
+        seen.iter().any(|label| *label != Label::NotApplicable),
+        "{seen:?}"
+    );
+}
+
+#[test]
+fn somebody_on_foot_is_beyond_these_drivers() {
+    let world = world("pedestrian", PlantKind::Kinematic);
+    let (episode, motion) = contacts(&world, 1).pop().expect("a contact");
+    let assessed = assess(&world, &episode);
+    assert_eq!(assessed.not_applicable, Some(NotApplicable::OnFoot));
+    assert!(!preventable_by(&world, &motion, &[ReferenceDriver::Ideal]));
+}
