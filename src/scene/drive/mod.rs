@@ -18,7 +18,7 @@ mod spec;
 mod staging;
 mod steering;
 mod trained;
-mod tuning;
+mod variant;
 
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ pub use spec::{
     Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Range, StartPlace,
 };
 pub use trained::{TrainedAdo, TrainedError};
-pub use tuning::Tuning;
+pub use variant::EgoVariant;
 
 use super::Axis;
 use crate::ego::{Briefing, RoadGeometry};
@@ -93,7 +93,6 @@ struct Layout {
     spec: DriveSpec,
     course: Course,
     ego: usize,
-    ego_drive: EgoDrive,
     schema: Arc<Schema>,
     sources: Vec<Source>,
     derived: Vec<BoundExpr>,
@@ -116,11 +115,10 @@ pub fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
 
 impl Layout {
     fn new(spec: DriveSpec) -> Result<Layout, SceneError> {
-        let egos: Vec<(usize, &EgoDrive)> = spec.egos().collect();
-        let [(ego, ego_drive)] = egos[..] else {
+        let egos: Vec<usize> = spec.egos().collect();
+        let [ego] = egos[..] else {
             return Err(SceneError::Egos { count: egos.len() });
         };
-        let ego_drive = ego_drive.clone();
         let schema = schema_of(&spec)?;
         let derived = spec
             .derived
@@ -155,7 +153,6 @@ impl Layout {
             frozen,
             course: spec.road.course()?,
             ego,
-            ego_drive,
             schema: Arc::new(schema),
             sources: spec
                 .published()
@@ -194,7 +191,7 @@ impl Layout {
         let road = &self.spec.road;
         Briefing {
             sample_s: self.spec.clock.sample_s,
-            lag_s: self.ego_drive.lag_s,
+            lag_s: self.spec.ego.lag_s,
             speed_limit_mps: road.speed_limit_mps(),
             road: RoadGeometry {
                 lanes: road.lanes(),

@@ -45,7 +45,7 @@ impl DriveScene {
     pub(super) fn new(layout: Arc<Layout>) -> DriveScene {
         let spec = &layout.spec;
         let agents = spec.agents.len();
-        let mut controller = layout.ego_drive.controller.build();
+        let mut controller = spec.ego.controller.build();
         controller.brief(&layout.briefing());
         DriveScene {
             plant: sim::plant(spec.plant, ground(&layout)),
@@ -89,7 +89,10 @@ impl DriveScene {
         let body = self.plant.spawn(&agent.body, pose, speed_mps);
         self.bodies.push(body);
         let (lag_s, lateral_lag_s) = match &agent.drive {
-            Drive::Ego(drive) => (drive.lag_s, drive.lag_s),
+            Drive::Ego => {
+                let lag_s = self.layout.spec.ego.lag_s;
+                (lag_s, lag_s)
+            }
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
             Drive::Trained(TrainedAdo { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
             Drive::Scripted(_) => (0.0, 0.0),
@@ -127,7 +130,7 @@ impl DriveScene {
             let message = format!("{} at {:.3} s", fault.message, self.time_s());
             return Err(Fault { message, ..fault });
         }
-        if self.layout.ego_drive.is_foreign() {
+        if self.layout.spec.ego.is_foreign() {
             self.commands.push(command);
         }
         let asked = Choice::Drive {
@@ -137,7 +140,7 @@ impl DriveScene {
         let layout = Arc::clone(&self.layout);
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             let wish = match &agent.drive {
-                Drive::Ego(_) => asked,
+                Drive::Ego => asked,
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
                 Drive::Scripted(script) => match agent.body.is_on_foot() {
                     true => {
