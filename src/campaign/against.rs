@@ -43,7 +43,7 @@ impl<'a> TrainingGym<'a> {
             return;
         };
         let member = family.draw(&self.scenario.name, self.gym.key(index));
-        if let Some(scene) = self.scenario.scene_of(&family.tuning(&member)) {
+        if let Some(scene) = self.scenario.scene_of(&family.variant(&member)) {
             self.gym.bench().restage(scene);
         }
         if against == Against::Conditional {

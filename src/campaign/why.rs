@@ -167,10 +167,10 @@ pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> O
 
 /// Whether `driver` avoids it that takes over after so many samples.
 fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: usize) -> bool {
-    let Some((_, own)) = scenario.drive().and_then(|spec| spec.egos().next()) else {
+    let Some(spec) = scenario.drive() else {
         return false;
     };
-    let (own, commands) = (own.controller.clone(), episode.commands.clone());
+    let (own, commands) = (spec.ego.controller.clone(), episode.commands.clone());
     let second = driver.factory.clone();
     let factory = move || -> Box<dyn Controller> {
         let first: Box<dyn Controller> = match commands.is_empty() {

@@ -84,7 +84,6 @@ impl Replayer {
         let spec = world.spec();
         let ego = world.ego();
         let vehicle = spec.agents[ego].body.vehicle()?;
-        let (_, drive) = spec.egos().next()?;
         let agents = spec.agents.iter().enumerate();
         let traffic = agents.filter(|(i, agent)| *i != ego && !agent.body.is_on_foot());
         Some(Replayer {
@@ -95,7 +94,7 @@ impl Replayer {
             lane_width_m: spec.road.lane_width_m(),
             sample_s: spec.clock.sample_s,
             grip_mps2: spec.road.friction() * vehicle.grip * GRAVITY_MPS2,
-            lag_s: drive.lag_s,
+            lag_s: spec.ego.lag_s,
             others: Vec::new(),
         })
     }

@@ -83,6 +83,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     problems.done()?;
     let Cast {
         agents,
+        ego: Some(ego),
         entries,
         lights,
         light_entries,
@@ -90,7 +91,11 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         rules,
         written_out,
         ..
-    } = cast;
+    } = cast
+    else {
+        // Invariant: not to have an ego is a problem, and there was none.
+        return Err(Vec::new());
+    };
 
     let mut spec = DriveSpec {
         world: file.name.clone(),
@@ -99,6 +104,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         road: file.road.clone(),
         bodies: file.bodies.0.clone(),
         agents,
+        ego,
         lights,
         sensors: file.sensors,
         extra: Vec::new(),

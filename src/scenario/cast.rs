@@ -14,13 +14,15 @@ use super::runs::Origin;
 use super::trained;
 use super::trained::run::TrainedFile;
 use crate::scene::drive::{
-    Agent, Drive, EgoController, Light, LightDrive, Range, StartPlace, TrainedAdo,
+    Agent, Drive, EgoController, EgoDrive, Light, LightDrive, Range, StartPlace, TrainedAdo,
 };
 use crate::sim::Body;
 
 /// Everybody in a world file, with what their ados observe and obey.
 pub(super) struct Cast<'a> {
     pub(super) agents: Vec<Agent>,
+    /// The ego's controller, of one of them.
+    pub(super) ego: Option<EgoDrive>,
     /// Position of each agent in the file's list.
     pub(super) entries: Vec<usize>,
     pub(super) lights: Vec<Light>,
@@ -46,6 +48,7 @@ impl Cast<'_> {
         let list = Path::top().to("agents");
         let mut cast = Cast {
             agents: Vec::new(),
+            ego: None,
             entries: Vec::new(),
             lights: Vec::new(),
             light_entries: Vec::new(),
@@ -101,7 +104,7 @@ impl Cast<'_> {
 
     fn count(&self, problems: &mut Problems, list: &Path) {
         let drives = self.agents.iter().map(|agent| &agent.drive);
-        let egos = drives.clone().filter(|d| matches!(d, Drive::Ego(_)));
+        let egos = drives.clone().filter(|d| matches!(d, Drive::Ego));
         let egos = egos.count();
         // Agents with a broken body or place are missing, and were reported.
         if egos != 1 && problems.is_empty() {
@@ -200,7 +203,8 @@ impl Cast<'_> {
                     let help = "write `Ado(actions: Walks([…]), …)` or `Scripted(Walk([…]))`";
                     problems.add(path, what, "here", Some(help.to_owned()));
                 }
-                Drive::Ego(controller.clone().map(EgoController::Stock))
+                self.ego = Some(controller.clone().map(EgoController::Stock));
+                Drive::Ego
             }
             DriveFile::Scripted(script) => {
                 let walks = acts_as == ActsAs::Walker;

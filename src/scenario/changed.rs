@@ -37,46 +37,42 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         }
         spec.sensors = sensors;
     }
-    let ego_body = match &change.ego_body {
-        Some(name) => Some(ego_body(spec, name)?),
-        None => None,
-    };
-    for agent in &mut spec.agents {
-        let Drive::Ego(drive) = &mut agent.drive else {
-            continue;
-        };
-        if let Some(body) = &ego_body {
-            agent.body = body.clone();
+    if let Some(name) = &change.ego_body {
+        let body = ego_body(spec, name)?;
+        for agent in &mut spec.agents {
+            if matches!(agent.drive, Drive::Ego) {
+                agent.body = body.clone();
+            }
         }
-        if let Some(controller) = &change.controller {
-            *drive = controller.clone().map(EgoController::Stock);
-        }
-        let Some(mut stock) = drive.stock() else {
-            continue;
-        };
-        for (name, value) in &change.ego.0 {
-            stock.set(name, *value).map_err(|error| {
-                let known = known_names("parameters", error.known.iter().copied());
-                let help = match did_you_mean(name, error.known.iter().copied()) {
-                    Some(guess) => format!("{guess} — {known}"),
-                    None => known,
-                };
-                fail(error.to_string(), Some(help), &["ego", name])
-            })?;
-        }
-        if let Some((field, what, help)) = stock.controller.program().and_then(Process::flaw) {
-            return Err(fail(what, Some(help.to_owned()), &["controller", field]));
-        }
-        if let Some(low) = stock
-            .parameters()
-            .iter()
-            .find(|p| !(p.at_least..).contains(&p.value))
-        {
-            let what = format!("`{}` is {}, below {}", low.name, low.value, low.at_least);
-            return Err(fail(what, None, &["ego", low.name]));
-        }
-        *drive = stock.map(EgoController::Stock);
     }
+    if let Some(controller) = &change.controller {
+        spec.ego = controller.clone().map(EgoController::Stock);
+    }
+    let Some(mut stock) = spec.ego.stock() else {
+        return Ok(());
+    };
+    for (name, value) in &change.ego.0 {
+        stock.set(name, *value).map_err(|error| {
+            let known = known_names("parameters", error.known.iter().copied());
+            let help = match did_you_mean(name, error.known.iter().copied()) {
+                Some(guess) => format!("{guess} — {known}"),
+                None => known,
+            };
+            fail(error.to_string(), Some(help), &["ego", name])
+        })?;
+    }
+    if let Some((field, what, help)) = stock.controller.program().and_then(Process::flaw) {
+        return Err(fail(what, Some(help.to_owned()), &["controller", field]));
+    }
+    if let Some(low) = stock
+        .parameters()
+        .iter()
+        .find(|p| !(p.at_least..).contains(&p.value))
+    {
+        let what = format!("`{}` is {}, below {}", low.name, low.value, low.at_least);
+        return Err(fail(what, None, &["ego", low.name]));
+    }
+    spec.ego = stock.map(EgoController::Stock);
     Ok(())
 }
 

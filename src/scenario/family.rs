@@ -18,9 +18,8 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::file::Change;
 use super::quantity::{Quantity, Varied, parameter};
-use crate::ego::{Actuated, ControllerSpec};
 use crate::rl::LearnerConfig;
-use crate::scene::drive::{DriveSpec, Sensors, Tuning};
+use crate::scene::drive::{DriveSpec, EgoVariant};
 use crate::seed::StartKey;
 use crate::sim::PlantKind;
 
@@ -89,16 +88,8 @@ pub struct Family {
     pub wide: LearnerConfig,
     /// How a conditional ado learns.
     pub conditional: LearnerConfig,
-    pub(super) base: Base,
-}
-
-/// What the world's own ego is, as far as families go.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Base {
-    pub(super) controller: Actuated<ControllerSpec>,
-    pub(super) sensors: Sensors,
-    pub(super) friction: f64,
-    pub(super) plant: PlantKind,
+    /// The world's own ego.
+    pub(super) base: EgoVariant,
 }
 
 /// An ego has no value for a quantity of the family.
@@ -223,28 +214,16 @@ impl Family {
         quantities.map(|q| q.varied.name().to_owned()).collect()
     }
 
-    /// What a scene must change to play against a member.
-    pub fn tuning(&self, member: &Member) -> Tuning {
-        let mut tuning = Tuning {
-            controller: self.base.controller.clone(),
-            sensors: self.base.sensors,
-            friction: self.base.friction,
+    /// The ego that a member is.
+    pub fn variant(&self, member: &Member) -> EgoVariant {
+        let mut variant = EgoVariant {
             plant: member.plant,
+            ..self.base.clone()
         };
         for (quantity, &value) in self.quantities.iter().zip(&member.values) {
-            match &quantity.varied {
-                Varied::Ego(name) => {
-                    let set = tuning.controller.set(name, value);
-                    // Invariant: checked at load against this controller.
-                    debug_assert!(set.is_ok(), "{name} is a parameter of the ego");
-                }
-                Varied::Delay => tuning.sensors.delay_s = value,
-                Varied::PositionNoise => tuning.sensors.position_sd_m = value,
-                Varied::SpeedNoise => tuning.sensors.speed_sd_mps = value,
-                Varied::Friction => tuning.friction = value,
-            }
+            quantity.varied.set(&mut variant, value);
         }
-        tuning
+        variant
     }
 
     /// The member that a driving scene is, values beyond a range drawn to it.

@@ -2,14 +2,14 @@
 
 use super::check;
 use super::error::{did_you_mean, known_names};
-use super::family::{Base, Family};
+use super::family::Family;
 use super::file::FamilyFile;
 use super::locate::Path;
 use super::problems::Problems;
 use super::quantity::controller;
 use super::quantity::{Quantity, Varied};
 use crate::ego::Parameter;
-use crate::scene::drive::DriveSpec;
+use crate::scene::drive::{DriveSpec, EgoVariant};
 use crate::sim::PlantKind;
 
 /// Widest noise and longest delay of sensors, as for `sensors`.
@@ -90,7 +90,7 @@ pub(super) fn family(
         nominal_share: file.nominal,
         wide,
         conditional,
-        base: Base {
+        base: EgoVariant {
             controller,
             sensors: spec.sensors,
             friction: spec.road.friction(),

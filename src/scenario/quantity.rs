@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt};
 
 use crate::ego::{Actuated, ControllerSpec};
-use crate::scene::drive::DriveSpec;
+use crate::scene::drive::{DriveSpec, EgoVariant};
 
 /// What a family varies.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -40,6 +40,21 @@ impl Varied {
             Varied::PositionNoise => Some(spec.sensors.position_sd_m),
             Varied::SpeedNoise => Some(spec.sensors.speed_sd_mps),
             Varied::Friction => Some(spec.road.friction()),
+        }
+    }
+
+    /// Gives it another value in an ego of this controller.
+    pub(super) fn set(&self, variant: &mut EgoVariant, value: f64) {
+        match self {
+            Varied::Ego(name) => {
+                let set = variant.controller.set(name, value);
+                // Invariant: checked at load against this controller.
+                debug_assert!(set.is_ok(), "{name} is a parameter of the ego");
+            }
+            Varied::Delay => variant.sensors.delay_s = value,
+            Varied::PositionNoise => variant.sensors.position_sd_m = value,
+            Varied::SpeedNoise => variant.sensors.speed_sd_mps = value,
+            Varied::Friction => variant.friction = value,
         }
     }
 
@@ -121,7 +136,7 @@ impl Quantity {
 
 /// The stock controller of a scene's ego, and its actuator.
 pub(super) fn controller(spec: &DriveSpec) -> Option<Actuated<ControllerSpec>> {
-    spec.egos().find_map(|(_, drive)| drive.stock())
+    spec.ego.stock()
 }
 
 pub(super) fn parameter(controller: &Actuated<ControllerSpec>, name: &str) -> Option<f64> {

@@ -11,7 +11,7 @@ use crate::ego::{Command, Controller, RecordedCommands};
 use crate::rl::{ConfigError, LearnerConfig};
 use crate::rulebook::Rulebook;
 use crate::scene::World;
-use crate::scene::drive::{ControllerFactory, Drive, DriveSpec, DriveWorld, EgoController};
+use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController};
 use crate::sim::PlantKind;
 
 impl Scenario {
@@ -150,14 +150,10 @@ impl Scenario {
             return self.clone();
         };
         let mut spec = world.spec().clone();
-        for agent in &mut spec.agents {
-            if let Drive::Ego(drive) = &mut agent.drive {
-                drive.controller = EgoController::Own {
-                    name: name.to_owned(),
-                    factory: Arc::clone(&factory),
-                };
-            }
-        }
+        spec.ego.controller = EgoController::Own {
+            name: name.to_owned(),
+            factory,
+        };
         self.remade(spec)
     }
 
@@ -213,11 +209,7 @@ impl Scenario {
 
 /// Gives or takes back the consent to start a program that is the ego.
 fn permit(spec: &mut DriveSpec, allowed: bool) {
-    for agent in &mut spec.agents {
-        if let Drive::Ego(drive) = &mut agent.drive
-            && let EgoController::Stock(controller) = &mut drive.controller
-        {
-            controller.allow_programs(allowed);
-        }
+    if let EgoController::Stock(controller) = &mut spec.ego.controller {
+        controller.allow_programs(allowed);
     }
 }

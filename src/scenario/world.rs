@@ -12,7 +12,7 @@ use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
-use crate::scene::drive::{DriveSpec, EgoController, Tuning};
+use crate::scene::drive::{DriveSpec, EgoController, EgoVariant};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Availability, Axis, Dynamics, Scene, Start, World};
 use crate::stl::{Formula, Names};
@@ -221,15 +221,15 @@ impl Scenario {
     }
 
     /// The scene of a member of the family; `None`: this world is not driven.
-    pub fn scene_of(&self, tuning: &Tuning) -> Option<Box<dyn Scene>> {
+    pub fn scene_of(&self, variant: &EgoVariant) -> Option<Box<dyn Scene>> {
         match &self.world {
             World::Drive(world) => {
-                let mut tuning = tuning.clone();
-                tuning
+                let mut variant = variant.clone();
+                variant
                     .controller
                     .controller
                     .allow_programs(self.programs_allowed);
-                Some(Box::new(world.tuned(&tuning).scene()))
+                Some(Box::new(world.with_variant(&variant).scene()))
             }
             World::Grid(_) => None,
         }
@@ -237,11 +237,10 @@ impl Scenario {
 
     /// Programs that playing this world starts: its ego, if it is one.
     pub fn program(&self) -> Option<&Process> {
-        let mut egos = self.drive()?.egos();
-        egos.find_map(|(_, drive)| match &drive.controller {
+        match &self.drive()?.ego.controller {
             EgoController::Stock(spec) => spec.program(),
             EgoController::Own { .. } => None,
-        })
+        }
     }
 
     /// Every program that the world's file names, with the ego's name.

@@ -1,6 +1,6 @@
 //! Public types by their names.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use proc_macro2::{TokenStream, TokenTree};
 use syn::visit::{self, Visit};
@@ -17,7 +17,7 @@ const KINDS: [&str; 5] = ["struct", "enum", "union", "trait", "type"];
 pub fn twice(
     sources: &Sources,
     texts: &[(impl AsRef<str>, impl AsRef<str>)],
-) -> BTreeMap<String, BTreeSet<String>> {
+) -> BTreeMap<String, Vec<String>> {
     let mut public = Public::default();
     for (at, (path, text)) in texts.iter().enumerate() {
         if sources.is_for_tests(&sources.module_of_file(at)) {
@@ -34,14 +34,14 @@ pub fn twice(
 #[derive(Default)]
 struct Public {
     path: String,
-    types: BTreeMap<String, BTreeSet<String>>,
+    types: BTreeMap<String, Vec<String>>,
 }
 
 impl Public {
     fn add(&mut self, name: &proc_macro2::Ident) {
         let place = format!("{}:{}", self.path, name.span().start().line);
         let places = self.types.entry(name.to_string()).or_default();
-        places.insert(place);
+        places.push(place);
     }
 
     /// `pub struct A` in tokens of macros, which are no syntax yet.

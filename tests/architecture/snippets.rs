@@ -249,7 +249,7 @@ fn a_name_of_two_public_types_is_seen_wherever_they_stand() {
         "pub trait Body {}",
         "pub type Body = u8;",
         "mod inner { pub union Body { x: u8 } }",
-        "bodies! { /// One. pub struct Body { x_m } }",
+        "bodies! { #[doc = \"One.\"] pub struct Body { x_m } }",
         "macro_rules! m { ($a:ident) => { #[derive(Debug)] pub enum Body { $a } } }",
         "pub struct Own; macro_rules! m { () => { pub struct Own; } }",
     ] {

@@ -204,7 +204,10 @@ fn full_brakes_behind_a_lag_avoid_what_the_equation_says() {
         let bound_m = closing_mps * lag_s + braking_m - 0.5 * full_mps2 * lag_s * lag_s;
         let early_m = 0.5 * dt * closing_mps;
         assert!(avoided(bound_m + 0.1, closing_mps), "{closing_mps}");
-        assert!(!avoided(bound_m - early_m - 0.1, closing_mps), "{closing_mps}");
+        assert!(
+            !avoided(bound_m - early_m - 0.1, closing_mps),
+            "{closing_mps}"
+        );
     }
 }
 

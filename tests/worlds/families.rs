@@ -152,7 +152,7 @@ fn a_tuned_scene_drives_like_the_changed_world() {
         let spec = changed.drive().expect("a driving world");
         let member = family.member_of(spec).expect("a member");
         let mut tuned = world.bench();
-        tuned.restage(world.scene_of(&family.tuning(&member)).expect("a scene"));
+        tuned.restage(world.scene_of(&family.variant(&member)).expect("a scene"));
         let mut bench = changed.bench();
         let actions = bench.spaces().actions;
         for index in 0..4 {

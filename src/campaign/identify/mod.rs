@@ -279,10 +279,10 @@ impl Lab<'_> {
     }
 
     fn deviations(&self, member: &Member) -> Vec<f64> {
-        let mut tuning = self.family.tuning(member);
+        let mut variant = self.family.variant(member);
         // Members drive as they would on average.
-        tuning.sensors.position_sd_m = 0.0;
-        tuning.sensors.speed_sd_mps = 0.0;
+        variant.sensors.position_sd_m = 0.0;
+        variant.sensors.speed_sd_mps = 0.0;
         if self.watch.stopped() {
             // `identify` throws away whatever comes of it.
             return Vec::new();
@@ -291,7 +291,7 @@ impl Lab<'_> {
         let runs = recordings.len() as u64;
         self.simulations.fetch_add(runs, Ordering::Relaxed);
         // Invariant: a world with a family is driven.
-        let scene = self.world.scene_of(&tuning);
+        let scene = self.world.scene_of(&variant);
         scene.map_or_else(Vec::new, |mut scene| {
             deviations(&mut *scene, self.world, recordings)
         })

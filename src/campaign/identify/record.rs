@@ -155,7 +155,7 @@ fn squares(one: &[Seen], other: &[Seen]) -> f64 {
 fn columns(scenario: &Scenario) -> [usize; 3] {
     let schema = scenario.world().schema();
     let spec = scenario.drive();
-    let ego = spec.and_then(|spec| Some(&spec.agents[spec.egos().next()?.0].name));
+    let ego = spec.and_then(|spec| Some(&spec.agents[spec.egos().next()?].name));
     let name = ego.map_or("", String::as_str);
     // Invariant: every trace holds these three of every road user.
     ["x", "y", "speed"].map(|field| schema.position(&format!("{name}.{field}")).unwrap_or(0))

@@ -6,7 +6,7 @@ use super::course::{Course, CourseError};
 use super::frozen::{Frozen, TrainedError};
 use super::observing::Observation;
 use super::signals::{Source, schema_of};
-use super::spec::{DriveSpec, EgoDrive};
+use super::spec::DriveSpec;
 use super::trained::TrainedAdo;
 use crate::ego::{Briefing, RoadGeometry};
 use crate::rl::Spaces;
@@ -42,7 +42,7 @@ pub enum SceneError {
     },
     /// A trained ado cannot act in it.
     #[error("the trained ado `{name}`: {source}")]
-    TrainedAdo {
+    Trained {
         /// Its name here.
         name: String,
         /// Why.
@@ -59,7 +59,6 @@ pub(super) struct Layout {
     pub spec: Arc<DriveSpec>,
     pub course: Course,
     pub ego: usize,
-    pub ego_drive: EgoDrive,
     pub schema: Arc<Schema>,
     pub sources: Vec<Source>,
     pub derived: Vec<BoundExpr>,
@@ -72,11 +71,10 @@ pub(super) struct Layout {
 
 impl Layout {
     pub fn new(spec: DriveSpec) -> Result<Layout, SceneError> {
-        let egos: Vec<(usize, &EgoDrive)> = spec.egos().collect();
-        let [(ego, ego_drive)] = egos[..] else {
+        let egos: Vec<usize> = spec.egos().collect();
+        let [ego] = egos[..] else {
             return Err(SceneError::Egos { count: egos.len() });
         };
-        let ego_drive = ego_drive.clone();
         let schema = schema_of(&spec)?;
         let derived = spec
             .derived
@@ -105,7 +103,6 @@ impl Layout {
             frozen,
             course: spec.road.course()?,
             ego,
-            ego_drive,
             schema: Arc::new(schema),
             sources: spec
                 .published()
@@ -130,7 +127,7 @@ fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
     let bind = |(name, trained): (&str, &TrainedAdo)| {
         trained
             .bind(spec, name)
-            .map_err(|source| SceneError::TrainedAdo {
+            .map_err(|source| SceneError::Trained {
                 name: name.to_owned(),
                 source: Box::new(source),
             })
@@ -144,7 +141,7 @@ impl Layout {
         let road = &self.spec.road;
         Briefing {
             sample_s: self.spec.clock.sample_s,
-            lag_s: self.ego_drive.lag_s,
+            lag_s: self.spec.ego.lag_s,
             speed_limit_mps: road.speed_limit_mps(),
             road: RoadGeometry {
                 lanes: road.lanes(),

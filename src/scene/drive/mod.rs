@@ -23,7 +23,7 @@ mod staging;
 mod state;
 mod steering;
 mod trained;
-mod tuning;
+mod variant;
 
 use std::sync::Arc;
 
@@ -43,7 +43,7 @@ pub use spec::{
     Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Range, StartPlace,
 };
 pub use trained::{TrainedAdo, TrainingWorld};
-pub use tuning::Tuning;
+pub use variant::EgoVariant;
 
 use crate::rl::Spaces;
 use crate::trace::Schema;

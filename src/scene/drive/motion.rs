@@ -43,7 +43,7 @@ impl DriveScene {
     pub(super) fn new(layout: Arc<Layout>) -> DriveScene {
         let spec = &layout.spec;
         let agents = spec.agents.len();
-        let mut controller = layout.ego_drive.controller.build();
+        let mut controller = spec.ego.controller.build();
         controller.brief(&layout.briefing());
         DriveScene {
             state: SceneState::new(Arc::clone(spec)),
@@ -72,7 +72,10 @@ impl DriveScene {
     pub(super) fn spawn_at(&mut self, agent: &Agent, pose: Pose, lateral_m: f64, speed_mps: f64) {
         self.state.spawn(&agent.body, pose, speed_mps);
         let (lag_s, lateral_lag_s) = match &agent.drive {
-            Drive::Ego(drive) => (drive.lag_s, drive.lag_s),
+            Drive::Ego => {
+                let lag_s = self.layout.spec.ego.lag_s;
+                (lag_s, lag_s)
+            }
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
             Drive::Trained(TrainedAdo { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
             Drive::Scripted(_) => (0.0, 0.0),
@@ -120,7 +123,7 @@ impl DriveScene {
             let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
             return Err(Fault { message, ..fault });
         }
-        if self.layout.ego_drive.is_foreign() {
+        if self.layout.spec.ego.is_foreign() {
             self.commands.push(command);
         }
         let asked = Choice::Drive {
@@ -130,7 +133,7 @@ impl DriveScene {
         let layout = Arc::clone(&self.layout);
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             let wish = match &agent.drive {
-                Drive::Ego(_) => asked,
+                Drive::Ego => asked,
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
                 Drive::Scripted(script) => match agent.body.is_on_foot() {
                     true => {

@@ -22,7 +22,7 @@ impl DriveWorld {
     pub fn for_replay(&self) -> DriveWorld {
         let mut layout = Layout::clone(&self.0);
         Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
-        layout.ego_drive.controller = EgoController::Own {
+        Arc::make_mut(&mut layout.spec).ego.controller = EgoController::Own {
             name: "replay".to_owned(),
             factory: Arc::new(|| Box::new(RecordedCommands::new(Arc::from([])))),
         };
@@ -202,7 +202,7 @@ impl DriveScene {
     pub fn take_up(&mut self, motion: &Motion, sample: usize) {
         self.reset(&motion.start, 0);
         let recorded = motion.at(sample).iter().map(|body| &body.state);
-        if self.states.iter().eq(recorded) {
+        if self.state.states.iter().eq(recorded) {
             return;
         }
         let layout = Arc::clone(&self.layout);

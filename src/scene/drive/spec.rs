@@ -133,8 +133,8 @@ impl std::fmt::Debug for EgoController {
 /// Who drives an agent.
 #[derive(Clone, Debug)]
 pub enum Drive {
-    /// The system under test.
-    Ego(EgoDrive),
+    /// The system under test: [`DriveSpec::ego`].
+    Ego,
     /// A learning adversary.
     Ado {
         /// What it may choose from.
@@ -182,6 +182,8 @@ pub struct DriveSpec {
     pub bodies: IndexMap<String, Body>,
     /// The agents, in file order; exactly one is the ego.
     pub agents: Vec<Agent>,
+    /// The system under test, which drives that one.
+    pub ego: EgoDrive,
     /// The traffic lights, in file order.
     pub lights: Vec<Light>,
     /// What stands between the world and the ego's percepts.
@@ -197,13 +199,10 @@ pub struct DriveSpec {
 }
 
 impl DriveSpec {
-    /// The agents driven by a system under test, with their positions.
-    pub fn egos(&self) -> impl Iterator<Item = (usize, &EgoDrive)> {
+    /// Positions of the agents that the system under test drives.
+    pub fn egos(&self) -> impl Iterator<Item = usize> {
         let agents = self.agents.iter().enumerate();
-        agents.filter_map(|(i, agent)| match &agent.drive {
-            Drive::Ego(drive) => Some((i, drive)),
-            _ => None,
-        })
+        agents.filter_map(|(i, agent)| matches!(agent.drive, Drive::Ego).then_some(i))
     }
 
     /// The ados' names, action sets and neutral actions: first those of road

@@ -10,7 +10,7 @@ pub(super) fn stage(layout: &Layout) -> Stage {
     let cast = spec.agents.iter().map(|agent| Cast {
         name: agent.name.clone(),
         role: match agent.drive {
-            Drive::Ego(_) => Role::Ego,
+            Drive::Ego => Role::Ego,
             Drive::Ado { .. } => Role::Ado,
             Drive::Trained(_) | Drive::Scripted(_) => Role::Scripted,
         },

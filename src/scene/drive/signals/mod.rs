@@ -43,7 +43,7 @@ impl Source {
         let agent = |i: usize| match &spec.agents[i].drive {
             Drive::Scripted(Script::Idm(_)) => false,
             Drive::Scripted(_) => true,
-            Drive::Ego(_) | Drive::Ado { .. } | Drive::Trained(_) => false,
+            Drive::Ego | Drive::Ado { .. } | Drive::Trained(_) => false,
         };
         let [a, b] = self.whose;
         match self.quantity.of {

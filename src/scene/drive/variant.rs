@@ -5,15 +5,16 @@ use std::sync::Arc;
 use super::DriveWorld;
 use super::layout::Layout;
 use super::sensors::Sensors;
-use super::spec::{Drive, EgoController};
+use super::spec::EgoController;
 use crate::ego::{Actuated, ControllerSpec};
 use crate::sim::PlantKind;
 
-/// Another ego, other sensors, another road surface, another plant.
+/// A stock ego as one is met: its controller and sensors, the road, the plant.
 ///
-/// None of them changes signals, observations or starts.
+/// None of them changes signals, observations or starts. Families have one as
+/// their nominal ego and make one of every member.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tuning {
+pub struct EgoVariant {
     /// The ego's controller and actuator.
     pub controller: Actuated<ControllerSpec>,
     /// The ego's sensors.
@@ -25,17 +26,14 @@ pub struct Tuning {
 }
 
 impl DriveWorld {
-    /// The same world tuned; nothing is bound anew, so it is cheap.
-    pub fn tuned(&self, tuning: &Tuning) -> DriveWorld {
+    /// The same world with this ego; nothing is bound anew, so it is cheap.
+    pub fn with_variant(&self, variant: &EgoVariant) -> DriveWorld {
         let mut layout = Layout::clone(&self.0);
-        layout.ego_drive = tuning.controller.clone().map(EgoController::Stock);
         let spec = Arc::make_mut(&mut layout.spec);
-        if let Drive::Ego(drive) = &mut spec.agents[layout.ego].drive {
-            *drive = layout.ego_drive.clone();
-        }
-        spec.sensors = tuning.sensors;
-        spec.road.set_friction(tuning.friction);
-        spec.plant = tuning.plant;
+        spec.ego = variant.controller.clone().map(EgoController::Stock);
+        spec.sensors = variant.sensors;
+        spec.road.set_friction(variant.friction);
+        spec.plant = variant.plant;
         DriveWorld(Arc::new(layout))
     }
 }
