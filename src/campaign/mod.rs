@@ -66,7 +66,7 @@ pub(crate) use search::count_contacts;
 pub use search::{Cem, Found, Method, SWITCHES, SearchRequest, Searched, anytime, search};
 pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
-pub use shrink::{effort, shrink};
+pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, test_starts};
 pub use telling::{Telling, telling};
 pub use theorems::{
