@@ -5,6 +5,7 @@
 //! and persist, each made as small as it gets and labelled with what is known of
 //! it ([`About`]).
 
+use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -166,7 +167,10 @@ impl<'a> Keeper<'a> {
             distinct: clusters.len(),
             ..KeptFiles::default()
         };
-        for labelled in self.chosen((&candidates, &clusters), again, watch, &mut kept) {
+        let mut chosen = self.chosen((&candidates, &clusters), again, watch, &mut kept);
+        // What was shrunk may have become a little less bad.
+        chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode).then(a.index.cmp(&b.index)));
+        for labelled in chosen {
             let Labelled {
                 index,
                 episode,
@@ -201,13 +205,7 @@ impl<'a> Keeper<'a> {
             |bench, index| candidate(bench, *index),
         );
         let mut all: Vec<Candidate> = played.flatten().collect();
-        all.sort_by(|a, b| {
-            let pairs = b.badness.iter().zip(&a.badness);
-            let worse = pairs
-                .map(|(b, a)| b.total_cmp(a))
-                .find(|order| order.is_ne());
-            worse.unwrap_or_else(|| a.index.cmp(&b.index))
-        });
+        all.sort_by(|a, b| descending(&a.badness, &b.badness).then(a.index.cmp(&b.index)));
         all
     }
 
@@ -310,6 +308,16 @@ fn badness(episode: &Episode) -> [f64; 4] {
         severity.map_or(0.0, |severity| severity.closing_speed_mps),
         depth,
     ]
+}
+
+/// Of two lists the one that is larger where they first differ comes first.
+fn descending(a: &[f64; 4], b: &[f64; 4]) -> Ordering {
+    let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
+    pairs.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+}
+
+fn worse_first(a: &Episode, b: &Episode) -> Ordering {
+    descending(&badness(a), &badness(b))
 }
 
 /// Writes the first `most` counterexamples of an evaluation into a directory, as

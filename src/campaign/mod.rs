@@ -74,7 +74,7 @@ pub use search::{
 };
 pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
-pub use shrink::{effort, shrink};
+pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, test_starts};
 pub use sweep::{Point, Sweep, Swept};
 pub use telling::{Telling, telling};

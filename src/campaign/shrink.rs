@@ -27,8 +27,9 @@ use crate::scene::{Dynamics, Start, Touch};
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, Testbench, play};
 
-/// Share of the closing speed that a crash keeps when it is made smaller.
-const CLOSING: f64 = 0.5;
+/// Share of the closing speed that a crash keeps when it is made smaller: the
+/// worst ones are to stay the worst.
+pub const CLOSING: f64 = 0.8;
 /// Physics steps of the pre-screening plant that one tree may cost.
 const TREE_STEPS: u64 = 1_000_000;
 /// Episodes that moving, weakening and replacing may cost.
@@ -54,8 +55,8 @@ pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
 /// much it is smaller; the episode itself where nothing is.
 ///
 /// If the episode ends in a contact, so does the result: of the same two, at no
-/// less than half the closing speed, and with the rules kept up to it if they
-/// were. Episodes of an ego that nobody here wrote, which may answer otherwise
+/// less than [`CLOSING`] of the closing speed, and with the rules kept up to it
+/// if they were. Episodes of an ego that nobody here wrote, which may answer otherwise
 /// the next time, are left as they are.
 pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Episode, Shrunk) {
     let before = effort(scenario, &episode.actions);

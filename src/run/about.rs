@@ -103,7 +103,8 @@ impl Effort {
 impl Display for Effort {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (switches, deviation) = (self.switches, self.deviation);
-        write!(f, "{switches} switches, Σ {deviation:.2}")?;
+        let plural = if switches == 1 { "" } else { "es" };
+        write!(f, "{switches} switch{plural}, Σ {deviation:.2}")?;
         match self.first {
             Some(first) => write!(f, " from decision {first} on"),
             None => Ok(()),

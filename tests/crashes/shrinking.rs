@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use brakecheck::campaign::{Watch, effort, shrink};
+use brakecheck::campaign::{CLOSING, Watch, effort, shrink};
 use brakecheck::run::Effort;
 use brakecheck::scenario::Scenario;
 use brakecheck::testbench::Episode;
@@ -47,13 +47,13 @@ fn actions_are_as_far_apart_as_what_they_ask_for() {
     near(world.action_distance(3, 2), 1.0);
 }
 
-/// The crash of `small` is at least half as bad as that of `large`.
+/// The crash of `small` is almost as bad as that of `large`.
 fn still_the_same(small: &Episode, large: &Episode) {
     assert!(small.verdict.is_success());
     if let Some(touch) = &large.contact {
         let kept = small.contact.as_ref().expect("still a contact");
         assert_eq!(kept.between, touch.between);
-        assert!(0.5 * touch.closing_speed_mps <= kept.closing_speed_mps);
+        assert!(CLOSING * touch.closing_speed_mps <= kept.closing_speed_mps);
     }
     assert!(!small.is_foul_before_contact() || large.is_foul_before_contact());
 }
