@@ -12,7 +12,7 @@ use crate::rulebook::Rulebook;
 use crate::scenario::Scenario;
 use crate::scene::drive::{DriveScene, DriveWorld};
 use crate::scene::{Flow, Motion, Scene, Touch, World};
-use crate::sim::{Command, GRAVITY_MPS2};
+use crate::sim::{Command, GRAVITY_MPS2, PlantKind};
 use crate::trace::Trace;
 
 /// How long a replay goes on after the recorded contact, at least.
@@ -27,7 +27,7 @@ pub enum Seat {
     FullBrakes,
     /// Nobody who brakes: the nominal speed all the way.
     Nominal,
-    /// The recorded ego itself, by what it commanded its vehicle.
+    /// The recorded ego itself.
     Recorded,
 }
 
@@ -231,9 +231,8 @@ impl Replayer {
         let mut contact = None;
         for sample in from + 1..case.whole.len() {
             let ego = self.look(&mut least_m);
-            let command = match (seat, case.whole.at(sample)[self.world.ego()].command) {
-                (Seat::Recorded, Some(command @ Command::Drive { .. })) => command,
-                (Seat::Recorded, _) => self.scene.keep_lane(0.0),
+            let command = match seat {
+                Seat::Recorded => self.as_recorded(case, sample, &ego),
                 _ => {
                     let nominal_mps = case.nominal_mps(stint.nominal, sample, self.world.ego());
                     let accel_mps2 = self.accel(&mut at_wheel, seat, &ego, nominal_mps);
@@ -275,6 +274,21 @@ impl Replayer {
             }
         }
         ego
+    }
+
+    /// The recorded ego's next command; of a rigid one, whose commands another
+    /// plant answers otherwise, what gives it the recorded speed.
+    fn as_recorded(&mut self, case: &Case, sample: usize, ego: &LaneBody) -> Command {
+        let then = case.whole.at(sample)[self.world.ego()];
+        let is_exact = self.world.spec().plant == PlantKind::Kinematic;
+        match then.command {
+            Some(command) if is_exact && sample <= case.recorded => command,
+            _ if sample < case.recorded => {
+                let gained_mps = then.state.speed_mps - ego.speed_mps;
+                self.scene.keep_lane(gained_mps / self.sample_s)
+            }
+            _ => self.scene.keep_lane(then.state.accel_mps2),
+        }
     }
 
     /// What reaches the vehicle of what is asked for.
