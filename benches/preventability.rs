@@ -5,12 +5,11 @@
 //! the replayer; `assess` gives everything, rulebook included.
 
 use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::Replayer;
 use brakecheck::scenario::{Change, Scenario};
 use brakecheck::scene::Motion;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, Held, motion_of, play};
+use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, motion_of, play};
 use divan::{Bencher, black_box};
 
 const WORLDS: [&str; 3] = ["acc_plain", "cut_in", "merge_plain"];
@@ -36,7 +35,7 @@ fn contact(name: &str) -> (Scenario, Episode, Motion) {
             seed: 7,
             index,
         });
-        let mut ado = Held::new(actions, HOLD_DECISIONS);
+        let mut ado = HeldRandom::new(actions, HOLD_DECISIONS);
         let episode = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
         episode.contact.as_ref()?;
         let motion = motion_of(&mut bench, &episode)?;
@@ -49,7 +48,7 @@ fn contact(name: &str) -> (Scenario, Episode, Motion) {
 #[divan::bench(args = WORLDS)]
 fn preventable_by(bencher: Bencher, world: &str) {
     let (world, _, motion) = contact(world);
-    let mut replayer = Replayer::new(&world).expect("a driving world");
+    let mut replayer = world.replayer().expect("a driving world");
     // The two that fail most often, so that both are asked mostly.
     let drivers = [ReferenceDriver::CcLatched, ReferenceDriver::Cc];
     bencher.bench_local(|| replayer.preventable_by(black_box(&motion), &drivers));
@@ -58,6 +57,6 @@ fn preventable_by(bencher: Bencher, world: &str) {
 #[divan::bench(args = WORLDS)]
 fn assess(bencher: Bencher, world: &str) {
     let (world, episode, motion) = contact(world);
-    let mut replayer = Replayer::new(&world).expect("a driving world");
+    let mut replayer = world.replayer().expect("a driving world");
     bencher.bench_local(|| replayer.assess(black_box(&motion), Some(&episode.trace)));
 }

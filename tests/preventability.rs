@@ -3,15 +3,14 @@
 #[path = "preventability/panel.rs"]
 mod panel;
 
+use brakecheck::campaign::Regressions;
 use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::{
-    Label, NotApplicable, PANEL, Preventability, Replayer, Seat, assess, preventable_by,
-};
+use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability, Replayer, Seat};
 use brakecheck::scenario::{Change, Scenario};
-use brakecheck::scene::Motion;
+use brakecheck::scene::{Motion, Touch};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
-use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, Held, motion_of, play};
+use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, motion_of, play};
 
 const WORLDS: [&str; 6] = [
     "acc_plain",
@@ -48,10 +47,9 @@ fn contacts(world: &Scenario, most: usize) -> Vec<(Episode, Motion)> {
             index,
         };
         let start = bench.draw(key);
-        let mut ado = Held::new(actions, HOLD_DECISIONS);
+        let mut ado = HeldRandom::new(actions, HOLD_DECISIONS);
         let episode = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
-        let is_egos =
-            |it: &brakecheck::scene::Touch| it.between.0 == "ego" || it.between.1 == "ego";
+        let is_egos = |it: &Touch| it.between.0 == "ego" || it.between.1 == "ego";
         if !episode.contact.as_ref().is_some_and(is_egos) {
             continue;
         }
@@ -66,7 +64,7 @@ fn contacts(world: &Scenario, most: usize) -> Vec<(Episode, Motion)> {
 }
 
 fn identity(world: &Scenario, motion: &Motion) -> Option<(f64, f64)> {
-    let mut replayer = Replayer::new(world).expect("a driving world");
+    let mut replayer = world.replayer().expect("a driving world");
     let case = replayer.case(motion);
     let outcome = replayer.from_start(&case, Seat::Recorded, None);
     let contact = outcome.contact?;
@@ -120,8 +118,9 @@ fn an_assessment_agrees_with_itself() {
     let mut seen = Vec::new();
     for name in WORLDS {
         let world = world(name, PlantKind::Kinematic);
+        let mut replayer = world.replayer().expect("a driving world");
         for (episode, motion) in contacts(&world, 4) {
-            let assessed = assess(&world, &episode);
+            let assessed = world.preventability(&episode);
             println!(
                 "{name} {:?} {:?} {:?}",
                 assessed.label, assessed.not_applicable, assessed.exonerated
@@ -129,7 +128,7 @@ fn an_assessment_agrees_with_itself() {
             for driver in PANEL.into_iter().chain([ReferenceDriver::Ideal]) {
                 let avoided = assessed.is_avoided_by(driver);
                 assert_eq!(
-                    preventable_by(&world, &motion, &[driver]),
+                    replayer.preventable_by(&motion, &[driver]),
                     avoided,
                     "{name} {driver:?}"
                 );
@@ -153,11 +152,52 @@ fn an_assessment_agrees_with_itself() {
     );
 }
 
+/// Without a contact nothing is said, and nothing of somebody who walks.
 #[test]
 fn somebody_on_foot_is_beyond_these_drivers() {
-    let world = world("pedestrian", PlantKind::Kinematic);
-    let (episode, motion) = contacts(&world, 1).pop().expect("a contact");
-    let assessed = assess(&world, &episode);
-    assert_eq!(assessed.not_applicable, Some(NotApplicable::OnFoot));
-    assert!(!preventable_by(&world, &motion, &[ReferenceDriver::Ideal]));
+    let kept = format!(
+        "{}/tests/regressions/pedestrian-nominal-0001.ron",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    let kept = Regressions::load(kept).expect("a kept file");
+    let replayed = kept.replay_recorded().expect("replayed").remove(0);
+    let (world, episode) = (&replayed.scenario, &replayed.episode);
+    let why = |assessed: Preventability| assessed.not_applicable;
+    assert_eq!(
+        why(world.preventability(episode)),
+        Some(NotApplicable::NoContact)
+    );
+    let mut motion = motion_of(&mut world.bench(), episode).expect("bodies");
+    motion.contact = Some(Touch {
+        between: ("ego".to_owned(), "ado".to_owned()),
+        time_s: 1.0,
+        closing_speed_mps: 1.0,
+        point_m: [0.0; 3],
+        impact: None,
+    });
+    let mut replayer = world.replayer().expect("a driving world");
+    let assessed = replayer.assess(&motion, None);
+    assert_eq!(why(assessed), Some(NotApplicable::OnFoot));
+    assert!(!replayer.preventable_by(&motion, &[ReferenceDriver::Ideal]));
+}
+
+/// Who sees danger at the first sample does the same whether it takes over
+/// there or drives from the start.
+#[test]
+fn a_handover_at_the_start_is_the_start() {
+    let mut same = 0;
+    for name in ["acc", "acc_plain"] {
+        let world = world(name, PlantKind::Kinematic);
+        for (episode, _) in contacts(&world, 6) {
+            let assessed = world.preventability(&episode);
+            for (driver, from_handover) in &assessed.handover {
+                let from_start = &assessed.t0[driver];
+                if assessed.handover_s == Some(0.0) && from_start.reacted_s == Some(0.0) {
+                    assert_eq!(from_handover, from_start, "{name} {driver:?}");
+                    same += 1;
+                }
+            }
+        }
+    }
+    assert!(4 <= same, "{same}");
 }

@@ -9,10 +9,9 @@ use super::stint::{AtWheel, Rows};
 use super::{Label, PANEL};
 use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;
-use crate::scenario::Scenario;
 use crate::scene::drive::{DriveScene, DriveWorld};
-use crate::scene::{Flow, Motion, Scene, Touch, World};
-use crate::sim::{BodyCommand, GRAVITY_MPS2};
+use crate::scene::{Flow, Motion, Scene, Touch};
+use crate::sim::{BodyCommand, GRAVITY_MPS2, PlantKind};
 use crate::trace::Trace;
 
 /// How long a replay goes on after the recorded contact, at least.
@@ -27,7 +26,7 @@ pub enum Seat {
     FullBrakes,
     /// Nobody who brakes: the nominal speed all the way.
     Nominal,
-    /// The recorded ego itself, by what it commanded its vehicle.
+    /// The recorded ego itself.
     Recorded,
 }
 
@@ -76,11 +75,10 @@ enum Nominal {
 }
 
 impl Replayer {
-    /// A replayer of a driving world; `None`: nothing drives in it.
-    pub fn new(scenario: &Scenario) -> Option<Replayer> {
-        let World::Drive(world) = scenario.world() else {
-            return None;
-        };
+    /// A replayer of a driving world; `None`: the ego is no vehicle.
+    ///
+    /// `rulebook` is what is evaluated on each replay as well.
+    pub fn new(world: &DriveWorld, rulebook: Arc<Rulebook>) -> Option<Replayer> {
         let spec = world.spec();
         let ego = world.ego();
         let vehicle = spec.agents[ego].body.vehicle()?;
@@ -89,7 +87,7 @@ impl Replayer {
         Some(Replayer {
             scene: world.for_replay().scene(),
             world: world.clone(),
-            rulebook: scenario.shared_rulebook(),
+            rulebook,
             traffic: traffic.map(|(i, _)| i).collect(),
             lane_width_m: spec.road.lane_width_m(),
             sample_s: spec.clock.sample_s,
@@ -230,9 +228,8 @@ impl Replayer {
         let mut contact = None;
         for sample in from + 1..case.whole.len() {
             let ego = self.look(&mut least_m);
-            let command = match (seat, case.whole.at(sample)[self.world.ego()].command) {
-                (Seat::Recorded, Some(command @ BodyCommand::Drive { .. })) => command,
-                (Seat::Recorded, _) => self.scene.keep_lane(0.0),
+            let command = match seat {
+                Seat::Recorded => self.as_recorded(case, sample, &ego),
                 _ => {
                     let nominal_mps = case.nominal_mps(stint.nominal, sample, self.world.ego());
                     let accel_mps2 = self.accel(&mut at_wheel, seat, &ego, nominal_mps);
@@ -274,6 +271,21 @@ impl Replayer {
             }
         }
         ego
+    }
+
+    /// The recorded ego's next command; of a rigid one, whose commands another
+    /// plant answers otherwise, what gives it the recorded speed.
+    fn as_recorded(&mut self, case: &Case, sample: usize, ego: &LaneBody) -> BodyCommand {
+        let then = case.whole.at(sample)[self.world.ego()];
+        let is_exact = self.world.spec().plant == PlantKind::Kinematic;
+        match then.command {
+            Some(command) if is_exact && sample <= case.recorded => command,
+            _ if sample < case.recorded => {
+                let gained_mps = then.state.speed_mps - ego.speed_mps;
+                self.scene.keep_lane(gained_mps / self.sample_s)
+            }
+            _ => self.scene.keep_lane(then.state.accel_mps2),
+        }
     }
 
     /// What reaches the vehicle of what is asked for.

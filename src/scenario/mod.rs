@@ -25,6 +25,7 @@ mod kinship;
 mod language;
 mod locate;
 mod ordered;
+mod preventing;
 mod problems;
 mod quantity;
 mod read;

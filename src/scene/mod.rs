@@ -201,6 +201,10 @@ pub trait Scene: Send {
     /// Adds everybody's present motion, in the order of the cast; nothing where
     /// no plant moves them.
     fn bodies(&self, _into: &mut Vec<BodySample>) {}
+    /// The driving world in which it happens, if it is one.
+    fn driven(&self) -> Option<drive::DriveWorld> {
+        None
+    }
     /// The episode is over: whoever waits for another command need not.
     fn finish(&mut self) {}
     /// What an ego that nobody here wrote commanded in this episode, sample by

@@ -20,8 +20,9 @@ pub use gym::{Gym, Spent, Success};
 pub use recording::motion_of;
 
 use crate::ego::{Command, Fault, FaultKind};
+use crate::preventability::Replayer;
 use crate::rl::Spaces;
-use crate::rulebook::{Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
+use crate::rulebook::{Counts, Judge, JudgeKind, Rulebook, RulesUntilContact, Stop, Verdict};
 use crate::scene::{Axis, Clock, Flow, Frame, Scene, Stage, Start, Touch};
 use crate::seed::StartKey;
 use crate::trace::{Schema, Trace};
@@ -91,6 +92,8 @@ pub struct Testbench {
     advances: u64,
     aftermath: Aftermath,
     recording: Recording,
+    /// Puts careful drivers into the ego's place; made when it is first needed.
+    replayer: Option<Replayer>,
 }
 
 impl Testbench {
@@ -109,7 +112,8 @@ impl Testbench {
             decisions: 0,
             advances: 0,
             aftermath: Aftermath::Skip,
-            recording: Recording::default(),
+            recording: Recording::asked(matches!(rulebook.counts, Counts::Preventable { .. })),
+            replayer: None,
             scene,
             rulebook,
         }
@@ -125,6 +129,7 @@ impl Testbench {
             "another scene publishes the same signals"
         );
         self.scene = scene;
+        self.replayer = None;
     }
 
     /// The rulebook in force.
@@ -320,6 +325,7 @@ impl Testbench {
             advances: self.advances,
             aftermath: self.aftermath,
             recording: self.recording.clone(),
+            replayer: None,
         }
     }
 

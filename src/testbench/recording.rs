@@ -12,6 +12,21 @@ pub(super) struct Recording {
     bodies: Vec<BodySample>,
 }
 
+impl Recording {
+    /// Notes from the first episode on, if it is asked to.
+    pub(super) fn asked(asked: bool) -> Recording {
+        Recording {
+            asked,
+            ..Recording::default()
+        }
+    }
+
+    /// The motion so far, where it is noted.
+    pub(super) fn motion(&self) -> Option<&Motion> {
+        self.motion.as_ref()
+    }
+}
+
 impl Testbench {
     /// From the next episode on, notes how everybody moves.
     pub fn record_motion(&mut self) {

@@ -23,10 +23,10 @@ const FLOORS: [(&str, u32); 22] = [
     ("severity", 1),
     ("rulebook", 2),
     ("scene", 2),
-    ("testbench", 3),
-    ("conformance", 3),
-    ("scenario", 4),
-    ("preventability", 5),
+    ("preventability", 3),
+    ("testbench", 4),
+    ("conformance", 4),
+    ("scenario", 5),
     ("run", 6),
     ("view", 7),
     ("report", 7),
@@ -38,7 +38,7 @@ const FLOORS: [(&str, u32); 22] = [
 ];
 
 /// Floors below this one know no files, no clock and no terminal.
-const FIRST_WITH_IO: u32 = 4;
+const FIRST_WITH_IO: u32 = 5;
 
 /// The ego may be another process: it alone may talk and wait below floor 4.
 const MAY_TALK: &str = "src/ego/process";

@@ -13,7 +13,7 @@ use super::spec::{Agent, Drive, Range, StartPlace};
 use super::state::SceneState;
 use super::steering::LaneKeeper;
 use super::trained::TrainedAdo;
-use super::{perceiving, staging};
+use super::{DriveWorld, perceiving, staging};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, BodySample, Clock, Flow, Frame, Scene, Stage, Start, Touch};
@@ -349,6 +349,10 @@ impl Scene for DriveScene {
     fn bodies(&self, into: &mut Vec<BodySample>) {
         let samples = self.state.states.iter().zip(&self.commanded);
         into.extend(samples.map(|(&state, &command)| BodySample { state, command }));
+    }
+
+    fn driven(&self) -> Option<DriveWorld> {
+        Some(DriveWorld(Arc::clone(&self.layout)))
     }
 
     fn finish(&mut self) {

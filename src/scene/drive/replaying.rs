@@ -52,9 +52,8 @@ impl DriveWorld {
         let Some(last) = motion.len().checked_sub(1) else {
             return whole;
         };
-        let by_commands = |agent: usize| {
-            spec.plant == PlantKind::Kinematic && !spec.agents[agent].body.is_on_foot()
-        };
+        let is_exact = spec.plant == PlantKind::Kinematic;
+        let by_commands = |agent: usize| is_exact && !spec.agents[agent].body.is_on_foot();
         for sample in 1..=last {
             for (agent, body) in whole.at_mut(sample).iter_mut().enumerate() {
                 if !by_commands(agent) {

@@ -1,0 +1,38 @@
+//! Would a careful driver have avoided what happened in an episode?
+
+use std::sync::Arc;
+
+use super::Scenario;
+use crate::preventability::{NotApplicable, Preventability, Replayer};
+use crate::scene::World;
+use crate::testbench::{Episode, motion_of};
+
+impl Scenario {
+    /// Puts reference drivers into the ego's place in recorded motions of this
+    /// world; `None`: nothing drives in it.
+    pub fn replayer(&self) -> Option<Replayer> {
+        match &self.world {
+            World::Drive(world) => Replayer::new(world, Arc::clone(&self.rulebook)),
+            World::Grid(_) => None,
+        }
+    }
+
+    /// Which drivers would have avoided the contact of an episode of this world.
+    ///
+    /// The episode is played again for everybody's motion; what an ego that
+    /// nobody here wrote commanded is repeated, so that no program is started.
+    pub fn preventability(&self, episode: &Episode) -> Preventability {
+        let again = match episode.commands.is_empty() {
+            true => self.clone(),
+            false => self.with_commands(&episode.commands.clone().into()),
+        };
+        if episode.contact.is_none() {
+            return Preventability::not_applicable(NotApplicable::NoContact);
+        }
+        let motion = motion_of(&mut again.bench(), episode).filter(|motion| !motion.is_empty());
+        match (motion, self.replayer()) {
+            (Some(motion), Some(mut replayer)) => replayer.assess(&motion, Some(&episode.trace)),
+            _ => Preventability::not_applicable(NotApplicable::NotDriven),
+        }
+    }
+}
