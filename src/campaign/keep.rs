@@ -123,6 +123,10 @@ pub fn about(scenario: &Scenario, episode: &Episode) -> About {
         shrunk: None,
         why: Some(why(scenario, episode, None)),
         persistence: persistence(scenario, episode),
+        preventability: episode
+            .contact
+            .is_some()
+            .then(|| scenario.preventability(episode)),
         cluster: None,
     }
 }

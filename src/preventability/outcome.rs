@@ -181,6 +181,61 @@ pub struct Preventability {
     pub cut_in: Option<CutIn>,
 }
 
+impl Exoneration {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Exoneration::Standing => "the ego stands",
+            Exoneration::StruckFromBehind => "the ego is struck from behind in its lane",
+        }
+    }
+}
+
+impl NotApplicable {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            NotApplicable::NotDriven => "nothing drives in this world",
+            NotApplicable::NoContact => "nobody was hit",
+            NotApplicable::WithoutEgo => "two others hit each other",
+            NotApplicable::OnFoot => "somebody on foot was hit",
+            NotApplicable::Crossing => "the other came across",
+            NotApplicable::Oncoming => "the other was oncoming",
+            NotApplicable::FromBehind => "the other came from behind",
+            NotApplicable::NobodyAhead => "nobody was ahead to be answered",
+        }
+    }
+}
+
+impl std::fmt::Display for Preventability {
+    /// One line: the label, who avoids it and who does not, and whose fault.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "preventability: {}", self.label)?;
+        if let Some(why) = self.not_applicable {
+            write!(f, ", since {}", why.words())?;
+        }
+        let names = |avoided: bool| {
+            let drivers = self.handover.iter();
+            let named = drivers.filter(|(_, outcome)| outcome.avoided == avoided);
+            let named: Vec<&str> = named.map(|(driver, _)| driver.name()).collect();
+            named.join(", ")
+        };
+        for (avoided, verb) in [(true, "avoided by"), (false, "not by")] {
+            let names = names(avoided);
+            if !names.is_empty() {
+                write!(f, "; {verb} {names}")?;
+            }
+        }
+        if self.self_inflicted {
+            f.write_str("; self-inflicted")?;
+        }
+        match self.exonerated {
+            Some(why) => write!(f, "; not the ego's fault: {}", why.words()),
+            None => Ok(()),
+        }
+    }
+}
+
 impl Preventability {
     /// Nothing can be said.
     pub fn not_applicable(why: NotApplicable) -> Preventability {

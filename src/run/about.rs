@@ -4,6 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
+use crate::preventability::Preventability;
 use crate::severity::{Impact, InjuryRisk};
 use crate::testbench::Episode;
 
@@ -27,6 +28,9 @@ pub struct About {
     /// `None`: nothing of the world can be varied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub persistence: Option<Persistence>,
+    /// Whether a careful driver would have avoided it; `None`: no contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preventability: Option<Preventability>,
     /// Counterexamples that are like this one, itself included; `None`: they
     /// were not compared.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -248,6 +252,7 @@ impl Display for About {
             None => "no contact of the ego".to_owned(),
         }];
         lines.extend(self.why.as_ref().map(ToString::to_string));
+        lines.extend(self.preventability.as_ref().map(ToString::to_string));
         lines.extend(self.shrunk.as_ref().map(ToString::to_string));
         lines.extend(self.persistence.as_ref().map(ToString::to_string));
         lines.extend(self.cluster.map(|size| match size {

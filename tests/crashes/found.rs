@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use brakecheck::campaign::{Method, SearchRequest, TestStarts, Watch, search, test_starts};
+use brakecheck::campaign::{Hold, SearchRequest, TestStarts, Watch, search, test_starts};
 use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
@@ -41,7 +41,7 @@ pub fn found(world: &Scenario, count: usize) -> (TestStarts, Vec<Episode>) {
     let request = SearchRequest {
         scenario: world,
         ego: "nominal",
-        method: Method::Hold,
+        method: Hold.into(),
         budget: 60,
         starts: &starts,
     };

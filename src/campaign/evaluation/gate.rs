@@ -1,11 +1,14 @@
 //! One ado on an ego and on the one before it: what fails newly, what is mended.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{EvaluationTable, Found};
+use super::{EvaluationTable, Found, FoundBy, Tried};
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::Evaluated;
+use crate::preventability::Band;
 use crate::run::{ClosingSpeed, StartOutcome, mcnemar};
+use crate::testbench::Testbench;
 
 /// A start whose outcome is another on the new ego.
 #[derive(Clone, Debug, Serialize)]
@@ -106,8 +109,48 @@ impl EvaluationTable<'_> {
     /// # Errors
     /// Two egos do not start alike, so that nothing pairs their starts.
     pub fn gates(&self, baseline: &str) -> Result<Vec<Gate>, CampaignError> {
-        let of = |name: &str| self.found.iter().find(|found| found.ego.name() == name);
-        let Some(old) = of(baseline) else {
+        let mut gates = self.compared(baseline)?;
+        for gate in &mut gates {
+            if let Some(found) = self.found_of(&gate.ego) {
+                self.label(gate, found);
+            }
+        }
+        Ok(gates)
+    }
+
+    fn found_of(&self, ego: &str) -> Option<&Found<'_>> {
+        self.found.iter().find(|found| found.ego.name() == ego)
+    }
+
+    /// Says of every newly failing start whether it was preventable.
+    fn label(&self, gate: &mut Gate, found: &Found<'_>) {
+        let scenario = found.ego.scenario();
+        let trained = self.asked.trained(found.ego, &found.ado, &self.starts);
+        let play = |bench: &mut Testbench, start: usize| match &found.by {
+            FoundBy::Tries(Tried { winners, .. }) => {
+                let tries = self.asked.several(trained, &found.ado);
+                tries.play(bench, start, winners[start].unwrap_or(0))
+            }
+            // On a map of cells nothing is preventable, whoever plays.
+            FoundBy::Trained(_) | FoundBy::Optimal(_) => trained.play(bench, start),
+        };
+        gate.newly_failing.par_iter_mut().for_each_init(
+            || scenario.bench(),
+            |bench, flipped| {
+                let evaluated = found.evaluated();
+                let mut play = |bench: &mut Testbench, start| play(bench, start);
+                let episode = evaluated.again(&trained, bench, flipped.start, &mut play);
+                let label = scenario.preventability(&episode).label;
+                flipped.preventable = match label.band() {
+                    Band::NotApplicable => None,
+                    band => Some(band == Band::Preventable),
+                };
+            },
+        );
+    }
+
+    fn compared(&self, baseline: &str) -> Result<Vec<Gate>, CampaignError> {
+        let Some(old) = self.found_of(baseline) else {
             return Ok(Vec::new());
         };
         let others = self

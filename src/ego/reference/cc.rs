@@ -14,12 +14,12 @@
 //! Following and behind a car that cuts out, the regulation's event itself is
 //! the danger; these look at the time to collision there as well.
 
-use super::{DriverModel, Encounter, Pedal, Persistence};
+use super::{DriverModel, Encounter, Latching, Pedal};
 use crate::ego::parameters::parameters;
 
 /// Declares a reading: all have the same parameters.
 macro_rules! competent {
-    ($(#[$meta:meta])* $name:ident, $counts:expr, $persistence:expr) => {
+    ($(#[$meta:meta])* $name:ident, $counts:expr, $latching:expr) => {
         parameters! {
             $(#[$meta])*
             pub struct $name {
@@ -57,8 +57,8 @@ macro_rules! competent {
                 is_danger.then_some(f64::INFINITY)
             }
 
-            fn persistence(&self) -> Persistence {
-                $persistence
+            fn latching(&self) -> Latching {
+                $latching
             }
         }
     };
@@ -66,17 +66,17 @@ macro_rules! competent {
 
 competent! {
     /// Brakes for whoever overlaps its path within 2 s (UN R157, reading CC).
-    CcDriver, |_: &Encounter, _| 0.0, Persistence::Momentary
+    CcDriver, |_: &Encounter, _| 0.0, Latching::Momentary
 }
 
 competent! {
     /// Brakes for whoever leaves the next lane within 2 s (reading CC_LANE).
-    CcLaneDriver, off_middle_m, Persistence::Momentary
+    CcLaneDriver, off_middle_m, Latching::Momentary
 }
 
 competent! {
     /// The same, and does not let go before it is the slower one (CC_LATCHED).
-    CcLatchedDriver, off_middle_m, Persistence::UntilSlower
+    CcLatchedDriver, off_middle_m, Latching::UntilSlower
 }
 
 /// The clearance at which another is `off_m` off the next lane's middle.

@@ -6,7 +6,7 @@
 //! constant speed v_o is avoided exactly if g > Δv T + Δv²/(2B) − B T²/2, with
 //! braking B behind a first-order lag T.
 
-use super::{DriverModel, Encounter, Pedal, Persistence};
+use super::{DriverModel, Encounter, Latching, Pedal};
 use crate::ego::parameters::parameters;
 
 parameters! {
@@ -78,7 +78,7 @@ impl DriverModel for IdealDriver {
         must.then_some(f64::INFINITY)
     }
 
-    fn persistence(&self) -> Persistence {
-        Persistence::UntilStandstill
+    fn latching(&self) -> Latching {
+        Latching::UntilStandstill
     }
 }

@@ -146,7 +146,7 @@ pub struct Pedal {
 
 /// How long a driver goes on once it has seen danger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Persistence {
+pub enum Latching {
     /// It looks again at every sample.
     Momentary,
     /// Until it is no faster than the other, stands, or has passed it.
@@ -167,8 +167,8 @@ pub trait DriverModel: Send {
     fn danger(&self, encounter: &Encounter) -> Option<f64>;
 
     /// How long it goes on.
-    fn persistence(&self) -> Persistence {
-        Persistence::Momentary
+    fn latching(&self) -> Latching {
+        Latching::Momentary
     }
 
     /// It, as a controller of the ego's car.
@@ -252,10 +252,10 @@ impl<M: DriverModel> Reflexes<M> {
             ttc: self.ttc,
         };
         if let Some(of) = self.latched {
-            let over = match self.model.persistence() {
-                Persistence::UntilStandstill => false,
-                Persistence::Momentary => true,
-                Persistence::UntilSlower => others.get(of).map(meet).is_none_or(|it| {
+            let over = match self.model.latching() {
+                Latching::UntilStandstill => false,
+                Latching::Momentary => true,
+                Latching::UntilSlower => others.get(of).map(meet).is_none_or(|it| {
                     it.closing_mps() <= 0.0 || it.ego.speed_mps <= 0.0 || it.is_passed()
                 }),
             };
@@ -275,7 +275,7 @@ impl<M: DriverModel> Reflexes<M> {
             let harder = asked.filter(|ask| hardest.is_none_or(|(_, most)| most < *ask));
             hardest = harder.map(|ask| (i, ask)).or(hardest);
         }
-        if self.model.persistence() != Persistence::Momentary {
+        if self.model.latching() != Latching::Momentary {
             self.latched = hardest.map(|(i, _)| i);
         }
         self.respond(hardest.map(|(_, ask)| ask))

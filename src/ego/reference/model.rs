@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
 
 use super::{
-    CcDriver, CcLaneDriver, CcLatchedDriver, DriverModel, Encounter, FsmDriver, IdealDriver, Pedal,
-    Persistence, RegDriver, RssDriver,
+    CcDriver, CcLaneDriver, CcLatchedDriver, DriverModel, Encounter, FsmDriver, IdealDriver,
+    Latching, Pedal, RegDriver, RssDriver,
 };
 
 /// A reference driver as files and tables name it.
@@ -102,7 +102,7 @@ impl DriverModel for ReferenceDriver {
         self.ask(|model| model.danger(encounter))
     }
 
-    fn persistence(&self) -> Persistence {
-        self.ask(|model| model.persistence())
+    fn latching(&self) -> Latching {
+        self.ask(|model| model.latching())
     }
 }
