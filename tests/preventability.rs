@@ -5,7 +5,7 @@ mod panel;
 
 use brakecheck::campaign::Regressions;
 use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability, Replayer, Seat};
+use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability, Seat};
 use brakecheck::scenario::{Change, Scenario};
 use brakecheck::scene::{Motion, Touch};
 use brakecheck::seed::{Purpose, StartKey};

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::Watch;
 use super::distinct::{Shape, clusters};
+use super::episodes::EpisodeLoop;
 use super::eval::{EvalRequest, Evaluated};
 use super::persistence::persistence;
 use super::shrink::shrink;
@@ -163,7 +164,7 @@ impl<'a> Keeper<'a> {
         watch: &Watch<'_>,
     ) -> Result<KeptFiles, KeptError> {
         make_dir(dir)?;
-        let candidates = self.candidates(starts, again);
+        let candidates = self.candidates(starts, again, watch);
         let shapes: Vec<Shape> = candidates.iter().map(|it| it.shape.clone()).collect();
         let clusters = clusters(&shapes);
         let mut kept = KeptFiles {
@@ -193,7 +194,7 @@ impl<'a> Keeper<'a> {
     }
 
     /// Every start's counterexample, worst first.
-    fn candidates(&self, starts: &[usize], again: Again<'_>) -> Vec<Candidate> {
+    fn candidates(&self, starts: &[usize], again: Again<'_>, watch: &Watch<'_>) -> Vec<Candidate> {
         let candidate = |bench: &mut Testbench, index: usize| {
             let episode = again(bench, index);
             // An ego that does not answer twice alike may not fail again.
@@ -203,12 +204,12 @@ impl<'a> Keeper<'a> {
                 badness: badness(&episode),
             })
         };
-        let starts = starts.par_iter();
-        let played = starts.map_init(
+        let played = EpisodeLoop::uncounted(watch).run(
+            starts,
             || self.scenario.bench(),
-            |bench, index| candidate(bench, *index),
+            |bench, index, _| candidate(bench, *index),
         );
-        let mut all: Vec<Candidate> = played.flatten().collect();
+        let mut all: Vec<Candidate> = played.into_iter().flatten().collect();
         all.sort_by(|a, b| descending(&a.badness, &b.badness).then(a.index.cmp(&b.index)));
         all
     }

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::eval::EvalArgs;
 use super::{Failure, table_of, talk};
-use crate::campaign::{EvaluationTable, Gate, Point, Sweep, Swept};
+use crate::campaign::{EvaluationTable, Gate, Point, Sweep, Swept, Watch};
 use crate::report::sweep_curve;
 use crate::run::{at_most, wilson, write_file};
 
@@ -32,6 +32,7 @@ impl Compared {
         args: &EvalArgs,
         sweep: Option<&Sweep>,
         evaluated: &EvaluationTable<'_>,
+        watch: &Watch<'_>,
     ) -> Result<Compared, Failure> {
         let swept = sweep.map(|sweep| sweep.swept(&evaluated.egos));
         if let (Some(file), Some(swept)) = (args.curve.as_deref(), &swept) {
@@ -39,7 +40,7 @@ impl Compared {
         }
         Ok(Compared {
             gates: match &args.baseline_ego {
-                Some(baseline) => evaluated.gates(baseline)?,
+                Some(baseline) => evaluated.gates(baseline, watch)?,
                 None => Vec::new(),
             },
             swept,

@@ -104,7 +104,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     let theorems = checked(args, &mut evaluated, &watch);
-    let compared = Compared::of(args, sweep.as_ref(), &evaluated)?;
+    let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch)?;
     drop(bar);
     show(args, &evaluated, theorems.as_ref(), &compared)?;
     if let Some(dir) = args.keep.dir() {

@@ -66,10 +66,9 @@ fn method_of_the_list() -> impl TypedValueParser<Value = MethodInfo> {
 
 pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     args.method.refuse_others(&given(args))?;
-    let run = match args.world.is_dir() {
-        true => Some(open_run(&args.world, &args.common)?),
-        false => None,
-    };
+    let is_run = args.world.is_dir();
+    let run = is_run.then(|| open_run(&args.world, &args.common));
+    let run = run.transpose()?;
     let (world, mut nominal) = match &run {
         Some(run) => (run.world()?, run.scenario()?),
         None => {

@@ -13,7 +13,7 @@ use crate::rl::{LearnerConfig, LearnerSettings};
 use crate::rulebook::Reward;
 use crate::scene::Clock;
 use crate::scene::drive::{Actions, DriveSpec, Range, Road, Script, Sensors};
-use crate::sim::Control;
+use crate::sim::BodyControl;
 use crate::stl::Expr;
 
 /// Longest episode, in samples.
@@ -321,11 +321,11 @@ pub(super) enum ActsAs {
     Light,
 }
 
-impl From<Control> for ActsAs {
-    fn from(control: Control) -> ActsAs {
+impl From<BodyControl> for ActsAs {
+    fn from(control: BodyControl) -> ActsAs {
         match control {
-            Control::Drive => ActsAs::Vehicle,
-            Control::Walk => ActsAs::Walker,
+            BodyControl::Drive => ActsAs::Vehicle,
+            BodyControl::Walk => ActsAs::Walker,
         }
     }
 }

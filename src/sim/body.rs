@@ -8,7 +8,7 @@ use ron::extensions::Extensions;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::Control;
+use super::BodyControl;
 use super::vehicle::Vehicle;
 use super::walker::Walker;
 
@@ -137,13 +137,13 @@ impl Body {
     }
 
     /// Which commands it takes.
-    pub fn control(&self) -> Control {
+    pub fn control(&self) -> BodyControl {
         self.kind.answers().control()
     }
 
     /// Whether it walks; everybody else drives.
     pub fn is_on_foot(&self) -> bool {
-        self.control() == Control::Walk
+        self.control() == BodyControl::Walk
     }
 
     /// What it takes of the road: along it, and across it.
@@ -162,7 +162,7 @@ pub(super) trait Kind {
     /// Checks the values that only this kind has.
     fn validate(&self, body: &Body) -> Result<(), InvalidBody>;
     /// Which commands it takes.
-    fn control(&self) -> Control;
+    fn control(&self) -> BodyControl;
     /// What it takes of the road: along it, and across it.
     fn room_m(&self, body: &Body) -> (f64, f64);
     /// From the point that is steered along a path to the front bumper.

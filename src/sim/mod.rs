@@ -159,7 +159,7 @@ pub enum BodyCommand {
 /// Which commands a body takes: all that anybody above the plants needs to know
 /// of its kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Control {
+pub enum BodyControl {
     /// [`BodyCommand::Drive`].
     Drive,
     /// [`BodyCommand::Walk`].

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::body::{Body, InvalidBody, Kind, within};
-use super::{Control, GRAVITY_MPS2};
+use super::{BodyControl, GRAVITY_MPS2};
 
 /// Chassis, engine and tyres of a wheeled vehicle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,8 +105,8 @@ impl Kind for Vehicle {
         within("com_ahead_m", body.com_ahead_m, low_m, high_m)
     }
 
-    fn control(&self) -> Control {
-        Control::Drive
+    fn control(&self) -> BodyControl {
+        BodyControl::Drive
     }
 
     fn room_m(&self, body: &Body) -> (f64, f64) {

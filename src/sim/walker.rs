@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Control;
+use super::BodyControl;
 use super::body::{Body, InvalidBody, Kind, within};
 
 /// Limits of a body on foot.
@@ -21,8 +21,8 @@ impl Kind for Walker {
         within("accel_mps2", self.accel_mps2, 0.01, 100.0)
     }
 
-    fn control(&self) -> Control {
-        Control::Walk
+    fn control(&self) -> BodyControl {
+        BodyControl::Walk
     }
 
     /// It may stand across the road, and walk to either side.

@@ -1,9 +1,10 @@
 //! One ado on an ego and on the one before it: what fails newly, what is mended.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{EvaluationTable, Found, FoundBy, Tried};
+use crate::campaign::Watch;
+use crate::campaign::episodes::EpisodeLoop;
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::Evaluated;
 use crate::preventability::Band;
@@ -108,11 +109,11 @@ impl EvaluationTable<'_> {
     ///
     /// # Errors
     /// Two egos do not start alike, so that nothing pairs their starts.
-    pub fn gates(&self, baseline: &str) -> Result<Vec<Gate>, CampaignError> {
+    pub fn gates(&self, baseline: &str, watch: &Watch<'_>) -> Result<Vec<Gate>, CampaignError> {
         let mut gates = self.compared(baseline)?;
         for gate in &mut gates {
             if let Some(found) = self.found_of(&gate.ego) {
-                self.label(gate, found);
+                self.label(gate, found, watch);
             }
         }
         Ok(gates)
@@ -123,7 +124,7 @@ impl EvaluationTable<'_> {
     }
 
     /// Says of every newly failing start whether it was preventable.
-    fn label(&self, gate: &mut Gate, found: &Found<'_>) {
+    fn label(&self, gate: &mut Gate, found: &Found<'_>, watch: &Watch<'_>) {
         let scenario = found.ego.scenario();
         let trained = self.asked.trained(found.ego, &found.ado, &self.starts);
         let play = |bench: &mut Testbench, start: usize| match &found.by {
@@ -134,19 +135,23 @@ impl EvaluationTable<'_> {
             // On a map of cells nothing is preventable, whoever plays.
             FoundBy::Trained(_) | FoundBy::Optimal(_) => trained.play(bench, start),
         };
-        gate.newly_failing.par_iter_mut().for_each_init(
+        let labels = EpisodeLoop::uncounted(watch).run(
+            &gate.newly_failing,
             || scenario.bench(),
-            |bench, flipped| {
+            |bench, flipped, _| {
                 let evaluated = found.evaluated();
                 let mut play = |bench: &mut Testbench, start| play(bench, start);
                 let episode = evaluated.again(&trained, bench, flipped.start, &mut play);
                 let label = scenario.preventability(&episode).label;
-                flipped.preventable = match label.band() {
+                match label.band() {
                     Band::NotApplicable => None,
                     band => Some(band == Band::Preventable),
-                };
+                }
             },
         );
+        for (flipped, label) in gate.newly_failing.iter_mut().zip(labels) {
+            flipped.preventable = label;
+        }
     }
 
     fn compared(&self, baseline: &str) -> Result<Vec<Gate>, CampaignError> {

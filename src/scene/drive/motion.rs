@@ -13,7 +13,8 @@ use super::spec::{Agent, Drive, Range, StartPlace};
 use super::state::SceneState;
 use super::steering::LaneKeeper;
 use super::trained::TrainedAdo;
-use super::{DriveWorld, perceiving, staging};
+use super::world::DriveWorld;
+use super::{perceiving, staging};
 use crate::ego::{self, Actuator, Controller, Fault, FaultKind, Percept};
 use crate::rl::Spaces;
 use crate::scene::{Axis, BodySample, Clock, Flow, Frame, Scene, Stage, Start, Touch};
@@ -37,6 +38,13 @@ pub struct DriveScene {
     /// What each body was last asked to do; `None` before the first time.
     commanded: Vec<Option<BodyCommand>>,
     percept: Percept,
+}
+
+impl DriveWorld {
+    /// A scene at rest, to be `reset`.
+    pub fn scene(&self) -> DriveScene {
+        DriveScene::new(Arc::clone(&self.0))
+    }
 }
 
 impl DriveScene {

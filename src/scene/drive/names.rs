@@ -2,7 +2,7 @@
 
 /// The names of road users and lights, each in file order.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Names {
+pub struct AgentNames {
     /// The road users.
     pub agents: Vec<String>,
     /// The traffic lights.
@@ -16,7 +16,7 @@ pub(super) enum Who {
     Light(usize),
 }
 
-impl Names {
+impl AgentNames {
     /// All names, road users first.
     pub fn all(&self) -> impl Iterator<Item = &String> {
         self.agents.iter().chain(&self.lights)

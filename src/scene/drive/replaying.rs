@@ -7,11 +7,12 @@
 
 use std::sync::Arc;
 
-use super::course::OnRoad;
+use super::course::{Course, OnRoad};
 use super::layout::Layout;
 use super::motion::DriveScene;
+use super::road::Road;
 use super::spec::EgoController;
-use super::{Course, DriveWorld, Road};
+use super::world::DriveWorld;
 use crate::ego::RecordedCommands;
 use crate::ego::reference::LaneBody;
 use crate::scene::{BodySample, Flow, Motion, Scene};

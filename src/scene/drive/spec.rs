@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::actions::Actions;
 use super::light::{Light, LightDrive};
-use super::names::Names;
+use super::names::AgentNames;
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
@@ -235,10 +235,10 @@ impl DriveSpec {
     }
 
     /// Who is in it.
-    pub fn names(&self) -> Names {
+    pub fn names(&self) -> AgentNames {
         let agents = self.agents.iter().map(|agent| agent.name.clone());
         let lights = self.lights.iter().map(|light| light.name.clone());
-        Names {
+        AgentNames {
             agents: agents.collect(),
             lights: lights.collect(),
         }

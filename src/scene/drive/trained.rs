@@ -10,7 +10,7 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 
 use super::actions::Actions;
-use super::names::Names;
+use super::names::AgentNames;
 use crate::rl::Policy;
 use crate::scene::{Clock, Derived, Observed};
 use crate::stl::Constants;
@@ -46,7 +46,7 @@ pub struct TrainingWorld {
     /// The clocks.
     pub clock: Clock,
     /// Who was in it.
-    pub names: Names,
+    pub names: AgentNames,
     /// Signals derived from the others, in order.
     pub derived: Vec<Derived>,
     /// Constants that derived signals may use.

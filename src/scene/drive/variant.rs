@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::DriveWorld;
 use super::layout::Layout;
 use super::sensors::Sensors;
 use super::spec::EgoController;
+use super::world::DriveWorld;
 use crate::ego::{Actuated, ControllerSpec};
 use crate::sim::PlantKind;
 

@@ -10,7 +10,7 @@
 //! versions recorded keeps its columns.
 
 use super::super::state::SceneState;
-use super::quantity::{Of, Quantity, between, zero_to};
+use super::quantity::{Of, SignalQuantity, between, zero_to};
 use crate::ego::Phase;
 use crate::stl::Interval;
 use Of::{Agent, AgentAndLight, Clock, Light, Pair, Scene};
@@ -22,7 +22,7 @@ const SLOWEST_MPS: f64 = -1.0;
 /// Nobody starts faster than 100 m/s.
 const FASTEST_MPS: f64 = 200.0;
 
-pub(super) static SIGNALS: &[Quantity] = &[
+pub(super) static SIGNALS: &[SignalQuantity] = &[
     Clock
         .signal("time", "s")
         .is(|state, _| state.time_s())

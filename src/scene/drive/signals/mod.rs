@@ -6,7 +6,7 @@ mod quantity;
 mod tests;
 
 use super::light::LightDrive;
-use super::names::Names;
+use super::names::AgentNames;
 use super::script::Script;
 use super::spec::{Drive, DriveSpec};
 use super::state::SceneState;
@@ -15,12 +15,12 @@ use crate::trace::{Schema, SchemaError, Signal};
 use list::SIGNALS;
 pub use list::TTC_CAP_S;
 use quantity::Value;
-pub(super) use quantity::{Of, Quantity};
+pub(super) use quantity::{Of, SignalQuantity};
 
 /// Where a published value comes from: a quantity, and whose it is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Source {
-    pub quantity: &'static Quantity,
+    pub quantity: &'static SignalQuantity,
     pub whose: [usize; 2],
 }
 
@@ -56,7 +56,7 @@ impl Source {
     }
 
     /// The names of whose it is, as many as there are.
-    fn owners(self, names: &Names) -> Vec<&str> {
+    fn owners(self, names: &AgentNames) -> Vec<&str> {
         let agent = |i: usize| names.agents[i].as_str();
         let light = |i: usize| names.lights[i].as_str();
         let [a, b] = self.whose;
@@ -69,8 +69,8 @@ impl Source {
         }
     }
 
-    fn declared(self, names: &Names) -> Declared {
-        let Quantity {
+    fn declared(self, names: &AgentNames) -> Declared {
+        let SignalQuantity {
             name, unit, about, ..
         } = *self.quantity;
         let owners = self.owners(names);
@@ -125,7 +125,7 @@ pub(super) struct Declared {
 }
 
 /// Every signal there is of those named, and at last those by former names.
-pub(super) fn declared(names: &Names) -> Vec<Declared> {
+pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
     let agents = 0..names.agents.len();
     let mut owners = vec![(Of::Clock, [0, 0]), (Of::Scene, [0, 0])];
     owners.extend(agents.clone().map(|a| (Of::Agent, [a, 0])));
@@ -149,7 +149,7 @@ pub(super) fn declared(names: &Names) -> Vec<Declared> {
 
 /// The same signal by the names of earlier versions.
 fn formerly(declared: &Declared) -> impl Iterator<Item = Declared> {
-    let Quantity { former, name, .. } = declared.source.quantity;
+    let SignalQuantity { former, name, .. } = declared.source.quantity;
     former.iter().map(move |former| {
         let now = &declared.signal.name;
         Declared {

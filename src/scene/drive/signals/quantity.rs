@@ -23,7 +23,7 @@ pub enum Of {
 
 /// A row of the list.
 #[derive(Debug)]
-pub struct Quantity {
+pub struct SignalQuantity {
     pub of: Of,
     /// The last part of the signal's name.
     pub name: &'static str,
@@ -54,8 +54,8 @@ impl Of {
 
 impl Named {
     /// A number that may be anything, unless `within` says otherwise.
-    pub(super) const fn is(self, value: fn(&SceneState, [usize; 2]) -> f64) -> Quantity {
-        Quantity {
+    pub(super) const fn is(self, value: fn(&SceneState, [usize; 2]) -> f64) -> SignalQuantity {
+        SignalQuantity {
             of: self.0,
             name: self.1,
             former: &[],
@@ -68,8 +68,11 @@ impl Named {
         }
     }
 
-    pub(super) const fn holds_if(self, value: fn(&SceneState, [usize; 2]) -> bool) -> Quantity {
-        Quantity {
+    pub(super) const fn holds_if(
+        self,
+        value: fn(&SceneState, [usize; 2]) -> bool,
+    ) -> SignalQuantity {
+        SignalQuantity {
             value: Value::Boolean(value),
             bounds: |_, _| zero_to(1.0),
             ..self.is(|_, _| 0.0)
@@ -77,20 +80,23 @@ impl Named {
     }
 }
 
-impl Quantity {
+impl SignalQuantity {
     /// `{a}` and `{b}` stand for the names of whose it is.
-    pub(super) const fn about(self, about: &'static str) -> Quantity {
-        Quantity { about, ..self }
+    pub(super) const fn about(self, about: &'static str) -> SignalQuantity {
+        SignalQuantity { about, ..self }
     }
 
     /// Between what it stays in any run.
-    pub(super) const fn within(self, bounds: fn(&DriveSpec, [usize; 2]) -> Interval) -> Quantity {
-        Quantity { bounds, ..self }
+    pub(super) const fn within(
+        self,
+        bounds: fn(&DriveSpec, [usize; 2]) -> Interval,
+    ) -> SignalQuantity {
+        SignalQuantity { bounds, ..self }
     }
 
     /// By what range it is observed, where that is not all it can be.
-    pub(super) const fn seen_in(self, lo: f64, hi: f64) -> Quantity {
-        Quantity {
+    pub(super) const fn seen_in(self, lo: f64, hi: f64) -> SignalQuantity {
+        SignalQuantity {
             usual: Some((lo, hi)),
             ..self
         }
@@ -98,13 +104,13 @@ impl Quantity {
 
     /// What the last part of its name was in earlier versions: worlds and kept
     /// files that say the old one go on working.
-    pub(super) const fn formerly(self, former: &'static [&'static str]) -> Quantity {
-        Quantity { former, ..self }
+    pub(super) const fn formerly(self, former: &'static [&'static str]) -> SignalQuantity {
+        SignalQuantity { former, ..self }
     }
 
     /// Every trace holds it, mentioned or not.
-    pub(super) const fn always(self) -> Quantity {
-        Quantity {
+    pub(super) const fn always(self) -> SignalQuantity {
+        SignalQuantity {
             always: true,
             ..self
         }
