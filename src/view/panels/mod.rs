@@ -78,12 +78,7 @@ pub(super) fn lay_out(story: &Story<'_>, journal: &mut Journal) -> Result<(), Vi
 
 #[cfg(test)]
 mod tests {
-    use rerun::StoreKind;
-    use rerun::log::{Chunk, LogMsg};
-
     use super::*;
-    use crate::scene::Start;
-    use crate::testbench::{Aftermath, Constant, Episode, play};
     use crate::view::panel::Shown;
 
     const HEAD: &str = include_str!("../mod.rs");
@@ -103,75 +98,5 @@ mod tests {
             }
         }
         assert!(HEAD.contains(&table), "src/view/mod.rs needs\n\n{table}");
-    }
-
-    /// An episode of a shipped world in which the ado does the same all along.
-    fn played(name: &str, action: usize) -> (Scenario, Episode) {
-        let file = format!("{}/worlds/{name}", env!("CARGO_MANIFEST_DIR"));
-        let world = Scenario::load(file.as_ref()).expect("a world");
-        let mut bench = world.bench();
-        let middle = bench.axes().iter().map(|axis| 0.5 * (axis.lo + axis.hi));
-        let start = match world.starts() {
-            Some(starts) => starts[17].clone(),
-            None => Start(middle.collect()),
-        };
-        let episode = play(
-            &mut bench,
-            &start,
-            0,
-            &mut Constant(action),
-            Aftermath::Play,
-        );
-        (world, episode)
-    }
-
-    fn written(panel: &Panel, story: &Story<'_>) -> Vec<String> {
-        let mut journal = Journal::new(StoreKind::Recording);
-        (panel.log)(story, &mut journal).expect("logged");
-        let messages = journal.into_messages().into_iter();
-        let entities = messages.filter_map(|message| match message {
-            LogMsg::ArrowMsg(_, arrow) => Some(Chunk::from_arrow_msg(&arrow).expect("a chunk")),
-            _ => None,
-        });
-        entities
-            .map(|chunk| chunk.entity_path().to_string())
-            .collect()
-    }
-
-    fn is_of(entity: &str, pattern: &str) -> bool {
-        let (mut parts, mut want) = (entity.split('/'), pattern.split('/'));
-        let pairs = std::iter::from_fn(|| match (parts.next(), want.next()) {
-            (None, None) => None,
-            pair => Some(pair),
-        });
-        pairs.into_iter().all(|pair| match pair {
-            (Some(part), Some(want)) => want.starts_with('<') || part == want,
-            _ => false,
-        })
-    }
-
-    #[test]
-    fn panels_write_what_their_list_of_entities_says_and_all_of_it() {
-        let episodes = [
-            ("acc.ron", 0),
-            ("yellow_light.ron", 0),
-            ("grid_hard.ron", 0),
-        ];
-        let mut seen = Vec::new();
-        for (world, episode) in episodes.map(|(world, action)| played(world, action)) {
-            let story = Story::new(&world, &episode, "");
-            for panel in PANELS.iter().filter(|panel| panel.applies(&world)) {
-                for entity in written(panel, &story) {
-                    let named = panel.entities.iter().find(|(it, _)| is_of(&entity, it));
-                    assert!(named.is_some(), "{} writes {entity}", panel.name);
-                    seen.extend(named.map(|(pattern, _)| *pattern));
-                }
-            }
-        }
-        for (pattern, _) in PANELS.iter().flat_map(|panel| panel.entities) {
-            // A light is a road user to the pattern before it.
-            let same = |seen: &&str| is_of(pattern, seen) || seen == pattern;
-            assert!(seen.iter().any(same), "nobody wrote {pattern}");
-        }
     }
 }
