@@ -254,9 +254,12 @@ impl Preventability {
         }
     }
 
-    /// Whether nothing says that the ego is not at fault.
+    /// Whether the ego touched somebody and nothing says that it is not at fault.
     pub fn is_at_fault(&self) -> bool {
-        self.exonerated.is_none()
+        use NotApplicable::{NoContact, NotDriven, WithoutEgo};
+        let why = self.not_applicable;
+        let touched = !why.is_some_and(|it| [NoContact, NotDriven, WithoutEgo].contains(&it));
+        touched && self.exonerated.is_none()
     }
 
     /// Whether a driver of the panel avoids it from the handover on.

@@ -36,6 +36,8 @@ pub struct Case {
     pub(super) whole: Motion,
     /// Full samples of the record; drivers take over at one of these.
     recorded: usize,
+    /// The vehicles that drivers look at, by position among the agents.
+    traffic: Vec<usize>,
     lanes: Lanes,
     /// The first sample at which a driver may have something to answer.
     pub handover: Option<usize>,
@@ -48,8 +50,8 @@ pub struct Replayer {
     pub(super) world: DriveWorld,
     scene: DriveScene,
     rulebook: Arc<Rulebook>,
-    /// The vehicles that drivers look at, by position among the agents.
-    traffic: Vec<usize>,
+    /// The other vehicles, by position among the agents.
+    vehicles: Vec<usize>,
     pub(super) lane_width_m: f64,
     pub(super) sample_s: f64,
     /// What the ego's tyres can transmit.
@@ -83,12 +85,12 @@ impl Replayer {
         let ego = world.ego();
         let vehicle = spec.agents[ego].body.vehicle()?;
         let agents = spec.agents.iter().enumerate();
-        let traffic = agents.filter(|(i, agent)| *i != ego && !agent.body.is_on_foot());
+        let vehicles = agents.filter(|(i, agent)| *i != ego && !agent.body.is_on_foot());
         Some(Replayer {
             scene: world.for_replay().scene(),
             world: world.clone(),
             rulebook,
-            traffic: traffic.map(|(i, _)| i).collect(),
+            vehicles: vehicles.map(|(i, _)| i).collect(),
             lane_width_m: spec.road.lane_width_m(),
             sample_s: spec.clock.sample_s,
             grip_mps2: spec.road.friction() * vehicle.grip * GRAVITY_MPS2,
@@ -105,20 +107,21 @@ impl Replayer {
         // The last sample of a contact shows its instant, not its time.
         let partial = usize::from(motion.contact.is_some());
         let recorded = motion.len().saturating_sub(partial).max(1);
-        let mut lanes = Lanes {
+        let body = |sample: usize, i: usize| self.world.lane_body(i, &motion.at(sample)[i].state);
+        // Who comes towards the ego is on no parallel axis.
+        let comes = |i: usize| (0..recorded).any(|at| body(at, i).speed_mps < -STANDING_MPS);
+        let vehicles = self.vehicles.iter().copied();
+        let traffic: Vec<usize> = vehicles.filter(|&i| !comes(i)).collect();
+        let agents = [&[self.world.ego()], &*traffic].concat();
+        let samples_of = |at: usize| agents.iter().map(move |&i| body(at, i));
+        let lanes = Lanes {
             sample_s: self.sample_s,
             lane_width_m: self.lane_width_m,
-            width: 1 + self.traffic.len(),
-            bodies: Vec::with_capacity(recorded * (1 + self.traffic.len())),
+            width: agents.len(),
+            bodies: (0..recorded).flat_map(samples_of).collect(),
         };
-        let ego = [self.world.ego()];
-        for sample in 0..recorded {
-            let row = motion.at(sample);
-            let agents = ego.iter().chain(&self.traffic);
-            let bodies = agents.map(|&i| self.world.lane_body(i, &row[i].state));
-            lanes.bodies.extend(bodies);
-        }
         Case {
+            traffic,
             handover: lanes.handover(),
             danger: lanes.danger(),
             whole: self.world.continued(motion, samples),
@@ -171,7 +174,7 @@ impl Replayer {
             handover_s: Some(time_s(handover)),
             danger_s: case.danger.map(time_s),
             cut_in: self.partner(motion).and_then(|with| {
-                let number = self.traffic.iter().position(|&i| i == with)?;
+                let number = case.traffic.iter().position(|&i| i == with)?;
                 case.lanes.cut_in(number)
             }),
             ..Preventability::not_applicable(NotApplicable::NoContact)
@@ -227,7 +230,7 @@ impl Replayer {
         let mut least_m: Option<f64> = None;
         let mut contact = None;
         for sample in from + 1..case.whole.len() {
-            let ego = self.look(&mut least_m);
+            let ego = self.look(&case.traffic, &mut least_m);
             let command = match seat {
                 Seat::Recorded => self.as_recorded(case, sample, &ego),
                 _ => {
@@ -241,7 +244,7 @@ impl Replayer {
                 rows.push(&self.scene);
             }
             if let Flow::Contact(touch) = flow {
-                self.look(&mut least_m);
+                self.look(&case.traffic, &mut least_m);
                 contact = self.contact_of(touch);
                 break;
             }
@@ -256,13 +259,11 @@ impl Replayer {
     }
 
     /// Reads everybody's place, and the gap to who is ahead in the path.
-    fn look(&mut self, least_m: &mut Option<f64>) -> LaneBody {
+    fn look(&mut self, traffic: &[usize], least_m: &mut Option<f64>) -> LaneBody {
         let ego = self.scene.lane_body(self.world.ego());
-        let bodies = self.traffic.iter().map(|&i| self.scene.lane_body(i));
+        let bodies = traffic.iter().map(|&i| self.scene.lane_body(i));
         self.others.clear();
-        // Who comes towards the ego is on no parallel axis.
-        self.others
-            .extend(bodies.filter(|it| -STANDING_MPS <= it.speed_mps));
+        self.others.extend(bodies);
         for other in &self.others {
             let encounter = between(&ego, other);
             if encounter.clearance_m() < 0.0 && ego.x_m < other.x_m {
@@ -279,7 +280,7 @@ impl Replayer {
         let then = case.whole.at(sample)[self.world.ego()];
         let is_exact = self.world.spec().plant == PlantKind::Kinematic;
         match then.command {
-            Some(command) if is_exact && sample <= case.recorded => command,
+            Some(command @ BodyCommand::Drive { .. }) if is_exact => command,
             _ if sample < case.recorded => {
                 let gained_mps = then.state.speed_mps - ego.speed_mps;
                 self.scene.keep_lane(gained_mps / self.sample_s)

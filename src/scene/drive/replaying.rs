@@ -54,10 +54,11 @@ impl DriveWorld {
             return whole;
         };
         let is_exact = spec.plant == PlantKind::Kinematic;
-        let by_commands = |agent: usize| is_exact && !spec.agents[agent].body.is_on_foot();
+        let by_commands =
+            |body: &BodySample| is_exact && matches!(body.command, Some(BodyCommand::Drive { .. }));
         for sample in 1..=last {
-            for (agent, body) in whole.at_mut(sample).iter_mut().enumerate() {
-                if !by_commands(agent) {
+            for body in whole.at_mut(sample) {
+                if !by_commands(body) {
                     body.command = Some(BodyCommand::Glide {
                         to: body.state.pose,
                     });
@@ -79,8 +80,9 @@ impl DriveWorld {
             }
             for (agent, (body, end)) in row.iter_mut().zip(&ends).enumerate() {
                 let state = end.state(after_s, &self.0.course);
-                let command = match sample == last && by_commands(agent) {
-                    true => motion.at(last)[agent].command,
+                let recorded = &motion.at(last)[agent];
+                let command = match sample == last && by_commands(recorded) {
+                    true => recorded.command,
                     false => Some(BodyCommand::Glide { to: state.pose }),
                 };
                 *body = BodySample { state, command };
