@@ -3,12 +3,12 @@
 use brakecheck::campaign::{NEAR, Shape, clusters};
 use brakecheck::testbench::Episode;
 
-use super::found::{acc, cut_in, found, replayed};
+use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};
 use super::near;
 
 #[test]
 fn alike_is_what_is_near_and_of_one_kind() {
-    let (_, episodes) = found(cut_in(), 12);
+    let episodes = cut_in_found();
     let shapes: Vec<Shape> = episodes.iter().map(|it| Shape::of(cut_in(), it)).collect();
     for (a, one) in shapes.iter().enumerate() {
         near(one.distance(one), 0.0);
@@ -31,8 +31,8 @@ fn alike_is_what_is_near_and_of_one_kind() {
 #[test]
 fn the_distance_is_in_half_ranges() {
     let world = acc();
-    let (_, episodes) = found(world, 4);
-    let (one, at) = (&episodes[0], episodes[0].trace.schema());
+    let one = &acc_found()[0];
+    let at = one.trace.schema();
     let position = at.position("ado.speed").expect("published");
     let shifted = |by: f64| {
         let mut trace = one.trace.clone();
@@ -64,7 +64,7 @@ fn the_distance_is_in_half_ranges() {
 
 #[test]
 fn every_one_is_in_one_cluster_that_its_first_leads() {
-    let (_, mut episodes) = found(acc(), 16);
+    let mut episodes = acc_found().to_vec();
     // The same one once more is in the cluster of the first.
     let again = replayed(acc(), &episodes[0], &episodes[0].actions);
     episodes.push(again);

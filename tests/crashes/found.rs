@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use brakecheck::campaign::{Hold, SearchRequest, TestStarts, Watch, search, test_starts};
+use brakecheck::campaign::{Hold, SearchRequest, Watch, search, test_starts};
 use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
@@ -34,8 +34,20 @@ pub fn replayed(world: &Scenario, of: &Episode, actions: &[usize]) -> Episode {
     play(&mut world.bench(), &of.start, of.noise, &mut ado, aftermath)
 }
 
-/// Counterexamples as a random search finds them, switching every few decisions.
-pub fn found(world: &Scenario, count: usize) -> (TestStarts, Vec<Episode>) {
+/// Counterexamples of the cruise control, as a random search finds them.
+pub fn acc_found() -> &'static [Episode] {
+    static FOUND: LazyLock<Vec<Episode>> = LazyLock::new(|| found(acc(), 40));
+    &FOUND
+}
+
+/// The same of the cut-in.
+pub fn cut_in_found() -> &'static [Episode] {
+    static FOUND: LazyLock<Vec<Episode>> = LazyLock::new(|| found(cut_in(), 14));
+    &FOUND
+}
+
+/// Actions are held for five decisions, then drawn anew.
+fn found(world: &Scenario, count: usize) -> Vec<Episode> {
     let watch = Watch::unwatched();
     let starts = test_starts(world, 3, count, &watch).expect("not stopped");
     let request = SearchRequest {
@@ -55,5 +67,6 @@ pub fn found(world: &Scenario, count: usize) -> (TestStarts, Vec<Episode>) {
     });
     let episodes: Vec<Episode> = episodes.collect();
     assert!(episodes.iter().all(|it| it.verdict.is_success()));
-    (starts, episodes)
+    assert!(6 <= episodes.len(), "{} found", episodes.len());
+    episodes
 }

@@ -8,7 +8,7 @@ use brakecheck::rulebook::Verdict;
 use brakecheck::scenario::Scenario;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
 
-use super::found::{acc, found};
+use super::found::{acc, acc_found};
 use super::near;
 
 fn held(episode: &Episode) -> bool {
@@ -23,7 +23,7 @@ fn coasting_after(world: &Scenario, of: &Episode, actions: &[usize]) -> Episode 
 
 #[test]
 fn the_leaf_is_that_of_the_specification() {
-    let (_, episodes) = found(acc(), 4);
+    let episodes = acc_found();
     let it = why(acc(), &episodes[0], None);
     assert_eq!(it.leaf, "headway >= d_safe");
     let judged_s = (episodes[0].judged - 1) as f64 * 0.05;
@@ -38,9 +38,9 @@ fn the_leaf_is_that_of_the_specification() {
 
 #[test]
 fn the_decisive_action_is_the_earliest_that_avoids_it() {
-    let (world, (_, episodes)) = (acc(), found(acc(), 10));
+    let (world, episodes) = (acc(), &acc_found()[..6]);
     let (mut singles, mut stretches) = (0, 0);
-    for found in &episodes {
+    for found in episodes {
         let episode = &shrink(world, found, &Watch::unwatched()).0;
         let avoids = |from: usize, to: usize| {
             let mut actions = episode.actions.clone();
@@ -89,10 +89,10 @@ fn braking_from(world: &Scenario, of: &Episode, after: usize) -> bool {
 
 #[test]
 fn the_last_chance_is_the_last_sample_from_which_braking_helps() {
-    let (world, (_, episodes)) = (acc(), found(acc(), 8));
+    let (world, episodes) = (acc(), &acc_found()[..4]);
     let driver = Driver::full_brake(world).expect("driven");
     let mut seen = 0;
-    for episode in &episodes {
+    for episode in episodes {
         let chance = last_chance(world, episode, &driver).expect("driven");
         let violated = episode.judged - 1;
         near(chance.violated_s, violated as f64 * 0.05);
@@ -108,7 +108,7 @@ fn the_last_chance_is_the_last_sample_from_which_braking_helps() {
 /// Another driver can be asked: one that does nothing has no chance.
 #[test]
 fn another_driver_may_be_asked() {
-    let (world, (_, episodes)) = (acc(), found(acc(), 4));
+    let (world, episodes) = (acc(), acc_found());
     let idle = ControllerSpec::Acc(Acc {
         kp_per_s2: 0.0,
         kd_per_s: 0.0,
