@@ -41,6 +41,10 @@ pub mod files {}
 #[doc = include_str!("../docs/crashes.md")]
 pub mod crashes {}
 
+/// What may and may not be said of a result.
+#[doc = include_str!("../docs/claims.md")]
+pub mod claims {}
+
 /// The page and the JUnit file of a run.
 #[doc = include_str!("../docs/report.md")]
 pub mod report {}

@@ -8,6 +8,8 @@ mod authoring;
 mod carrying;
 #[path = "worlds/conformance.rs"]
 mod conformance;
+#[path = "worlds/counting.rs"]
+mod counting;
 #[path = "worlds/driving.rs"]
 mod driving;
 #[path = "worlds/errors.rs"]

@@ -1,8 +1,10 @@
 //! `brakecheck replay` and `brakecheck view`: kept counterexamples.
 
+use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, finite_or_word, print_json, table_of, talk};
@@ -63,9 +65,15 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.refine {
         refine(&regressions, &mut replayed)?;
     }
+    let rows: Vec<_> = replayed.iter().map(row).collect();
+    let in_all = Tally::of(&replayed);
     match args.common.json {
-        true => print_json(&json!({ "rows": replayed.iter().map(row).collect::<Vec<_>>() })),
-        false => talk::data(&format!("{}{}", table(&replayed), remarks(&replayed))),
+        true => print_json(&json!({ "rows": rows, "in_all": in_all })),
+        false => talk::data(&format!(
+            "{}{}\n{in_all}",
+            table(&replayed),
+            remarks(&replayed)
+        )),
     }?;
     seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
@@ -79,6 +87,45 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         (None, true) => Exit::Counterexample,
         _ => Exit::Done,
     })
+}
+
+/// What all replays come to.
+#[derive(Serialize)]
+struct Tally {
+    replayed: usize,
+    still_fail: usize,
+    fixed: usize,
+    /// Those that tell nothing, since the ego or the physics did not run.
+    invalid: usize,
+}
+
+impl Tally {
+    fn of(replayed: &[Replayed]) -> Tally {
+        let still_fail = replayed.iter().filter(|one| one.still_fails()).count();
+        let invalid = replayed.iter().filter(|one| one.fault().is_some()).count();
+        Tally {
+            replayed: replayed.len(),
+            still_fail,
+            fixed: replayed.len() - still_fail - invalid,
+            invalid,
+        }
+    }
+}
+
+impl Display for Tally {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Tally {
+            replayed,
+            still_fail,
+            fixed,
+            invalid,
+        } = self;
+        write!(f, "{still_fail} of {replayed} still fail, {fixed} fixed")?;
+        match invalid {
+            0 => Ok(()),
+            some => write!(f, ", {some} did not run"),
+        }
+    }
 }
 
 /// Labels what is reproduced bit for bit.

@@ -99,11 +99,16 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
     };
     drop(bar);
     show(args, &searched)?;
+    keep(args, &searched)?;
+    Ok(exit_of(&searched.rows, args.fail_on_counterexample))
+}
+
+fn keep(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     if let Some(dir) = args.keep.dir() {
         let bar = talk::bar("keeping");
         searched.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
     }
-    Ok(exit_of(&searched.rows, args.fail_on_counterexample))
+    Ok(())
 }
 
 fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
