@@ -20,9 +20,9 @@ const WORLDS: [&str; 6] = [
     "sandwich",
     "acc",
 ];
-/// How far a rigid ego's recorded commands may lead a kinematic one astray.
-const RIGID_S: f64 = 0.1;
-const RIGID_MPS: f64 = 0.5;
+/// How far a rigid contact may be from that of a kinematic ego at its speeds.
+const RIGID_S: f64 = 0.01;
+const RIGID_MPS: f64 = 0.3;
 
 fn world(name: &str, plant: PlantKind) -> Scenario {
     let path = format!("{}/worlds/{name}.ron", env!("CARGO_MANIFEST_DIR"));
@@ -83,7 +83,6 @@ fn the_recorded_ego_meets_the_recorded_contact_bit_for_bit() {
             met += 1;
         }
     }
-    println!("{met}");
     assert!(10 <= met, "{met} contacts");
 }
 
@@ -95,11 +94,6 @@ fn a_rigid_ego_meets_it_nearly_so() {
         for (episode, motion) in contacts(&world, 3) {
             let touch = episode.contact.expect("a contact");
             let (time_s, closing_mps) = identity(&world, &motion).expect("a contact");
-            println!(
-                "{name} {} {}",
-                time_s - touch.time_s,
-                closing_mps - touch.closing_speed_mps
-            );
             assert!((time_s - touch.time_s).abs() < RIGID_S, "{name}");
             assert!(
                 (closing_mps - touch.closing_speed_mps).abs() < RIGID_MPS,
@@ -121,10 +115,6 @@ fn an_assessment_agrees_with_itself() {
         let mut replayer = world.replayer().expect("a driving world");
         for (episode, motion) in contacts(&world, 4) {
             let assessed = world.preventability(&episode);
-            println!(
-                "{name} {:?} {:?} {:?}",
-                assessed.label, assessed.not_applicable, assessed.exonerated
-            );
             for driver in PANEL.into_iter().chain([ReferenceDriver::Ideal]) {
                 let avoided = assessed.is_avoided_by(driver);
                 assert_eq!(

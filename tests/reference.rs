@@ -6,7 +6,8 @@
 use std::path::PathBuf;
 
 use brakecheck::ego::reference::{
-    Encounter, FsmDriver, IdealDriver, LaneBody, ReferenceDriver, Reflexes, Response, TtcReading,
+    CcDriver, CcLaneDriver, DriverModel, Encounter, FsmDriver, IdealDriver, LaneBody, Pedal,
+    ReferenceDriver, Reflexes, RegDriver, Response, RssDriver, TtcReading,
 };
 use serde_json::Value;
 
@@ -170,13 +171,31 @@ fn run(
     outcome
 }
 
-/// A model in the published reading, on a case that is not of the panel.
-fn published(case: &Value, side: f64) -> Outcome {
-    let (dt, given) = (number(case, "dt"), &case["in"]);
+/// Any model, one that was altered included.
+struct Boxed(Box<dyn DriverModel>);
+
+impl DriverModel for Boxed {
+    fn pedal(&self) -> Pedal {
+        self.0.pedal()
+    }
+
+    fn danger(&self, encounter: &Encounter) -> Option<f64> {
+        self.0.danger(encounter)
+    }
+}
+
+fn name_of(case: &Value) -> ReferenceDriver {
     let name = case["model"].as_str().expect("a model");
-    let model: ReferenceDriver = name.parse().expect("a model");
+    name.parse().expect("a model")
+}
+
+/// A model in the published reading, on a case that is not of the panel.
+fn published(case: &Value, side: f64, drives: Box<dyn DriverModel>) -> Outcome {
+    let (dt, given) = (number(case, "dt"), &case["in"]);
+    let model = name_of(case);
     let lane_width_m = given["lane_width"].as_f64().unwrap_or(3.5);
-    let mut driver = Reflexes::new(model, dt, lane_width_m).reading(TtcReading::Magnitude);
+    let driver = Reflexes::new(Boxed(drives), dt, lane_width_m);
+    let mut driver = driver.reading(TtcReading::Magnitude);
     let scenario = case["scenario"].as_str();
     // Where the event itself is the danger, for those that look at cut-ins.
     let event = matches!(scenario, Some("following" | "cut_out"));
@@ -207,8 +226,12 @@ fn differs(want: &Value, field: &str, got: Option<f64>) -> Option<String> {
 
 /// Everything in which a case of the four scenarios comes out otherwise.
 fn differences(case: &Value, side: f64) -> Vec<String> {
+    differences_of(case, side, Box::new(name_of(case)))
+}
+
+fn differences_of(case: &Value, side: f64, drives: Box<dyn DriverModel>) -> Vec<String> {
     let (dt, want) = (number(case, "dt"), &case["out"]);
-    let out = published(case, side);
+    let out = published(case, side, drives);
     let time = |sample: Option<usize>| sample.map(|i| i as f64 * dt);
     let drops: Vec<f64> = out.speeds.windows(2).map(|v| (v[0] - v[1]) / dt).collect();
     let contact = out.contact;
@@ -374,4 +397,47 @@ fn the_panel_is_labelled_as_worked_out() {
         }
         wrong
     });
+}
+
+/// The models of the vectors with one parameter off, by 4 % or at least 0.05:
+/// the name of the parameter, and whose.
+fn altered() -> Vec<(&'static str, ReferenceDriver, Box<dyn DriverModel>)> {
+    let mut altered: Vec<(&str, ReferenceDriver, Box<dyn DriverModel>)> = Vec::new();
+    macro_rules! alter {
+        ($($kind:ident is $name:expr;)*) => {$(
+            for parameter in $kind::default().parameters() {
+                let mut model = $kind::default();
+                let off = (0.04 * parameter.value).max(0.05);
+                model.set(parameter.name, parameter.value + off).expect("a parameter");
+                altered.push((parameter.name, $name, Box::new(model)));
+            }
+        )*};
+    }
+    alter! {
+        CcDriver is ReferenceDriver::Cc;
+        CcLaneDriver is ReferenceDriver::CcLane;
+        RegDriver is ReferenceDriver::Reg;
+        RssDriver is ReferenceDriver::Rss;
+        FsmDriver is ReferenceDriver::Fsm;
+    }
+    // It never asks for more than 6 m/s².
+    altered.retain(|(name, of, _)| (*name, *of) != ("max_brake_mps2", ReferenceDriver::Fsm));
+    altered
+}
+
+/// The vectors notice every constant, so that a slip in one is no agreement.
+#[test]
+fn every_constant_is_held_by_a_case() {
+    let files = ["cut_in", "following", "cut_out", "weave"];
+    let all: Vec<Value> = files.into_iter().flat_map(cases).collect();
+    for count in 0..altered().len() {
+        let mut broken = 0;
+        let (name, of, _) = &altered()[count];
+        for case in all.iter().filter(|case| name_of(case) == *of) {
+            let model = altered().swap_remove(count).2;
+            broken += usize::from(!differences_of(case, 1.0, model).is_empty());
+        }
+        println!("{of:?} {name}: {broken}");
+        assert!(0 < broken, "{of:?} {name}");
+    }
 }

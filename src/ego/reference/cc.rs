@@ -17,9 +17,15 @@
 use super::{DriverModel, Encounter, Latching, Pedal};
 use crate::ego::parameters::parameters;
 
-/// Declares a reading: all have the same parameters.
+/// Declares a reading, with the parameters that it has besides and the
+/// clearance up to which the other counts.
 macro_rules! competent {
-    ($(#[$meta:meta])* $name:ident, $counts:expr, $latching:expr) => {
+    (
+        $(#[$meta:meta])*
+        $name:ident { $($besides:tt)* },
+        $counts:expr,
+        $latching:expr
+    ) => {
         parameters! {
             $(#[$meta])*
             pub struct $name {
@@ -33,10 +39,7 @@ macro_rules! competent {
                 jerk_mps3 = 12.65, at_least 0.01;
                 /// Hardest braking, m/s².
                 max_brake_mps2 = 7.59294, at_least 0.0;
-                /// How far drivers wander off their lane's middle, m.
-                wander_m = 0.375, at_least 0.0;
-                /// Way sideways in which a risk is perceived, m.
-                perceived_m = 0.72, at_least 0.0;
+                $($besides)*
             }
         }
 
@@ -51,8 +54,8 @@ macro_rules! competent {
             }
 
             fn danger(&self, encounter: &Encounter) -> Option<f64> {
-                let counts_m = $counts(encounter, self.wander_m + self.perceived_m);
-                let counts = encounter.clearance_m() <= counts_m;
+                let counts_m: fn(&$name, &Encounter) -> f64 = $counts;
+                let counts = encounter.clearance_m() <= counts_m(self, encounter);
                 let is_danger = counts && encounter.ttc_s() <= self.ttc_s;
                 is_danger.then_some(f64::INFINITY)
             }
@@ -66,17 +69,33 @@ macro_rules! competent {
 
 competent! {
     /// Brakes for whoever overlaps its path within 2 s (UN R157, reading CC).
-    CcDriver, |_: &Encounter, _| 0.0, Latching::Momentary
+    CcDriver {},
+    |_, _| 0.0,
+    Latching::Momentary
 }
 
 competent! {
     /// Brakes for whoever leaves the next lane within 2 s (reading CC_LANE).
-    CcLaneDriver, off_middle_m, Latching::Momentary
+    CcLaneDriver {
+        /// How far drivers wander off their lane's middle, m.
+        wander_m = 0.375, at_least 0.0;
+        /// Way sideways in which a risk is perceived, m.
+        perceived_m = 0.72, at_least 0.0;
+    },
+    |it, encounter| off_middle_m(encounter, it.wander_m + it.perceived_m),
+    Latching::Momentary
 }
 
 competent! {
     /// The same, and does not let go before it is the slower one (CC_LATCHED).
-    CcLatchedDriver, off_middle_m, Latching::UntilSlower
+    CcLatchedDriver {
+        /// How far drivers wander off their lane's middle, m.
+        wander_m = 0.375, at_least 0.0;
+        /// Way sideways in which a risk is perceived, m.
+        perceived_m = 0.72, at_least 0.0;
+    },
+    |it, encounter| off_middle_m(encounter, it.wander_m + it.perceived_m),
+    Latching::UntilSlower
 }
 
 /// The clearance at which another is `off_m` off the next lane's middle.
