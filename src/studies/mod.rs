@@ -5,6 +5,7 @@
 
 mod behaviours;
 mod case_studies;
+mod crashes;
 mod extreme;
 mod milestones;
 mod near;
@@ -18,6 +19,7 @@ pub use behaviours::{
     FigureError, Shown, start_with, three_merges, two_at_the_light, two_behaviours,
 };
 pub use case_studies::{CaseStudies, case_studies_markdown, case_study, trained_run};
+pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
 pub use near::{Alumnus, NearFailing, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
 pub use reuse_study::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};

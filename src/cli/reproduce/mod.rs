@@ -1,5 +1,6 @@
 //! `brakecheck reproduce`: the tables and figures, from nothing.
 
+mod crashes;
 mod driving;
 mod figures;
 mod grids;
@@ -78,6 +79,8 @@ enum What {
     Reuse,
     /// Starts near the paper's failing ones: do they fail too?
     NearStarts,
+    /// Crashes that a careful driver would have avoided: what each ado finds.
+    Crashes,
     /// The paper's Figs. 2, 3 and 5, found by search in the shipped worlds.
     Figures,
     /// Everything, one after the other.
@@ -119,6 +122,7 @@ impl What {
             What::PaperRows => &[paper::run],
             What::Reuse => &[reuse::run],
             What::NearStarts => &[near::run],
+            What::Crashes => &[crashes::run],
             What::Figures => &[figures::run],
             What::All => &[
                 grids::run,
@@ -126,6 +130,7 @@ impl What {
                 paper::run,
                 reuse::run,
                 near::run,
+                crashes::run,
                 figures::run,
             ],
         }

@@ -1,0 +1,319 @@
+//! Crashes that a careful driver would have avoided: what each adversary finds.
+//!
+//! Training may ask one reference driver (`counts: Preventable(by: [RSS])`);
+//! whether a careful human would have come away is asked here, of the driver
+//! that training never consulted: once among the recorded motions (open loop),
+//! once with that driver as the ego that the same adversary meets (closed loop).
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::campaign::{
+    Ado, EvalRequest, Evaluated, SearchRequest, Switches, TestStarts, TrainError, Watch,
+    best_constant, eval, persistence, search, test_starts,
+};
+use crate::ego::reference::ReferenceDriver;
+use crate::ego::{Actuated, CcLatchedDriver, ControllerSpec};
+use crate::preventability::Band;
+use crate::run::{ClosingSpeed, RunDir, wilson};
+use crate::scenario::{Change, ChangeError, Scenario};
+use crate::severity::CrashKind;
+use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
+
+use super::case_studies::{CaseStudies, trained_run};
+
+/// The careful human: reads the next lane, and does not let go.
+const CAREFUL: ReferenceDriver = ReferenceDriver::CcLatched;
+/// Crashes per ado whose variations are played.
+const VARIED: usize = 40;
+/// Speed from which a contact is one to act on.
+const HARD_MPS: f64 = 3.0;
+
+/// What one adversary found in a world.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct CrashRow {
+    /// Who plays the ado.
+    pub ado: String,
+    /// Seed of its training, for trained ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
+    /// Starts that are not trivial.
+    pub starts: usize,
+    /// Starts with a crash that counts, every rule kept.
+    pub found: usize,
+    /// Of these, crashes that the careful human avoids in the recorded motion;
+    /// `None`: drivers say nothing of such crashes.
+    pub avoided: Option<usize>,
+    /// Of these, crashes that any competent driver avoids in it.
+    pub preventable: Option<usize>,
+    /// Of these, starts from which the same ado brings about no hard crash when
+    /// the careful human is the ego.
+    pub avoided_closed_loop: Option<usize>,
+    /// Of these, side-swipes.
+    pub side_swipes: usize,
+    /// Their closing speeds.
+    pub closing_mps: Option<ClosingSpeed>,
+    /// Median share of small variations in which they still are counted.
+    pub persistence: Option<f64>,
+    /// Starts on which a rule was broken.
+    pub foul_rate: f64,
+}
+
+/// One world's crashes.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct CrashStudy {
+    /// Name of the world.
+    pub world: String,
+    /// What counts in it.
+    pub counts: String,
+    /// Trained ados by seed, then the others.
+    pub rows: Vec<CrashRow>,
+}
+
+/// Plays one adversary from a start.
+type Play<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
+
+/// Who meets whom.
+struct Study<'a> {
+    scenario: &'a Scenario,
+    /// The same world with the careful human as the ego.
+    careful: Scenario,
+    starts: &'a TestStarts,
+    watch: &'a Watch<'a>,
+}
+
+/// What is known of one crash.
+struct Looked {
+    episode: Episode,
+    avoided: Option<bool>,
+    preventable: Option<bool>,
+    closed_loop: bool,
+}
+
+impl Study<'_> {
+    fn look(&self, benches: &mut (Testbench, Testbench), index: usize, play: Play<'_>) -> Looked {
+        let episode = play(&mut benches.0, index);
+        let said = self.scenario.preventability(&episode);
+        let applies = said.label.band() != Band::NotApplicable;
+        Looked {
+            avoided: applies.then(|| said.is_avoided_by(CAREFUL)),
+            preventable: applies.then(|| said.label.band() == Band::Preventable),
+            closed_loop: !is_hard(&play(&mut benches.1, index)),
+            episode,
+        }
+    }
+
+    fn row(&self, evaluated: (String, Option<u64>, f64), solved: &[usize], play: Play<'_>) -> CrashRow {
+        let (ado, seed, foul_rate) = evaluated;
+        let all = crate::campaign::EpisodeLoop::uncounted(self.watch);
+        let looked = all.run(
+            solved,
+            || (self.scenario.bench(), self.careful.bench()),
+            |benches, index, _| Some(self.look(benches, *index, play)),
+        );
+        let looked: Vec<Looked> = looked.into_iter().flatten().collect();
+        let judged = looked.iter().any(|one| one.avoided.is_some());
+        let count = |which: &dyn Fn(&Looked) -> bool| looked.iter().filter(|one| which(one)).count();
+        let touches = looked.iter().filter_map(|one| one.episode.contact.as_ref());
+        let closing = touches.clone().map(|touch| touch.closing_speed_mps);
+        let swiped = touches.filter_map(|touch| touch.impact);
+        let swiped = swiped.filter(|impact| impact.kind == CrashKind::SideSwipe);
+        CrashRow {
+            ado,
+            seed,
+            starts: self.starts.trivial.iter().filter(|trivial| !**trivial).count(),
+            found: looked.len(),
+            avoided: judged.then(|| count(&|one| one.avoided == Some(true))),
+            preventable: judged.then(|| count(&|one| one.preventable == Some(true))),
+            avoided_closed_loop: judged.then(|| count(&|one| one.closed_loop)),
+            side_swipes: swiped.count(),
+            closing_mps: ClosingSpeed::of(closing.collect()),
+            persistence: self.persistence(&looked),
+            foul_rate,
+        }
+    }
+
+    fn persistence(&self, looked: &[Looked]) -> Option<f64> {
+        let some = &looked[..looked.len().min(VARIED)];
+        let shares = some.par_iter().filter_map(|one| {
+            let varied = persistence(self.scenario, &one.episode)?;
+            Some(varied.share())
+        });
+        let mut shares: Vec<f64> = shares.collect();
+        shares.sort_by(f64::total_cmp);
+        shares.get(shares.len() / 2).copied()
+    }
+
+    fn of(&self, ado: Ado<'_>, seed: Option<u64>) -> CrashRow {
+        let request = EvalRequest {
+            scenario: self.scenario,
+            ego: "nominal",
+            ado,
+            starts: self.starts,
+        };
+        self.of_evaluated(&eval(&request, self.watch), &request, seed)
+    }
+
+    fn of_evaluated(
+        &self,
+        evaluated: &Evaluated,
+        request: &EvalRequest<'_>,
+        seed: Option<u64>,
+    ) -> CrashRow {
+        let solved: Vec<usize> = evaluated.solved().collect();
+        let name = match seed {
+            Some(_) => "trained".to_owned(),
+            None => evaluated.row.method.clone(),
+        };
+        let named = (name, seed, evaluated.row.foul_rate);
+        self.row(named, &solved, &|bench, index| request.play(bench, index))
+    }
+
+    fn searched(&self, switches: usize) -> CrashRow {
+        let request = SearchRequest {
+            scenario: self.scenario,
+            ego: "nominal",
+            method: Switches(switches).into(),
+            budget: 0,
+            starts: self.starts,
+        };
+        let found = search(&request, self.watch).found;
+        let actions = |index: usize| found[index].as_ref()?.actions.as_deref();
+        let solved: Vec<usize> = (0..found.len()).filter(|i| actions(*i).is_some()).collect();
+        let named = (format!("search, switches ≤ {switches}"), None, 0.0);
+        self.row(named, &solved, &|bench, index| {
+            let (start, noise) = &self.starts.starts[index];
+            let mut replay = Replay::holding(actions(index).unwrap_or_default());
+            play(bench, start, *noise, &mut replay, Aftermath::Play)
+        })
+    }
+}
+
+/// Whether the ego ends in a lawful crash that is one to act on.
+fn is_hard(episode: &Episode) -> bool {
+    let lawful = !matches!(episode.verdict, crate::rulebook::Verdict::Foul { .. });
+    let contact = episode.contact.as_ref();
+    lawful && contact.is_some_and(|touch| HARD_MPS <= touch.closing_speed_mps)
+}
+
+/// A world cannot be studied.
+#[derive(Debug, thiserror::Error)]
+pub enum CrashStudyError {
+    /// A training failed.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// The careful human cannot drive its ego.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
+}
+
+/// Trains on a world and looks at what everybody finds; `None`: stopped.
+///
+/// # Errors
+/// A training fails, or the disk refuses.
+pub fn crash_study(
+    scenario: &Scenario,
+    request: &CaseStudies<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<CrashStudy>, CrashStudyError> {
+    let seeds: Vec<u64> = request.seeds.trainings().collect();
+    let runs = seeds.par_iter();
+    let runs = runs.map(|&seed| Ok(trained_run(scenario, seed, request.runs, watch)?.0));
+    let runs: Vec<_> = runs.collect::<Result<_, TrainError>>()?;
+    let starts = test_starts(scenario, request.seeds.starts, request.starts, watch);
+    let (Some(starts), false) = (starts, watch.stopped()) else {
+        return Ok(None);
+    };
+    // Its ramp holds how the brakes build up: no lag besides.
+    let careful = Actuated {
+        controller: ControllerSpec::CcLatchedDriver(CcLatchedDriver::default()),
+        lag_s: 0.0,
+    };
+    let change = Change {
+        controller: Some(careful),
+        ..Change::default()
+    };
+    let study = Study {
+        scenario,
+        careful: scenario.with(&change)?,
+        starts: &starts,
+        watch,
+    };
+    let mut rows = Vec::new();
+    for path in &runs {
+        let run = RunDir::open(path).map_err(TrainError::from)?;
+        let policy = run.policy().map_err(TrainError::from)?;
+        let seed = run.manifest().seed;
+        rows.push(study.of(Ado::Trained(&*policy, seed), Some(seed)));
+    }
+    rows.push(study.of(Ado::Held, None));
+    let best = best_constant(scenario, "nominal", &starts, watch);
+    rows.push(study.constant(&best));
+    rows.push(study.searched(1));
+    Ok((!watch.stopped()).then(|| CrashStudy {
+        world: scenario.name.clone(),
+        counts: format!("{:?}", scenario.rulebook().counts),
+        rows,
+    }))
+}
+
+impl Study<'_> {
+    /// The constant that fares best, found again among all of them.
+    fn constant(&self, best: &Evaluated) -> CrashRow {
+        let actions = self.scenario.world().spaces().actions;
+        let label = |action: usize| self.scenario.action_label(action);
+        let action = (0..actions).find(|action| best.row.method.starts_with(&label(*action)));
+        let request = EvalRequest {
+            scenario: self.scenario,
+            ego: "nominal",
+            ado: Ado::Constant(action.unwrap_or(0)),
+            starts: self.starts,
+        };
+        self.of_evaluated(best, &request, None)
+    }
+}
+
+/// The studies as a Markdown table.
+pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
+    let mut text = String::from(
+        "| world | ado | found [95 %] | avoided by a careful human, of all starts: open loop, closed loop | \
+         of those found: open loop | side-swipes | closing m/s, median / 90 % | persistence, median | fouls |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for study in studies {
+        for row in &study.rows {
+            text.push_str(&line(&study.world, row));
+        }
+    }
+    text
+}
+
+fn line(world: &str, row: &CrashRow) -> String {
+    let percent = |part: usize, whole: usize| match whole {
+        0 => "–".to_owned(),
+        _ => format!("{:.1} %", 100.0 * part as f64 / whole as f64),
+    };
+    let of = |part: Option<usize>, whole: usize| {
+        part.map_or("–".to_owned(), |part| percent(part, whole))
+    };
+    let [lo, hi] = wilson(row.found, row.starts).map(|share| 100.0 * share);
+    let ado = match row.seed {
+        Some(seed) => format!("{} {seed}", row.ado),
+        None => row.ado.clone(),
+    };
+    let closing = row.closing_mps.map_or("–".to_owned(), |closing| {
+        format!("{:.1} / {:.1}", closing.median, closing.p90)
+    });
+    format!(
+        "| {world} | {ado} | {} of {} ({}) [{lo:.1}, {hi:.1}] | {}, {} | {} | {} | {closing} | {} | {:.1} % |\n",
+        row.found,
+        row.starts,
+        percent(row.found, row.starts),
+        of(row.avoided, row.starts),
+        of(row.avoided_closed_loop, row.starts),
+        of(row.avoided, row.found),
+        percent(row.side_swipes, row.found),
+        row.persistence.map_or("–".to_owned(), |share| format!("{share:.2}")),
+        100.0 * row.foul_rate,
+    )
+}
