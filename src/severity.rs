@@ -330,7 +330,7 @@ impl Display for Impact {
 /// By the sides that touch, and by how much one is turned from the other.
 fn kind_of(ego: Side, other: Side, turned_rad: f64) -> CrashKind {
     let turned_rad = turned_rad.abs();
-    let aligned = turned_rad < FRAC_PI_4 || OPPOSED_RAD < turned_rad;
+    let aligned = !(FRAC_PI_4..=OPPOSED_RAD).contains(&turned_rad);
     match (ego, other) {
         (Side::Front, Side::Rear) | (Side::Rear, Side::Front | Side::Rear) => CrashKind::RearEnd,
         (Side::Front, Side::Front) if OPPOSED_RAD < turned_rad => CrashKind::HeadOn,

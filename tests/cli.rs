@@ -301,7 +301,9 @@ fn a_run_is_evaluated_kept_replayed_and_watched() {
     let gentle = path(&dir, "gentle.ron");
     std::fs::write(
         &gentle,
-        "Change(ego: (time_gap_s: 3.0, standstill_headway_m: 12.0))",
+        // In the worst crashes the ego brakes as hard as it can from the start: what
+        // differs there is how hard that is.
+        "Change(ego: (time_gap_s: 3.0, standstill_headway_m: 12.0, max_brake_mps2: 5.0))",
     )
     .expect("w");
     let output = brakecheck(&["replay", &kept, "--ego", &gentle, "--json"]);
