@@ -185,7 +185,10 @@ fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: us
     let mut ado = Replay::then(&episode.actions, bench.spaces().neutral);
     let (start, noise) = (&episode.start, episode.noise);
     let replayed = play(&mut bench, start, noise, &mut ado, Aftermath::Skip);
-    matches!(replayed.verdict, Verdict::Held { .. })
+    matches!(
+        replayed.verdict,
+        Verdict::Held { .. } | Verdict::Uncounted { .. }
+    )
 }
 
 /// A time without the dust of binary fractions.

@@ -103,7 +103,12 @@ impl Study<'_> {
         }
     }
 
-    fn row(&self, evaluated: (String, Option<u64>, f64), solved: &[usize], play: Play<'_>) -> CrashRow {
+    fn row(
+        &self,
+        evaluated: (String, Option<u64>, f64),
+        solved: &[usize],
+        play: Play<'_>,
+    ) -> CrashRow {
         let (ado, seed, foul_rate) = evaluated;
         let all = crate::campaign::EpisodeLoop::uncounted(self.watch);
         let looked = all.run(
@@ -113,7 +118,8 @@ impl Study<'_> {
         );
         let looked: Vec<Looked> = looked.into_iter().flatten().collect();
         let judged = looked.iter().any(|one| one.avoided.is_some());
-        let count = |which: &dyn Fn(&Looked) -> bool| looked.iter().filter(|one| which(one)).count();
+        let count =
+            |which: &dyn Fn(&Looked) -> bool| looked.iter().filter(|one| which(one)).count();
         let touches = looked.iter().filter_map(|one| one.episode.contact.as_ref());
         let closing = touches.clone().map(|touch| touch.closing_speed_mps);
         let swiped = touches.filter_map(|touch| touch.impact);
@@ -121,7 +127,12 @@ impl Study<'_> {
         CrashRow {
             ado,
             seed,
-            starts: self.starts.trivial.iter().filter(|trivial| !**trivial).count(),
+            starts: self
+                .starts
+                .trivial
+                .iter()
+                .filter(|trivial| !**trivial)
+                .count(),
             found: looked.len(),
             avoided: judged.then(|| count(&|one| one.avoided == Some(true))),
             preventable: judged.then(|| count(&|one| one.preventable == Some(true))),
@@ -313,7 +324,8 @@ fn line(world: &str, row: &CrashRow) -> String {
         of(row.avoided_closed_loop, row.starts),
         of(row.avoided, row.found),
         percent(row.side_swipes, row.found),
-        row.persistence.map_or("–".to_owned(), |share| format!("{share:.2}")),
+        row.persistence
+            .map_or("–".to_owned(), |share| format!("{share:.2}")),
         100.0 * row.foul_rate,
     )
 }
