@@ -55,11 +55,13 @@ fn every_shipped_world_and_its_egos_conform() {
         "Aeb",
         "FilteredAcc",
         "Idm",
+        "IsoAcc",
         "Merge",
         "PoliteAcc",
         "YellowLight",
         "YellowLightFixed",
     ];
+    // Reference drivers are met as drivers: tests/preventability.rs.
     assert_eq!(
         Vec::from_iter(egos),
         stock,

@@ -441,3 +441,37 @@ fn every_constant_is_held_by_a_case() {
         assert!(0 < broken, "{of:?} {name}");
     }
 }
+
+/// The event of the following scene, which the published models do not see.
+#[test]
+fn a_lead_car_that_brakes_hard_is_a_danger_before_the_time_to_collision_is() {
+    let body = |x_m: f64, accel_mps2: f64| LaneBody {
+        x_m,
+        y_m: 0.0,
+        speed_mps: 25.0,
+        lateral_mps: 0.0,
+        accel_mps2,
+        length_m: 4.5,
+        width_m: 1.8,
+    };
+    let seen = |gap_m: f64, accel_mps2: f64, across_m: f64, ttc: TtcReading| {
+        let mut other = body(gap_m + 4.5, accel_mps2);
+        other.y_m = across_m;
+        let encounter = Encounter {
+            ego: body(0.0, 0.0),
+            other,
+            accel_mps2: 0.0,
+            lane_width_m: 3.5,
+            ttc,
+        };
+        ReferenceDriver::CcLatched.danger(&encounter).is_some()
+    };
+    let now = TtcReading::Closing;
+    // Equal speeds: no time to collision at all.
+    assert!(seen(30.0, -6.0, 0.0, now) && seen(49.0, -5.1, 0.5, now));
+    assert!(!seen(51.0, -6.0, 0.0, now), "more than 2 s ahead");
+    assert!(!seen(30.0, -4.9, 0.0, now), "not hard");
+    assert!(!seen(30.0, -6.0, 1.9, now), "in the next lane");
+    assert!(!seen(-60.0, -6.0, 0.0, now), "behind");
+    assert!(!seen(30.0, -6.0, 0.0, TtcReading::Magnitude));
+}

@@ -11,8 +11,10 @@
 //! - [`CcLatchedDriver`]: as before, but it does not let go when 2 s are reached
 //!   again: it brakes until it is no faster than the other.
 //!
-//! Following and behind a car that cuts out, the regulation's event itself is
-//! the danger; these look at the time to collision there as well.
+//! Following, the regulation's event itself is the danger: a lead car within 2 s
+//! that brakes harder than 5 m/s² ([`Encounter::lead_brakes_hard`]). The further
+//! 0.4 s of perception are not counted, as in the published model. Behind a car
+//! that cuts out they look at the time to collision.
 
 use super::{DriverModel, Encounter, Latching, Pedal};
 use crate::ego::parameters::parameters;
@@ -56,7 +58,8 @@ macro_rules! competent {
             fn danger(&self, encounter: &Encounter) -> Option<f64> {
                 let counts_m: fn(&$name, &Encounter) -> f64 = $counts;
                 let counts = encounter.clearance_m() <= counts_m(self, encounter);
-                let is_danger = counts && encounter.ttc_s() <= self.ttc_s;
+                let is_near = counts && encounter.ttc_s() <= self.ttc_s;
+                let is_danger = is_near || encounter.lead_brakes_hard();
                 is_danger.then_some(f64::INFINITY)
             }
 

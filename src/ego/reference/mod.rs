@@ -74,6 +74,10 @@ pub struct Encounter {
     pub ttc: TtcReading,
 }
 
+/// Deceleration of a lead car that is an event, and the headway up to which.
+const LEAD_BRAKES_MPS2: f64 = 5.0;
+const LEAD_HEADWAY_S: f64 = 2.0;
+
 /// Whether a gap that opens has a time to collision.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TtcReading {
@@ -118,6 +122,19 @@ impl Encounter {
             true => f64::INFINITY,
             false => (self.gap_m() / closing_mps).abs(),
         }
+    }
+
+    /// Whether the other brakes hard ahead in the ego's path: the event with which
+    /// the regulation's following scene begins, harder than 5 m/s² within 2 s.
+    ///
+    /// The published models get that event from their scene, not from what they
+    /// see, so their reading of the time to collision leaves it out.
+    pub fn lead_brakes_hard(&self) -> bool {
+        self.ttc == TtcReading::Closing
+            && !self.is_passed()
+            && self.clearance_m() <= 0.0
+            && self.other.accel_mps2 < -LEAD_BRAKES_MPS2
+            && self.gap_m() <= LEAD_HEADWAY_S * self.ego.speed_mps
     }
 
     /// l: the length by which middles are farther apart than bumpers.
