@@ -9,6 +9,18 @@ pub mod library {}
 #[doc = include_str!("../docs/worlds.md")]
 pub mod worlds {}
 
+/// The world file, field by field.
+#[doc = include_str!("../docs/world-file.md")]
+pub mod world_file {}
+
+/// Stock egos, sensors, changed egos.
+#[doc = include_str!("../docs/egos.md")]
+pub mod egos {}
+
+/// What formulas speak of, and how to derive more.
+#[doc = include_str!("../docs/signals.md")]
+pub mod signals {}
+
 /// Bringing an ego in any language.
 #[doc = include_str!("../docs/ego-protocol.md")]
 pub mod ego_protocol {}

@@ -1,5 +1,5 @@
 //! The list of stock controllers: worlds name them, and `check`, families and
-//! the table in `docs/worlds.md` follow from it.
+//! the table in `docs/egos.md` follow from it.
 
 use serde::{Deserialize, Serialize};
 
@@ -194,7 +194,7 @@ mod tests {
     use crate::seed::{Purpose, StartKey};
     use crate::testbench::{Aftermath, Constant, play};
 
-    const GUIDE: &str = include_str!("../../docs/worlds.md");
+    const GUIDE: &str = include_str!("../../docs/egos.md");
     const WORLD: &str = include_str!("../../worlds/acc.ron");
 
     #[test]

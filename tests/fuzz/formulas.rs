@@ -189,8 +189,10 @@ fn texts() -> Vec<Source> {
         }
         texts
     });
-    let table = std::fs::read_to_string(corpus::root().join("docs/stl.md")).expect("docs/stl.md");
-    let spans: Vec<String> = table
+    let pages = ["docs/stl.md", "docs/stl-monitor.md"];
+    let pages = pages.map(|page| std::fs::read_to_string(corpus::root().join(page)).expect(page));
+    let spans: Vec<String> = pages
+        .concat()
         .split('`')
         .skip(1)
         .step_by(2)

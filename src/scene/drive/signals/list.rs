@@ -3,7 +3,7 @@
 //! A row says whose the signal is, its name, unit and meaning, its value, and
 //! where it differs from what is usual: between what it stays in any run, by
 //! what range it is observed, whether every trace holds it, former names. What
-//! `check` lists, what `vacuous` knows and the table in `docs/worlds.md` follow.
+//! `check` lists, what `vacuous` knows and the table in `docs/signals.md` follow.
 //!
 //! The order is that of traces: a row that a later version adds stands last
 //! among those of its owner, and is not `always` recorded, so that what earlier

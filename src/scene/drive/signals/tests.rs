@@ -7,7 +7,7 @@ use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Constant, play};
 
 const WORLD: &str = include_str!("../../../../worlds/acc.ron");
-const GUIDE: &str = include_str!("../../../../docs/worlds.md");
+const GUIDE: &str = include_str!("../../../../docs/signals.md");
 /// The row that only tests have.
 const DUMMY: &str = "doubled_speed";
 
@@ -58,5 +58,5 @@ fn the_table_of_the_guide_is_the_list() {
     });
     let table: String = rows.collect();
     let table = format!("| signal | unit | meaning |\n| --- | --- | --- |\n{table}\n");
-    assert!(GUIDE.contains(&table), "docs/worlds.md needs\n\n{table}");
+    assert!(GUIDE.contains(&table), "docs/signals.md needs\n\n{table}");
 }
