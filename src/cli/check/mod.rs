@@ -18,8 +18,22 @@ pub(super) struct CheckArgs {
     /// A program, after `--`, to be tried against the ego protocol.
     #[arg(last = true, value_name = "COMMAND")]
     program: Vec<String>,
-    #[command(flatten)]
-    pub(super) common: Common,
+    /// Print one JSON object on stdout instead of tables.
+    #[arg(long)]
+    json: bool,
+    /// Start the programs that the world names as egos, and try them.
+    #[arg(long)]
+    allow_programs: bool,
+}
+
+impl CheckArgs {
+    pub(super) fn common(&self) -> Common {
+        Common {
+            json: self.json,
+            allow_programs: self.allow_programs,
+            ..Common::default()
+        }
+    }
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
@@ -29,7 +43,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     };
     match args.program.is_empty() {
         true => Ok(exit),
-        false => programs::try_out(args.common.json, &args.program),
+        false => programs::try_out(args.json, &args.program),
     }
 }
 
@@ -37,18 +51,19 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
     let scenario = match Scenario::load(world) {
         Ok(scenario) => scenario,
         Err(error) => {
-            if args.common.json {
+            if args.json {
                 print_json(&problems(&error))?;
             }
             return Err(error.into());
         }
     };
-    let scenario = scenario.allow_programs(args.common.allow_programs);
-    let named = programs::tried(&scenario, args.common.allow_programs);
-    if args.common.json {
+    let scenario = scenario.allow_programs(args.allow_programs);
+    let named = programs::tried(&scenario, args.allow_programs);
+    if args.json {
         let mut listing = listing(&scenario);
         listing["ok"] = json!(programs::first_fault(&named).is_none());
         listing["programs"] = json!(named);
+        listing["warnings"] = warnings(&scenario);
         print_json(&listing)?;
     } else {
         talk::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
@@ -69,6 +84,12 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         Some(failure) => Err(failure),
         None => Ok(Exit::Done),
     }
+}
+
+fn warnings(scenario: &Scenario) -> serde_json::Value {
+    let warnings = scenario.warnings.iter();
+    let warnings = warnings.map(|odd| json!({ "what": odd.what, "help": odd.help }));
+    warnings.collect()
 }
 
 fn problems(error: &LoadError) -> serde_json::Value {
