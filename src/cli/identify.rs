@@ -170,7 +170,8 @@ fn identified(leave_out: &[String], family: &Family, ego: &str, found: &Identifi
         "{ego}: {verdict}\n\
          (root mean square over {} recorded runs, a speed error of 1 m/s counted like 1 m; the \
          nominal ego strays by {:.2} m, noise alone makes {:.2} m;\nindependent fits {} m; {} runs of \
-         members simulated)\n{table}\n",
+         members simulated)\n{table}\n\
+         spread: how far the independent fits are apart; family: the range it was looked for in\n",
         found.recorded,
         found.nominal_residual_m,
         found.noise_m,

@@ -274,5 +274,10 @@ fn table(replayed: &[Replayed]) -> String {
         "rules until it",
         "bits",
     ];
-    table_of(header, lines)
+    format!(
+        "{}\nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
+         \nrules until it whether the ados kept theirs until the contact; –: there was none\
+         \nbits           whether every sample is the recorded one",
+        table_of(header, lines)
+    )
 }

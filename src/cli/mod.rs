@@ -229,10 +229,7 @@ fn table_of<const N: usize>(
     header: [&str; N],
     lines: impl IntoIterator<Item = [String; N]>,
 ) -> String {
-    let mut table = comfy_table::Table::new();
-    table
-        .load_style(comfy_table::presets::UTF8_FULL_CONDENSED)
-        .set_header(header);
+    let mut table = table::table(&header);
     for line in lines {
         table.add_row(line);
     }
