@@ -4,6 +4,8 @@
 mod family;
 #[path = "cli/faults.rs"]
 mod faults;
+#[path = "cli/first.rs"]
+mod first;
 #[path = "cli/gate.rs"]
 mod gate;
 #[path = "cli/report.rs"]

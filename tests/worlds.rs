@@ -34,6 +34,8 @@ mod sealing;
 mod searching;
 #[path = "worlds/trained.rs"]
 mod trained;
+#[path = "worlds/warnings.rs"]
+mod warnings;
 
 use std::path::PathBuf;
 

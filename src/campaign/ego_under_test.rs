@@ -8,7 +8,7 @@ use super::reuse::Relation;
 use super::starts::TestStarts;
 use crate::ego::Process;
 use crate::run::{ChangedEgo, RunDir};
-use crate::scenario::{Against, Change, Scenario};
+use crate::scenario::{Against, Change, Scenario, guessed};
 
 /// An ego under test: its name in rows, how it differs from the world's own
 /// ego, and the world with it.
@@ -59,12 +59,13 @@ impl EgoUnderTest {
                 scenario,
             }]);
         }
-        let known: Vec<&str> = world.reuse.keys().map(String::as_str).collect();
+        let known = ["nominal", "all"].into_iter();
+        let known = known.chain(world.reuse.keys().map(String::as_str));
         Err(CampaignError::request(
             format!("there is no ego `{asked}` in this world"),
             format!(
-                "known: nominal, {}; or name a RON file with a `Change`",
-                known.join(", ")
+                "{}; or name a RON file with a `Change`",
+                guessed(asked, "known", known)
             ),
         ))
     }

@@ -281,7 +281,8 @@ impl EvalRequest<'_> {
         }
         let all = played.iter().flatten().map(|played| &played.outcome);
         row.physics_steps = all.clone().map(|outcome| outcome.physics_steps).sum();
-        row.cpu_s = all.clone().map(|outcome| outcome.cpu_s).sum();
+        // Not `sum`, which is -0.0 of nothing.
+        row.cpu_s = all.clone().fold(0.0, |sum, outcome| sum + outcome.cpu_s);
         // From here on only what tells something of the ego.
         let valid = all.filter(|outcome| outcome.verdict != Verdict::Invalid);
         let simulations: u64 = valid.clone().map(|outcome| outcome.simulations).sum();

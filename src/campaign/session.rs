@@ -12,7 +12,7 @@ use super::train::{TrainError, TrainingOutcome, train};
 use super::watch::Watch;
 use crate::rl::Policy;
 use crate::run::{Asked, Beginning, ChangedEgo, Row, RunDir, RunError};
-use crate::scenario::{Against, Scenario};
+use crate::scenario::{Against, Scenario, guessed};
 use crate::sim::PlantKind;
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
@@ -225,12 +225,16 @@ impl TrainRequest<'_> {
             None => world.clone(),
         };
         if let Some(name) = self.learner {
-            let known: Vec<&str> = world.learners.keys().map(String::as_str).collect();
             let none = || {
-                CampaignError::request(
-                    format!("`{}` has no learner `{name}`", world.name),
-                    format!("known: {}; or leave out `--learner`", known.join(", ")),
-                )
+                let known = world.learners.keys().map(String::as_str);
+                let help = match world.learners.is_empty() {
+                    true => "it names none under `learners`: leave out `--learner`".to_owned(),
+                    false => format!(
+                        "{}; or leave out `--learner`",
+                        guessed(name, "known", known)
+                    ),
+                };
+                CampaignError::request(format!("`{}` has no learner `{name}`", world.name), help)
             };
             world = world.learning_by(name).ok_or_else(none)?;
         }

@@ -6,10 +6,11 @@ use clap::Args;
 use serde_json::json;
 
 use super::compared::{Compared, GateOn};
+use super::counts::{count, start_count};
 use super::keep::KeepArgs;
 use super::{
-    Common, Exit, Failure, exit_of, interrupted_early, one_of, open_run, print_json, start_count,
-    table, talk, theorems,
+    Common, Exit, Failure, exit_of, interrupted_early, one_of, open_run, print_json, table, talk,
+    theorems,
 };
 use crate::campaign::{
     AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
@@ -43,7 +44,7 @@ pub(super) struct EvalArgs {
     #[arg(long, value_name = "nominal|true|identified|adapted|P.ron")]
     params: Option<String>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
     #[command(flatten)]
     keep: KeepArgs,
@@ -73,6 +74,9 @@ pub(super) struct EvalArgs {
     /// A program that is the ego, after `--`: typing it consents to start it.
     #[arg(last = true, value_name = "COMMAND")]
     program: Vec<String>,
+    /// Seed of the test starts.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -95,7 +99,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         egos: &egos,
         ados: &args.ado,
         context: context.as_ref(),
-        starts: (args.starts, args.common.seed),
+        starts: (args.starts, args.seed),
         search: args.search,
         tries: args.tries,
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),

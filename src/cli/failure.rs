@@ -7,7 +7,7 @@ use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Na
 use crate::campaign::{CampaignError, IdentifyError, RegressionError, TheoremsError, TrainError};
 use crate::rl::ConfigError;
 use crate::run::{IdentifiedError, KeptError, RunError};
-use crate::scenario::{LoadError, Problem, ScenarioError};
+use crate::scenario::{LoadError, Problem, ScenarioError, guessed};
 use crate::studies::{ReuseError, Table1Error};
 use crate::testbench::Complaint;
 
@@ -262,10 +262,16 @@ impl From<RegressionError> for Failure {
     fn from(error: RegressionError) -> Failure {
         match error {
             RegressionError::Kept(error) => Failure::from(error),
-            RegressionError::NoSuchEgo { ref known, .. } => {
+            RegressionError::NoSuchEgo {
+                ref name,
+                ref known,
+                ..
+            } => {
+                let known = known.iter().map(String::as_str);
+                let known = std::iter::once("nominal").chain(known);
                 let help = format!(
-                    "known: {}; or name a RON file with a `Change`",
-                    known.join(", ")
+                    "{}; or name a RON file with a `Change`",
+                    guessed(name, "known", known)
                 );
                 Failure::input(error.to_string(), help)
             }

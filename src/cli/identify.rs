@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::counts::count;
 use super::{
     Common, Exit, Failure, finished, interrupted_early, one_of, open_run, print_json, table_of,
     talk,
@@ -31,7 +32,7 @@ pub(super) struct IdentifyArgs {
     leave_out: Vec<String>,
     /// Then look for what the ado is best told, by how it fares, with at most so
     /// many simulations of the ego (200 to 10000; 600 are usual).
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(LEAST_SIMULATIONS..=MOST_SIMULATIONS))]
+    #[arg(long, value_name = "N", value_parser = count(LEAST_SIMULATIONS..=MOST_SIMULATIONS))]
     adapt: Option<u64>,
     /// The physics to record in, instead of the run's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
@@ -39,6 +40,9 @@ pub(super) struct IdentifyArgs {
     /// The file to write, for `eval --params`.
     #[arg(short, long, value_name = "P.ron")]
     output: Option<PathBuf>,
+    /// Seed of the recorded runs.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -56,7 +60,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Exit, Failure> {
         runs: args.runs as usize,
         leave_out: &args.leave_out,
         adapt: args.adapt,
-        seed: args.common.seed,
+        seed: args.seed,
         output: args.output.as_deref(),
     };
     let bar = talk::bar("identifying");
@@ -166,7 +170,8 @@ fn identified(leave_out: &[String], family: &Family, ego: &str, found: &Identifi
         "{ego}: {verdict}\n\
          (root mean square over {} recorded runs, a speed error of 1 m/s counted like 1 m; the \
          nominal ego strays by {:.2} m, noise alone makes {:.2} m;\nindependent fits {} m; {} runs of \
-         members simulated)\n{table}\n",
+         members simulated)\n{table}\n\
+         spread: how far the independent fits are apart; family: the range it was looked for in\n",
         found.recorded,
         found.nominal_residual_m,
         found.noise_m,

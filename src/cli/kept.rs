@@ -1,4 +1,4 @@
-//! `brakecheck replay` and `brakecheck view`: kept counterexamples.
+//! `brakecheck replay`: kept counterexamples.
 
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
@@ -274,62 +274,10 @@ fn table(replayed: &[Replayed]) -> String {
         "rules until it",
         "bits",
     ];
-    table_of(header, lines)
-}
-
-#[cfg(feature = "rerun")]
-#[derive(Args, Debug)]
-pub(super) struct ViewArgs {
-    /// A kept counterexample, a directory of them, or a run directory.
-    #[arg(value_name = "FILE|DIR|RUN")]
-    what: PathBuf,
-    /// Which of them: a number (from 0) or a file name.
-    #[arg(default_value = "0")]
-    episode: String,
-    /// Replay against this ego first: a name under `reuse`, or a RON file.
-    #[arg(long, value_name = "NAME|FILE.ron")]
-    ego: Option<String>,
-    /// The recording to write [default: the episode's name with .rrd].
-    #[arg(short, long, value_name = "OUT.rrd")]
-    output: Option<PathBuf>,
-    #[command(flatten)]
-    pub(super) common: Common,
-}
-
-#[cfg(feature = "rerun")]
-pub(super) fn view(args: &ViewArgs) -> Result<Exit, Failure> {
-    let single = args.what.is_file();
-    let episode = (!single).then_some(args.episode.as_str());
-    let regressions =
-        Regressions::find(&args.what, episode)?.allow_programs(args.common.allow_programs);
-    let replayed = match args.ego.as_deref() {
-        Some(ego) => regressions.against(Some(ego), &[])?.replay()?,
-        None => regressions.replay_recorded()?,
-    };
-    let Some(replayed) = replayed.first() else {
-        return Err(Failure::input(
-            format!("`{}` holds no kept counterexample", args.what.display()),
-            "name one, or a directory of them",
-        ));
-    };
-    let name = replayed.path.with_extension("rrd");
-    let name = name.file_name().map(PathBuf::from).unwrap_or(name);
-    let output = args.output.clone().unwrap_or(name);
-    let caption = replayed.path.display().to_string();
-    if let Some(fault) = replayed.fault() {
-        let message = format!("there is nothing to see: {fault}");
-        return Err(Failure::fault(message, None));
-    }
-    let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, &output)
-        .map_err(|error| Failure::fault(error.to_string(), Some(error.help().to_owned())))?;
-    let file = recorded.path.display().to_string();
-    let (bytes, samples) = (recorded.bytes, recorded.samples);
-    match args.common.json {
-        true => print_json(&json!({ "file": file, "bytes": bytes, "samples": samples })),
-        false => talk::data(&format!(
-            "{file}: {samples} samples, {} kB; open it with `rerun {file}`",
-            bytes.div_ceil(1000)
-        )),
-    }?;
-    Ok(Exit::Done)
+    format!(
+        "{}\nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
+         \nrules until it whether the ados kept theirs until the contact; –: there was none\
+         \nbits           whether every sample is the recorded one",
+        table_of(header, lines)
+    )
 }

@@ -4,12 +4,15 @@
 
 mod check;
 mod compared;
+mod counts;
 mod crashes;
 mod eval;
+mod examples;
 mod failure;
 mod identify;
 mod keep;
 mod kept;
+mod new;
 mod report;
 mod reproduce;
 mod search;
@@ -18,6 +21,7 @@ mod table;
 mod talk;
 mod theorems;
 mod train;
+mod view;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -37,21 +41,18 @@ use crate::scenario::Scenario;
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
 #[command(name = "brakecheck", version, max_term_width = 100)]
-#[command(after_long_help = "`brakecheck reproduce` makes the paper's tables and figures again.")]
+#[command(after_help = examples::ALL)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
 }
 
-/// What every verb takes.
-#[derive(Args, Clone, Debug)]
+/// What every verb takes that plays episodes.
+#[derive(Args, Clone, Debug, Default)]
 struct Common {
     /// Print one JSON object on stdout instead of tables.
     #[arg(long, global = true)]
     json: bool,
-    /// Seed of the training, or of the test starts.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
-    seed: u64,
     /// Threads to use; rows do not depend on it [default: one per core].
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -72,44 +73,55 @@ fn share(text: &str) -> Result<f64, String> {
 
 #[derive(Subcommand, Debug)]
 enum Verb {
+    /// Write a small world of your own, with remarks.
+    #[command(after_help = examples::NEW)]
+    New(new::NewArgs),
     /// Validate a world; list its signals, rules, actions, egos and starts.
+    #[command(after_help = examples::CHECK)]
     Check(check::CheckArgs),
     /// Train an ado in a world and keep it in a run directory.
+    #[command(after_help = examples::TRAIN)]
     Train(train::TrainArgs),
     /// Measure a trained ado and baselines on test starts and egos.
+    #[command(after_help = examples::EVAL)]
     Eval(eval::EvalArgs),
     /// Search action sequences per start: what an adversary can do at all.
+    #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
     /// Fit a family's parameters to an ego seen only from outside.
+    #[command(after_help = examples::IDENTIFY)]
     Identify(identify::IdentifyArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
+    #[command(after_help = examples::REPLAY)]
     Replay(kept::ReplayArgs),
     /// Measure a formula of Signal Temporal Logic on a trace in CSV.
+    #[command(after_help = examples::STL)]
     Stl(stl::StlArgs),
     /// Write one page, and JUnit XML, about a run.
+    #[command(after_help = examples::REPORT)]
     Report(report::ReportArgs),
     /// Make the paper's tables and figures again, from nothing.
     #[command(hide = true)]
     Reproduce(reproduce::ReproduceArgs),
     /// Write an episode as a recording for the rerun viewer.
-    #[cfg(feature = "rerun")]
-    View(kept::ViewArgs),
+    #[command(after_help = examples::VIEW)]
+    View(view::ViewArgs),
 }
 
 impl Verb {
-    fn common(&self) -> &Common {
+    fn common(&self) -> Common {
         match self {
-            Verb::Check(args) => &args.common,
-            Verb::Train(args) => &args.common,
-            Verb::Eval(args) => &args.common,
-            Verb::Search(args) => &args.common,
-            Verb::Identify(args) => &args.common,
-            Verb::Replay(args) => &args.common,
-            Verb::Stl(args) => &args.common,
-            Verb::Report(args) => &args.common,
-            Verb::Reproduce(args) => &args.common,
-            #[cfg(feature = "rerun")]
-            Verb::View(args) => &args.common,
+            Verb::New(args) => args.common(),
+            Verb::Check(args) => args.common(),
+            Verb::Train(args) => args.common.clone(),
+            Verb::Eval(args) => args.common.clone(),
+            Verb::Search(args) => args.common.clone(),
+            Verb::Identify(args) => args.common.clone(),
+            Verb::Replay(args) => args.common.clone(),
+            Verb::Stl(args) => args.common(),
+            Verb::Report(args) => args.common.clone(),
+            Verb::Reproduce(args) => args.common.clone(),
+            Verb::View(args) => args.common(),
         }
     }
 
@@ -143,8 +155,9 @@ pub fn main() -> ExitCode {
 }
 
 fn carry_out(verb: Verb) -> Result<Exit, Failure> {
-    let common = verb.common().clone();
+    let common = verb.common();
     with_jobs(&common, move || match verb {
+        Verb::New(args) => new::run(&args),
         Verb::Check(args) => check::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Eval(args) => eval::run(&args),
@@ -154,8 +167,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Stl(args) => stl::run(&args),
         Verb::Report(args) => report::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),
-        #[cfg(feature = "rerun")]
-        Verb::View(args) => kept::view(&args),
+        Verb::View(args) => view::run(&args),
     })
 }
 
@@ -217,10 +229,7 @@ fn table_of<const N: usize>(
     header: [&str; N],
     lines: impl IntoIterator<Item = [String; N]>,
 ) -> String {
-    let mut table = comfy_table::Table::new();
-    table
-        .load_style(comfy_table::presets::UTF8_FULL_CONDENSED)
-        .set_header(header);
+    let mut table = table::table(&header);
     for line in lines {
         table.add_row(line);
     }
@@ -233,11 +242,6 @@ fn finite_or_word(value: f64) -> serde_json::Value {
         true => value.into(),
         false => if 0.0 < value { "inf" } else { "-inf" }.into(),
     }
-}
-
-/// How many starts a verb may draw.
-fn start_count() -> clap::builder::RangedU64ValueParser<usize> {
-    clap::builder::RangedU64ValueParser::new().range(1..=10_000_000)
 }
 
 /// Nothing was computed: somebody interrupted it, or the ego did not run.

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, interrupted_early, open_run, print_json, start_count, talk};
+use super::counts::start_count;
+use super::{Common, Exit, Failure, interrupted_early, open_run, print_json, talk};
 use crate::campaign::{GivenRows, ReportRequest};
 use crate::report::Report;
 use crate::run::{RunDir, write_file};
@@ -30,6 +31,9 @@ pub(super) struct ReportArgs {
     /// `--rows` [default: as many as 1000 episodes allow, 20 to 100].
     #[arg(long, value_name = "N", value_parser = start_count())]
     reuse_starts: Option<usize>,
+    /// Seed of the test starts.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -47,7 +51,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
         scenario: &scenario,
         with: &others.collect::<Result<Vec<_>, _>>()?,
         given: &given,
-        starts: (args.starts, args.common.seed),
+        starts: (args.starts, args.seed),
         reuse_starts: args.reuse_starts,
     };
     let bar = talk::bar("playing");
@@ -130,10 +134,10 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
         train,
         format!(
             "brakecheck eval {here} --seed {} --starts {} --ego all --ado all",
-            args.common.seed, args.starts
+            args.seed, args.starts
         ),
         format!("brakecheck replay {here} --expect recorded"),
-        format!("{report} --seed {}", args.common.seed),
+        format!("{report} --seed {}", args.seed),
     ]
 }
 

@@ -7,10 +7,11 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::VariantArray;
 
+use super::counts::{count, start_count};
 use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
-    start_count, table, talk,
+    table, talk,
 };
 use crate::campaign::{
     BUDGET, BreakEven, EgoUnderTest, Method, MethodInfo, MethodOption, MethodSettings,
@@ -30,7 +31,7 @@ pub(super) struct SearchArgs {
     #[arg(long, value_name = "M", help = MethodOption::Switches.help())]
     switches: Option<usize>,
     #[arg(long, value_name = "SIMS", help = MethodOption::Budget.help(),
-        value_parser = clap::value_parser!(u64).range(1..))]
+        value_parser = count(1..=u64::MAX))]
     budget: Option<u64>,
     #[arg(long, value_name = "RUN", help = MethodOption::From.help())]
     from: Option<PathBuf>,
@@ -51,6 +52,9 @@ pub(super) struct SearchArgs {
     /// A program that is the ego, after `--`: typing it consents to start it.
     #[arg(last = true, value_name = "COMMAND")]
     program: Vec<String>,
+    /// Seed of the test starts.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -92,7 +96,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         run: run.as_ref(),
         method: Method::named(args.method.name, &settings)?,
         budget: args.budget.unwrap_or(BUDGET),
-        starts: (args.starts, args.common.seed),
+        starts: (args.starts, args.seed),
     };
     let Some(searched) = campaign.run(&bar.watch())? else {
         return interrupted_early(&args.common);

@@ -42,8 +42,9 @@ pub(super) struct StlArgs {
     /// Exit with 1 if the trace violates the formula.
     #[arg(long)]
     fail_on_counterexample: bool,
-    #[command(flatten)]
-    pub(super) common: Common,
+    /// Print one JSON object on stdout.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
@@ -82,7 +83,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         all: args.all.then(|| monitor.robustness_all(&trace)),
         explanation: args.explain.then(|| monitor.explain(&trace)),
     };
-    match args.common.json {
+    match args.json {
         true => print_json(&measured.json()),
         false => measured.show(trace.dt_s()),
     }?;
@@ -93,6 +94,13 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
 }
 
 impl StlArgs {
+    pub(super) fn common(&self) -> Common {
+        Common {
+            json: self.json,
+            ..Common::default()
+        }
+    }
+
     fn settings(&self) -> Settings {
         Settings {
             until: match self.until {

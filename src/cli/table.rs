@@ -5,9 +5,30 @@ use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 use crate::campaign::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
 use crate::run::Row;
 
+/// Columns of a table at most; what is wider is wrapped.
+const WIDTH: u16 = 100;
+
+/// What the columns of rows mean, below them.
+const ROWS_EXPLAINED: &str = "
+success        starts on which the ego fails, and no rule was broken before; with its 95 % interval
+recall         of the starts that search solves, the share solved here too; –: none was asked for
+sims/start     simulations spent per start, on average
+fouls          starts on which a rule was broken first: no success
+fouls before   starts that were solved, a rule being broken between failure and contact
+contact        starts that end in a contact; closing: its speed, median and 90 % quantile; –: none
+cpu s          processor time spent on all of the starts";
+
+/// What the columns of a block's egos and of its summary mean.
+const BLOCKS_EXPLAINED: &str = "
+reachable      starts that search solves; –: no search was asked for
+union          starts that any ado here, or search, solves
+trained − it   success of the trained ado less that of this one, over the egos of the block
+mean, least    over those egos of which search solves enough to ask for recall";
+
 /// All rows as one table, opened by what happens without an adversary.
 pub(super) fn rows(rows: &[Row]) -> String {
-    format!("{}\n{}{}", opening(rows), lines(rows), remarks(rows))
+    let (lines, remarks) = (lines(rows), remarks(rows));
+    format!("{}\n{lines}{ROWS_EXPLAINED}{remarks}", opening(rows))
 }
 
 /// What the table has no room for: contacts, faults, and several runs per start.
@@ -73,6 +94,7 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
         let heading = Relation::Changed.heading();
         text.push_str(&format!("\n\n# {heading}\n{}", summary(of_all)));
     }
+    text.push_str(&format!("\n{ROWS_EXPLAINED}{BLOCKS_EXPLAINED}"));
     text
 }
 
@@ -131,52 +153,54 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
     table.to_string()
 }
 
+/// Two tables: what was found at which cost, and how it came about.
 fn lines(rows: &[Row]) -> String {
-    let mut table = table(&[
+    let mut found = table(&[
         "ego",
         "ado",
         "method",
         "success",
         "95 % interval",
         "recall",
+        "sims/start",
+    ]);
+    let mut how = table(&[
+        "ego",
+        "ado",
         "fouls",
         "fouls before\ncontact",
         "contact",
         "closing m/s,\nmedian / 90 %",
-        "sims/start",
         "cpu s",
     ]);
     for row in rows {
+        let success = match row.starts {
+            0 => "– (0/0)".to_owned(),
+            starts => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
+        };
         let recall = row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"));
         let closing = row.closing_speed_mps.map_or("–".to_owned(), |c| {
             format!("{:.1} / {:.1}", c.median, c.p90)
         });
         let numbers = [
-            match row.starts {
-                0 => "– (0/0)".to_owned(),
-                starts => {
-                    let rate = percent(row.success_rate);
-                    format!("{rate} ({}/{starts})", row.successes)
-                }
-            },
+            success,
             format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1]),
             recall,
+            format!("{:.1}", row.sims_per_start),
+        ];
+        let words = [&row.ego, &row.ado, &row.method].map(Cell::new);
+        found.add_row(words.into_iter().chain(numbers.iter().map(right)));
+        let numbers = [
             percent(row.foul_rate),
             row.foul_before_contact_rate.map_or("–".to_owned(), percent),
             percent(row.contact_rate),
             closing,
-            format!("{:.1}", row.sims_per_start),
             format!("{:.1}", row.cpu_s),
         ];
-        let mut cells = vec![
-            Cell::new(&row.ego),
-            Cell::new(&row.ado),
-            Cell::new(&row.method),
-        ];
-        cells.extend(numbers.iter().map(right));
-        table.add_row(cells);
+        let words = [&row.ego, &row.ado].map(Cell::new);
+        how.add_row(words.into_iter().chain(numbers.iter().map(right)));
     }
-    format!("{table}{}{}", bounds(rows), uncounted(rows))
+    format!("{found}\n{how}{}{}", bounds(rows), uncounted(rows))
 }
 
 /// Violations that do not count in a world, one line for all rows.
@@ -243,11 +267,13 @@ fn opening(rows: &[Row]) -> String {
     text
 }
 
-fn table(header: &[&str]) -> Table {
+/// A table with a header, no wider than a terminal.
+pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table
         .load_style(presets::UTF8_FULL_CONDENSED)
-        .set_content_arrangement(ContentArrangement::Disabled)
+        .set_content_arrangement(ContentArrangement::Dynamic)
+        .set_width(WIDTH)
         .set_header(header.iter().copied());
     table
 }
@@ -274,6 +300,33 @@ mod tests {
             "physics_steps": 0, "cpu_s": 0.0, "solved": "",
         });
         serde_json::from_value(row).expect("a row")
+    }
+
+    /// However long the names are, and whatever they mean is said.
+    #[test]
+    fn tables_fit_a_terminal_and_their_columns_are_explained() {
+        let long = "an ego whose name does not end as soon as one would wish";
+        let rows = [
+            row(long, "best constant", (250, 284)),
+            row("nominal", "search", (0, 50)),
+        ];
+        let text = super::rows(&rows);
+        for line in text
+            .lines()
+            .skip(1)
+            .filter(|line| !line.contains("no success in"))
+        {
+            assert!(line.chars().count() <= 100, "{line}");
+        }
+        for column in [
+            "success  ",
+            "recall  ",
+            "sims/start  ",
+            "fouls before  ",
+            "cpu s  ",
+        ] {
+            assert!(text.contains(&format!("\n{column}")), "{column}: {text}");
+        }
     }
 
     #[test]

@@ -61,6 +61,11 @@ fn on_the_road(carried: &CarryOver) -> String {
         "sharper (misses)",
     ];
     text.push_str(&table_of(header, measured));
+    text.push_str(
+        "\ncarried over   counterexamples against the nominal ego that are some against this one\
+         \nε              distance of the runs; where it is below τ the theorem promises carry-over\
+         \n(misses)       promises that were not kept: each is a bug of this program",
+    );
     text.push_str(&format!(
         "\n\nBefore running, distances bounded at {:.0} % by as many other starts:\n",
         100.0 * (1.0 - carried.alpha)
@@ -82,6 +87,12 @@ fn on_the_road(carried: &CarryOver) -> String {
         "recall",
     ];
     text.push_str(&table_of(header, foretold));
+    text.push_str(
+        "\nbounds         distances that are not exceeded, by the other starts\
+         \ncoverage       pairs that stay within the bounds\
+         \npredicted      pairs foretold to carry over; precision: of those, the share that does;\
+         \n               recall: of those that do, the share foretold",
+    );
     for refused in &carried.refused {
         text.push_str(&format!("\nleft out: {}", refused.why));
     }

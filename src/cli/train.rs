@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::counts::{count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
-    start_count, table, talk,
+    table, talk,
 };
 use crate::campaign::{TrainRequest, TrainSession, TrainingOutcome};
 use crate::run::Row;
@@ -22,7 +23,7 @@ pub(super) struct TrainArgs {
     #[arg(short, long, value_name = "RUN")]
     output: Option<PathBuf>,
     /// Decisions to train for, instead of the world's number.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = count(1..=u64::MAX))]
     decisions: Option<u64>,
     /// Which of the world's `learners` to train with, instead of its `learner`.
     #[arg(long, value_name = "NAME")]
@@ -45,6 +46,9 @@ pub(super) struct TrainArgs {
     /// Test starts of the closing evaluation.
     #[arg(long, value_name = "N", default_value_t = 300, value_parser = start_count())]
     starts: usize,
+    /// Seed of the training, and of its test starts.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -81,7 +85,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
 
 /// Begins a training or goes on with one.
 fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> {
-    let seed = args.common.seed;
+    let seed = args.seed;
     let default = || PathBuf::from(format!("runs/{}-{seed}", world.name));
     let path = args.output.clone().unwrap_or_else(default);
     let from = args.from.as_ref();

@@ -18,7 +18,8 @@ pub(super) fn xml(report: &Report<'_>) -> String {
     let skipped = rows().filter(|row| row.starts + row.invalid == 0).count();
     let cases = |row: &Row| row.successes + usize::from(errs(row) || row.successes == 0);
     let tests = rows().map(cases).sum::<usize>() + not_run;
-    let seconds: f64 = rows().map(|row| row.cpu_s).sum();
+    // Not `sum`, which is -0.0 of nothing.
+    let seconds: f64 = rows().fold(0.0, |sum, row| sum + row.cpu_s);
     let time = format!("{seconds:.3}");
     let name = legible(&report.scenario.name);
     let page = html! {

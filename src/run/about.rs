@@ -195,7 +195,8 @@ impl Display for Why {
         let driver = &chance.driver;
         match chance.at_s {
             Some(at_s) => {
-                let left_s = chance.violated_s - at_s;
+                // Both are times of samples: what is below 0 is rounding.
+                let left_s = (chance.violated_s - at_s).max(0.0);
                 write!(
                     f,
                     "; {driver} avoids it until {at_s:.2} s, {left_s:.2} s before."

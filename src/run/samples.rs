@@ -1,7 +1,7 @@
 //! Traces from CSV: a header of signal names, one line per sample.
 //!
-//! A first column named `time` or `t` is the time in seconds: it must be even,
-//! and it gives the sampling period. Columns of `true` and `false` are Boolean
+//! A first column named `time` or `t`, with or without its unit (`time [s]`), is
+//! the time in seconds: it must be even, and it gives the sampling period. Columns of `true` and `false` are Boolean
 //! signals. Everything else is a finite number, or an error with its line.
 
 use std::sync::Arc;
@@ -59,6 +59,24 @@ pub enum SamplesError {
         /// What even sampling would give.
         expected: f64,
     },
+    /// The time does not advance at all.
+    #[error("line {line}: time {found} s is not later than {before} s in the sample before")]
+    NotLater {
+        /// Counted from 1.
+        line: usize,
+        /// The time in that line.
+        found: f64,
+        /// The time of the sample before.
+        before: f64,
+    },
+    /// The time column is in another unit.
+    #[error("line 1: the times of `{column}` are in `{unit}`, and seconds are expected")]
+    TimeUnit {
+        /// As the header names it.
+        column: String,
+        /// What it names.
+        unit: String,
+    },
     /// `--dt` contradicts the time column.
     #[error("the time column advances by {column_s} s, not by the given {given_s} s")]
     Period {
@@ -77,6 +95,8 @@ impl SamplesError {
     pub fn help(&self) -> &'static str {
         match self {
             SamplesError::Uneven { .. } => "resample the trace at a fixed period",
+            SamplesError::NotLater { .. } => "sort the samples by time, each once",
+            SamplesError::TimeUnit { .. } => "convert the column to seconds and call it `time`",
             SamplesError::Period { .. } => "leave out `--dt`, or the time column",
             SamplesError::Ragged { .. } => "give every line as many values as the header has names",
             SamplesError::NotANumber { .. } => "write a number such as 1.5, or true / false",
@@ -112,7 +132,7 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
     if let Some(column) = names.iter().position(String::is_empty) {
         return Err(SamplesError::NoName { column: column + 1 });
     }
-    let mut table = Table::new(names);
+    let mut table = Table::new(names)?;
     for record in reader.records() {
         table.push(&record.map_err(csv_error)?)?;
     }
@@ -122,19 +142,27 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
 /// The numbers read so far, with the line of each sample.
 struct Table {
     names: Vec<String>,
+    /// Whether the first column is the time.
+    timed: bool,
     boolean: Vec<bool>,
     rows: Vec<Vec<f64>>,
     lines: Vec<usize>,
 }
 
 impl Table {
-    fn new(names: Vec<String>) -> Table {
-        Table {
+    fn new(mut names: Vec<String>) -> Result<Table, SamplesError> {
+        let time = time_name(&names[0])?;
+        let timed = time.is_some();
+        if let Some(time) = time {
+            names[0] = time;
+        }
+        Ok(Table {
             boolean: vec![true; names.len()],
             names,
+            timed,
             rows: Vec::new(),
             lines: Vec::new(),
-        }
+        })
     }
 
     fn push(&mut self, record: &csv::StringRecord) -> Result<(), SamplesError> {
@@ -172,8 +200,7 @@ impl Table {
         if self.rows.is_empty() {
             return Err(SamplesError::NoSample);
         }
-        let first = self.names[0].to_ascii_lowercase();
-        let timed = first == "time" || first == "t";
+        let timed = self.timed;
         let column_s = match timed && 1 < self.rows.len() {
             true => Some(self.period()?),
             false => None,
@@ -205,19 +232,76 @@ impl Table {
         let (start, last) = (self.rows[0][0], self.rows[self.rows.len() - 1][0]);
         let mean_s = (last - start) / (self.rows.len() - 1) as f64;
         // Decimal fractions of the file, not the dust of their differences.
-        let period_s = (mean_s * 1e9).round() / 1e9;
+        let period_s = tidy(mean_s);
         for (i, row) in self.rows.iter().enumerate() {
             let expected = start + i as f64 * mean_s;
             let uneven = UNEVEN * mean_s.abs() < (row[0] - expected).abs();
             if uneven || period_s <= 0.0 {
-                return Err(SamplesError::Uneven {
+                return Err(self.odd_step().unwrap_or(SamplesError::Uneven {
                     line: self.lines[i],
                     found: row[0],
-                    expected,
-                });
+                    expected: tidy(expected),
+                }));
             }
         }
         Ok(period_s)
+    }
+
+    /// The first time that does not follow from the one before it.
+    ///
+    /// The mean period will not do for that: one long step moves it, and then
+    /// even samples are blamed. The usual step, the median, is not moved.
+    fn odd_step(&self) -> Option<SamplesError> {
+        let mut steps_s: Vec<f64> = self
+            .rows
+            .windows(2)
+            .map(|two| two[1][0] - two[0][0])
+            .collect();
+        steps_s.sort_by(f64::total_cmp);
+        let usual_s = steps_s[(steps_s.len() - 1) / 2];
+        self.rows.windows(2).enumerate().find_map(|(i, two)| {
+            let (before, found) = (two[0][0], two[1][0]);
+            let line = self.lines[i + 1];
+            if found <= before {
+                return Some(SamplesError::NotLater {
+                    line,
+                    found,
+                    before,
+                });
+            }
+            let odd = UNEVEN * usual_s < (found - before - usual_s).abs();
+            odd.then(|| SamplesError::Uneven {
+                line,
+                found,
+                expected: tidy(before + usual_s),
+            })
+        })
+    }
+}
+
+/// A number without the dust of binary fractions.
+fn tidy(value: f64) -> f64 {
+    (value * 1e9).round() / 1e9
+}
+
+/// The name of a time column without its unit; `None`: it is another one.
+fn time_name(header: &str) -> Result<Option<String>, SamplesError> {
+    let (name, unit) = match header.split_once(['[', '(']) {
+        Some((name, unit)) => (
+            name.trim_end(),
+            Some(unit.trim_end_matches([']', ')']).trim()),
+        ),
+        None => (header, None),
+    };
+    if !["time", "t"].contains(&name.to_ascii_lowercase().as_str()) {
+        return Ok(None);
+    }
+    match unit {
+        None | Some("" | "s" | "sec" | "second" | "seconds") => Ok(Some(name.to_owned())),
+        Some(unit) => Err(SamplesError::TimeUnit {
+            column: header.to_owned(),
+            unit: unit.to_owned(),
+        }),
     }
 }
 
@@ -232,6 +316,12 @@ mod tests {
         assert_eq!(trace.dt_s(), 0.1);
         assert_eq!(trace.signal("x"), Some([1.0, 2.0, 3.0].as_slice()));
         assert_eq!(trace.signal("on"), Some([1.0, 0.0, 1.0].as_slice()));
+        for header in ["time [s]", "Time (s)", "t[s]"] {
+            let text = format!("{header},x\n0,1\n0.5,2\n");
+            let trace = trace_of_csv(&text, None).expect(header);
+            assert_eq!(trace.dt_s(), 0.5, "{header}");
+            assert!(!trace.schema().signals()[0].name.contains(['[', '(', ' ']));
+        }
         let trace = trace_of_csv("x, y\n1, 2\n", Some(0.5)).expect("a trace");
         assert_eq!((trace.len(), trace.dt_s()), (1, 0.5));
     }
@@ -247,8 +337,21 @@ mod tests {
             ("x\n1\nNaN\n", "line 3, column `x`: `NaN`"),
             ("x\n1\ninf\n", "`inf` is no finite number"),
             ("x\n1\nabc\n", "`abc`"),
-            ("t,x\n0,1\n1,1\n3,1\n", "uneven"),
-            ("t,x\n0,1\n0,1\n", "uneven"),
+            ("t,x\n0,1\n1,1\n3,1\n", "line 4: time 3 s where 2 s was"),
+            (
+                "t,x\n0,1\n2,1\n3,1\n4,1\n",
+                "line 3: time 2 s where 1 s was",
+            ),
+            (
+                "t,x\n0,1\n.1,1\n.2,1\n.4,1\n",
+                "line 5: time 0.4 s where 0.3 s was",
+            ),
+            ("t,x\n0,1\n0,1\n", "line 3: time 0 s is not later than 0 s"),
+            (
+                "t,x\n0,1\n1,1\n.5,1\n2,1\n",
+                "line 4: time 0.5 s is not later",
+            ),
+            ("time [ms],x\n0,1\n10,1\n", "in `ms`"),
         ];
         for (text, says) in cases {
             let error = trace_of_csv(text, None).expect_err(text).to_string();

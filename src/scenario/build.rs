@@ -12,6 +12,7 @@ use super::language::{Judging, Language, constants, formula, rulebook};
 use super::locate::Path;
 use super::problems::Problems;
 use super::runs::{Assembled, Origin, RunSource};
+use super::warnings::Warnings;
 use super::{counting, kinship, read, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
@@ -28,9 +29,12 @@ pub(super) fn build(
         runs,
         assemble: within,
     };
-    let mut scenario = assemble(origin, text, parsed)?;
     let mut problems = Problems::new(text);
     let top = Path::top();
+    let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &parsed.allow);
+    problems.done()?;
+    warnings.driving(&parsed);
+    let mut scenario = assemble(origin, text, parsed)?;
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     vacuous::check(&mut problems, &top, &scenario);
     problems.done()?;
@@ -38,9 +42,11 @@ pub(super) fn build(
     problems.done()?;
     let excluding = trial::can_be_kept(&mut problems, &scenario);
     problems.done()?;
-    scenario.warnings = trial::warnings(&scenario.text, &scenario);
-    scenario.warnings.extend(excluding);
-    scenario.warnings.extend(vacuous::warnings(&scenario));
+    warnings.found(trial::tie(&scenario.text, &scenario));
+    warnings.found(excluding);
+    warnings.found(vacuous::warnings(&scenario));
+    warnings.bounds(&scenario);
+    scenario.warnings = warnings.of(&scenario.text);
     Ok(scenario)
 }
 
@@ -88,6 +94,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         lights,
         light_entries,
         observed,
+        observe,
         rules,
         written_out,
         ..
@@ -137,7 +144,8 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     for rule in &rules {
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }
-    spec.observe = language.observe(&mut problems, &observed);
+    let observe = observe.unwrap_or_else(|| list.clone());
+    spec.observe = language.observe(&mut problems, &observed, &observe);
     problems.done()?;
     spec.extra = language.published();
     let world = match DriveWorld::new(spec) {

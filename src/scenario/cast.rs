@@ -29,6 +29,8 @@ pub(super) struct Cast<'a> {
     /// Position of each light in the file's list.
     pub(super) light_entries: Vec<usize>,
     pub(super) observed: Vec<(String, Path)>,
+    /// Where the first ado says what it observes.
+    pub(super) observe: Option<Path>,
     /// Rules in the order of the file; lights and road users alike.
     pub(super) rules: Vec<RuleSpec>,
     /// Values of the file that are to be written out.
@@ -53,6 +55,7 @@ impl Cast<'_> {
             lights: Vec::new(),
             light_entries: Vec::new(),
             observed: Vec::new(),
+            observe: None,
             rules: Vec::new(),
             written_out: Vec::new(),
             declared: Vec::new(),
@@ -138,7 +141,10 @@ impl Cast<'_> {
                 drive,
             } => {
                 if file.road.lanes() <= *lane {
-                    let what = format!("lane {lane} on a road of {} lanes", file.road.lanes());
+                    let what = match file.road.lanes() {
+                        1 => format!("lane {lane} on a road of 1 lane"),
+                        lanes => format!("lane {lane} on a road of {lanes} lanes"),
+                    };
                     let help = "lanes count from the right, from 0".to_owned();
                     problems.add(&path.to("lane"), what, "no such lane", Some(help));
                 }
@@ -281,6 +287,7 @@ impl Cast<'_> {
     }
 
     fn rules_of(&mut self, problems: &mut Problems, path: &Path, name: &str, ado: &AdoFile) {
+        self.observe.get_or_insert_with(|| path.to("observe"));
         for (j, signal) in ado.observe.iter().enumerate() {
             self.observed
                 .push((signal.clone(), path.to("observe").at(j)));

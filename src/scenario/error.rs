@@ -78,6 +78,20 @@ pub(crate) fn known_names<'a>(what: &str, known: impl IntoIterator<Item = &'a st
     format!("{what}: {}", names.join(", "))
 }
 
+/// The known names, behind the one that was most likely meant.
+pub(crate) fn guessed<'a>(
+    written: &str,
+    what: &str,
+    known: impl IntoIterator<Item = &'a str, IntoIter: Clone>,
+) -> String {
+    let known = known.into_iter();
+    let list = known_names(what, known.clone());
+    match did_you_mean(written, known) {
+        Some(guess) => format!("{guess} {list}"),
+        None => list,
+    }
+}
+
 /// A world file could not be read or used.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {

@@ -57,6 +57,9 @@ pub(super) struct ScenarioFile {
     pub(super) train_against: Option<FamilyFile>,
     #[serde(default)]
     pub(super) repeats: Repeats,
+    /// Warnings that are not given: what they say is meant so.
+    #[serde(default)]
+    pub(super) allow: Vec<String>,
     #[serde(default)]
     pub(super) reuse: Ordered<Change>,
 }

@@ -15,6 +15,7 @@ use super::locate::Path;
 use super::ordered::Ordered;
 use super::problems::Problems;
 use super::trial;
+use super::warnings::Warnings;
 use super::{Change, ChangeError, Repeats, RuleSpec, Scenario};
 use crate::rl::LearnerSettings;
 use crate::rulebook::{Counts, JudgeKind, Reward};
@@ -64,6 +65,8 @@ pub(super) struct GridFile {
     learners: Ordered<LearnerSettings>,
     #[serde(default)]
     reuse: Ordered<GridChange>,
+    #[serde(default)]
+    allow: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -96,6 +99,9 @@ struct AdoFile {
 pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
     let top = Path::top();
+    let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &file.allow);
+    warnings.question(&file.question);
+    warnings.ado(&top.to("ado"), &file.ado.rulebook, &file.ado.observe);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::nothing_touches(&mut problems, &top, file.judge, &file.counts);
     let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
@@ -153,7 +159,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     let observed = file.ado.observe.into_iter().enumerate();
     let observe = top.to("ado").to("observe");
     let observed: Vec<(String, Path)> = observed.map(|(i, name)| (name, observe.at(i))).collect();
-    spec.observe = language.observe(&mut problems, &observed);
+    spec.observe = language.observe(&mut problems, &observed, &observe);
     problems.done()?;
     spec.extra = language.published();
     let world = match GridWorld::new(spec) {
@@ -203,7 +209,9 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     trial::begins_well(&mut problems, &top, &scenario);
     problems.done()?;
-    scenario.warnings = trial::warnings(text, &scenario);
+    warnings.found(trial::tie(text, &scenario));
+    warnings.bounds(&scenario);
+    scenario.warnings = warnings.of(text);
     Ok(scenario)
 }
 

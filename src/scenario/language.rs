@@ -65,20 +65,24 @@ impl Language {
         file: &Ordered<SignalFile>,
     ) -> Vec<Derived> {
         let mut all = Vec::new();
-        for (name, signal) in &file.0 {
-            let derived = self.derive_one(problems, &path.to(name), name, signal);
+        for (i, (name, signal)) in file.0.iter().enumerate() {
+            let later: Vec<&str> = file.0.keys().skip(i).map(String::as_str).collect();
+            let derived = self.derive_one(problems, &path.to(name), &later, signal);
             all.extend(derived);
         }
         all
     }
 
+    /// The first of `names`, of which the others are declared later.
     fn derive_one(
         &mut self,
         problems: &mut Problems,
         key: &Path,
-        name: &str,
+        names: &[&str],
         signal: &SignalFile,
     ) -> Option<Derived> {
+        let (name, later) = names.split_first()?;
+        let name = *name;
         let place = match signal.long {
             true => key.to("expr"),
             false => key.clone(),
@@ -93,7 +97,12 @@ impl Language {
         };
         let so_far = self.schema()?;
         if let Err(error) = expr.bind(&so_far, &self.constants) {
-            problems.stl(&place, &error);
+            let refused = signal.expr.get(error.span()).unwrap_or_default();
+            let refused = refused.trim_matches(['"', '`', '\'']);
+            match later.contains(&refused) || refused == name {
+                true => problems.too_early(&place, &error, refused, name),
+                false => problems.stl(&place, &error),
+            }
             return None;
         }
         let mentioned = expr.signals();
@@ -171,21 +180,18 @@ impl Language {
         }
     }
 
-    /// The observed signals with their scales, each once.
+    /// The observed signals with their scales, each once; `list` is where
+    /// they would stand if there were any.
     pub(super) fn observe(
         &mut self,
         problems: &mut Problems,
         names: &[(String, Path)],
+        list: &Path,
     ) -> Vec<Observed> {
         if names.is_empty() {
             let what = "an ado that observes nothing cannot learn";
             let help = "give `observe` at least one signal, such as \"time_left\"".to_owned();
-            problems.add(
-                &Path::top().to("agents"),
-                what,
-                "nothing is observed",
-                Some(help),
-            );
+            problems.add(list, what, "nothing is observed", Some(help));
         }
         let mut observe: Vec<Observed> = Vec::new();
         for (name, path) in names {

@@ -31,16 +31,19 @@ mod quantity;
 mod read;
 mod repeats;
 mod runs;
+mod shipped;
 mod starts;
 mod trained;
 mod trial;
 mod vacuous;
 mod variants;
+mod warnings;
 mod world;
 
 use std::path::Path as FilePath;
 
 pub use error::{LoadError, Problem, ScenarioError};
+pub(crate) use error::{guessed, known_names};
 pub use family::{Against, Family, Member, MisfitMember, NoMember};
 pub use file::{Change, GridChange};
 pub use locate::Path;
@@ -81,6 +84,7 @@ impl Scenario {
         text: &str,
         runs: &dyn RunSource,
     ) -> Result<Scenario, ScenarioError> {
+        let text = read::without_mark(text);
         let fail = |problems| ScenarioError {
             file: file.to_owned(),
             text: text.to_owned(),

@@ -36,6 +36,37 @@ impl<'a> Problems<'a> {
 
     /// Notes a mistake inside the STL string under `path`.
     pub(super) fn stl(&mut self, path: &Path, error: &StlError) {
+        self.list.push(Problem {
+            what: error.to_string(),
+            span: self.place_in_stl(path, error),
+            label: error.label().to_owned(),
+            help: error.help().map(str::to_owned),
+        });
+    }
+
+    /// Notes that the signal `name` uses one that is not declared before it.
+    pub(super) fn too_early(&mut self, path: &Path, error: &StlError, used: &str, name: &str) {
+        let (what, label, help) = match used == name {
+            true => (
+                format!("the signal `{name}` is defined by itself"),
+                "not known yet",
+                "say what it is by other signals".to_owned(),
+            ),
+            false => (
+                format!("the signal `{used}` is declared later"),
+                "not known yet",
+                format!("move `{used}` up, above `{name}`: signals use those above them"),
+            ),
+        };
+        self.list.push(Problem {
+            what,
+            span: self.place_in_stl(path, error),
+            label: label.to_owned(),
+            help: Some(help),
+        });
+    }
+
+    fn place_in_stl(&self, path: &Path, error: &StlError) -> std::ops::Range<usize> {
         // The mistake may lie in a named formula that this one uses.
         let named = error
             .formula()
@@ -47,16 +78,10 @@ impl<'a> Problems<'a> {
         let open = quoted.find('"').map_or(0, |quote| quote + 1);
         // Escapes shift the places; then the whole string is underlined.
         let shifted = quoted.starts_with('"') && quoted.contains('\\');
-        let span = match shifted || quoted.len() < open + inner.end {
+        match shifted || quoted.len() < open + inner.end {
             true => value,
             false => value.start + open + inner.start..value.start + open + inner.end,
-        };
-        self.list.push(Problem {
-            what: error.to_string(),
-            span,
-            label: error.label().to_owned(),
-            help: error.help().map(str::to_owned),
-        });
+        }
     }
 
     /// Whether nothing was found so far.

@@ -45,6 +45,11 @@ pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
     })
 }
 
+/// A text without the byte order mark that some editors begin it with.
+pub(super) fn without_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
+}
+
 /// What a world file describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
@@ -82,14 +87,6 @@ pub(super) fn kind(text: &str) -> Result<Kind, Problem> {
 
 /// Reads a value from RON, finite numbers only.
 pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
-    if text.starts_with('\u{feff}') {
-        return Err(Problem {
-            what: "the file begins with a byte order mark".to_owned(),
-            span: 0..3,
-            label: "invisible character U+FEFF".to_owned(),
-            help: Some("save the file as UTF-8 without BOM".to_owned()),
-        });
-    }
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let value = options

@@ -6,6 +6,7 @@ use super::Scenario;
 use super::error::Problem;
 use super::locate::Path;
 use super::problems::Problems;
+use super::warnings::Oddity;
 use crate::rulebook::{Judge, JudgeKind, Rulebook, Verdict};
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
@@ -20,6 +21,8 @@ const MAX_CORNERS: u32 = 256;
 const TRIED_SAMPLES: usize = 200_000;
 /// Runs in search of one that keeps every rule.
 const MAX_TRIALS: usize = 200;
+/// Runs that are enough to say of a rule that it cannot be kept.
+const LEAST_TRIALS: usize = 10;
 /// Entries of a file's list of agents that are looked through at most.
 const MAX_AGENTS: usize = 1000;
 /// Decisions for which changing actions are held at most.
@@ -185,51 +188,48 @@ fn rule_place(scenario: &Scenario, rule: &str) -> Path {
 /// A rule that is broken however the ados act cannot be meant.
 ///
 /// Found by trying: every action for the whole run, and changing ones. Returns
-/// a warning about rules that no run kept together.
-pub(super) fn can_be_kept(problems: &mut Problems, scenario: &Scenario) -> Option<Problem> {
+/// a warning about rules that no run kept together, or about a rule that was
+/// broken in all of too few runs to say more.
+pub(super) fn can_be_kept(
+    problems: &mut Problems,
+    scenario: &Scenario,
+) -> Option<(Oddity, Problem)> {
     let tried = scenario.on(PlantKind::Kinematic);
-    let mut bench = tried.bench();
-    let actions = bench.spaces().actions;
     let rules = &tried.rulebook().rules;
-    let mut scratch = crate::stl::Scratch::default();
-    // Which rules each run kept.
-    let mut runs: Vec<Vec<bool>> = Vec::new();
-    // A program as the ego is not run for this.
-    let affordable = TRIED_SAMPLES / bench.clock().samples();
-    let most = bench.fork().map_or(0, |_| affordable.clamp(1, MAX_TRIALS));
-    for (i, start) in tried_starts(&tried).iter().enumerate() {
-        let mut constant = Constant(i % actions);
-        let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
-        let actors: [&mut dyn Actor; 2] = [&mut constant, &mut changing];
-        for actor in actors {
-            let together = runs
-                .last()
-                .is_some_and(|kept| kept.iter().all(|kept| *kept));
-            if most <= runs.len() || together {
-                break;
-            }
-            let episode = play(&mut bench, start, i as u64, actor, Aftermath::Skip);
-            let mut judged = episode.trace;
-            judged.truncate(episode.judged);
-            let kept = rules.iter();
-            let kept = kept.map(|rule| 0.0 < rule.monitor.robustness(&judged, &mut scratch));
-            runs.push(kept.collect());
-        }
-    }
+    let runs = rules_kept(&tried);
     let tries = runs.len();
-    let ever = |i: usize, j: usize| runs.iter().any(|kept| kept[i] && kept[j]);
-    let numbered = || 0..rules.len();
-    if let (Some(broken), true) = (numbered().find(|&i| !ever(i, i)), 0 < tries) {
-        let what = format!("the rule `{}` cannot be kept", rules[broken].name);
-        let help = format!("it was broken in each of {tries} runs with all kinds of actions");
-        let place = rule_place(scenario, &rules[broken].name);
-        problems.add(&place, what, "ρ ≤ 0 whatever the ado does", Some(help));
+    if tries == 0 {
         return None;
     }
+    let ever = |i: usize, j: usize| runs.iter().any(|kept| kept[i] && kept[j]);
+    let numbered = || 0..rules.len();
+    if let Some(broken) = numbered().find(|&i| !ever(i, i)) {
+        let name = &rules[broken].name;
+        let place = rule_place(scenario, name);
+        if LEAST_TRIALS <= tries {
+            let what = format!("the rule `{name}` cannot be kept");
+            let help = format!("it was broken in each of {tries} runs with all kinds of actions");
+            problems.add(&place, what, "ρ ≤ 0 whatever the ado does", Some(help));
+            return None;
+        }
+        let runs = match tries {
+            1 => "the one run".to_owned(),
+            _ => format!("each of the {tries} runs"),
+        };
+        let problem = Problem {
+            what: format!("the rule `{name}` was broken in {runs} that were tried"),
+            span: place.find(&scenario.text),
+            label: "can it be kept?".to_owned(),
+            help: Some(
+                "an episode is so long that more were not tried: shorten `horizon_s`".into(),
+            ),
+        };
+        return Some((Oddity::BarelyTried, problem));
+    }
     let mut pairs = numbered().flat_map(|j| (0..j).map(move |i| (i, j)));
-    let (i, j) = pairs.find(|&(i, j)| 0 < tries && !ever(i, j))?;
+    let (i, j) = pairs.find(|&(i, j)| !ever(i, j))?;
     let (first, second) = (&rules[i].name, &rules[j].name);
-    Some(Problem {
+    let problem = Problem {
         what: format!("the rules `{first}` and `{second}` were never kept together"),
         span: rule_place(scenario, second).find(&scenario.text),
         label: format!("not together with `{first}`"),
@@ -237,11 +237,48 @@ pub(super) fn can_be_kept(problems: &mut Problems, scenario: &Scenario) -> Optio
             "each was kept in some of {tries} runs with all kinds of actions, both in none: \
              do they exclude each other?"
         )),
-    })
+    };
+    Some((Oddity::ExcludingRules, problem))
+}
+
+/// Which rules each of some runs kept; the last may have kept all.
+///
+/// As many runs as cost no more than a number of samples: a run that breaks a
+/// rule ends early, so that there are many of those even in long episodes.
+fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
+    let mut bench = tried.bench();
+    let mut runs: Vec<Vec<bool>> = Vec::new();
+    // A program as the ego is not run for this.
+    if bench.fork().is_none() {
+        return runs;
+    }
+    let actions = bench.spaces().actions;
+    let mut scratch = crate::stl::Scratch::default();
+    let mut samples = 0;
+    for (i, start) in tried_starts(tried).iter().enumerate() {
+        let mut constant = Constant(i % actions);
+        let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
+        let actors: [&mut dyn Actor; 2] = [&mut constant, &mut changing];
+        for actor in actors {
+            let episode = play(&mut bench, start, i as u64, actor, Aftermath::Skip);
+            let mut judged = episode.trace;
+            judged.truncate(episode.judged);
+            samples += judged.len();
+            let kept = tried.rulebook().rules.iter();
+            let kept = kept.map(|rule| 0.0 < rule.monitor.robustness(&judged, &mut scratch));
+            let kept: Vec<bool> = kept.collect();
+            let together = kept.iter().all(|kept| *kept);
+            runs.push(kept);
+            if together || MAX_TRIALS <= runs.len() || TRIED_SAMPLES <= samples {
+                return runs;
+            }
+        }
+    }
+    runs
 }
 
 /// What is allowed but odd: coasting runs that sit at ρ = 0 exactly.
-pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
+pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> {
     let tried = scenario.on(PlantKind::Kinematic);
     let mut bench = tried.bench();
     let neutral = bench.spaces().neutral;
@@ -274,7 +311,7 @@ pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
             ),
             None => continue,
         };
-        return vec![Problem {
+        let problem = Problem {
             what,
             span: place.find(text),
             label: "neither kept nor broken".to_owned(),
@@ -282,7 +319,8 @@ pub(super) fn warnings(text: &str, scenario: &Scenario) -> Vec<Problem> {
                 "{}; write it with slack, such as `>= -0.1`",
                 in_words(&tried, &start)
             )),
-        }];
+        };
+        return Some((Oddity::Tie, problem));
     }
-    Vec::new()
+    None
 }

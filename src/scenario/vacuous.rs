@@ -4,6 +4,7 @@ use super::Scenario;
 use super::error::Problem;
 use super::locate::Path;
 use super::problems::Problems;
+use super::warnings::Oddity;
 use crate::scene::drive::Bounds;
 use crate::stl::{Interval, Monitor};
 
@@ -48,7 +49,7 @@ fn check_spec(problems: &mut Problems, place: &Path, scenario: &Scenario, bounds
 }
 
 /// Rules that nobody can break: allowed, but odd.
-pub(super) fn warnings(scenario: &Scenario) -> Vec<Problem> {
+pub(super) fn warnings(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
     let Some(spec) = scenario.drive() else {
         return Vec::new();
     };
@@ -56,11 +57,14 @@ pub(super) fn warnings(scenario: &Scenario) -> Vec<Problem> {
     let ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
     let rules = scenario.rulebook().rules.iter();
     let idle = rules.filter(|rule| 0.0 < rule.monitor.range(&ranges).lo);
-    idle.map(|rule| Problem {
-        what: format!("the rule `{}` cannot be broken", rule.name),
-        span: place_of(scenario, &rule.name).find(&scenario.text),
-        label: "ρ > 0 whatever the ado does".to_owned(),
-        help: reasons(scenario, &rule.monitor, &bounds),
+    idle.map(|rule| {
+        let problem = Problem {
+            what: format!("the rule `{}` cannot be broken", rule.name),
+            span: place_of(scenario, &rule.name).find(&scenario.text),
+            label: "ρ > 0 whatever the ado does".to_owned(),
+            help: reasons(scenario, &rule.monitor, &bounds),
+        };
+        (Oddity::UnbreakableRule, problem)
     })
     .collect()
 }

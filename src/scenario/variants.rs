@@ -175,22 +175,23 @@ impl Scenario {
     pub fn changed_by(&self, path: &FilePath) -> Result<(Change, Scenario), LoadError> {
         let file = path.display().to_string();
         let text = read::text(&file, path)?;
+        let text = read::without_mark(&text);
         let fail = |problem| {
             LoadError::Scenario(Box::new(ScenarioError {
                 file: file.clone(),
-                text: text.clone(),
+                text: text.to_owned(),
                 problems: vec![problem],
             }))
         };
         let change = match &self.world {
-            World::Drive(_) => read::parse(&text).map_err(fail)?,
-            World::Grid(_) => read::parse::<GridChange>(&text).map_err(fail)?.into(),
+            World::Drive(_) => read::parse(text).map_err(fail)?,
+            World::Grid(_) => read::parse::<GridChange>(text).map_err(fail)?.into(),
         };
         match self.with(&change) {
             Ok(scenario) => Ok((change, scenario)),
             Err(error) => {
                 let at = error.path(&Path::top());
-                Err(fail(error.problem(at.find(&text))))
+                Err(fail(error.problem(at.find(text))))
             }
         }
     }

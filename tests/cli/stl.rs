@@ -87,6 +87,9 @@ fn a_trace_is_measured_and_explained() {
     assert_eq!(got["robustness"], -0.5);
     assert_eq!(got["satisfied"], false);
     assert_eq!(got["explain"]["path"][1]["sample"], 1);
+    let with_unit = csv.replace("time,", "time [s],");
+    let output = stl(&[&args[..], &["--json"]].concat(), &with_unit);
+    assert_eq!(json(&output)["robustness"], -0.5);
     let output = stl(&[&args[..], &["--fail-on-counterexample"]].concat(), csv);
     assert_eq!(code(&output), 1);
     assert_eq!(String::from_utf8_lossy(&output.stdout), "-0.5\n");

@@ -116,6 +116,15 @@ impl Monitor {
         self.program.get(self.program.root()).horizon
     }
 
+    /// How many samples away any one operator's bounds reach, at most; bounds
+    /// without an end count where they begin.
+    pub fn longest_window_samples(&self) -> usize {
+        let instructions = self.program.instructions.iter();
+        let windows = instructions.filter_map(|instruction| instruction.op.window());
+        let reaches = windows.map(|window| window.to.unwrap_or(window.from));
+        reaches.max().unwrap_or(0)
+    }
+
     /// The positions in a row of the signals that are read, ascending.
     pub fn signals(&self) -> Vec<usize> {
         self.program.signals()

@@ -86,6 +86,17 @@ impl Op {
         a.into_iter().chain(b)
     }
 
+    /// The samples that a temporal operator looks at.
+    pub(crate) fn window(&self) -> Option<Window> {
+        match *self {
+            Op::Ahead(_, window, _)
+            | Op::Behind(_, window, _)
+            | Op::Until(_, _, window, ..)
+            | Op::Since(window, ..) => Some(window),
+            Op::Constant(_) | Op::Leaf(_) | Op::Not(_) | Op::Gate(..) | Op::Edge(..) => None,
+        }
+    }
+
     /// The same operator over other operands.
     pub(crate) fn over(&self, place: impl Fn(Id) -> Id) -> Op {
         match *self {

@@ -127,7 +127,8 @@ impl SearchRequest<'_> {
         let simulations: u64 = valid.map(|found| found.simulations).sum();
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
-        row.cpu_s = searched.clone().map(|found| found.cpu_s).sum();
+        // Not `sum`, which is -0.0 of nothing.
+        row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);
         count_contacts(&mut row, searched);
         let budgets = self.checkpoints().into_iter();
         row.anytime = budgets.map(|budget| anytime(found, budget)).collect();

@@ -1,13 +1,14 @@
 //! `brakecheck check`: is this world sound, and what can its formulas say?
 
 mod programs;
+mod signals;
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, failure, print_json, table_of, talk};
+use super::{Common, Exit, Failure, failure, print_json, talk};
 use crate::scenario::{LoadError, Scenario};
 
 #[derive(Args, Debug)]
@@ -18,8 +19,22 @@ pub(super) struct CheckArgs {
     /// A program, after `--`, to be tried against the ego protocol.
     #[arg(last = true, value_name = "COMMAND")]
     program: Vec<String>,
-    #[command(flatten)]
-    pub(super) common: Common,
+    /// Print one JSON object on stdout instead of tables.
+    #[arg(long)]
+    json: bool,
+    /// Start the programs that the world names as egos, and try them.
+    #[arg(long)]
+    allow_programs: bool,
+}
+
+impl CheckArgs {
+    pub(super) fn common(&self) -> Common {
+        Common {
+            json: self.json,
+            allow_programs: self.allow_programs,
+            ..Common::default()
+        }
+    }
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
@@ -29,7 +44,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     };
     match args.program.is_empty() {
         true => Ok(exit),
-        false => programs::try_out(args.common.json, &args.program),
+        false => programs::try_out(args.json, &args.program),
     }
 }
 
@@ -37,18 +52,19 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
     let scenario = match Scenario::load(world) {
         Ok(scenario) => scenario,
         Err(error) => {
-            if args.common.json {
+            if args.json {
                 print_json(&problems(&error))?;
             }
             return Err(error.into());
         }
     };
-    let scenario = scenario.allow_programs(args.common.allow_programs);
-    let named = programs::tried(&scenario, args.common.allow_programs);
-    if args.common.json {
+    let scenario = scenario.allow_programs(args.allow_programs);
+    let named = programs::tried(&scenario, args.allow_programs);
+    if args.json {
         let mut listing = listing(&scenario);
         listing["ok"] = json!(programs::first_fault(&named).is_none());
         listing["programs"] = json!(named);
+        listing["warnings"] = warnings(&scenario);
         print_json(&listing)?;
     } else {
         talk::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
@@ -69,6 +85,29 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         Some(failure) => Err(failure),
         None => Ok(Exit::Done),
     }
+}
+
+/// A list behind its name, in lines of no more than 100 columns.
+fn listed(name: &str, items: &[String]) -> String {
+    let mut lines = vec![format!("{name:<14}")];
+    for (i, item) in items.iter().enumerate() {
+        let comma = if i + 1 < items.len() { "," } else { "" };
+        let width = |text: &str| text.chars().count();
+        let full = |line: &String| 100 < width(line) + width(item) + 2;
+        if 0 < i && lines.last().is_some_and(full) {
+            lines.push(" ".repeat(14));
+        }
+        if let Some(line) = lines.last_mut() {
+            line.push_str(&format!(" {item}{comma}"));
+        }
+    }
+    format!("{}\n", lines.join("\n"))
+}
+
+fn warnings(scenario: &Scenario) -> serde_json::Value {
+    let warnings = scenario.warnings.iter();
+    let warnings = warnings.map(|odd| json!({ "what": odd.what, "help": odd.help }));
+    warnings.collect()
 }
 
 fn problems(error: &LoadError) -> serde_json::Value {
@@ -142,13 +181,13 @@ fn text(scenario: &Scenario) -> String {
     let actions: Vec<String> = actions
         .map(|action| scenario.action_label(action))
         .collect();
-    out.push_str(&format!("\nactions        {}\n", actions.join(", ")));
+    out.push_str(&format!("\n{}", listed("actions", &actions)));
     let constants = scenario.names.constants.iter();
     let constants: Vec<String> = constants.map(|(name, v)| format!("{name} = {v}")).collect();
-    out.push_str(&format!("constants      {}\n", constants.join(", ")));
-    let mut egos = vec!["nominal"];
-    egos.extend(scenario.reuse.keys().map(String::as_str));
-    out.push_str(&format!("egos           {}\n", egos.join(", ")));
+    out.push_str(&listed("constants", &constants));
+    let mut egos = vec!["nominal".to_owned()];
+    egos.extend(scenario.reuse.keys().cloned());
+    out.push_str(&listed("egos", &egos));
     for axis in scenario.axes() {
         out.push_str(&format!(
             "start          {} in {} … {} {}\n",
@@ -159,11 +198,7 @@ fn text(scenario: &Scenario) -> String {
     let observed: Vec<String> = observed
         .map(|o| format!("{} ({} … {})", o.name, o.mid - o.half, o.mid + o.half))
         .collect();
-    out.push_str(&format!("observed       {}\n\n", observed.join(", ")));
-    let lines = scenario.signals().into_iter().map(|(signal, held)| {
-        let held = held.word().to_owned();
-        [signal.name, signal.unit.into_owned(), signal.about, held]
-    });
-    out.push_str(&table_of(["signal", "unit", "meaning", "in traces"], lines));
+    out.push_str(&format!("{}\n", listed("observed", &observed)));
+    out.push_str(&signals::table(scenario));
     out
 }

@@ -18,7 +18,7 @@ use serde_json::Value;
 use super::{Common, Exit, Failure, print_json, talk};
 use crate::campaign::Watch;
 use crate::run::{Finished, RunError, make_dir, write_file};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, known_names};
 use crate::seed::{FIRST_SEALED, Seeds};
 
 /// Trainings per world, at most.
@@ -34,9 +34,9 @@ pub(super) struct ReproduceArgs {
     /// Where tables, run directories and finished pieces go.
     #[arg(short, long, value_name = "DIR", default_value = "reproduced")]
     output: PathBuf,
-    /// Where the shipped worlds are.
-    #[arg(long, value_name = "DIR", default_value = "worlds")]
-    worlds: PathBuf,
+    /// Take the worlds from this directory instead of those that are built in.
+    #[arg(long, value_name = "DIR")]
+    worlds: Option<PathBuf>,
     /// Only this driving world, by name; repeat for several.
     #[arg(long, value_name = "NAME")]
     world: Vec<String>,
@@ -52,6 +52,9 @@ pub(super) struct ReproduceArgs {
     /// Test starts per world.
     #[arg(long, value_name = "N", default_value_t = 500)]
     starts: usize,
+    /// Refused, with what to use instead.
+    #[arg(long, hide = true, value_name = "N")]
+    seed: Option<u64>,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -88,7 +91,7 @@ enum What {
 }
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
-    if args.common.seed != 0 {
+    if args.seed.is_some() {
         return Err(Failure::input(
             "`reproduce` has trainings and test starts, so `--seed` does not say whose",
             "use `--first-seed` or `--start-seed`",
@@ -202,9 +205,18 @@ fn headed(seeds: Seeds, table: &str) -> String {
     format!("With {seeds}.\n\n{table}")
 }
 
-/// Loads a shipped world.
+/// A shipped world, or one of that name in the directory that was named.
 fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
-    Ok(Scenario::load(&args.worlds.join(format!("{name}.ron")))?)
+    if let Some(dir) = &args.worlds {
+        return Ok(Scenario::load(&dir.join(format!("{name}.ron")))?);
+    }
+    match Scenario::shipped(name) {
+        Some(world) => Ok(world?),
+        None => Err(Failure::input(
+            format!("no shipped world is called `{name}`"),
+            known_names("known", Scenario::shipped_names()),
+        )),
+    }
 }
 
 fn save(dir: &Path, name: &str, bytes: &[u8]) -> Result<(), Failure> {

@@ -1,0 +1,138 @@
+//! The signals of a world as a table: those of many agents by pattern.
+
+use indexmap::IndexMap;
+
+use super::super::table_of;
+use crate::scenario::Scenario;
+
+/// With more agents than this, signals that differ by agents only are one line.
+const FEW_AGENTS: usize = 2;
+
+/// A signal, or several that are called alike: pattern, unit and meaning.
+type Pattern = (String, String, String);
+
+pub(super) fn table(scenario: &Scenario) -> String {
+    let agents = agents(scenario);
+    let many = FEW_AGENTS < agents.len();
+    let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
+    for (signal, held) in scenario.signals() {
+        let (name, about) = match many {
+            true => pattern(&agents, &signal.name, &signal.about),
+            false => (signal.name, signal.about),
+        };
+        let line = (name, signal.unit.into_owned(), about);
+        lines.entry(line).or_default().push(held.word());
+    }
+    let lines = lines.into_iter().map(|((name, unit, about), held)| {
+        let first = held[0];
+        let same = held.iter().filter(|word| **word == first).count();
+        let held = match same == held.len() {
+            true => first.to_owned(),
+            false => format!("{first}: {same} of {}", held.len()),
+        };
+        [name, unit, about, held]
+    });
+    let table = table_of(["signal", "unit", "meaning", "in traces"], lines);
+    let named = match many {
+        true => format!(
+            "\nA, B: each of {}; `--json` lists every signal",
+            agents.join(", ")
+        ),
+        false => String::new(),
+    };
+    format!(
+        "{table}\nin traces: recorded always, or on demand: only where a formula or an ado mentions it{named}\n"
+    )
+}
+
+fn agents(scenario: &Scenario) -> Vec<&str> {
+    let Some(spec) = scenario.drive() else {
+        return Vec::new();
+    };
+    let agents = spec.agents.iter().map(|agent| agent.name.as_str());
+    agents
+        .chain(spec.lights.iter().map(|light| light.name.as_str()))
+        .collect()
+}
+
+/// A signal's name and meaning with `A` and `B` for the agents in its name.
+fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
+    let parts: Vec<&str> = name.split('.').collect();
+    let owners = parts
+        .iter()
+        .take_while(|part| agents.contains(part))
+        .count();
+    // The last part is the quantity.
+    let owners = owners.min(2).min(parts.len() - 1);
+    let letters = ["A", "B"];
+    let renamed = |word: &str| {
+        let owner = parts[..owners].iter().position(|part| *part == word);
+        owner.map_or_else(|| word.to_owned(), |i| letters[i].to_owned())
+    };
+    let (head, tail) = parts.split_at(owners);
+    let head = head.iter().map(|part| renamed(part));
+    let name: Vec<String> = head
+        .chain(tail.iter().map(|part| (*part).to_owned()))
+        .collect();
+    let words = about.split(' ').map(|word| {
+        let bare = word.trim_end_matches([',', '.']);
+        format!("{}{}", renamed(bare), &word[bare.len()..])
+    });
+    (name.join("."), words.collect::<Vec<_>>().join(" "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signals_of_many_agents_are_one_line() {
+        let agents = ["ego", "ado", "lead"];
+        let cases = [
+            (
+                "ado.speed",
+                "velocity along the heading",
+                "A.speed",
+                "velocity along the heading",
+            ),
+            (
+                "ego.lead.gap",
+                "clearance between the bodies of ego and lead",
+                "A.B.gap",
+                "clearance between the bodies of A and B",
+            ),
+            (
+                "lead.ego.headway",
+                "distance from lead to ego, front to front",
+                "A.B.headway",
+                "distance from A to B, front to front",
+            ),
+            (
+                "time_left",
+                "time to the horizon",
+                "time_left",
+                "time to the horizon",
+            ),
+            (
+                "ego.light.line",
+                "from ego to the line",
+                "A.light.line",
+                "from A to the line",
+            ),
+            ("ado", "of ado", "ado", "of ado"),
+        ];
+        for (name, about, to_name, to_about) in cases {
+            let expect = (to_name.to_owned(), to_about.to_owned());
+            assert_eq!(pattern(&agents, name, about), expect);
+        }
+        let world = Scenario::shipped("sandwich")
+            .expect("shipped")
+            .expect("sound");
+        let table = table(&world);
+        assert!(
+            table.contains("A.B.gap") && !table.contains("ego.speed"),
+            "{table}"
+        );
+        assert!(table.lines().count() < world.signals().len() / 2, "{table}");
+    }
+}

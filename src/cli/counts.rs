@@ -1,0 +1,78 @@
+//! Numbers as people type them: `300k`, `1_000`, `1.5M`.
+
+use std::ops::RangeInclusive;
+
+use clap::builder::TypedValueParser;
+
+/// How many starts a verb may draw.
+pub(super) fn start_count() -> impl TypedValueParser<Value = usize> {
+    count(1..=10_000_000).map(|count| count as usize)
+}
+
+/// A whole number in a range.
+pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value = u64> {
+    move |text: &str| {
+        let value = read(text).ok_or("a whole number, such as 300, 1_000, 300k or 1.5M")?;
+        match range.contains(&value) {
+            true => Ok(value),
+            false if *range.end() == u64::MAX => {
+                Err(format!("{value} is less than {}", range.start()))
+            }
+            false => Err(format!(
+                "{value} is not in {}..={}",
+                range.start(),
+                range.end()
+            )),
+        }
+    }
+}
+
+/// A whole number, in thousands (`k`) or millions (`M`) where it says so.
+fn read(text: &str) -> Option<u64> {
+    let plain = text.replace('_', "");
+    let (digits, zeros) = match plain.strip_suffix(['k', 'K']) {
+        Some(digits) => (digits, 3),
+        None => plain
+            .strip_suffix('M')
+            .map_or((&*plain, 0), |digits| (digits, 6)),
+    };
+    let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+    let part = part.trim_end_matches('0');
+    let sound = |digits: &str| digits.bytes().all(|digit| digit.is_ascii_digit());
+    if whole.is_empty() || zeros < part.len() || !sound(whole) || !sound(part) {
+        return None;
+    }
+    format!("{whole}{part}{}", "0".repeat(zeros - part.len()))
+        .parse()
+        .ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::read;
+
+    #[test]
+    fn numbers_are_read_as_people_type_them() {
+        let cases = [
+            ("300", Some(300)),
+            ("300k", Some(300_000)),
+            ("1_000", Some(1000)),
+            ("1.5M", Some(1_500_000)),
+            ("0.25k", Some(250)),
+            ("2.0", Some(2)),
+            ("0", Some(0)),
+            ("1.5", None),
+            ("1.2345k", None),
+            ("k", None),
+            ("", None),
+            ("-3", None),
+            ("+3", None),
+            ("1e3", None),
+            ("3kk", None),
+            ("99999999999999999999", None),
+        ];
+        for (text, expect) in cases {
+            assert_eq!(read(text), expect, "{text}");
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! What `--help` ends with: an example per verb, exit codes, the documents.
+
+/// Behind the list of verbs.
+pub(super) const ALL: &str = "\
+Exit codes:
+  0    done
+  1    a counterexample was found (--fail-on-counterexample), or a kept one still fails
+  2    the input is wrong: the message says where, and what would be right
+  3    the ego, the disk or the program failed
+  4    a replay differs from what was recorded
+  130  interrupted; what was computed is kept
+
+First steps:
+  brakecheck new mine
+  brakecheck check mine.ron
+  brakecheck search mine.ron --starts 20
+
+Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
+`brakecheck VERB --help`. `brakecheck reproduce` makes the paper's tables and figures again.";
+
+pub(super) const NEW: &str = "Example:\n  brakecheck new mine";
+pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/worlds.md, docs/ego-protocol.md";
+pub(super) const TRAIN: &str = "Example:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n\nDocuments: docs/learners.md";
+pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/reuse.md, docs/crashes.md";
+pub(super) const SEARCH: &str =
+    "Example:\n  brakecheck search worlds/acc.ron --starts 50\n\nDocuments: docs/search.md";
+pub(super) const IDENTIFY: &str =
+    "Example:\n  brakecheck identify runs/acc --ego all -o params.ron\n\nDocuments: docs/reuse.md";
+pub(super) const REPLAY: &str =
+    "Example:\n  brakecheck replay kept --expect recorded\n\nDocuments: docs/crashes.md";
+pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/stl.md";
+pub(super) const REPORT: &str =
+    "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/report.md";
+pub(super) const VIEW: &str = "Example:\n  brakecheck view kept 0 -o crash.rrd";
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory, Parser};
+
+    use crate::cli::Cli;
+
+    /// The words of a command as a shell would cut them.
+    fn words(line: &str) -> Vec<String> {
+        let parts = line.split('"').enumerate();
+        let cut = parts.flat_map(|(i, part)| match i % 2 {
+            1 => vec![part.to_owned()],
+            _ => part.split_whitespace().map(str::to_owned).collect(),
+        });
+        cut.collect()
+    }
+
+    #[test]
+    fn every_verb_has_an_example_that_parses() {
+        let program = Cli::command();
+        let verbs = program.get_subcommands().filter(|verb| !verb.is_hide_set());
+        for verb in verbs {
+            let name = verb.get_name();
+            let help = verb.get_after_help().map(ToString::to_string);
+            let help = help.unwrap_or_default();
+            let mut lines = help.lines().map(str::trim);
+            let begins = format!("brakecheck {name} ");
+            let example = lines.find(|line| line.starts_with(&begins));
+            let example = example.unwrap_or_else(|| panic!("`{name}` has no example: {help:?}"));
+            if let Err(error) = Cli::try_parse_from(words(example)) {
+                panic!("{example}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn documents_that_help_names_are_there() {
+        let all = Cli::command();
+        let verbs = all
+            .get_subcommands()
+            .filter_map(|verb| verb.get_after_help());
+        let texts = verbs
+            .map(ToString::to_string)
+            .chain([super::ALL.to_owned()]);
+        for text in texts {
+            for word in text
+                .split([' ', ',', '\n'])
+                .filter(|word| word.starts_with("docs/"))
+            {
+                let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(word);
+                assert!(path.is_file(), "{word}");
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! The worlds that come with brakecheck, inside the program.
+
+use super::{Scenario, ScenarioError};
+
+/// A world's name and text.
+macro_rules! world {
+    ($name:literal) => {
+        ($name, include_str!(concat!("../../worlds/", $name, ".ron")))
+    };
+}
+
+const WORLDS: [(&str, &str); 21] = [
+    world!("acc"),
+    world!("acc_iso"),
+    world!("acc_paper"),
+    world!("acc_plain"),
+    world!("bend"),
+    world!("cut_in"),
+    world!("cut_in_clear"),
+    world!("grid"),
+    world!("grid_hard"),
+    world!("light_ado"),
+    world!("merge"),
+    world!("merge_fair"),
+    world!("merge_paper"),
+    world!("merge_plain"),
+    world!("merge_r157"),
+    world!("pedestrian"),
+    world!("pedestrian_hit"),
+    world!("sandwich"),
+    world!("yellow_light"),
+    world!("yellow_light_fixed"),
+    world!("yellow_light_plain"),
+];
+
+impl Scenario {
+    /// Names of the shipped worlds, in order.
+    pub fn shipped_names() -> impl Iterator<Item = &'static str> {
+        WORLDS.iter().map(|(name, _)| *name)
+    }
+
+    /// A shipped world, as its file in `worlds/` holds it; `None`: there is none
+    /// of that name.
+    ///
+    /// ```
+    /// use brakecheck::scenario::Scenario;
+    ///
+    /// let world = Scenario::shipped("grid").expect("it is shipped")?;
+    /// assert_eq!(world.name(), "grid");
+    /// assert!(Scenario::shipped("gird").is_none());
+    /// # Ok::<(), brakecheck::scenario::ScenarioError>(())
+    /// ```
+    pub fn shipped(name: &str) -> Option<Result<Scenario, ScenarioError>> {
+        let (name, text) = WORLDS.iter().find(|(known, _)| *known == name)?;
+        Some(Scenario::parse(&format!("worlds/{name}.ron"), text))
+    }
+}

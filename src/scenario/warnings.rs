@@ -1,0 +1,271 @@
+//! What is allowed but odd, and how a world says that it is meant so.
+
+use strum::{IntoStaticStr, VariantArray};
+
+use super::Scenario;
+use super::error::Problem;
+use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile};
+use super::locate::Path;
+use super::problems::Problems;
+use crate::scene::Clock;
+use crate::stl::{Formula, Monitor};
+
+/// Nobody starts faster than this on a road: 252 km/h.
+const FAST_MPS: f64 = 70.0;
+/// No actuator is slower than this.
+const SLOW_S: f64 = 5.0;
+
+/// Kinds of warnings; `allow` of a world file names them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, VariantArray, IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
+pub(super) enum Oddity {
+    /// A bound of a formula lies beyond the end of every run.
+    #[strum(serialize = "bounds_beyond_T")]
+    BoundsBeyondT,
+    /// A decision lasts longer than a run.
+    DecisionBeyondHorizon,
+    /// A rule of an ado stands there twice.
+    DuplicateRule,
+    /// An ado observes a signal twice.
+    DuplicateObservation,
+    /// Nobody drives so fast.
+    FastStart,
+    /// No actuator is so slow.
+    LongLag,
+    /// The world asks nothing.
+    EmptyQuestion,
+    /// An ado has no rule.
+    EmptyRulebook,
+    /// A coasting run is neither kept nor broken.
+    Tie,
+    /// Rules that no run kept together.
+    ExcludingRules,
+    /// A rule that asks for nothing.
+    UnbreakableRule,
+    /// A rule was broken in all of too few runs.
+    BarelyTried,
+}
+
+/// Oddities of one world, each with the path of what is odd.
+pub(super) struct Warnings {
+    allowed: Vec<&'static str>,
+    found: Vec<(Oddity, Problem)>,
+    noted: Vec<(Oddity, Path, Note)>,
+}
+
+/// What is odd, a few words for the place, and the cure.
+type Note = (String, &'static str, &'static str);
+
+/// A label and a cure.
+type Words = (&'static str, &'static str);
+
+impl Warnings {
+    /// Reads `allow`, and notes what of it names no warning.
+    pub(super) fn allowing(problems: &mut Problems, path: &Path, allow: &[String]) -> Warnings {
+        let known: Vec<&'static str> = Oddity::VARIANTS.iter().map(Into::into).collect();
+        let mut allowed = Vec::new();
+        for (i, name) in allow.iter().enumerate() {
+            match known.iter().find(|known| *known == name) {
+                Some(name) => allowed.push(*name),
+                None => problems.unknown(&path.at(i), "warning", name, &known),
+            }
+        }
+        Warnings {
+            allowed,
+            found: Vec::new(),
+            noted: Vec::new(),
+        }
+    }
+
+    /// Takes warnings that trying the world gave.
+    pub(super) fn found(&mut self, found: impl IntoIterator<Item = (Oddity, Problem)>) {
+        self.found.extend(found);
+    }
+
+    fn note(&mut self, oddity: Oddity, path: Path, what: String, (label, help): Words) {
+        self.noted.push((oddity, path, (what, label, help)));
+    }
+
+    /// What is said: all that the world does not allow, each with the word that
+    /// would.
+    pub(super) fn of(self, text: &str) -> Vec<Problem> {
+        let noted = self.noted.into_iter().map(|(oddity, path, note)| {
+            let (what, label, help) = note;
+            let problem = Problem {
+                what,
+                span: path.find(text),
+                label: label.to_owned(),
+                help: Some(help.to_owned()),
+            };
+            (oddity, problem)
+        });
+        let all = self.found.into_iter().chain(noted);
+        let said = all.filter(|(oddity, _)| !self.allowed.contains(&<&str>::from(oddity)));
+        said.map(|(oddity, mut problem)| {
+            let word = <&str>::from(oddity);
+            let meant = format!("if it is meant so, write allow: [\"{word}\"]");
+            problem.help = Some(match problem.help {
+                Some(help) => format!("{help}; {meant}"),
+                None => meant,
+            });
+            problem
+        })
+        .collect()
+    }
+
+    /// A world without a question.
+    pub(super) fn question(&mut self, question: &str) {
+        if question.trim().is_empty() {
+            self.note(
+                Oddity::EmptyQuestion,
+                Path::top().to("question"),
+                "the world asks nothing".to_owned(),
+                (
+                    "empty",
+                    "say in a sentence what is tested: reports open with it",
+                ),
+            );
+        }
+    }
+
+    /// What is odd about an ado: its rules and what it observes.
+    pub(super) fn ado(&mut self, path: &Path, rules: &[RuleFile], observe: &[String]) {
+        if rules.is_empty() {
+            self.note(
+                Oddity::EmptyRulebook,
+                path.to("rulebook"),
+                "this ado has no rule, so whatever it does is lawful".to_owned(),
+                (
+                    "empty",
+                    "give it rules, such as one against driving backwards",
+                ),
+            );
+        }
+        let formulas = rules.iter().map(|rule| rule.stl.parse::<Formula>().ok());
+        let formulas: Vec<Option<Formula>> = formulas.collect();
+        for (j, rule) in rules.iter().enumerate() {
+            let same = |i: &usize| {
+                rules[*i].name == rule.name || formulas[j].is_some() && formulas[*i] == formulas[j]
+            };
+            if let Some(i) = (0..j).find(same) {
+                let what = match rules[i].name == rule.name {
+                    true => format!("two rules are called `{}`", rule.name),
+                    false => format!("`{}` asks what `{}` does", rule.name, rules[i].name),
+                };
+                let words = ("second one", "leave one of them out, or name them apart");
+                self.note(
+                    Oddity::DuplicateRule,
+                    path.to("rulebook").at(j),
+                    what,
+                    words,
+                );
+            }
+        }
+        for (j, name) in observe.iter().enumerate() {
+            if observe[..j].contains(name) {
+                let what = format!("`{name}` is observed twice, and counts once");
+                let place = path.to("observe").at(j);
+                let words = ("second one", "leave one of them out");
+                self.note(Oddity::DuplicateObservation, place, what, words);
+            }
+        }
+    }
+
+    /// What is odd about a driving world's text.
+    pub(super) fn driving(&mut self, file: &ScenarioFile) {
+        let top = Path::top();
+        self.question(&file.question);
+        self.clock(&top.to("clock"), &file.clock);
+        for (i, agent) in file.agents.iter().enumerate() {
+            let path = top.to("agents").at(i);
+            match agent {
+                AgentFile::Vehicle { start, drive, .. }
+                | AgentFile::Pedestrian { start, drive, .. } => {
+                    self.start(&path.to("start"), start);
+                    self.drive(&path.to("drive"), drive);
+                }
+                AgentFile::Light { drive, .. } => {
+                    if let LightFile::Ado(ado) = drive {
+                        self.driven_ado(&path.to("drive"), ado);
+                    }
+                }
+            }
+        }
+    }
+
+    fn drive(&mut self, path: &Path, drive: &DriveFile) {
+        match drive {
+            DriveFile::Ego(ego) => self.lag(&path.at(0).to("lag_s"), ego.lag_s),
+            DriveFile::Ado(ado) => self.driven_ado(path, ado),
+            DriveFile::Trained(_) | DriveFile::Scripted(_) => {}
+        }
+    }
+
+    fn driven_ado(&mut self, path: &Path, ado: &AdoFile) {
+        self.ado(path, &ado.rulebook, &ado.observe);
+        self.lag(&path.to("lag_s"), ado.lag_s);
+    }
+
+    fn clock(&mut self, path: &Path, clock: &Clock) {
+        let Clock {
+            decision_s,
+            horizon_s,
+            ..
+        } = *clock;
+        if horizon_s < decision_s {
+            let what = format!("a decision of {decision_s} s in a run of {horizon_s} s");
+            let words = ("longer than a run", "so the ado decides once: shorten it");
+            let place = path.to("decision_s");
+            self.note(Oddity::DecisionBeyondHorizon, place, what, words);
+        }
+    }
+
+    fn start(&mut self, path: &Path, start: &StartFile) {
+        let (StartFile::At { speed_mps, .. } | StartFile::Ahead { speed_mps, .. }) = start;
+        let most_mps = speed_mps.0.lo.abs().max(speed_mps.0.hi.abs());
+        if FAST_MPS < most_mps {
+            let kmh = 3.6 * most_mps;
+            let what = format!("a start at {most_mps} m/s, which is {kmh:.0} km/h");
+            let words = ("very fast", "speeds are in m/s");
+            self.note(Oddity::FastStart, path.to("speed_mps"), what, words);
+        }
+    }
+
+    fn lag(&mut self, path: &Path, lag_s: f64) {
+        if SLOW_S < lag_s {
+            let what = format!("an actuator that lags by {lag_s} s");
+            let words = ("hardly moves", "lags are in seconds; 0.1 to 0.5 are usual");
+            self.note(Oddity::LongLag, path.clone(), what, words);
+        }
+    }
+
+    /// Bounds of formulas that reach beyond the end of every run.
+    pub(super) fn bounds(&mut self, scenario: &Scenario) {
+        let clock = scenario.world().clock();
+        let last = clock.samples() - 1;
+        let end = clock.horizon_s;
+        let rulebook = scenario.rulebook();
+        let reach_s = |monitor: &Monitor| {
+            let reach = monitor.longest_window_samples();
+            (last < reach).then_some(reach as f64 * clock.sample_s)
+        };
+        let rules = rulebook.rules.iter().map(|rule| {
+            let mut specs = scenario.rules.iter();
+            let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
+            let place = same.map_or_else(Path::top, |spec| spec.place.clone());
+            (format!("the rule `{}`", rule.name), place, &rule.monitor)
+        });
+        let spec = Path::top().to("ego_spec");
+        let spec = ("the ego's specification".to_owned(), spec, &rulebook.spec);
+        let all: Vec<_> = std::iter::once(spec).chain(rules).collect();
+        for (who, place, monitor) in all {
+            if let Some(reach_s) = reach_s(monitor) {
+                // Without the dust of binary fractions.
+                let reach_s = (reach_s * 1e9).round() / 1e9;
+                let what = format!("{who} looks {reach_s} away, and a run ends at {end}");
+                let words = ("a bound beyond T", "write T, or lengthen the horizon");
+                self.note(Oddity::BoundsBeyondT, place, what, words);
+            }
+        }
+    }
+}

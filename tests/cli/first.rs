@@ -1,0 +1,161 @@
+//! The first hour: a new world, numbers and names as they are typed, and help.
+
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+
+use super::{brakecheck, code, json, scratch, stderr};
+
+fn brakecheck_in(dir: &Path, args: &[&str]) -> Output {
+    Command::cargo_bin("brakecheck")
+        .expect("the program")
+        .current_dir(dir)
+        .env("NO_COLOR", "1")
+        .args(args)
+        .output()
+        .expect("it runs")
+}
+
+#[test]
+fn a_new_world_is_sound_and_nothing_is_overwritten() {
+    let dir = scratch();
+    let output = brakecheck_in(dir.path(), &["new", "mine"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let file = dir.path().join("mine.ron");
+    let text = std::fs::read_to_string(&file).expect("the world");
+    assert!(
+        text.contains("name: \"mine\"") && !text.contains("NAME"),
+        "{text}"
+    );
+    let listing = json(&brakecheck_in(dir.path(), &["check", "mine.ron", "--json"]));
+    assert_eq!(
+        (&listing["ok"], &listing["warnings"]),
+        (&true.into(), &serde_json::json!([]))
+    );
+    let search = [
+        "search",
+        "mine.ron",
+        "--starts",
+        "4",
+        "--plant",
+        "kinematic",
+        "--json",
+    ];
+    let output = brakecheck_in(dir.path(), &search);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    std::fs::write(&file, "precious").expect("written");
+    for name in ["mine", "mine.ron"] {
+        let output = brakecheck_in(dir.path(), &["new", name]);
+        assert_eq!(code(&output), 2, "{}", stderr(&output));
+        assert!(stderr(&output).contains("is there already"));
+    }
+    assert_eq!(std::fs::read_to_string(&file).expect("still"), "precious");
+    let output = brakecheck_in(dir.path(), &["new", "../mine"]);
+    assert_eq!(code(&output), 2);
+    assert!(
+        stderr(&output).contains("cannot name a world"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn what_has_no_effect_is_no_option() {
+    let cases: [&[&str]; 6] = [
+        &["check", "worlds/acc.ron", "--seed", "1"],
+        &["check", "worlds/acc.ron", "--jobs", "1"],
+        &["stl", "x > 0", "--trace", "-", "--seed", "1"],
+        &["stl", "x > 0", "--trace", "-", "--allow-programs"],
+        &["replay", "tests/regressions", "--seed", "1"],
+        &["view", "tests/regressions", "--seed", "1"],
+    ];
+    for args in cases {
+        let output = brakecheck(args);
+        assert_eq!(code(&output), 2, "{args:?}");
+        assert!(
+            stderr(&output).contains("unexpected argument"),
+            "{}",
+            stderr(&output)
+        );
+    }
+}
+
+#[test]
+fn egos_learners_and_worlds_are_guessed() {
+    let kept = "tests/regressions/acc-nominal-0001.ron";
+    let cases: [(&[&str], &str); 5] = [
+        (
+            &[
+                "search",
+                "worlds/acc.ron",
+                "--ego",
+                "soft brakes",
+                "--starts",
+                "1",
+            ],
+            "did you mean `softer brakes`?",
+        ),
+        (
+            &[
+                "search",
+                "worlds/acc_plain.ron",
+                "--ego",
+                "nominl",
+                "--starts",
+                "1",
+            ],
+            "did you mean `nominal`?",
+        ),
+        (
+            &["replay", kept, "--ego", "nominel"],
+            "did you mean `nominal`?",
+        ),
+        (
+            &["train", "worlds/grid.ron", "--learner", "x"],
+            "leave out `--learner`",
+        ),
+        (
+            &["reproduce", "case-studies", "--world", "nowhere"],
+            "merge_fair",
+        ),
+    ];
+    let dir = scratch();
+    for (args, says) in cases {
+        let output = match args[0] {
+            // The worlds are inside the program: it runs anywhere.
+            "reproduce" => brakecheck_in(dir.path(), args),
+            _ => brakecheck(args),
+        };
+        let said = stderr(&output);
+        assert_eq!(code(&output), 2, "{args:?}: {said}");
+        assert!(said.contains(says), "{args:?}: {said}");
+        assert!(
+            !said.contains("known: ;") && !said.contains(", ;"),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn numbers_are_taken_as_they_are_typed() {
+    let refused = ["0", "3x", "1.5", "99999999999999999999"];
+    for decisions in refused {
+        let output = brakecheck(&["train", "worlds/acc.ron", "--decisions", decisions]);
+        assert_eq!(code(&output), 2, "{decisions}");
+        assert!(stderr(&output).contains(decisions), "{}", stderr(&output));
+    }
+    let search = |starts: &str| {
+        let args = [
+            "search",
+            "worlds/acc.ron",
+            "--plant",
+            "kinematic",
+            "--starts",
+            starts,
+        ];
+        let more = ["--method", "hold", "--budget", "0.001k", "--json"];
+        json(&brakecheck(&[&args[..], &more].concat()))["rows"][0]["solved"].clone()
+    };
+    assert_eq!(search("0.01k"), search("1_0"));
+}

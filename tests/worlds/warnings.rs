@@ -1,0 +1,224 @@
+//! What is allowed but odd is warned about, and a world can say it is meant.
+
+use brakecheck::scenario::Scenario;
+
+const ACC: &str = include_str!("../../worlds/acc.ron");
+const GRID: &str = include_str!("../../worlds/grid.ron");
+
+fn with(text: &str, from: &str, to: &str) -> String {
+    assert!(text.contains(from), "the world no longer contains {from}");
+    text.replacen(from, to, 1)
+}
+
+fn warned(text: &str) -> Vec<(String, String)> {
+    let world = Scenario::parse("odd.ron", text).unwrap_or_else(|error| panic!("{error}"));
+    let warnings = world.warnings().iter();
+    let said = warnings.map(|odd| (odd.what.clone(), odd.help.clone().unwrap_or_default()));
+    said.collect()
+}
+
+/// What is odd: the word that allows it, what the warning says, and the text.
+fn oddities() -> Vec<(&'static str, &'static str, String)> {
+    let lines: Vec<&str> = ACC.lines().collect();
+    let rulebook = lines.iter().position(|line| line.contains("rulebook: ["));
+    let rulebook = rulebook.expect("a rulebook");
+    let end = lines[rulebook..]
+        .iter()
+        .position(|line| line.trim() == "],");
+    let mut lawless = lines.clone();
+    lawless.drain(rulebook + 1..rulebook + end.expect("its end"));
+    vec![
+        (
+            "decision_beyond_horizon",
+            "a decision of 20 s in a run of 15 s",
+            with(ACC, "decision_s: 0.5", "decision_s: 20.0"),
+        ),
+        (
+            "bounds_beyond_T",
+            "the ego's specification looks 20 s away, and a run ends at 15 s",
+            with(ACC, "always[0, T] (headway", "always[0, 20] (headway"),
+        ),
+        (
+            "duplicate_rule",
+            "two rules are called `never stops`",
+            with(
+                ACC,
+                "rulebook: [",
+                "rulebook: [Rule(name: \"never stops\", stl: \"always (ado.speed >= 0.05)\"), Rule(name: \"never stops\", stl: \"always (ado.speed >= 0.01)\"),",
+            ),
+        ),
+        (
+            "duplicate_rule",
+            "`b` asks what `a` does",
+            with(
+                ACC,
+                "rulebook: [",
+                "rulebook: [Rule(name: \"a\", stl: \"G (ado.speed >= 0.05)\"), Rule(name: \"b\", stl: \"always (ado.speed>=0.05)\"),",
+            ),
+        ),
+        (
+            "duplicate_observation",
+            "`headway` is observed twice, and counts once",
+            with(
+                ACC,
+                "observe: [\"headway\"",
+                "observe: [\"headway\", \"headway\"",
+            ),
+        ),
+        (
+            "fast_start",
+            "a start at 90 m/s, which is 324 km/h",
+            with(
+                ACC,
+                "x_m: 0.0, speed_mps: (5.0, 25.0)",
+                "x_m: 0.0, speed_mps: (5.0, 90.0)",
+            ),
+        ),
+        (
+            "long_lag",
+            "an actuator that lags by 1000 s",
+            with(ACC, "lag_s: 0.4", "lag_s: 1000.0"),
+        ),
+        ("empty_question", "the world asks nothing", {
+            let line = ACC
+                .lines()
+                .find(|line| line.trim().starts_with("question:"));
+            with(ACC, line.expect("a question"), "    question: \" \",")
+        }),
+        (
+            "empty_rulebook",
+            "this ado has no rule, so whatever it does is lawful",
+            lawless.join("\n"),
+        ),
+        (
+            "duplicate_observation",
+            "`near.x` is observed twice, and counts once",
+            {
+                with(
+                    GRID,
+                    "observe: [\"near.x\"",
+                    "observe: [\"near.x\", \"near.x\"",
+                )
+            },
+        ),
+    ]
+}
+
+#[test]
+fn what_is_odd_is_said_unless_the_world_allows_it() {
+    assert_eq!((warned(ACC), warned(GRID)), (Vec::new(), Vec::new()));
+    for (word, says, text) in oddities() {
+        let said = warned(&text);
+        let found = said.iter().find(|(what, _)| what == says);
+        let (_, help) = found.unwrap_or_else(|| panic!("{word}: {said:?}"));
+        assert!(help.contains(&format!("allow: [\"{word}\"]")), "{help}");
+        let allowed = with(
+            &text,
+            "    question:",
+            &format!("    allow: [\"{word}\"],\n    question:"),
+        );
+        let rest: Vec<String> = warned(&allowed).into_iter().map(|(what, _)| what).collect();
+        assert!(!rest.contains(&says.to_owned()), "{word}: {rest:?}");
+        assert_eq!(rest.len() + 1, said.len(), "{word}: {rest:?}");
+    }
+}
+
+#[test]
+fn a_word_that_allows_nothing_is_a_mistake() {
+    let text = with(
+        ACC,
+        "    question:",
+        "    allow: [\"bounds_beyond_t\"],\n    question:",
+    );
+    let error = Scenario::parse("acc.ron", &text).expect_err("an unknown word");
+    assert_eq!(&text[error.problems[0].span.clone()], "\"bounds_beyond_t\"");
+    assert!(
+        error
+            .to_string()
+            .contains("did you mean `bounds_beyond_T`?"),
+        "{error}"
+    );
+}
+
+/// Two runs of 5000 s are too few to call a rule impossible.
+#[test]
+fn a_rule_that_few_long_runs_broke_is_warned_about_only() {
+    let text = with(ACC, "horizon_s: 15.0", "horizon_s: 5000.0");
+    let text = with(&text, "judge: UntilViolation,", "judge: WholeRun,");
+    let text = with(
+        &text,
+        "rulebook: [",
+        "rulebook: [Rule(name: \"gets away\", stl: \"eventually (ego.ado.gap > 1e9)\"),",
+    );
+    let said = warned(&text);
+    let rule = |(what, help): &&(String, String)| {
+        what.contains("`gets away` was broken in") && help.contains("barely_tried")
+    };
+    assert!(said.iter().find(rule).is_some(), "{said:?}");
+}
+
+#[test]
+fn a_byte_order_mark_is_read_over() {
+    let marked = format!("\u{feff}{ACC}");
+    let world = Scenario::parse("acc.ron", &marked).expect("a world");
+    assert_eq!(world.text(), ACC);
+    let dir = tempfile::tempdir().expect("a directory");
+    let change = dir.path().join("wet.ron");
+    std::fs::write(&change, "\u{feff}Change(friction: 0.4)").expect("written");
+    world.changed_by(&change).expect("a change");
+}
+
+#[test]
+fn a_signal_used_before_it_is_declared_is_called_so() {
+    let cases = [
+        (
+            "\"near\": \"headway - 1\", \"headway\"",
+            "the signal `headway` is declared later",
+            "headway",
+        ),
+        (
+            "\"near\": \"near + 1\", \"headway\"",
+            "the signal `near` is defined by itself",
+            "near",
+        ),
+        (
+            "\"near\": \"hedway - 1\", \"headway\"",
+            "`hedway`",
+            "hedway",
+        ),
+    ];
+    for (signals, says, underlined) in cases {
+        let text = with(ACC, "\"headway\"", signals);
+        let error = Scenario::parse("acc.ron", &text).expect_err(signals);
+        let problem = &error.problems[0];
+        assert!(problem.what.contains(says), "{error}");
+        assert_eq!(&text[problem.span.clone()], underlined, "{error}");
+    }
+}
+
+#[test]
+fn an_empty_list_of_observations_is_underlined_itself() {
+    let list = "observe: [\"headway\", \"ego.speed\", \"ado.speed\", \"ego.accel\", \"time_left\"]";
+    let text = with(ACC, list, "observe: []");
+    let error = Scenario::parse("acc.ron", &text).expect_err("nothing observed");
+    assert_eq!(&text[error.problems[0].span.clone()], "[]", "{error}");
+}
+
+#[test]
+fn the_worlds_inside_the_program_are_those_of_the_directory() {
+    let names: Vec<String> = Scenario::shipped_names()
+        .map(|name| format!("{name}.ron"))
+        .collect();
+    let shipped = super::shipped();
+    let files: Vec<&String> = shipped.iter().map(|(file, _)| file).collect();
+    assert_eq!(names.iter().collect::<Vec<_>>(), files);
+    for (name, (file, world)) in Scenario::shipped_names().zip(&shipped) {
+        let inside = Scenario::shipped(name).expect(name).expect(name);
+        assert_eq!(inside.text(), world.text(), "{file}");
+        assert!(
+            world.warnings().is_empty(),
+            "{file}: {:?}",
+            world.warnings()
+        );
+    }
+}
