@@ -244,6 +244,11 @@ impl Warnings {
         let clock = scenario.world().clock();
         let last = clock.samples() - 1;
         let end = clock.horizon_s;
+        // A grid's clock counts steps.
+        let unit = match scenario.drive() {
+            Some(_) => "s",
+            None => "steps",
+        };
         let rulebook = scenario.rulebook();
         let reach_s = |monitor: &Monitor| {
             let reach = monitor.longest_window_samples();
@@ -262,7 +267,8 @@ impl Warnings {
             if let Some(reach_s) = reach_s(monitor) {
                 // Without the dust of binary fractions.
                 let reach_s = (reach_s * 1e9).round() / 1e9;
-                let what = format!("{who} looks {reach_s} away, and a run ends at {end}");
+                let what =
+                    format!("{who} looks {reach_s} {unit} away, and a run ends at {end} {unit}");
                 let words = ("a bound beyond T", "write T, or lengthen the horizon");
                 self.note(Oddity::BoundsBeyondT, place, what, words);
             }

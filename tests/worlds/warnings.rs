@@ -3,6 +3,7 @@
 use brakecheck::scenario::Scenario;
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
+const NEW: &str = include_str!("../../src/cli/new_world.ron");
 const GRID: &str = include_str!("../../worlds/grid.ron");
 
 fn with(text: &str, from: &str, to: &str) -> String {
@@ -76,8 +77,13 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
         ),
         (
             "long_lag",
+            "an actuator that lags by 6 s",
+            with(ACC, "neutral: 1,", "neutral: 1, lag_s: 6.0,"),
+        ),
+        (
+            "long_lag",
             "an actuator that lags by 1000 s",
-            with(ACC, "lag_s: 0.4", "lag_s: 1000.0"),
+            with(NEW, "lag_s: 0.3", "lag_s: 1000.0"),
         ),
         ("empty_question", "the world asks nothing", {
             let line = ACC
@@ -188,7 +194,7 @@ fn a_signal_used_before_it_is_declared_is_called_so() {
         ),
     ];
     for (signals, says, underlined) in cases {
-        let text = with(ACC, "\"headway\"", signals);
+        let text = with(ACC, "{ \"headway\"", &format!("{{ {signals}"));
         let error = Scenario::parse("acc.ron", &text).expect_err(signals);
         let problem = &error.problems[0];
         assert!(problem.what.contains(says), "{error}");
