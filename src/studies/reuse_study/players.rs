@@ -41,7 +41,7 @@ impl Player<'_> {
             self.trained("wide", &*trio.wide.policy()?, seed),
             self.conditional(CONDITIONAL, trio, (member, told))?,
             Row {
-                told: Some(told.to_owned()),
+                context: Some(told.to_owned()),
                 ..called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row)
             },
         ];
@@ -59,7 +59,7 @@ impl Player<'_> {
         let seed = trio.conditional.manifest().seed;
         let policy = trio.conditional.policy_told(member)?;
         Ok(Row {
-            told: Some(told.to_owned()),
+            context: Some(told.to_owned()),
             ..self.trained(word, &*policy, seed)
         })
     }
