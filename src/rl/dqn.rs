@@ -268,7 +268,8 @@ impl Dqn {
         let beta = linear(self.config.correction, 1.0, self.tally.decisions, span);
         self.replay.sample(size, beta, &mut self.dice, batch);
 
-        // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')).
+        // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')). After a
+        // terminal state γ^k is stored as 0, so that all rows are alike.
         let stride = self.online.output_stride();
         let actions = self.online.outputs();
         let picks = self.online.forward(&batch.nexts, size, here);
@@ -278,7 +279,10 @@ impl Dqn {
             batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
         }
 
-        // δ = Q(s, a) − y; the gradient of the Huber loss is δ clipped.
+        // δ = Q(s, a) − y; the gradient of the Huber loss is δ clipped. The
+        // priority is of the whole error: what is far off is drawn again soon,
+        // however little one step moves it. Invariant: padding columns and
+        // actions not taken have no gradient.
         self.online.forward(&batch.observations, size, here);
         let huber = self.config.huber as f32;
         let (values, gradients) = self.online.output_and_gradient(size, here);
@@ -319,6 +323,8 @@ impl Learner for Dqn {
         lived.observations.extend_from_slice(&obs);
         let (mut held, mut holding) = (0, 0);
         let end = loop {
+            // Asked for even while exploring: an n-step return may go on over an
+            // exploratory action that happens to be the greedy one.
             let greedy = self.online.evaluate(&obs, argmax);
             if holding == 0 && self.dice.unit() < self.exploration() {
                 held = self.dice.below(actions);
@@ -332,6 +338,8 @@ impl Learner for Dqn {
             lived.greedy.push(action == greedy);
             lived.rewards.push(step.reward);
             self.tally.decisions += 1;
+            // Updates fall into the episode; what it taught is kept only when it
+            // is over, since an aborted one must leave nothing behind.
             if self
                 .tally
                 .decisions

@@ -116,8 +116,7 @@ impl Mlp {
 
     /// Inputs and outputs.
     pub fn ends(&self) -> [usize; 2] {
-        let outputs = self.layers.last().map_or(0, |layer| layer.outputs);
-        [self.inputs(), outputs]
+        [self.inputs(), self.outputs()]
     }
 
     /// Writes the parameters as `prefix/0/bias`, `prefix/0/weight`, ….
@@ -202,12 +201,6 @@ impl Mlp {
                 .map(|layer| vec![0.0; batch * layer.width])
                 .collect()
         };
-        let widest = self
-            .layers
-            .iter()
-            .map(|layer| layer.width)
-            .max()
-            .unwrap_or(0);
         let largest = self
             .layers
             .iter()
@@ -217,7 +210,7 @@ impl Mlp {
             activations: per_layer(),
             deltas: per_layer(),
             transposed: vec![0.0; largest.unwrap_or(0)],
-            zeros: vec![0.0; widest],
+            zeros: vec![0.0; self.widest()],
         }
     }
 
@@ -273,7 +266,7 @@ impl Mlp {
                 0 => (inputs, layer.inputs),
                 _ => (&tape.activations[i - 1][..], self.layers[i - 1].width),
             };
-            // dW = xᵀ · delta
+            // dW = xᵀ · delta; exchanged strides read the inputs transposed.
             let weights = &mut gradient[layer.weights..layer.end];
             let start = &tape.zeros[..layer.width];
             Product {
@@ -296,6 +289,8 @@ impl Mlp {
             let Some(below) = below.last_mut() else {
                 continue;
             };
+            // A product reads its right factor row by row, so the transpose is
+            // copied out.
             let width = self.layers[i - 1].width;
             let transposed = &mut tape.transposed[..layer.outputs * width];
             let weights = &self.parameters[layer.weights..layer.end];
@@ -326,12 +321,7 @@ impl Mlp {
     /// the stack.
     pub fn evaluate<T>(&self, input: &[f32], read: impl FnOnce(&[f32]) -> T) -> T {
         const STACK: usize = 128;
-        let widest = self
-            .layers
-            .iter()
-            .map(|layer| layer.width)
-            .max()
-            .unwrap_or(0);
+        let widest = self.widest();
         if widest <= STACK {
             let (mut a, mut b) = ([0.0; STACK], [0.0; STACK]);
             self.evaluate_in(input, &mut a, &mut b, read)
@@ -373,6 +363,11 @@ impl Mlp {
             start,
         }
         .write(out);
+    }
+
+    fn widest(&self) -> usize {
+        let widths = self.layers.iter().map(|layer| layer.width);
+        widths.max().unwrap_or(0)
     }
 
     fn last(&self) -> &Layer {
@@ -427,6 +422,9 @@ impl Adam {
     /// Moves the parameters against the gradient.
     #[inline(always)]
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f32) {
+        // m̂ = m / (1 − β₁ᵗ) and v̂ = v / (1 − β₂ᵗ), the corrections drawn out of
+        // the loop (Kingma, Ba 2015, end of section 2). In f64: 1 − 0.999ᵗ
+        // loses half of its digits in f32 at first.
         self.steps += 1;
         let steps = self.steps as f64;
         let correct = |decay: f32| 1.0 - libm::pow(f64::from(decay), steps);
@@ -461,11 +459,16 @@ fn relu(values: &mut [f32]) {
 
 /// A matrix with orthonormal rows or columns, whichever are fewer, by
 /// Gram-Schmidt on normal draws.
+///
+/// By hand and not by a library's QR: reflections or another order of sums
+/// give other bits, and with them other policies from the same seed.
 fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut Dice) -> Vec<Vec<f64>> {
     let (few, many) = (rows.min(columns), rows.max(columns));
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(few);
     while basis.len() < few {
         let mut vector: Vec<f64> = (0..many).map(|_| dice.normal()).collect();
+        // Twice is enough (Kahan; Parlett 1980): the first pass may leave rounding
+        // as large as what is left of the vector, the second removes it.
         for _ in 0..2 {
             for other in &basis {
                 let along: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
@@ -476,6 +479,7 @@ fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut Dice) -> Vec<Vec<f6
             }
         }
         let length = libm::sqrt(vector.iter().map(|a| a * a).sum());
+        // A draw within the span of the others has no direction left: draw again.
         if 1e-6 < length {
             vector.iter_mut().for_each(|a| *a /= length);
             basis.push(vector);

@@ -73,6 +73,8 @@ pub(crate) fn slide<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
     if input.len() <= width {
         return suffix::<E>(input, out);
     }
+    // So few passes over everything, each without a branch, are cheaper than
+    // blocks.
     if width <= 4 {
         return slide_narrow::<E>(input, width, out);
     }
@@ -94,6 +96,9 @@ pub(crate) fn slide<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
 }
 
 /// `open[i] ⊕= extremum of block[..= i]`; `own[i] = extremum of block[i ..]`.
+///
+/// Each extremum waits for the one before it. The two directions do not wait
+/// for each other, so one loop over both takes little longer than either.
 fn forwards_and_backwards<E: Extremum>(block: &[f64], open: &mut [f64], own: &mut [f64]) {
     let mut forward = E::NEUTRAL;
     let mut backward = E::NEUTRAL;
@@ -248,7 +253,12 @@ pub(crate) fn behind<E: Extremum>(child: View<'_>, window: Window, from: usize, 
 
 /// `left until right` for `E = Max`, `left release right` for `E = Min`.
 ///
-/// φ U[a,b] ψ = min(G[0,a−1] φ, shift_a(min(F[0,b−a] ψ, φ U ψ))), half-open.
+/// φ U[a,b] ψ = min(G[0,a−1] φ, shift_a(min(F[0,b−a] ψ, φ U ψ))), half-open
+/// (Donzé, Ferrère, Maler, "Efficient Robust Monitoring for STL", CAV 2013).
+///
+/// Why the bound may be looked at apart: if the best ψ of the unbounded until
+/// comes after b, then φ is as high all the way to it, so whatever ψ there is
+/// before b is reached as well, and the smaller of the two is what remains.
 /// `work` is a buffer to use.
 pub(crate) fn until<E: Extremum>(
     left: View<'_>,
@@ -288,7 +298,7 @@ pub(crate) fn until<E: Extremum>(
     }
 }
 
-/// `left since right`, the mirror of until.
+/// `left since right`, the mirror of until, by the mirrored identity.
 ///
 /// Unless the window is bounded, the views start at sample 0.
 pub(crate) fn since(

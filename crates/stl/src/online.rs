@@ -160,6 +160,8 @@ impl OnlineMonitor {
             self.interval = Interval::exactly(nothing);
         } else if !self.interval.is_final() {
             let value = match self.held.take() {
+                // The last sample goes on for ever, so every window that is
+                // still open changes at once: the offline monitor redoes it all.
                 Some(held) => {
                     let value =
                         self.monitor
@@ -198,9 +200,14 @@ impl OnlineMonitor {
             self.len
         }
         .unwrap_or(usize::MAX);
+        // Where windows are cut. What lies beyond the samples so far and before
+        // the cut is unknown: −inf from below, +inf from above. A cut that is
+        // known therefore closes the interval earlier.
         let (bounded_len, unbounded_len) = match settings.end {
             TraceEnd::Truncate => (len, len),
+            // What a bounded window could still have seen stays unknown.
             TraceEnd::Strict => (usize::MAX, len),
+            // No cut: `finish` has the values beyond the end.
             TraceEnd::Hold => (usize::MAX, usize::MAX),
         };
         Reading {
@@ -223,7 +230,8 @@ impl OnlineMonitor {
                 continue;
             }
             let instant = horizon == Some(0);
-            // The operands come before.
+            // Invariant: operands have lower numbers than their operators, so
+            // they are up to date, and the split keeps them readable.
             let (before, rest) = self.tracks.split_at_mut(*id);
             let Some(track) = rest.first_mut() else {
                 continue;
@@ -294,6 +302,8 @@ fn present(
                 Side::Max => track.slide::<Max>(first, new),
             }
         }
+        // φ S ψ at t = max(ψ(t), min(φ(t), φ S ψ at t − 1)): one number carries
+        // the whole past (Havelund, Roşu 2002, of truth values).
         Op::Since(window, a, b) if window.to.is_none() && window.from == 0 => {
             let (guard, goal) = (tracks[a].now, tracks[b].now);
             let goal = if reading.until == Until::Closed {
@@ -311,6 +321,7 @@ fn present(
                 Edge::Rise => tracks[a].now,
                 Edge::Fall => opposite(tracks[a].now),
             };
+            // `prev` of anything is +inf at the first sample.
             let before = track
                 .carried
                 .replace(current)
@@ -328,6 +339,10 @@ fn present(
 }
 
 /// Redoes the samples that have not settled.
+///
+/// A value at sample t is final once `horizon` samples after it are known. One
+/// sample ago that held up to t = known − 2 − horizon, so the work begins at
+/// the next one; what lies before it is not touched again.
 fn redo(
     program: &Program,
     id: Id,

@@ -1,5 +1,10 @@
 //! Damped Gauss-Newton steps in a box (Levenberg 1944, Marquardt 1963).
 //!
+//! Near the best point deviations are nearly linear, r(x + d) ≈ r + J d, so the
+//! step that solves (JᵀJ + λ diag JᵀJ) d = −Jᵀr goes most of the way at once;
+//! λ shortens it, and turns it downhill, where they are not. Slopes are taken by
+//! playing the runs again beside the point: a simulation has no derivatives.
+//!
 //! Cross-entropy search finds the region; a narrow valley, in which a late
 //! brake looks like a weak gain, it leaves to this.
 
@@ -7,7 +12,8 @@ use crate::campaign::entropy::Fit;
 
 /// Steps at most.
 const STEPS: usize = 12;
-/// Dampings tried at each step, all at once.
+/// Dampings tried at each step, all at once: their runs are played side by side,
+/// and no damping has to be guessed from the step before.
 const DAMPINGS: [f64; 5] = [1e-6, 1e-3, 1e-1, 1e1, 1e3];
 /// Distance by which derivatives are taken, of a range from −1 to 1.
 const NEAR: f64 = 0.01;
@@ -102,6 +108,8 @@ fn step(
         })
         .collect();
     for (i, row) in rows.iter_mut().enumerate() {
+        // Marquardt: in proportion to the diagonal, so that flat dimensions are not
+        // damped as hard as steep ones.
         row[i] *= 1.0 + damping;
         // A dimension without any slope does not move.
         row[i] += 1e-12;
@@ -115,6 +123,9 @@ fn step(
 }
 
 /// Gaussian elimination with pivots on rows `[a … | b]`.
+///
+/// By hand: a library's LU adds in another order, and what an ado is told of an
+/// ego would differ in its last bits from what kept runs were told.
 fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let n = rows.len();
     for i in 0..n {

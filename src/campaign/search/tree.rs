@@ -1,4 +1,8 @@
 //! Sequences with few switches of action, prefixes shared by copying the bench.
+//!
+//! Of n decisions and a actions there are a · C(n − 1, k) · (a − 1)^k sequences
+//! with k switches. Played one by one they cost n decisions each; in a tree, a
+//! sequence costs what follows its last switch, and all share what lies before.
 
 use crate::campaign::Watch;
 use crate::ego::Fault;
@@ -25,6 +29,7 @@ pub(in crate::campaign) struct Tree<'a> {
     aftermath: Aftermath,
     forks: bool,
     actions: usize,
+    /// Invariant: what the bench that is being explored has played so far.
     prefix: Vec<usize>,
     accept: Accept<'a>,
     watch: &'a Watch<'a>,
@@ -101,6 +106,8 @@ impl<'a> Tree<'a> {
             bench.decide(action);
             self.physics_steps += bench.physics_steps() - before;
             self.prefix.push(action);
+            // A switch is to another action, so no sequence is met twice, and at
+            // the very end there is nothing to switch to.
             if switches == 0 || bench.is_done() {
                 continue;
             }
@@ -150,6 +157,8 @@ impl<'a> Tree<'a> {
         if switches == 0 {
             return self.leaf(bench, switches);
         }
+        // What the others play up to their switch is the same again: an ego that
+        // answers twice alike gets there with the same state.
         let whole = self.prefix.clone();
         for at in depth + 1..whole.len() {
             for other in (0..self.actions).filter(|&other| other != action) {

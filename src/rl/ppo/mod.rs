@@ -215,6 +215,8 @@ impl Ppo {
         let mut order = std::mem::take(&mut self.room.order);
         order.clear();
         order.extend(0..n as u32);
+        // Advantages, returns and old probabilities stay those of the rollout:
+        // the ratio measures how far all passes together have moved the policy.
         for _ in 0..self.config.epochs {
             self.dice.shuffle(&mut order);
             for batch in order.chunks(self.config.batch) {
@@ -268,6 +270,8 @@ impl Ppo {
             };
             let pull = if flat { 0.0 } else { -advantage * ratio };
             let entropy: f32 = probabilities.iter().map(|p| -p * libm::logf(*p)).sum();
+            // By the logits z: ∂ ln π(taken) / ∂ z_a = [a = taken] − p_a, and
+            // ∂ H / ∂ z_a = −p_a (ln p_a + H). Both sums over a are 0.
             for (a, (p, g)) in probabilities.iter().zip(gradient).enumerate() {
                 let one = if a == taken { 1.0 } else { 0.0 };
                 let spread = self.config.entropy as f32 * p * (libm::logf(*p) + entropy);
@@ -328,6 +332,8 @@ impl Learner for Ppo {
         self.room.probabilities = probabilities;
         self.explored = explored as f32 / self.rollout.rewards.len() as f32;
         let total = self.rollout.rewards.iter().sum();
+        // What comes after the last decision: nothing, what the critic expects
+        // where the clock cut the episode off, and what nobody knows.
         let after = match end {
             End::Terminated => 0.0,
             End::Truncated => self.critic.evaluate(&obs, |value| value[0]),
@@ -395,6 +401,9 @@ impl Learner for Ppo {
 }
 
 /// Probabilities that are never exactly 0, so that their logarithms exist.
+///
+/// Less the largest logit, no exponential overflows; e⁻⁴⁰ is still a normal
+/// `f32`.
 fn softmax(logits: &[f32], probabilities: &mut Vec<f32>) {
     let top = logits[argmax(logits)];
     probabilities.clear();

@@ -11,8 +11,12 @@ const MAX_EVALUATIONS: u32 = 1000;
 
 /// First touch of two moving bodies within `horizon_s`, strictly before its end.
 ///
-/// Conservative advancement: at each instant the best separating axis says how
-/// long the two cannot touch, whatever they do within their bounds.
+/// Conservative advancement (Mirtich 1996): at each instant the best separating
+/// axis says how long the two cannot touch, whatever they do within their bounds.
+///
+/// Invariant: time never passes the first touch, since each step is a time in
+/// which no touch is possible; so the first gap of 0 that is seen is the first
+/// that there is, which sampling or root finding alone would not promise.
 pub(super) fn meet(
     (a, b): (&Mover, &Mover),
     (path_a, path_b): (&Path, &Path),
@@ -34,17 +38,21 @@ pub(super) fn meet(
             let parting = evaluation == 0 && -TOUCH_M <= gap_m && meeting.closing_speed_mps <= 0.0;
             return (!parting).then_some((after_s, meeting));
         }
+        // Turning moves no point faster than ω times the radius, towards any axis.
         let spin_mps = rect_a.yaw_rate_rad_per_s.abs() * a.extent.radius_m
             + rect_b.yaw_rate_rad_per_s.abs() * b.extent.radius_m;
         let safe = |axis: Separation| {
             let Separation { gap_m, nx, ny } = axis;
             let (vx, vy) = (rect_a.vx_mps - rect_b.vx_mps, rect_a.vy_mps - rect_b.vy_mps);
+            // Aiming at half the tolerance, the gap gets below it after a few
+            // steps; aiming at 0 it would only come near.
             safe_s(
                 gap_m - 0.5 * TOLERANCE_M,
                 vx * nx + vy * ny + spin_mps,
                 bound_mps2,
             )
         };
+        // One axis that separates is enough, so the best of them counts.
         after_s += shape_a
             .separations(&shape_b)
             .into_iter()
@@ -61,6 +69,10 @@ pub(super) fn meet(
 }
 
 /// Time in which a gap cannot close, given closing speed and bounded acceleration.
+///
+/// The positive root of v t + ½ a t² = gap, in whichever of its two forms adds
+/// numbers of one sign: no digits cancel, and a = 0 needs no division by it
+/// while the gap closes.
 fn safe_s(gap_m: f64, closing_mps: f64, bound_mps2: f64) -> f64 {
     if gap_m <= 0.0 {
         return 0.0;

@@ -1,4 +1,11 @@
 //! Which operators an online monitor keeps, for how long, and how far back.
+//!
+//! Two passes. The first goes down from the root as long as only the value at
+//! sample 0 counts: those operators are points, which fold what has settled
+//! into one number and keep no history. The second goes from the root to the
+//! leaves and tells each operand how long and how far back it is read, the
+//! most demanding reader deciding. `None` stands for "without an end" in all of
+//! it, so a bound that is missing anywhere makes the sum or maximum `None`.
 
 use super::point::{Point, Watch};
 use crate::program::{Id, Op, Program};
@@ -18,6 +25,8 @@ pub(super) struct Need {
 pub(super) fn plan(program: &Program) -> (Point, Vec<(Id, Need)>) {
     let mut needs: Vec<Option<Need>> = vec![None; program.instructions.len()];
     let point = watch(program, program.root(), &mut needs);
+    // Invariant: operands have lower numbers, so when an operator passes its
+    // need on, all who read it have been asked.
     for id in (0..needs.len()).rev() {
         if let Some(need) = needs[id] {
             pass_on(program, id, need, &mut needs);
@@ -33,7 +42,9 @@ pub(super) fn plan(program: &Program) -> (Point, Vec<(Id, Need)>) {
 
 fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
     let horizon = |id: Id| program.get(id).horizon;
-    // Not yet settled values are read again at each sample.
+    // The value at sample 0 is final when `horizon` more samples are known, so
+    // nothing is needed after that. Until then the last `horizon` + 1 values
+    // have not settled and are read again at each sample.
     let plus = |a: Option<usize>, b: Option<usize>| a.zip(b).map(|(a, b)| a.saturating_add(b));
     let open = |id: Id| Need {
         stop: horizon(id),
@@ -127,6 +138,8 @@ fn pass_on(program: &Program, id: Id, need: Need, needs: &mut [Option<Need>]) {
         Op::Edge(..) => (plus(redone, Some(1)), true),
     };
     for operand in instruction.op.operands() {
+        // An operand is read as far back as its reader redoes, and its own
+        // unsettled values must be there to be redone.
         let own = program.get(operand).horizon;
         let keep = back
             .zip(own)
