@@ -69,7 +69,7 @@ impl Ado<'_> {
         }
     }
 
-    /// Somebody who acts so.
+    /// Who plays the ado in episodes with so many joint actions.
     pub fn actor(&self, actions: usize) -> Box<dyn Actor + '_> {
         match *self {
             Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
@@ -127,7 +127,7 @@ pub(super) struct Played {
 /// A row and the outcomes behind it.
 #[derive(Clone, Debug)]
 pub struct Evaluated {
-    /// The row.
+    /// Rates and costs over all starts.
     pub row: Row,
     /// Per start; `None` for trivial ones and for those not reached.
     pub outcomes: Vec<Option<Outcome>>,
@@ -331,7 +331,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         ado: String::new(),
         method: String::new(),
         train_seed: None,
-        told: None,
+        context: None,
         start_seed: starts.seed,
         starts: 0,
         trivial: 0,

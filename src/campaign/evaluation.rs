@@ -56,9 +56,9 @@ pub struct Evaluation<'a> {
 /// Why the first counterexample of an ego is one.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct ExplainedCounterexample {
-    /// The ego.
+    /// Name of the ego that fails, as rows call it.
     pub ego: String,
-    /// Position of the start.
+    /// Position of the start among the test starts.
     pub start: usize,
     /// The requirement that ψ_ego stands for, if the world names one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -446,7 +446,7 @@ impl<'a> Meeting<'a> {
             (FoundBy::Trained(evaluated), row)
         };
         self.found = Some(found);
-        row.told = self.ado.told.map(str::to_owned);
+        row.context = self.ado.told.map(str::to_owned);
         row
     }
 

@@ -156,7 +156,7 @@ impl TrainSession {
         let request = |ado| self.ego.met_by(ado, &starts);
         let mut evaluated = eval(&request(self.trained(&*policy)), watch);
         if self.world.against == Against::Conditional {
-            evaluated.row.told = Some("nominal".to_owned());
+            evaluated.row.context = Some("nominal".to_owned());
         }
         let (scenario, name) = (self.ego.scenario(), self.ego.name());
         let rows = vec![

@@ -167,7 +167,7 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
         div class="wide" { table {
             thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "sims / start" } } }
             tbody { @for Tested { row, .. } in tested { tr {
-                td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(told) = &row.told { ", told: " (told) } }
+                td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(context) = &row.context { ", context: " (context) } }
                 td class="n" {
                     @if row.starts == 0 { "–" } @else { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
                     @if 0 < row.invalid { ", " (row.invalid) " invalid" }

@@ -30,10 +30,10 @@ pub struct Row {
     /// Seed of the training, for trained ados.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub train_seed: Option<u64>,
-    /// What a conditional ado was told of the ego: `true`, `identified`,
-    /// `adapted` or `nominal` parameters.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub told: Option<String>,
+    /// What a conditional ado was conditioned on: `true`, `identified`,
+    /// `adapted` or `nominal` parameters of the ego; `told` before 0.2.0.
+    #[serde(alias = "told", default, skip_serializing_if = "Option::is_none")]
+    pub context: Option<String>,
     /// Seed of the test starts.
     pub start_seed: u64,
     /// Starts evaluated: those that are not trivial.

@@ -20,7 +20,14 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
         "--json",
     ]);
     assert_eq!(code(&trained), 0, "{}", stderr(&trained));
-    assert_eq!(json(&trained)["rows"][0]["told"], "nominal");
+    assert_eq!(json(&trained)["rows"][0]["context"], "nominal");
+    // As versions before 0.2 wrote it.
+    let mut older = json(&trained)["rows"][0].clone();
+    let fields = older.as_object_mut().expect("a row");
+    let context = fields.remove("context").expect("said");
+    fields.insert("told".to_owned(), context);
+    let older: brakecheck::run::Row = serde_json::from_value(older).expect("an older row");
+    assert_eq!(older.context.as_deref(), Some("nominal"));
     let manifest = std::fs::read_to_string(dir.path().join("run/manifest.json")).expect("it");
     assert!(manifest.contains("\"conditional\"") && manifest.contains("max_brake_mps2"));
 
@@ -39,7 +46,7 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     let told = |more: &[&str]| {
         let output = eval(more);
         assert_eq!(code(&output), 0, "{}", stderr(&output));
-        json(&output)["rows"][0]["told"].clone()
+        json(&output)["rows"][0]["context"].clone()
     };
     let refused = |more: &[&str], why: &str| {
         let output = eval(more);
@@ -56,7 +63,7 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     assert_eq!(told(&["--params", "true", "--ego", "sporty"]), "true");
     // An IDM has no kp: said, and told the nominal values.
     let idm = eval(&["--params", "true", "--ego", "idm"]);
-    assert_eq!(json(&idm)["rows"][0]["told"], "nominal");
+    assert_eq!(json(&idm)["rows"][0]["context"], "nominal");
     assert!(
         stderr(&idm).contains("has no `kp_per_s2`"),
         "{}",
@@ -172,7 +179,7 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     let sha = found["policy_sha256"].as_str().expect("words");
     write(text.replace(sha, "another"));
     let other = eval(&["--params", &file, "--ego", "idm"]);
-    assert_eq!(json(&other)["rows"][0]["told"], "nominal");
+    assert_eq!(json(&other)["rows"][0]["context"], "nominal");
     assert!(
         stderr(&other).contains("another policy"),
         "{}",
@@ -224,7 +231,7 @@ fn an_ado_is_fine_tuned_on_a_changed_ego_and_tries_several_times() {
     };
     let first = train(&wide, &["--against", "wide"]);
     assert_eq!(code(&first), 0, "{}", stderr(&first));
-    assert!(json(&first)["rows"][0].get("told").is_none());
+    assert!(json(&first)["rows"][0].get("context").is_none());
     let second = train(&tuned, &["--from", &wide, "--ego", "softer brakes"]);
     assert_eq!(code(&second), 0, "{}", stderr(&second));
     assert_eq!(json(&second)["rows"][0]["ego"], "softer brakes");

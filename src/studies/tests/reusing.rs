@@ -99,8 +99,8 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
             true => "nominal",
             false => "identified",
         };
-        assert_eq!(of(CONDITIONAL).told.as_deref(), Some(told));
-        assert_eq!(of(ADAPTED).told.as_deref(), Some("adapted"));
+        assert_eq!(of(CONDITIONAL).context.as_deref(), Some(told));
+        assert_eq!(of(ADAPTED).context.as_deref(), Some("adapted"));
         assert_eq!(of(ADAPTED).sims_per_start, 1.0);
         // Contacts are those of the simulations that were counted.
         for searched in ["search, held, 10", "search, held, 30"].map(of) {
