@@ -26,15 +26,15 @@ pub struct PerStart {
 /// its whole budget where there is none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BreakEven {
-    /// Which ego.
+    /// Name of the ego that both met.
     pub ego: String,
     /// How the search chose its sequences.
     pub method: String,
     /// Seed of the training.
     pub train_seed: Option<u64>,
-    /// The training.
+    /// What the training cost, paid once.
     pub once: Cost,
-    /// The ado.
+    /// What the trained ado does and costs per start.
     pub ado: PerStart,
     /// The least budget with which the search solves as many starts as the ado.
     ///

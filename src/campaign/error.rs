@@ -14,9 +14,9 @@ pub enum CampaignError {
     /// What was asked for does not fit the world, the run or itself.
     #[error("{what}")]
     Request {
-        /// What does not fit.
+        /// What was asked for and does not fit this run or world.
         what: String,
-        /// The cure.
+        /// What to ask for or write instead.
         help: String,
     },
     /// A file names a program, and nobody said that it may be started.
@@ -27,13 +27,13 @@ pub enum CampaignError {
         /// The program and its arguments.
         command: Vec<String>,
     },
-    /// A world or a change.
+    /// A world, or a change of one, that cannot be loaded.
     #[error(transparent)]
     World(#[from] LoadError),
-    /// A run directory.
+    /// A run directory that cannot be read, written or gone on with.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// A training.
+    /// A training that could not begin or end.
     #[error(transparent)]
     Train(#[from] TrainError),
     /// Settings of a learner out of range.

@@ -21,7 +21,7 @@ use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
 /// What came of replaying one.
 #[derive(Clone)]
 pub struct Replayed {
-    /// The file.
+    /// Where the kept counterexample lies.
     pub path: PathBuf,
     /// The world, as it was replayed.
     pub scenario: Scenario,
@@ -135,7 +135,7 @@ pub enum RegressionError {
     /// The kept world has no such changed ego.
     #[error("`{path}`: its world has no ego `{name}`")]
     NoSuchEgo {
-        /// The file.
+        /// Where the kept counterexample lies.
         path: PathBuf,
         /// The name asked for.
         name: String,
@@ -163,7 +163,7 @@ pub enum RegressionError {
     /// A file names a program, and nobody consented to start it.
     #[error("`{path}` names the program `{}` as the ego: nothing was started", .command.join(" "))]
     NotAllowed {
-        /// The file.
+        /// Where the kept counterexample lies.
         path: PathBuf,
         /// The program and its arguments.
         command: Vec<String>,

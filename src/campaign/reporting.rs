@@ -28,9 +28,9 @@ const MAX_ROWS_BYTES: u64 = 50_000_000;
 /// What to report on.
 #[derive(Clone, Copy)]
 pub struct ReportRequest<'a> {
-    /// The run.
+    /// Run directory whose policy is reported on.
     pub run: &'a RunDir,
-    /// Its world.
+    /// World of the run, on the plant to test on.
     pub scenario: &'a Scenario,
     /// Other runs of the same world, to show beside it.
     pub with: &'a [RunDir],

@@ -48,7 +48,7 @@ impl Relation {
 /// One ego of a reuse table.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ReusedOn {
-    /// Its name.
+    /// Name of the ego, as rows call it.
     pub ego: String,
     /// What it was to the ado in training.
     pub relation: Relation,
@@ -114,7 +114,7 @@ fn union(rows: &[Row]) -> f64 {
 /// What one ado came to on the egos of one block.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
-    /// The block.
+    /// What the egos of the block were to the ado in training.
     pub relation: Relation,
     /// The ado's word in rows.
     pub ado: String,

@@ -20,7 +20,7 @@ const PREFIX: &str = "ego.";
 pub struct Sweep {
     /// Its name in the world file, without `ego.`.
     pub parameter: String,
-    /// The values.
+    /// Values it is given in turn, ascending, in its own unit.
     pub values: Vec<f64>,
 }
 
@@ -34,7 +34,7 @@ impl Sweep {
     /// ```
     ///
     /// # Errors
-    /// It is not written so.
+    /// Another form, an empty range, or not 2 to 1000 values.
     pub fn parse(text: &str) -> Result<Sweep, CampaignError> {
         let wrong = |what: String| {
             CampaignError::request(what, "write for example --over ego.time_gap_s=0.3..1.5:7")
@@ -83,7 +83,7 @@ impl Sweep {
         self.values.iter().map(ego).collect()
     }
 
-    /// What came of it.
+    /// What failed at each value; `egos` are those of the values, in order.
     pub fn swept(&self, egos: &[ReusedOn]) -> Swept {
         let points = self.values.iter().zip(egos);
         let points = points.map(|(value, ego)| Point::of(*value, &ego.rows));
@@ -94,7 +94,7 @@ impl Sweep {
 /// One value of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// The parameter's value.
+    /// What the parameter is set to, in its own unit.
     pub value: f64,
     /// Starts that tell something of this ego.
     pub starts: usize,
@@ -122,7 +122,7 @@ impl Point {
 /// Where a parameter makes the ego safe, as far as these ados can tell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Swept {
-    /// The parameter.
+    /// Name of the parameter, without `ego.`.
     pub parameter: String,
     /// Its values, ascending, with what failed.
     pub points: Vec<Point>,

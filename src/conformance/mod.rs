@@ -105,7 +105,7 @@ impl fmt::Display for Promise {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{promise}: {place}{what}; {}", .promise.cure())]
 pub struct Nonconformity {
-    /// The promise.
+    /// Which promise of the trait is not kept.
     pub promise: Promise,
     /// Episode, step and signal, where they are known.
     pub place: Place,
@@ -118,7 +118,7 @@ pub struct Nonconformity {
 pub struct Place {
     /// The episode and the step in it.
     pub step: Option<(u64, usize)>,
-    /// The number.
+    /// Name of the signal or number that is wrong there.
     pub signal: Option<String>,
 }
 

@@ -7,7 +7,7 @@
 /// A controller, and the lag of the actuator behind it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuated<C> {
-    /// Who commands.
+    /// Controller whose command the actuator follows.
     pub controller: C,
     /// Time constant of the first-order lag behind the command; 0 is none.
     pub lag_s: f64,

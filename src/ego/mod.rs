@@ -96,7 +96,7 @@ pub struct Seen {
     pub speed_mps: f64,
     /// Its speed across the road, positive to the left.
     pub lateral_mps: f64,
-    /// Its lane.
+    /// Lane of its front bumper; 0 is the rightmost.
     pub lane: usize,
     /// Position of the middle of its front, ahead in the ego's frame.
     pub x_m: f64,

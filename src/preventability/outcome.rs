@@ -110,9 +110,9 @@ pub enum Struck {
 /// A contact in a replay.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReplayContact {
-    /// Name of the other.
+    /// Name of the agent that the ego touched.
     pub with: String,
-    /// When.
+    /// Time of the first touch, since the start of the episode.
     pub time_s: f64,
     /// Approach speed along the contact normal.
     pub closing_speed_mps: f64,
@@ -182,7 +182,7 @@ pub struct Preventability {
 }
 
 impl Exoneration {
-    /// In words.
+    /// The reason as a clause, for tables and pages.
     pub fn words(self) -> &'static str {
         match self {
             Exoneration::Standing => "the ego stands",
@@ -192,7 +192,7 @@ impl Exoneration {
 }
 
 impl NotApplicable {
-    /// In words.
+    /// The reason as a clause, for tables and pages.
     pub fn words(self) -> &'static str {
         match self {
             NotApplicable::NotDriven => "nothing drives in this world",

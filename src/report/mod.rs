@@ -61,7 +61,7 @@ pub struct Training {
 
 /// The nominal ego and the trained ado on every test start.
 pub struct Nominal {
-    /// The row.
+    /// Rates and costs over all starts.
     pub row: Row,
     /// Every start and what came of it; `None`: trivial, or not reached.
     pub starts: Vec<(Start, Option<Verdict>)>,
@@ -83,7 +83,7 @@ pub struct Example {
 
 /// One row, and why the ego fails where it does.
 pub struct Tested {
-    /// The row.
+    /// Rates and costs over all starts.
     pub row: Row,
     /// The first counterexample, explained.
     pub why: Option<String>,

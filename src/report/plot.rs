@@ -18,7 +18,7 @@ const TICKS: f64 = 5.0;
 /// Points of a curve that are drawn at most.
 const MAX_POINTS: usize = 400;
 
-/// A curve.
+/// Points joined by a line, with a name and a colour.
 pub(super) struct Curve {
     /// Its name in the legend; empty: not named there.
     pub name: String,
@@ -30,9 +30,9 @@ pub(super) struct Curve {
 
 /// A line across the picture with a word.
 pub(super) struct Mark {
-    /// Where.
+    /// Position along the axis that it crosses, in the unit of that axis.
     pub at: f64,
-    /// The word.
+    /// What is written beside it.
     pub word: String,
 }
 
@@ -42,7 +42,7 @@ pub(super) struct Region {
     pub x: (f64, f64),
     /// From and to, along y.
     pub y: (f64, f64),
-    /// The word in it.
+    /// What is written inside.
     pub word: String,
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Chart {
     pub y_label: String,
     /// The curves.
     pub curves: Vec<Curve>,
-    /// Vertical lines.
+    /// Vertical lines, at moments.
     pub at_x: Vec<Mark>,
     /// Horizontal lines.
     pub at_y: Vec<Mark>,

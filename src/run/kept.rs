@@ -48,9 +48,9 @@ pub struct Counterexample {
     pub ego: String,
     /// How it differed from the world's own ego and surroundings.
     pub change: Change,
-    /// Which physics.
+    /// Plant that it was found on.
     pub plant: Dynamics,
-    /// Which ado.
+    /// Word for who played the ados.
     pub ado: String,
     /// The start, by name of the axis.
     pub start: IndexMap<String, f64>,

@@ -104,7 +104,7 @@ impl From<Outcomes> for String {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{mark}` is no outcome of a start: 1 solved, 0 not, t trivial, x invalid, - not reached")]
 pub struct UnknownMark {
-    /// The mark.
+    /// The character that is none of `1 0 t x -`.
     pub mark: char,
 }
 

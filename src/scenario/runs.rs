@@ -18,9 +18,9 @@ pub struct NamedRun {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}")]
 pub struct RunRefused {
-    /// Why.
+    /// Why the run cannot be used, in a sentence.
     pub what: String,
-    /// The cure.
+    /// What the author of the world can do about it.
     pub help: String,
 }
 

@@ -92,7 +92,7 @@ use story::Story;
 /// What was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordingFile {
-    /// Where.
+    /// Where the recording lies.
     pub path: PathBuf,
     /// Size of the file.
     pub bytes: u64,

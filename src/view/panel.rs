@@ -28,7 +28,7 @@ pub struct Entity {
     /// Where it stands; a part such as `<agent>` is a name, and what does not
     /// happen in an episode is not there.
     pub path: &'static str,
-    /// What it is.
+    /// What is logged there, in a few words.
     pub about: &'static str,
 }
 

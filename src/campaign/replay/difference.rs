@@ -9,7 +9,7 @@ use crate::trace::{Schema, Trace};
 /// Where a replay first differs from what was recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// The sample.
+    /// Number of the first sample that differs; the start is 0.
     pub sample: usize,
     /// The signal and both values, if the samples are stored beside the file.
     pub signal: Option<(String, f64, f64)>,

@@ -10,9 +10,9 @@ use crate::testbench::Episode;
 /// A counterexample and the file it was kept in.
 #[derive(Clone, Debug)]
 pub struct Kept {
-    /// The file.
+    /// Where it lies.
     pub path: PathBuf,
-    /// What is in it.
+    /// World, start, actions and verdict, as they were read.
     pub counterexample: Counterexample,
 }
 

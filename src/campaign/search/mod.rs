@@ -36,7 +36,7 @@ pub(super) use tree::{Next, Tree};
 /// A row and the solutions behind it.
 #[derive(Clone, Debug)]
 pub struct Searched {
-    /// The row.
+    /// Rates and costs over all starts.
     pub row: Row,
     /// Per start; `None` for trivial ones and for those not reached.
     pub found: Vec<Option<Found>>,

@@ -28,7 +28,7 @@ impl<'a> Trials<'a> {
         (!unfinished).then_some(trials.found)
     }
 
-    /// The start.
+    /// The start that every simulation here begins from.
     pub fn start(&self) -> &'a Start {
         self.one.start
     }

@@ -73,7 +73,7 @@ pub struct Sharper {
 pub struct Refused {
     /// The changed ego.
     pub ego: String,
-    /// Why.
+    /// Why nothing can be said of it, in a sentence.
     pub why: String,
 }
 

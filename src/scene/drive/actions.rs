@@ -68,7 +68,7 @@ pub(super) enum Choice {
 }
 
 impl Choice {
-    /// Nothing yet.
+    /// What holds before the first decision: no acceleration, no lateral speed.
     pub const NONE: Choice = Choice::Drive {
         accel_mps2: 0.0,
         lateral_mps: 0.0,

@@ -13,14 +13,14 @@ use crate::sim::Pose;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Piece {
-    /// Straight on.
+    /// A straight piece.
     Line {
-        /// Its length.
+        /// Length along the middle of lane 0.
         length_m: f64,
     },
     /// Along a circle.
     Arc {
-        /// Its length.
+        /// Length along the middle of lane 0.
         length_m: f64,
         /// Radius of the circle; positive turns left, negative right.
         radius_m: f64,
@@ -79,7 +79,7 @@ const DRAWN_M: f64 = 2.0;
 const DRAWN_BEYOND_M: f64 = 100.0;
 
 impl Course {
-    /// World x.
+    /// A road without pieces: along world x, without end.
     pub(super) fn straight() -> Course {
         Course::default()
     }

@@ -85,7 +85,7 @@ pub enum EgoController {
     Own {
         /// How rows call it.
         name: String,
-        /// Makes one.
+        /// Makes a controller that remembers nothing of others.
         factory: ControllerFactory,
     },
 }

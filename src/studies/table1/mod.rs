@@ -89,7 +89,7 @@ pub struct GridStudy {
 /// RQ1: several random ados.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RandomAdos {
-    /// How many.
+    /// Random ados that were tried.
     pub ados: usize,
     /// The paper's mean share of captured starts.
     pub paper: f64,
@@ -123,7 +123,7 @@ pub struct MapResult {
     pub random_tables: f64,
     /// Share that the two-line chaser captures.
     pub chaser: f64,
-    /// By learner.
+    /// What trained ados capture, a learner each.
     pub trained: Vec<LearnerOnMap>,
 }
 
