@@ -134,10 +134,13 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
     figure(&panels.collect::<Vec<_>>(), caption)
 }
 
-/// Share of starts that fail over a parameter of the ego, with the ends of its
-/// interval; shares are 0 to 1.
-pub fn sweep_curve(parameter: &str, points: &[(f64, f64, [f64; 2])], caption: &str) -> String {
-    let curve = |name: &str, class: &str, share: &dyn Fn(&(f64, f64, [f64; 2])) -> f64| Curve {
+/// A value of a parameter, the share of starts that fail at it, and the ends of
+/// that share's interval; shares are 0 to 1.
+pub type SweptShare = (f64, f64, [f64; 2]);
+
+/// Share of starts that fail over a parameter of the ego.
+pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> String {
+    let curve = |name: &str, class: &str, share: fn(&SweptShare) -> f64| Curve {
         name: name.to_owned(),
         class: class.to_owned(),
         points: points
@@ -150,9 +153,9 @@ pub fn sweep_curve(parameter: &str, points: &[(f64, f64, [f64; 2])], caption: &s
         x_label: parameter.to_owned(),
         y_label: "starts that fail [%]".to_owned(),
         curves: vec![
-            curve("share", "c-ego", &|point| point.1),
-            curve("95 % interval", "c-ado", &|point| point.2[0]),
-            curve("", "c-ado", &|point| point.2[1]),
+            curve("share", "c-ego", |point| point.1),
+            curve("95 % interval", "c-ado", |point| point.2[0]),
+            curve("", "c-ado", |point| point.2[1]),
         ],
         y_span: Some((0.0, 100.0)),
         ..Chart::default()

@@ -19,7 +19,7 @@ use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::testbench::{Episode, FaultCount};
 
-pub use figures::{Behaviour, Distances, figure_2, figure_3, figure_5, sweep_curve};
+pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
 
 /// Everything a report shows.
 pub struct Report<'a> {
