@@ -1,7 +1,7 @@
 //! `brakecheck replay`: kept counterexamples.
 
 use std::fmt::{self, Display, Formatter};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -202,11 +202,20 @@ fn runs(repeated: &StartRepeated) -> serde_json::Value {
     })
 }
 
-/// What the table has no room for: faults, and egos that answer otherwise.
+/// What the table has no room for: differences, faults, and egos that answer otherwise.
 fn remarks(replayed: &[Replayed]) -> String {
     let mut text = String::new();
     for one in replayed {
         let file = one.path.display();
+        match &one.first_difference {
+            Some(difference) => {
+                text.push_str(&format!("\n{file}: differs at {difference}"));
+            }
+            None if !one.identical => text.push_str(&format!(
+                "\n{file}: verdict, contact or rules until contact differ"
+            )),
+            None => {}
+        }
         if let Some(fault) = one.fault() {
             text.push_str(&format!("\n{file}: {}: {fault}", fault.kind.word()));
         }
@@ -245,20 +254,29 @@ fn rules_until_contact(episode: &Episode) -> serde_json::Value {
     }
 }
 
+/// The name of a file in the directory of all, its path if there is none.
+fn file_in(directory: Option<&Path>, file: &Path) -> String {
+    let name = file.file_name().filter(|_| directory.is_some());
+    let path = name.map_or(file, Path::new);
+    path.display().to_string()
+}
+
 fn table(replayed: &[Replayed]) -> String {
+    let mut directories = replayed.iter().map(|replayed| replayed.path.parent());
+    let first = directories.next().flatten();
+    let directory = first.filter(|_| directories.all(|other| other == first));
     let lines = replayed.iter().map(|replayed| {
         let contact = replayed.episode.contact.as_ref();
         let contact = contact.map_or("–".to_owned(), |touch| {
             format!("{:.3} s, {:.2} m/s", touch.time_s, touch.closing_speed_mps)
         });
-        let bits = match (&replayed.first_difference, replayed.identical) {
-            (_, true) => "identical".to_owned(),
-            (Some(difference), _) => format!("differs at {difference}"),
-            (None, _) => "verdict, contact or rules until contact differ".to_owned(),
+        let bits = match replayed.identical {
+            true => "identical".to_owned(),
+            false => "differ, see below".to_owned(),
         };
         let rules = replayed.episode.rules_until_contact.as_ref();
         [
-            replayed.path.display().to_string(),
+            file_in(directory, &replayed.path),
             replayed.episode.verdict.word().to_owned(),
             format!("{:.6}", replayed.episode.robustness),
             contact,
@@ -274,8 +292,14 @@ fn table(replayed: &[Replayed]) -> String {
         "rules until it",
         "bits",
     ];
+    let place = match directory {
+        Some(directory) if !directory.as_os_str().is_empty() => {
+            format!("in {}\n", directory.display())
+        }
+        _ => String::new(),
+    };
     format!(
-        "{}\nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
+        "{place}{}\nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
          \nrules until it whether the ados kept theirs until the contact; –: there was none\
          \nbits           whether every sample is the recorded one",
         table_of(header, lines)

@@ -74,9 +74,15 @@ fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
     let name: Vec<String> = head
         .chain(tail.iter().map(|part| (*part).to_owned()))
         .collect();
+    // Owners stand as words, or before the quantity of another name.
     let words = about.split(' ').map(|word| {
-        let bare = word.trim_end_matches([',', '.']);
-        format!("{}{}", renamed(bare), &word[bare.len()..])
+        let bare = word.trim_matches(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
+        let bare = bare.trim_end_matches('.');
+        if bare.is_empty() {
+            return word.to_owned();
+        }
+        let owned = bare.split('.').map(renamed).collect::<Vec<_>>().join(".");
+        word.replacen(bare, &owned, 1)
     });
     (name.join("."), words.collect::<Vec<_>>().join(" "))
 }
