@@ -93,7 +93,7 @@ impl Reward {
     }
 
     /// Reward of a lawful violation by `rho` > 0 that does not count: above all
-    /// that held, below all that counts, and larger the deeper it is.
+    /// that held, below 0, where all that counts is, and larger the deeper it is.
     ///
     /// `Plain` has no step between the two and pays it as if ψ_ego had held
     /// exactly; worlds in which something does not count are refused with it.
@@ -107,7 +107,8 @@ impl Reward {
                 ..
             } => {
                 let rho = rho.clamp(0.0, rho_max);
-                jump * (libm::tanh(rho / scale)).min(OPEN)
+                let depth = libm::tanh(rho / scale);
+                -jump * (1.0 - depth.clamp(1.0 - OPEN, OPEN))
             }
         }
     }

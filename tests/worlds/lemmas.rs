@@ -88,6 +88,8 @@ proptest! {
         let counted = of(Verdict::Counterexample { by: shallow });
         let order = [foul, held, uncounted, counted];
         prop_assert!(order.is_sorted_by(|a, b| a < b), "{:?}", order);
+        // Learners take what pays more than 0 for a success.
+        prop_assert!(uncounted < 0.0 && 0.0 < counted);
         // Learners see them in single precision.
         let [held, uncounted, counted] = [held, uncounted, counted].map(|x| x as f32);
         prop_assert!([held, uncounted, counted].is_sorted_by(|a, b| a < b));
@@ -105,8 +107,8 @@ fn the_numbers_of_the_default_transform() {
     close(reward.lawful(10.0), 0.5 + 0.5 * 1f64.tanh());
     close(reward.lawful(-10.0), -0.5 - 0.5 * 1f64.tanh());
     close(reward.lawful(0.0), -0.5);
-    close(reward.uncounted(10.0), 0.5 * 1f64.tanh());
-    close(reward.uncounted(0.0), 0.0);
+    close(reward.uncounted(10.0), -0.5 * (1.0 - 1f64.tanh()));
+    close(reward.uncounted(0.0), -0.5 * (1.0 - 1e-6));
     close(reward.foul(1, 2), -1.0);
     close(reward.foul(2, 2), -1.05);
     assert_eq!(reward.of(&Verdict::Invalid, 2), None);
