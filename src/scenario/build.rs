@@ -46,6 +46,7 @@ pub(super) fn build(
     warnings.found(excluding);
     warnings.found(vacuous::warnings(&scenario));
     warnings.bounds(&scenario);
+    warnings.unseen(&scenario);
     scenario.warnings = warnings.of(&scenario.text);
     Ok(scenario)
 }
@@ -93,8 +94,9 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         entries,
         lights,
         light_entries,
-        observed,
+        mut observed,
         observe,
+        sees_usual,
         rules,
         written_out,
         ..
@@ -145,6 +147,10 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }
     let observe = observe.unwrap_or_else(|| list.clone());
+    if sees_usual {
+        let usual = spec.usual_observation().into_iter();
+        observed.extend(usual.map(|name| (name, observe.clone())));
+    }
     spec.observe = language.observe(&mut problems, &observed, &observe);
     problems.done()?;
     spec.extra = language.published();

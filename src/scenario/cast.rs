@@ -31,6 +31,8 @@ pub(super) struct Cast<'a> {
     pub(super) observed: Vec<(String, Path)>,
     /// Where the first ado says what it observes.
     pub(super) observe: Option<Path>,
+    /// Whether one of them leaves it out, and so sees what is usual.
+    pub(super) sees_usual: bool,
     /// Rules in the order of the file; lights and road users alike.
     pub(super) rules: Vec<RuleSpec>,
     /// Values of the file that are to be written out.
@@ -56,6 +58,7 @@ impl Cast<'_> {
             light_entries: Vec::new(),
             observed: Vec::new(),
             observe: None,
+            sees_usual: false,
             rules: Vec::new(),
             written_out: Vec::new(),
             declared: Vec::new(),
@@ -288,7 +291,8 @@ impl Cast<'_> {
 
     fn rules_of(&mut self, problems: &mut Problems, path: &Path, name: &str, ado: &AdoFile) {
         self.observe.get_or_insert_with(|| path.to("observe"));
-        for (j, signal) in ado.observe.iter().enumerate() {
+        self.sees_usual |= ado.observe.is_none();
+        for (j, signal) in ado.observe.iter().flatten().enumerate() {
             self.observed
                 .push((signal.clone(), path.to("observe").at(j)));
         }

@@ -163,7 +163,9 @@ pub(super) enum LightFile {
 pub(super) struct AdoFile {
     pub(super) actions: Actions,
     pub(super) neutral: usize,
-    pub(super) observe: Vec<String>,
+    /// Left out: what is usual, see [`crate::scene::drive::DriveSpec`].
+    #[serde(default)]
+    pub(super) observe: Option<Vec<String>>,
     pub(super) rulebook: Vec<RuleFile>,
     /// Time constant with which a vehicle's acceleration follows.
     #[serde(default)]

@@ -1,6 +1,7 @@
 //! Trying a world at load: what only a run can show.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use super::Scenario;
 use super::error::Problem;
@@ -280,7 +281,13 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
 /// What is allowed but odd: coasting runs that sit at ρ = 0 exactly.
 pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> {
     let tried = scenario.on(PlantKind::Kinematic);
-    let mut bench = tried.bench();
+    // Without rules: a run that breaks one would end there, and a rule that is
+    // about to be broken passes through ρ = 0.
+    let lawless = Rulebook {
+        rules: Vec::new(),
+        ..tried.rulebook().clone()
+    };
+    let mut bench = Testbench::new(tried.world().scene(), Arc::new(lawless));
     let neutral = bench.spaces().neutral;
     let mut scratch = crate::stl::Scratch::default();
     let affordable = TRIED_SAMPLES / bench.clock().samples();

@@ -44,6 +44,8 @@ pub(super) enum Oddity {
     UnbreakableRule,
     /// A rule was broken in all of too few runs.
     BarelyTried,
+    /// A formula reads what the ados see nothing of.
+    Unseen,
 }
 
 /// Oddities of one world, each with the path of what is odd.
@@ -202,7 +204,8 @@ impl Warnings {
     }
 
     fn driven_ado(&mut self, path: &Path, ado: &AdoFile) {
-        self.ado(path, &ado.rulebook, &ado.observe);
+        let observe = ado.observe.as_deref().unwrap_or_default();
+        self.ado(path, &ado.rulebook, observe);
         self.lag(&path.to("lag_s"), ado.lag_s);
     }
 
@@ -239,6 +242,40 @@ impl Warnings {
         }
     }
 
+    /// Formulas that read what the ados see nothing of: they can learn to obey or
+    /// to break those by chance only.
+    pub(super) fn unseen(&mut self, scenario: &Scenario) {
+        let Some(spec) = scenario.drive() else {
+            return;
+        };
+        let signals = scenario.world().schema().signals();
+        let read = |monitor: &Monitor| -> Vec<String> {
+            let positions = monitor.signals().into_iter();
+            positions
+                .map(|position| signals[position].name.clone())
+                .collect()
+        };
+        for (who, place, monitor) in formulas(scenario) {
+            let read = read(monitor);
+            let unseen: Vec<String> = spec
+                .unseen(&read)
+                .iter()
+                .map(|name| format!("`{name}`"))
+                .collect();
+            if !unseen.is_empty() {
+                let what = format!(
+                    "{who} reads {}, and no ado observes anything of it",
+                    unseen.join(", ")
+                );
+                let words = (
+                    "not seen",
+                    "observe it, or leave `observe` out: then an ado sees what is usual",
+                );
+                self.note(Oddity::Unseen, place, what, words);
+            }
+        }
+    }
+
     /// Bounds of formulas that reach beyond the end of every run.
     pub(super) fn bounds(&mut self, scenario: &Scenario) {
         let clock = scenario.world().clock();
@@ -249,21 +286,11 @@ impl Warnings {
             Some(_) => "s",
             None => "steps",
         };
-        let rulebook = scenario.rulebook();
         let reach_s = |monitor: &Monitor| {
             let reach = monitor.longest_window_samples();
             (last < reach).then_some(reach as f64 * clock.sample_s)
         };
-        let rules = rulebook.rules.iter().map(|rule| {
-            let mut specs = scenario.rules.iter();
-            let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
-            let place = same.map_or_else(Path::top, |spec| spec.place.clone());
-            (format!("the rule `{}`", rule.name), place, &rule.monitor)
-        });
-        let spec = Path::top().to("ego_spec");
-        let spec = ("the ego's specification".to_owned(), spec, &rulebook.spec);
-        let all: Vec<_> = std::iter::once(spec).chain(rules).collect();
-        for (who, place, monitor) in all {
+        for (who, place, monitor) in formulas(scenario) {
             if let Some(reach_s) = reach_s(monitor) {
                 // Without the dust of binary fractions.
                 let reach_s = (reach_s * 1e9).round() / 1e9;
@@ -274,4 +301,18 @@ impl Warnings {
             }
         }
     }
+}
+
+/// The specification and the rules: who asks, where, and by which monitor.
+fn formulas(scenario: &Scenario) -> Vec<(String, Path, &Monitor)> {
+    let rulebook = scenario.rulebook();
+    let spec = Path::top().to("ego_spec");
+    let spec = ("the ego's specification".to_owned(), spec, &rulebook.spec);
+    let rules = rulebook.rules.iter().map(|rule| {
+        let mut specs = scenario.rules.iter();
+        let same = specs.find(|spec| spec.name == rule.name && spec.ado == rule.ado);
+        let place = same.map_or_else(Path::top, |spec| spec.place.clone());
+        (format!("the rule `{}`", rule.name), place, &rule.monitor)
+    });
+    std::iter::once(spec).chain(rules).collect()
 }

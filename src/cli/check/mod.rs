@@ -142,6 +142,10 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
     let actions: Vec<_> = (0..scenario.world().spaces().actions)
         .map(|action| scenario.action_label(action))
         .collect();
+    let observed = scenario.world().observed().iter();
+    let observed: Vec<_> = observed
+        .map(|o| json!({ "name": o.name, "lo": o.mid - o.half, "hi": o.mid + o.half }))
+        .collect();
     let mut egos = vec!["nominal"];
     egos.extend(scenario.reuse.keys().map(String::as_str));
     let axes = scenario.axes();
@@ -158,6 +162,8 @@ fn listing(scenario: &Scenario) -> serde_json::Value {
         "requirement": scenario.requirement,
         "rules": rules,
         "actions": actions,
+        "neutral": scenario.world().spaces().neutral,
+        "observed": observed,
         "egos": egos,
         "starts": starts,
     })
@@ -178,8 +184,15 @@ fn text(scenario: &Scenario) -> String {
         ));
     }
     let actions = 0..scenario.world().spaces().actions;
+    let neutral = scenario.world().spaces().neutral;
     let actions: Vec<String> = actions
-        .map(|action| scenario.action_label(action))
+        .map(|action| {
+            let label = scenario.action_label(action);
+            match action == neutral {
+                true => format!("{label} (neutral)"),
+                false => label,
+            }
+        })
         .collect();
     out.push_str(&format!("\n{}", listed("actions", &actions)));
     let constants = scenario.names.constants.iter();

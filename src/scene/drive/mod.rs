@@ -16,6 +16,7 @@ mod perceiving;
 mod replaying;
 mod road;
 mod script;
+mod seeing;
 mod sensors;
 mod signals;
 mod spec;
