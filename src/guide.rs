@@ -25,6 +25,10 @@ pub mod signals {}
 #[doc = include_str!("../docs/ego-protocol.md")]
 pub mod ego_protocol {}
 
+/// Training out of the box: what happens, how long, what is said at the end.
+#[doc = include_str!("../docs/training.md")]
+pub mod training {}
+
 /// Reusing an ado on changed egos.
 #[doc = include_str!("../docs/reuse.md")]
 pub mod reuse {}

@@ -11,6 +11,8 @@ mod lived;
 mod schedules;
 #[path = "learners/scripted.rs"]
 mod scripted;
+#[path = "learners/shown.rs"]
+mod shown;
 #[path = "learners/starts.rs"]
 mod starts;
 
@@ -846,7 +848,7 @@ fn a_name_given_twice_is_refused() {
 
 #[test]
 fn hyperparameters_out_of_range_are_named() {
-    assert_eq!(LearnerConfig::default(), config("Dqn()"));
+    assert_eq!(LearnerConfig::default(), config("Dqfd()"));
     for learner in LearnerSettings::all() {
         assert_eq!(
             config(&format!("{}()", learner.name())),

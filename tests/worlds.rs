@@ -18,6 +18,8 @@ mod errors;
 mod families;
 #[path = "worlds/judging.rs"]
 mod judging;
+#[path = "worlds/learned.rs"]
+mod learned;
 #[path = "worlds/lemmas.rs"]
 mod lemmas;
 #[path = "worlds/naming.rs"]

@@ -16,10 +16,14 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// What the training of a run cost.
+    /// What the training of a run cost, with the searches that belong to it.
     pub fn of_training(manifest: &Manifest) -> Cost {
         Cost {
-            simulations: manifest.episodes,
+            simulations: manifest.episodes
+                + manifest.sought.map_or(0, |sought| sought.simulations)
+                + manifest
+                    .calibration
+                    .map_or(0, |calibration| calibration.simulations),
             physics_steps: manifest.physics_steps,
             cpu_s: manifest.cpu_s,
         }

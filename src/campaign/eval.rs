@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use super::heuristic::Heuristic;
 use super::replays::{NearestReplay, replay_nearest};
+use super::why::leaf;
 use super::{TestStarts, Watch};
 use crate::ego::{Command, Fault};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run::{
-    ClosingSpeed, ContactSeverity, Outcomes, Repeated, Row, StartOutcome, StartRepeated, Stored,
-    at_most, wilson,
+    ClosingSpeed, ContactSeverity, FailureKind, Outcomes, Repeated, Row, StartOutcome,
+    StartRepeated, Stored, at_most, wilson,
 };
 use crate::scenario::{Against, Repeats, Scenario};
 use crate::severity::Impact;
@@ -118,10 +119,29 @@ pub struct Outcome {
 #[derive(Clone, Debug)]
 pub(super) struct Played {
     pub(super) outcome: Outcome,
+    /// In which way the ego failed, if it did and counts.
+    pub(super) failure: Option<Failure>,
     pub(super) fault: Option<Fault>,
     pub(super) repeated: Option<StartRepeated>,
     /// What an ego that nobody here wrote commanded in a success.
     pub(super) commands: Option<Arc<[Command]>>,
+}
+
+/// In which way an ego failed: the leaf of ψ_ego, and who touched.
+#[derive(Clone, Debug)]
+pub(super) struct Failure {
+    leaf: String,
+    contact: Option<(String, String)>,
+}
+
+impl Failure {
+    /// That of an episode, if it is a success of the ados.
+    pub(super) fn of(scenario: &Scenario, episode: &Episode) -> Option<Failure> {
+        episode.verdict.is_success().then(|| Failure {
+            leaf: leaf(scenario, episode),
+            contact: episode.contact.as_ref().map(|touch| touch.between.clone()),
+        })
+    }
 }
 
 /// A row and the outcomes behind it.
@@ -195,7 +215,7 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
     let played = request.starts.each(watch, bench, |bench, _, turn| {
         let attempt = request.repeat(bench, turn.index);
         watch.faults.note(turn.index as u64, attempt.fault.as_ref());
-        Some(attempt.played(turn.cpu_s()))
+        Some(attempt.played(request.scenario, turn.cpu_s()))
     });
     Evaluated::of(request, played, watch)
 }
@@ -212,8 +232,9 @@ struct Attempt {
 }
 
 impl Attempt {
-    fn played(self, cpu_s: f64) -> Played {
+    fn played(self, scenario: &Scenario, cpu_s: f64) -> Played {
         let episode = self.episode;
+        let failure = Failure::of(scenario, &episode);
         let repeatable = episode.verdict.is_success() && !episode.commands.is_empty();
         Played {
             outcome: Outcome {
@@ -225,6 +246,7 @@ impl Attempt {
                 physics_steps: self.physics_steps,
                 cpu_s,
             },
+            failure,
             fault: self.fault,
             repeated: self.repeated,
             commands: repeatable.then(|| episode.commands.into()),
@@ -318,6 +340,8 @@ impl EvalRequest<'_> {
         row.contact_rate = share(contacts.len(), row.starts);
         row.closing_speed_mps = ClosingSpeed::of(contacts);
         row.severity = ContactSeverity::of(&impacts);
+        let failures = played.iter().flatten().filter_map(|p| p.failure.clone());
+        row.kinds = FailureKind::counted(failures.map(|one| (one.leaf, one.contact)));
         row
     }
 }
@@ -344,6 +368,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         beyond_search: None,
         foul_rate: 0.0,
         uncounted: None,
+        kinds: Vec::new(),
         foul_before_contact_rate: None,
         contact_rate: 0.0,
         closing_speed_mps: None,

@@ -6,6 +6,7 @@ use serde::Deserialize;
 
 use super::break_even::BreakEven;
 use super::conditioning::{ContextSource, conditioned};
+use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, EvalRequest, eval, explain_first};
@@ -264,7 +265,7 @@ fn costs(report: &Report<'_>, evens: &[BreakEven]) -> Vec<TestingCost> {
     // On the starts of the first search: a rate on others is no comparison.
     let trained = evens.clone().next().map(|even| TestingCost {
         name: "trained ado".to_owned(),
-        fixed: report.manifest.episodes as f64,
+        fixed: Cost::of_training(report.manifest).simulations as f64,
         per_start: 1.0,
         solves: even.ado.success_rate,
         matched: true,

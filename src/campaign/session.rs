@@ -10,8 +10,8 @@ use super::keep::keep;
 use super::starts::{TestStarts, test_starts};
 use super::train::{TrainError, TrainingOutcome, train};
 use super::watch::Watch;
-use crate::rl::Policy;
-use crate::run::{Asked, Beginning, ChangedEgo, Row, RunDir, RunError};
+use crate::rl::{LearnerConfig, Policy};
+use crate::run::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
 use crate::scenario::{Against, Scenario, guessed};
 use crate::sim::PlantKind;
 
@@ -305,9 +305,18 @@ impl TrainRequest<'_> {
         if let Some(learner) = learner.and_then(|name| world.learning_by(name)) {
             world = learner;
         }
-        let decisions = self.decisions.unwrap_or(begun.decisions);
-        Ok(world.training_for(decisions)?)
+        Ok(match (self.decisions, begun_with(begun)) {
+            (Some(decisions), _) => world.training_for(decisions)?,
+            (None, Some(learner)) => world.learning_with(learner),
+            (None, None) => world.training_for(begun.decisions)?,
+        })
     }
+}
+
+/// The learner a run was begun with, whatever its world has become.
+fn begun_with(begun: &Manifest) -> Option<LearnerConfig> {
+    let settings = begun.settings.clone()?;
+    serde_json::from_value(settings).ok()
 }
 
 /// The same driving world on the plant asked for.

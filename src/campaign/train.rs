@@ -4,6 +4,8 @@ use cpu_time::ThreadTime;
 
 use super::Watch;
 use super::against::TrainingGym;
+use super::patience::Patience;
+use super::seeding::seed_training;
 use crate::rl::{BundleError, Control, Learner, LearnerReport};
 use crate::run::{Done, RunDir, RunError, Window};
 use crate::scenario::Scenario;
@@ -45,7 +47,8 @@ pub enum TrainError {
     },
 }
 
-/// Trains in `run` until the configured decisions are taken or `watch` stops it.
+/// Trains in `run` until `watch` stops it, or the configured decisions are taken
+/// and, where the learner may go on, it has learned its world.
 ///
 /// Goes on from the run's checkpoint if there is one: the result is the same,
 /// byte for byte, as without the interruption. A finished run is left alone.
@@ -63,7 +66,6 @@ pub fn train(
     run.hold()?;
     run.refuse(run.differences_in_learning(scenario)?)?;
     let seed = run.manifest().seed;
-    let asked = scenario.learner.decisions();
     let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
     let spaces = &scenario.spaces();
     let mut learner = match (run.checkpoint()?, run.from()?) {
@@ -71,59 +73,92 @@ pub fn train(
         (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
         (None, None) => scenario.learner.build(spaces, seed),
     };
+    gym.inner().tell_faults(watch.faults.clone());
+    let mut physics_steps = run.manifest().physics_steps;
+    let mut spent_s = run.manifest().cpu_s;
+    let clock = ThreadTime::now();
+    if run.manifest().checkpoint.is_none()
+        && let Some(seeding) = scenario.learner.seeding()
+    {
+        watch.phase("searching training starts");
+        if let Some(seeded) = seed_training(scenario, seed, seeding, watch) {
+            learner.demonstrate(&mut gym, &seeded.demonstrations);
+            run.note_sought(seeded.sought);
+            spent_s += seeded.cpu_s;
+            physics_steps += seeded.sought.physics_steps + gym.inner().spent().physics_steps;
+        }
+        watch.phase("training (decisions)");
+    }
     gym.inner().count_from(Spent {
         decisions: learner.decisions(),
-        physics_steps: run.manifest().physics_steps,
+        physics_steps,
     });
-    gym.inner().tell_faults(watch.faults.clone());
     // Counterexamples of a family are of egos that nobody could name later.
     let stores = scenario.against.is_nominal();
     if stores {
         gym.inner().keep_successes();
     }
-    let spent_s = run.manifest().cpu_s;
-    let clock = ThreadTime::now();
     let mut ledger = Ledger {
         episodes: run.manifest().episodes,
         window: run.manifest().window,
         ..Ledger::default()
     };
-    while !learner.finished() && !watch.stopped() {
-        let until = (learner.decisions() / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
-        learner.train(&mut gym, &mut |progress| {
-            ledger.note(progress);
-            (watch.progress)(progress.decisions.min(asked), asked);
-            let pause = until <= progress.decisions || watch.stopped();
-            match pause {
-                true => Control::Stop,
-                false => Control::Continue,
-            }
-        });
-        run.append_progress(&std::mem::take(&mut ledger.lines))?;
-        if stores {
-            run.append_counterexamples(&gym.inner().take_successes())?;
-        }
-        let cpu_s = spent_s + clock.elapsed().as_secs_f64();
-        let done = ledger.done(&*learner, asked, gym.inner().spent(), cpu_s);
-        if !learner.finished() {
-            run.save_checkpoint(&learner.checkpoint(), done)?;
-        }
-        let given_up = watch.faults.has_given_up();
-        if let Some(complaint) = watch.faults.complaint().filter(|_| given_up) {
-            return Err(TrainError::Faults {
-                decisions: learner.decisions(),
-                complaint,
+    let mut patience = Patience::new(scenario, run.manifest(), seed, watch);
+    loop {
+        while !learner.finished() && !watch.stopped() {
+            let until = (learner.decisions() / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
+            let until = patience.next_look(learner.decisions()).min(until);
+            let total = learner.tally().asked;
+            learner.train(&mut gym, &mut |progress| {
+                if let Some(share) = ledger.note(progress) {
+                    watch.phase(&format!("training, solves {:.0} %", 100.0 * share));
+                }
+                (watch.progress)(progress.decisions.min(total), total);
+                let pause = until <= progress.decisions || watch.stopped();
+                match pause {
+                    true => Control::Stop,
+                    false => Control::Continue,
+                }
             });
+            run.append_progress(&std::mem::take(&mut ledger.lines))?;
+            if stores {
+                run.append_counterexamples(&gym.inner().take_successes())?;
+            }
+            patience.look(&mut *learner);
+            if !learner.finished() {
+                let cpu_s = spent_s + clock.elapsed().as_secs_f64() + patience.cpu_s();
+                let spent = gym.inner().spent();
+                let done = ledger.done(&*learner, &patience, spent, cpu_s);
+                run.save_checkpoint(&learner.checkpoint(), done)?;
+            }
+            let given_up = watch.faults.has_given_up();
+            if let Some(complaint) = watch.faults.complaint().filter(|_| given_up) {
+                return Err(TrainError::Faults {
+                    decisions: learner.decisions(),
+                    complaint,
+                });
+            }
+        }
+        if watch.stopped() || patience.ends(&mut *learner) {
+            break;
         }
     }
-    let cpu_s = spent_s + clock.elapsed().as_secs_f64();
-    let done = ledger.done(&*learner, asked, gym.inner().spent(), cpu_s);
-    if learner.finished() {
-        run.save_policy(&learner.policy_bundle(), done)?;
+    // Stopped while it was being judged: it may yet have to go on.
+    let over = patience.ended.is_some();
+    let mut spent = gym.inner().spent();
+    if over {
+        spent.physics_steps += patience.physics_steps();
+    }
+    let cpu_s = spent_s + clock.elapsed().as_secs_f64() + patience.cpu_s();
+    let done = ledger.done(&*learner, &patience, spent, cpu_s);
+    match (over, learner.finished()) {
+        (true, _) => run.save_policy(&learner.policy_bundle(), done)?,
+        (false, true) => run.save_checkpoint(&learner.checkpoint(), done)?,
+        (false, false) => {}
     }
     Ok(TrainingOutcome {
         done,
-        interrupted: !learner.finished(),
+        interrupted: !over,
         aborted: ledger.aborted,
     })
 }
@@ -139,6 +174,8 @@ fn finished(run: &RunDir) -> TrainingOutcome {
             physics_steps: manifest.physics_steps,
             cpu_s: manifest.cpu_s,
             window: manifest.window,
+            calibration: manifest.calibration,
+            ended: manifest.ended,
         },
         interrupted: false,
         aborted: 0,
@@ -156,7 +193,8 @@ struct Ledger {
 }
 
 impl Ledger {
-    fn note(&mut self, progress: &LearnerReport) {
+    /// Notes an episode; gives the share solved of late, now and then.
+    fn note(&mut self, progress: &LearnerReport) -> Option<f64> {
         self.aborted = progress.aborted;
         self.episodes = progress.episodes;
         let window = &mut self.window;
@@ -164,7 +202,7 @@ impl Ledger {
         window.returns += f64::from(progress.episode_return);
         window.solved += u64::from(0.0 < progress.episode_return);
         if window.episodes < REPORT_EPISODES {
-            return;
+            return None;
         }
         let line = crate::run::Progress {
             decisions: progress.decisions,
@@ -180,16 +218,25 @@ impl Ledger {
             self.lines.push('\n');
         }
         self.window = Window::default();
+        Some(line.solved_share)
     }
 
-    fn done(&self, learner: &dyn Learner, asked: u64, spent: Spent, cpu_s: f64) -> Done {
+    fn done(
+        &self,
+        learner: &dyn Learner,
+        patience: &Patience<'_>,
+        spent: Spent,
+        cpu_s: f64,
+    ) -> Done {
         Done {
-            decisions_asked: asked,
+            decisions_asked: patience.asked,
             decisions: learner.decisions(),
             episodes: self.episodes,
             physics_steps: spent.physics_steps,
             cpu_s,
             window: self.window,
+            calibration: patience.calibration,
+            ended: patience.ended,
         }
     }
 }

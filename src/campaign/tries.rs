@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Watch;
 use super::episodes::Turn;
-use super::eval::{EvalRequest, Evaluated, Outcome, Played};
+use super::eval::{EvalRequest, Evaluated, Failure, Outcome, Played};
 use crate::rl::Policy;
 use crate::run::{RunDir, RunError};
 use crate::scenario::{Family, Member};
@@ -118,6 +118,7 @@ impl Tries<'_> {
             watch.faults.note(index as u64, episode.fault.as_ref());
             simulations += 1;
             physics_steps += episode.physics_steps;
+            let failure = Failure::of(self.request.scenario, &episode);
             let outcome = Outcome {
                 verdict: episode.verdict,
                 foul_before_contact: episode.is_foul_before_contact(),
@@ -128,6 +129,7 @@ impl Tries<'_> {
                 cpu_s: turn.cpu_s(),
             };
             let played = Played {
+                failure,
                 outcome,
                 fault: episode.fault,
                 repeated: None,

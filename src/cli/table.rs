@@ -38,6 +38,11 @@ fn remarks(rows: &[Row]) -> String {
         if let Some(severity) = &row.severity {
             text.push_str(&format!("\ncontacts: {}, {}: {severity}", row.ego, row.ado));
         }
+        if 1 < row.kinds.len() {
+            let kinds: Vec<String> = row.kinds.iter().map(ToString::to_string).collect();
+            let kinds = kinds.join("; ");
+            text.push_str(&format!("\nfailures: {}, {}: {kinds}", row.ego, row.ado));
+        }
         for fault in &row.faults {
             text.push_str(&format!("\ninvalid: {}, {}: {fault}", row.ego, row.ado));
         }

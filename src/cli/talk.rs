@@ -2,7 +2,7 @@
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::GraphicalTheme;
@@ -68,11 +68,41 @@ pub(super) fn data(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// A progress bar that shows on terminals only, and goes when it is dropped.
+/// A progress bar on terminals, lines elsewhere; it goes when it is dropped.
 pub(super) struct Bar {
     shown: ProgressBar,
     progress: Box<dyn Fn(u64, u64) + Send + Sync>,
     remarks: Box<dyn Fn(Remark<'_>) + Send + Sync>,
+}
+
+/// Off a terminal a line of progress now and then, instead of a bar.
+#[derive(Default)]
+struct Lines {
+    /// How many were written of this bar.
+    written: AtomicU64,
+}
+
+impl Lines {
+    /// Seconds between two of them.
+    const EVERY_S: u64 = 30;
+
+    fn now_and_then(&self, bar: &ProgressBar) {
+        let elapsed_s = bar.elapsed().as_secs();
+        let due = elapsed_s / Lines::EVERY_S;
+        // Of several threads one writes.
+        if self.written.fetch_max(due, Ordering::Relaxed) < due {
+            let (done, total) = (bar.position(), bar.length().unwrap_or(0));
+            let left_s = match done {
+                0 => None,
+                done => Some(elapsed_s * total.saturating_sub(done) / done),
+            };
+            let left = left_s.map_or(String::new(), |left_s| format!(", about {left_s} s left"));
+            say(&format!(
+                "{}: {done} of {total} after {elapsed_s} s{left}",
+                bar.message()
+            ));
+        }
+    }
 }
 
 /// A bar over work whose amount the work itself tells.
@@ -86,9 +116,13 @@ pub(super) fn bar(what: &str) -> Bar {
     }
     shown.set_message(what.to_owned());
     let moved = shown.clone();
+    let lines = (!io::stderr().is_terminal()).then(Lines::default);
     let progress = Box::new(move |done, total| {
         moved.set_length(total);
         moved.set_position(done);
+        if let Some(lines) = &lines {
+            lines.now_and_then(&moved);
+        }
     });
     let named = shown.clone();
     let remarks = Box::new(move |remark: Remark<'_>| match remark {

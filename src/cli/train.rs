@@ -11,7 +11,7 @@ use super::{
     table, talk,
 };
 use crate::campaign::{TrainRequest, TrainSession, TrainingOutcome};
-use crate::run::Row;
+use crate::run::{Ended, Row};
 use crate::scenario::{Against, Scenario};
 use crate::sim::PlantKind;
 
@@ -120,6 +120,13 @@ fn say_trained(trained: &TrainingOutcome) {
             trained.aborted
         ));
     }
+    if let Some(ended) = trained.done.ended.filter(|ended| *ended != Ended::Asked) {
+        talk::say(&format!("ended: {}", ended.in_words()));
+    }
+    if let Some(warning) = trained.done.calibration.and_then(|c| c.warning()) {
+        talk::say(&format!("warning: {}", warning.what));
+        talk::say(&format!("  help: {}", warning.help));
+    }
 }
 
 /// Decisions per second of processor time.
@@ -146,6 +153,10 @@ fn show(
         "episodes": trained.done.episodes,
         "cpu_s": trained.done.cpu_s,
         "decisions_per_cpu_s": rate(trained),
+        "sought": run.manifest().sought,
+        "calibration": trained.done.calibration,
+        "ended": trained.done.ended,
+        "warning": trained.done.calibration.and_then(|calibration| calibration.warning()),
         "rows": rows,
     }))
 }

@@ -55,13 +55,14 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
             p { "No progress is recorded." }
         }
         div class="wide" { table {
-            thead { tr { th { "run" } th class="n" { "seed" } th class="n" { "decisions" } th class="n" { "episodes" } th class="n" { "CPU s" } th class="n" { "closing evaluation" } th { "95 %" } } }
+            thead { tr { th { "run" } th class="n" { "seed" } th class="n" { "decisions" } th class="n" { "episodes" } th class="n" { "CPU s" } th class="n" { "of what search solves" } th class="n" { "closing evaluation" } th { "95 %" } } }
             tbody { @for training in trainings {
                 @let m = &training.manifest;
                 tr {
                     td { code { (training.run) } } td class="n" { (m.seed) }
                     td class="n" { (m.decisions_done) @if m.decisions_done < m.decisions { " of " (m.decisions) } }
                     td class="n" { (m.episodes) } td class="n" { (format!("{:.0}", m.cpu_s)) }
+                    td class="n" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
                     @match training.closing.first() {
                         Some(row) => { td class="n" { (percent(row.success_rate)) " of " (row.starts) } td { (interval(row)) } }
                         None => { td class="n" { "–" } td {} }
@@ -69,6 +70,11 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
                 }
             } }
         } }
+        @for training in trainings {
+            @if let Some(warning) = training.manifest.calibration.and_then(|c| c.warning()) {
+                p class="warning" { b { code { (training.run) } ": " (warning.what) } " – " (warning.help) "." }
+            }
+        }
     }
 }
 

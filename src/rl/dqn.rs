@@ -13,19 +13,25 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::bundle::Bundle;
+use super::bundle::{Bundle, BundleError};
+use super::demonstrations::{Demonstrations, Imitation};
 use super::dice::Dice;
 use super::kind::{Built, Kind, Shaped};
-use super::learner::{ConfigError, Learner, Tally, epsilon, expect_sizes, linear, within};
+use super::learner::{
+    ConfigError, Demonstration, Learner, Tally, epsilon, expect_sizes, linear, within,
+};
 use super::nn::{Adam, Mlp, Tape, argmax};
 use super::replay::{Batch, Lived, ReplayBuffer, Tail};
-use super::starts::Starts;
+use super::starts::{Start, Starts};
 use super::{End, Env, Policy, Spaces};
 
 /// The kind of a kept policy.
-const POLICY: &str = "brakecheck dqn policy 1";
+pub(super) const POLICY: &str = "brakecheck dqn policy 1";
 /// The kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck dqn checkpoint 1";
+
+/// Adam's step at the start of an extension, as a share of that at the start.
+const AGAIN: f64 = 0.3;
 
 /// Hyperparameters of deep Q-learning; the defaults are recipe R.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -146,42 +152,15 @@ impl Kind for DqnSettings {
     }
 
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
-        let mut dice = Dice::new(seed);
-        let mut sizes = vec![spaces.observation];
-        sizes.extend(&self.hidden);
-        sizes.push(spaces.actions);
-        let online = Mlp::orthogonal(&sizes, self.last_gain as f32, &mut dice);
-        Box::new(Dqn::around(self, spaces, online, dice))
+        Box::new(Dqn::new(self, spaces, seed))
     }
 
-    /// The policy's network counts, whatever `hidden` says.
     fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
-        let net = Mlp::load("q", policy)?;
-        let expected = [spaces.observation, spaces.actions];
-        expect_sizes(
-            "the policy's observation and actions",
-            &net.ends(),
-            &expected,
-        )?;
-        Ok(Box::new(Dqn::around(self, spaces, net, Dice::new(seed))))
+        Ok(Box::new(Dqn::from_policy(self, spaces, seed, policy)?))
     }
 
     fn restore(&self, spaces: &Spaces, bundle: &Bundle) -> Built {
-        let online = Mlp::load("online", bundle)?;
-        let expected = [spaces.observation, spaces.actions];
-        expect_sizes(
-            "the checkpoint's observation and actions",
-            &online.ends(),
-            &expected,
-        )?;
-        let mut dqn = Dqn::around(self, spaces, online, Dice::restore(bundle)?);
-        let target = dqn.online.load_as("target", bundle)?;
-        dqn.target.parameters_mut().copy_from_slice(&target);
-        dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
-        dqn.replay.restore(bundle, spaces.actions)?;
-        dqn.starts.restore(bundle)?;
-        dqn.tally.restore(bundle)?;
-        Ok(Box::new(dqn))
+        Ok(Box::new(Dqn::restored(self, spaces, bundle)?))
     }
 
     fn load(&self, policy: &Bundle) -> Shaped {
@@ -192,15 +171,20 @@ impl Kind for DqnSettings {
 }
 
 /// The learner: everything that changes while it trains.
-struct Dqn {
+pub(super) struct Dqn {
+    kinds: [&'static str; 2],
     config: DqnSettings,
     online: Mlp,
     target: Mlp,
     adam: Adam,
     replay: ReplayBuffer,
+    /// Successes apart, for those who learn from demonstrations.
+    shown: Option<Demonstrations>,
     starts: Starts,
     dice: Dice,
     tally: Tally,
+    /// Where the schedule of the steps' lengths begins anew.
+    since: u64,
     room: Room,
 }
 
@@ -214,16 +198,97 @@ struct Room {
 }
 
 impl Dqn {
+    /// A learner that has seen nothing.
+    pub fn new(config: &DqnSettings, spaces: &Spaces, seed: u64) -> Dqn {
+        let mut dice = Dice::new(seed);
+        let mut sizes = vec![spaces.observation];
+        sizes.extend(&config.hidden);
+        sizes.push(spaces.actions);
+        let online = Mlp::orthogonal(&sizes, config.last_gain as f32, &mut dice);
+        Dqn::around(config, spaces, online, dice)
+    }
+
+    /// A learner that starts from a kept policy: its network counts, whatever
+    /// `hidden` says.
+    ///
+    /// # Errors
+    /// The policy is for other observations or actions.
+    pub fn from_policy(
+        config: &DqnSettings,
+        spaces: &Spaces,
+        seed: u64,
+        policy: &Bundle,
+    ) -> Result<Dqn, BundleError> {
+        let net = Mlp::load("q", policy)?;
+        let expected = [spaces.observation, spaces.actions];
+        expect_sizes(
+            "the policy's observation and actions",
+            &net.ends(),
+            &expected,
+        )?;
+        Ok(Dqn::around(config, spaces, net, Dice::new(seed)))
+    }
+
+    /// A learner that goes on from a checkpoint, without demonstrations.
+    ///
+    /// # Errors
+    /// The checkpoint is damaged, or for other observations or actions.
+    pub fn restored(
+        config: &DqnSettings,
+        spaces: &Spaces,
+        bundle: &Bundle,
+    ) -> Result<Dqn, BundleError> {
+        let online = Mlp::load("online", bundle)?;
+        let expected = [spaces.observation, spaces.actions];
+        expect_sizes(
+            "the checkpoint's observation and actions",
+            &online.ends(),
+            &expected,
+        )?;
+        let mut dqn = Dqn::around(config, spaces, online, Dice::restore(bundle)?);
+        let target = dqn.online.load_as("target", bundle)?;
+        dqn.target.parameters_mut().copy_from_slice(&target);
+        dqn.adam = Adam::load(&dqn.online, "adam", bundle)?;
+        dqn.replay.restore("replay", bundle, spaces.actions)?;
+        dqn.starts.restore(bundle)?;
+        dqn.tally.restore(bundle)?;
+        Ok(dqn)
+    }
+
+    /// The same learner, that keeps successes apart; its checkpoints are of `kinds`.
+    pub fn learning_from(mut self, imitation: &Imitation, kinds: [&'static str; 2]) -> Dqn {
+        let width = self.online.inputs();
+        self.shown = Some(Demonstrations::new(imitation, width, self.config.priority));
+        Dqn { kinds, ..self }
+    }
+
+    /// The successes of a checkpoint as well, and how long it goes on.
+    ///
+    /// # Errors
+    /// The checkpoint holds none, or damaged ones.
+    pub fn with_shown(mut self, bundle: &Bundle) -> Result<Dqn, BundleError> {
+        let actions = self.online.outputs();
+        if let Some(shown) = &mut self.shown {
+            shown.restore(bundle, actions)?;
+            let asked = bundle.get::<u64>("asked", &[2])?;
+            (self.tally.asked, self.since) = (asked[0], asked[1]);
+        }
+        Ok(self)
+    }
+
     fn around(config: &DqnSettings, spaces: &Spaces, online: Mlp, dice: Dice) -> Dqn {
         let capacity = config.capacity.unwrap_or(usize::MAX - 1);
         let parameters = online.parameters().len();
         Dqn {
+            kinds: [POLICY, CHECKPOINT],
+            shown: None,
             target: online.clone(),
             adam: Adam::new(parameters),
             replay: ReplayBuffer::new(spaces.observation, capacity, config.priority),
             starts: Starts::new(config.restart, config.restart_pool, config.restart_tries),
             dice,
             tally: Tally::new(config.decisions),
+            since: 0,
             room: Room {
                 batch: Batch::default(),
                 here: online.tape(config.batch),
@@ -254,8 +319,36 @@ impl Dqn {
         );
     }
 
+    /// Adam's step now: falls from where it was set to begin, and after an
+    /// extension from a lower one, since most is learned by then.
+    fn learning_rate(&self) -> f64 {
+        let (first, last) = (self.config.learning_rate, self.config.final_learning_rate);
+        let first = match self.since {
+            0 => first,
+            _ => (first * AGAIN).max(last),
+        };
+        let span = self.tally.asked.saturating_sub(self.since) as f64;
+        linear(
+            first,
+            last,
+            self.tally.decisions.saturating_sub(self.since),
+            span,
+        )
+    }
+
+    /// An episode that succeeded stands as an example, if any are kept.
+    fn succeeded(&mut self, index: u64, lived: &Lived) {
+        let DqnSettings {
+            steps, discount, ..
+        } = self.config;
+        if let Some(shown) = &mut self.shown {
+            shown.remember(index, lived, steps, discount as f32);
+        }
+    }
+
     /// One step of Adam on a prioritised batch, then of the target network.
     fn update(&mut self) {
+        let rate = self.learning_rate() as f32;
         let Room {
             batch,
             here,
@@ -266,7 +359,12 @@ impl Dqn {
         let size = self.config.batch;
         let span = self.config.decisions as f64;
         let beta = linear(self.config.correction, 1.0, self.tally.decisions, span);
-        self.replay.sample(size, beta, &mut self.dice, batch);
+        let shown = self.shown.as_ref().map_or(0, |shown| shown.drawn_of(size));
+        let own = size - shown;
+        self.replay.sample(own, beta, &mut self.dice, batch);
+        if let Some(successes) = &mut self.shown {
+            successes.sample(shown, beta, &mut self.dice, batch);
+        }
 
         // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')). After a
         // terminal state γ^k is stored as 0, so that all rows are alike.
@@ -291,12 +389,19 @@ impl Dqn {
             let at = i * stride + batch.actions[i];
             let error = values[at] - batch.rewards[i];
             gradients[at] = batch.weights[i] * error.clamp(-huber, huber) / size as f32;
-            self.replay.prioritise(batch.slots[i], error);
+            match &mut self.shown {
+                // The batch ends with those of successes.
+                Some(successes) if own <= i => {
+                    successes.prioritise(batch.slots[i], error);
+                    let row = i * stride..i * stride + actions;
+                    let gradient = &mut gradients[row.clone()];
+                    successes.margin(&values[row], batch.actions[i], 1.0 / size as f32, gradient);
+                }
+                _ => self.replay.prioritise(batch.slots[i], error),
+            }
         }
         self.online
             .backward(&batch.observations, size, here, gradient);
-        let rates = (self.config.learning_rate, self.config.final_learning_rate);
-        let rate = linear(rates.0, rates.1, self.tally.decisions, span) as f32;
         self.adam.step(self.online.parameters_mut(), gradient, rate);
 
         let polyak = self.config.polyak as f32;
@@ -313,30 +418,36 @@ impl Dqn {
 
 impl Learner for Dqn {
     fn episode(&mut self, env: &mut dyn Env) -> f32 {
-        let start = self.starts.pick(&mut self.dice);
-        let width = self.online.inputs();
+        let shown = self.shown.as_ref();
+        let guide = shown.and_then(|shown| shown.guide(&mut self.dice));
+        let start = match guide.as_ref().and_then(|guide| guide.index) {
+            Some(index) => Start::once(index),
+            None => self.starts.pick(&mut self.dice),
+        };
+        let mut led = guide.map_or(Vec::new(), |guide| guide.actions).into_iter();
         let actions = self.online.outputs();
+        let mut obs = vec![0.0; self.online.inputs()];
         let mut lived = std::mem::take(&mut self.room.lived);
-        lived.clear();
-        let mut obs = vec![0.0; width];
         env.reset(start.index, &mut obs);
-        lived.observations.extend_from_slice(&obs);
+        lived.begin(&obs);
         let (mut held, mut holding) = (0, 0);
         let end = loop {
             // Asked for even while exploring: an n-step return may go on over an
             // exploratory action that happens to be the greedy one.
             let greedy = self.online.evaluate(&obs, argmax);
-            if holding == 0 && self.dice.unit() < self.exploration() {
-                held = self.dice.below(actions);
-                holding = 1 + self.dice.below(self.config.hold);
-            }
-            let action = if 0 < holding { held } else { greedy };
-            holding = holding.saturating_sub(1);
+            let action = if let Some(next) = led.next() {
+                next
+            } else {
+                if holding == 0 && self.dice.unit() < self.exploration() {
+                    held = self.dice.below(actions);
+                    holding = 1 + self.dice.below(self.config.hold);
+                }
+                let action = if 0 < holding { held } else { greedy };
+                holding = holding.saturating_sub(1);
+                action
+            };
             let step = env.step(action, &mut obs);
-            lived.observations.extend_from_slice(&obs);
-            lived.actions.push(action);
-            lived.greedy.push(action == greedy);
-            lived.rewards.push(step.reward);
+            lived.note(action, action == greedy, step.reward, &obs);
             self.tally.decisions += 1;
             // Updates fall into the episode; what it taught is kept only when it
             // is over, since an aborted one must leave nothing behind.
@@ -358,13 +469,62 @@ impl Learner for Dqn {
             End::Terminated | End::Truncated => {
                 self.tally.episodes += 1;
                 self.remember(&lived, end);
-                if total <= 0.0 {
-                    self.starts.failed(start);
+                match total <= 0.0 {
+                    true => self.starts.failed(start),
+                    false => self.succeeded(start.index, &lived),
                 }
             }
         }
         self.room.lived = lived;
         total
+    }
+
+    /// Plays every demonstration and keeps those that succeed here as well.
+    fn demonstrate(&mut self, env: &mut dyn Env, shown: &[Demonstration]) -> usize {
+        if self.shown.is_none() {
+            return 0;
+        }
+        let mut obs = vec![0.0; self.online.inputs()];
+        let mut lived = std::mem::take(&mut self.room.lived);
+        let mut kept = 0;
+        for one in shown {
+            env.reset(one.index, &mut obs);
+            lived.begin(&obs);
+            let (mut total, mut ended) = (0.0, None);
+            for &action in &one.actions {
+                let step = env.step(action, &mut obs);
+                // What was shown counts as what is wanted: returns go on over it.
+                lived.note(action, true, step.reward, &obs);
+                (total, ended) = (total + step.reward, step.end);
+                if ended.is_some() {
+                    break;
+                }
+            }
+            if ended == Some(End::Terminated) && 0.0 < total {
+                self.succeeded(one.index, &lived);
+                kept += 1;
+            }
+        }
+        self.room.lived = lived;
+        kept
+    }
+
+    fn extend(&mut self, decisions: u64) {
+        self.tally.asked += decisions;
+        self.since = self.tally.decisions;
+    }
+
+    fn renew(&mut self) {
+        let mut sizes = vec![self.online.inputs()];
+        sizes.extend(&self.config.hidden);
+        sizes.push(self.online.outputs());
+        let gain = self.config.last_gain as f32;
+        self.online = Mlp::orthogonal(&sizes, gain, &mut self.dice);
+        self.target = self.online.clone();
+        self.adam = Adam::new(self.online.parameters().len());
+        self.room.here = self.online.tape(self.config.batch);
+        self.room.there = self.online.tape(self.config.batch);
+        self.room.gradient = vec![0.0; self.online.parameters().len()];
     }
 
     fn tally(&self) -> &Tally {
@@ -373,7 +533,12 @@ impl Learner for Dqn {
 
     fn exploration(&self) -> f64 {
         let ends = (self.config.exploration, self.config.final_exploration);
-        epsilon(&self.tally, ends, self.config.exploration_fraction)
+        // Extensions explore no more than the end of what was asked for.
+        let asked = Tally {
+            asked: self.config.decisions,
+            ..self.tally
+        };
+        epsilon(&asked, ends, self.config.exploration_fraction)
     }
 
     fn policy(&self) -> Box<dyn Policy> {
@@ -383,17 +548,21 @@ impl Learner for Dqn {
     }
 
     fn policy_bundle(&self) -> Bundle {
-        let mut bundle = Bundle::new(POLICY);
+        let mut bundle = Bundle::new(self.kinds[0]);
         self.online.save("q", &mut bundle);
         bundle
     }
 
     fn checkpoint(&self) -> Bundle {
-        let mut bundle = Bundle::new(CHECKPOINT);
+        let mut bundle = Bundle::new(self.kinds[1]);
         self.online.save("online", &mut bundle);
         self.target.save("target", &mut bundle);
         self.adam.save(&self.online, "adam", &mut bundle);
-        self.replay.save(&mut bundle);
+        self.replay.save("replay", &mut bundle);
+        if let Some(shown) = &self.shown {
+            shown.save(&mut bundle);
+            bundle.put("asked", &[2], vec![self.tally.asked, self.since]);
+        }
         self.dice.save(&mut bundle);
         self.starts.save(&mut bundle);
         self.tally.save(&mut bundle);

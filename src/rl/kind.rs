@@ -2,6 +2,7 @@
 
 use super::bundle::{Bundle, BundleError};
 use super::learner::{ConfigError, Learner};
+use super::seeding::Seeding;
 use super::{Policy, Spaces};
 
 /// What the settings of a learner offer, so that it can stand in the list.
@@ -23,6 +24,20 @@ pub(super) trait Kind {
 
     /// A learner that goes on from a checkpoint.
     fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built;
+
+    /// How demonstrations are looked for before it learns; `None`: it wants none.
+    fn seeding(&self) -> Option<&Seeding> {
+        None
+    }
+
+    /// How many times its decisions a training may take where it has not learned
+    /// its world by then.
+    fn longest(&self) -> f64 {
+        1.0
+    }
+
+    /// Takes exactly the decisions asked for.
+    fn fix(&mut self) {}
 
     /// A kept policy, with its observation length and number of actions.
     fn load(&self, policy: &Bundle) -> Shaped;

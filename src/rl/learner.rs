@@ -45,10 +45,33 @@ impl Tally {
     }
 }
 
+/// An episode that succeeded: where it began and what was done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Demonstration {
+    /// The episode index to reset the environment with.
+    pub index: u64,
+    /// The actions, to the end of the episode.
+    pub actions: Vec<usize>,
+}
+
 /// A learner at work: a configuration turned into state.
 pub trait Learner: Send {
     /// Plays one episode, learning on the way; returns its return.
     fn episode(&mut self, env: &mut dyn Env) -> f32;
+
+    /// Shows successes to a learner that wants them, before its first episode;
+    /// gives how many succeed in `env` and are kept. Others look at none.
+    fn demonstrate(&mut self, _env: &mut dyn Env, _shown: &[Demonstration]) -> usize {
+        0
+    }
+
+    /// Goes on for so many decisions more than it was asked for. Learners that
+    /// cannot adapt stop where they were asked to.
+    fn extend(&mut self, _decisions: u64) {}
+
+    /// Forgets what it believes and keeps what it remembers: a training that got
+    /// stuck begins anew, with all it has seen.
+    fn renew(&mut self) {}
 
     /// What is done so far.
     fn tally(&self) -> &Tally;

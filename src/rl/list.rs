@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::bundle::{Bundle, BundleError};
 use super::kind::{Built, Kind, Shaped};
 use super::learner::{ConfigError, Learner, expect_kind, expect_sizes, within};
-use super::{DqnSettings, Policy, PpoSettings, QTableSettings, Spaces};
+use super::seeding::Seeding;
+use super::{DqfdSettings, DqnSettings, Policy, PpoSettings, QTableSettings, Spaces};
 
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
@@ -52,9 +53,13 @@ macro_rules! learners {
                 }
             }
 
-            fn decisions_mut(&mut self) -> &mut u64 {
+            /// Exactly so many decisions, whatever the world is like.
+            fn fix(&mut self, decisions: u64) {
                 match self {
-                    $($(#[cfg($when)])? LearnerSettings::$name(own) => &mut own.decisions,)+
+                    $($(#[cfg($when)])? LearnerSettings::$name(own) => {
+                        own.decisions = decisions;
+                        own.fix();
+                    })+
                 }
             }
         }
@@ -62,7 +67,9 @@ macro_rules! learners {
 }
 
 learners! {
-    /// Deep Q-learning: the default, for driving.
+    /// Deep Q-learning that begins with what a search found: the default.
+    Dqfd(DqfdSettings),
+    /// Deep Q-learning that finds everything by itself.
     Dqn(DqnSettings),
     /// Tabular Q-learning: for small or binned worlds.
     QTable(QTableSettings),
@@ -75,7 +82,7 @@ learners! {
 
 impl Default for LearnerSettings {
     fn default() -> Self {
-        LearnerSettings::Dqn(DqnSettings::default())
+        LearnerSettings::Dqfd(DqfdSettings::default())
     }
 }
 
@@ -136,18 +143,28 @@ impl LearnerConfig {
         self.0.decisions()
     }
 
-    /// The same, with another number of decisions.
+    /// Decisions after which a training ends that still has not learned its world.
+    pub fn longest(&self) -> u64 {
+        (self.0.kind().longest() * self.decisions() as f64) as u64
+    }
+
+    /// The same for exactly this number of decisions, whatever the world is like.
     ///
     /// # Errors
     /// It is 0 or above 10¹².
     pub fn with_decisions(mut self, decisions: u64) -> Result<LearnerConfig, ConfigError> {
-        *self.0.decisions_mut() = decisions;
+        self.0.fix(decisions);
         self.0.try_into()
     }
 
     /// The name of the learner, as in a world file.
     pub fn name(&self) -> &'static str {
         self.0.name()
+    }
+
+    /// How demonstrations are looked for before it learns; `None`: it wants none.
+    pub fn seeding(&self) -> Option<&Seeding> {
+        self.0.kind().seeding()
     }
 
     /// A learner that has seen nothing; equal seeds learn equally.

@@ -10,9 +10,11 @@
 //! | file | what | paper |
 //! | --- | --- | --- |
 //! | `dqn` | deep Q-learning, recipe R | Mnih 2015, van Hasselt 2016 |
+//! | `dqfd`, `demonstrations` | the same, that begins with successes shown to it | Hester 2018 |
 //! | `q_table` | tabular Q-learning | Watkins 1989 |
 //! | `ppo` | clipped policy gradients with GAE | Schulman 2017, 2016 |
 //! | `replay` | prioritised replay, n-step returns | Schaul 2016, Watkins 1989 |
+//! | `seeding` | what is looked for before the first episode | |
 //! | `starts` | which start an episode begins from | |
 //! | `kernel`, `nn` | matrix products, perceptron, Adam | |
 //! | `bundle` | named tensors: how policies and checkpoints are kept | |
@@ -21,7 +23,9 @@
 //! | `list` | all learners; configuring, building and loading them | |
 
 mod bundle;
+mod demonstrations;
 mod dice;
+mod dqfd;
 mod dqn;
 pub mod kernel;
 mod kind;
@@ -32,15 +36,19 @@ mod paid;
 mod ppo;
 mod q_table;
 pub mod replay;
+mod seeding;
 mod starts;
 
 pub use bundle::{Bundle, BundleError, Data, Element};
+pub use demonstrations::Imitation;
 pub use dice::Dice;
+pub use dqfd::DqfdSettings;
 pub use dqn::DqnSettings;
-pub use learner::{ConfigError, Learner, Tally};
+pub use learner::{ConfigError, Demonstration, Learner, Tally};
 pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};
+pub use seeding::Seeding;
 
 /// The shapes of a decision problem.
 #[derive(Clone, Debug, PartialEq, Eq)]

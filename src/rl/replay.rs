@@ -172,6 +172,11 @@ impl ReplayBuffer {
         self.actions.is_empty()
     }
 
+    /// Length of an observation.
+    pub fn observation(&self) -> usize {
+        self.observation
+    }
+
     /// Keeps a transition, in place of the oldest one when full.
     pub fn push(&mut self, transition: Transition) {
         let slot = if self.len() < self.capacity {
@@ -236,32 +241,39 @@ impl ReplayBuffer {
         2 * self.observation + 2
     }
 
-    /// Writes everything into a checkpoint.
-    pub fn save(&self, bundle: &mut Bundle) {
+    /// Writes everything into a checkpoint, as `prefix/rows`, `prefix/actions`, ….
+    pub fn save(&self, prefix: &str, bundle: &mut Bundle) {
         let n = self.len();
-        bundle.put("replay/rows", &[n, self.width()], self.rows.clone());
-        bundle.put("replay/actions", &[n], self.actions.clone());
+        let name = |part| format!("{prefix}/{part}");
+        bundle.put(name("rows"), &[n, self.width()], self.rows.clone());
+        bundle.put(name("actions"), &[n], self.actions.clone());
         let leaves: Vec<f64> = (0..n).map(|slot| self.priorities.get(slot)).collect();
-        bundle.put("replay/priorities", &[n], leaves);
-        bundle.put("replay/oldest", &[1], vec![self.oldest as u64]);
-        bundle.put("replay/largest", &[1], vec![self.largest]);
+        bundle.put(name("priorities"), &[n], leaves);
+        bundle.put(name("oldest"), &[1], vec![self.oldest as u64]);
+        bundle.put(name("largest"), &[1], vec![self.largest]);
     }
 
     /// Fills an empty memory from a checkpoint.
     ///
     /// # Errors
     /// When a tensor is missing or misshapen, or an index is out of range.
-    pub fn restore(&mut self, bundle: &Bundle, actions: usize) -> Result<(), BundleError> {
-        let kept = bundle.rows::<u32>("replay/actions", &[])?;
+    pub fn restore(
+        &mut self,
+        prefix: &str,
+        bundle: &Bundle,
+        actions: usize,
+    ) -> Result<(), BundleError> {
+        let name = |part| format!("{prefix}/{part}");
+        let kept = bundle.rows::<u32>(&name("actions"), &[])?;
         let n = kept.len();
-        let oldest = bundle.one::<u64>("replay/oldest")? as usize;
-        let leaves = bundle.get::<f64>("replay/priorities", &[n])?;
+        let oldest = bundle.one::<u64>(&name("oldest"))? as usize;
+        let leaves = bundle.get::<f64>(&name("priorities"), &[n])?;
         check("replay length", n, self.capacity.saturating_add(1))?;
         check("oldest slot of the replay", oldest, n.max(1))?;
         for action in kept {
             check("action in the replay", *action as usize, actions)?;
         }
-        let largest = bundle.one::<f64>("replay/largest")?;
+        let largest = bundle.one::<f64>(&name("largest"))?;
         let mut priorities = leaves.iter().chain([&largest]);
         if let Some(leaf) = priorities.find(|leaf| **leaf <= 0.0) {
             return Err(BundleError::Mismatch {
@@ -271,7 +283,7 @@ impl ReplayBuffer {
             });
         }
         self.rows = bundle
-            .get::<f32>("replay/rows", &[n, self.width()])?
+            .get::<f32>(&name("rows"), &[n, self.width()])?
             .to_vec();
         self.actions = kept.to_vec();
         self.priorities = SumTree::new(leaves);
@@ -282,6 +294,17 @@ impl ReplayBuffer {
 }
 
 impl Batch {
+    /// Takes the transitions of another batch along, behind its own.
+    pub fn append(&mut self, other: &Batch) {
+        self.slots.extend_from_slice(&other.slots);
+        self.weights.extend_from_slice(&other.weights);
+        self.observations.extend_from_slice(&other.observations);
+        self.nexts.extend_from_slice(&other.nexts);
+        self.actions.extend_from_slice(&other.actions);
+        self.rewards.extend_from_slice(&other.rewards);
+        self.discounts.extend_from_slice(&other.discounts);
+    }
+
     fn clear(&mut self) {
         self.masses.clear();
         self.slots.clear();
@@ -336,6 +359,20 @@ impl Lived {
         self.actions.clear();
         self.greedy.clear();
         self.rewards.clear();
+    }
+
+    /// Begins another episode, in the room of the last one.
+    pub fn begin(&mut self, observation: &[f32]) {
+        self.clear();
+        self.observations.extend_from_slice(observation);
+    }
+
+    /// One decision, and what it led to.
+    pub fn note(&mut self, action: usize, greedy: bool, reward: f32, observation: &[f32]) {
+        self.observations.extend_from_slice(observation);
+        self.actions.push(action);
+        self.greedy.push(greedy);
+        self.rewards.push(reward);
     }
 
     /// Hands the n-step transitions of the episode to `take`.

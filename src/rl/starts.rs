@@ -17,6 +17,14 @@ pub(super) struct Start {
     tries: u32,
 }
 
+impl Start {
+    /// One that is not tried again if it fails.
+    pub fn once(index: u64) -> Start {
+        let tries = u32::MAX;
+        Start { index, tries }
+    }
+}
+
 /// Fresh starts in order, and a pool of those that failed.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Starts {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::calibration::{Calibration, Ended};
 use super::disk::{io_error, read_text};
 use super::stored::StoredCount;
 use super::{FORMAT, RunError};
@@ -51,6 +52,17 @@ pub struct Manifest {
     /// Physics steps spent in training.
     #[serde(default)]
     pub physics_steps: u64,
+    /// What a search of training starts brought and cost before the learner's first
+    /// episode; `None`: it wanted none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sought: Option<Sought>,
+    /// The ado beside a cheap search on calibration starts, as of the last time
+    /// that it was trained as long as asked; `None`: an earlier version trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibration: Option<Calibration>,
+    /// Why it ended, once it has; `None`: an earlier version trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ended: Option<Ended>,
     /// Processor time spent in training. It is in `timing.json`, so that equal
     /// trainings have equal manifests.
     #[serde(default, skip_serializing)]
@@ -93,6 +105,19 @@ pub struct Manifest {
     pub policy_sha256: Option<String>,
 }
 
+/// A search of training starts for what a learner is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sought {
+    /// Starts searched.
+    pub starts: u64,
+    /// Those on which the ego was made to fail.
+    pub solved: u64,
+    /// Simulations spent.
+    pub simulations: u64,
+    /// Physics steps spent; those of the manifest include them.
+    pub physics_steps: u64,
+}
+
 /// How far training has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Done {
@@ -106,6 +131,10 @@ pub struct Done {
     pub physics_steps: u64,
     /// Processor time spent.
     pub cpu_s: f64,
+    /// The ado beside a cheap search, once it is trained.
+    pub calibration: Option<Calibration>,
+    /// Why it ended, once it has.
+    pub ended: Option<Ended>,
     /// Episodes that no line of `progress.jsonl` tells of yet.
     pub window: Window,
 }

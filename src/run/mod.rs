@@ -19,6 +19,7 @@
 //! Wherever a training is killed: going on ends in the same bytes.
 
 mod about;
+mod calibration;
 mod differences;
 pub(crate) mod disk;
 mod error;
@@ -44,6 +45,7 @@ use std::path::{Path, PathBuf};
 pub use about::{
     About, Decisive, Effort, LastChance, Persistence, Severity, Shrunk, Variation, Why,
 };
+pub use calibration::{Calibration, CalibrationWarning, Ended};
 pub use differences::{Asked, RunDifference};
 pub use disk::{file_name, make_dir, write_file};
 pub use error::RunError;
@@ -53,12 +55,12 @@ pub use interval::{
     at_most, mcnemar, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
-pub use manifest::{ChangedEgo, Done, Grown, Manifest, Window};
+pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};
 pub use named::RunsOnDisk;
 pub use outcome::{Outcomes, StartOutcome, UnknownMark};
 pub use progress::Progress;
 pub use repeated::{Repeated, StartRepeated};
-pub use row::{Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
+pub use row::{Anytime, ClosingSpeed, ContactSeverity, FailureKind, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
 
@@ -134,6 +136,9 @@ impl RunDir {
                 decisions_done: 0,
                 episodes: 0,
                 physics_steps: 0,
+                sought: None,
+                calibration: None,
+                ended: None,
                 cpu_s: 0.0,
                 progress: Grown::default(),
                 window: Window::default(),
@@ -374,6 +379,12 @@ impl RunDir {
         self.forget(before)
     }
 
+    /// Notes what was looked for before the first episode; it is written with the
+    /// next checkpoint.
+    pub fn note_sought(&mut self, sought: Sought) {
+        self.manifest.sought = Some(sought);
+    }
+
     /// Stores the trained ado; the checkpoint is no longer needed.
     ///
     /// # Errors
@@ -430,6 +441,8 @@ impl RunDir {
         self.manifest.physics_steps = done.physics_steps;
         self.manifest.cpu_s = done.cpu_s;
         self.manifest.window = done.window;
+        self.manifest.calibration = done.calibration;
+        self.manifest.ended = done.ended;
         self.manifest.progress = self.progress.now();
         if let Some(count) = &mut self.manifest.counterexamples {
             count.note(self.counterexamples.now());

@@ -73,6 +73,9 @@ pub struct Row {
     /// What the contacts do to the ego, if it has part in any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub severity: Option<ContactSeverity>,
+    /// The successes by kind, most frequent first; empty: none, or not recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kinds: Vec<FailureKind>,
     /// Starts on which the ego or the physics failed: in no rate of this row.
     pub invalid: usize,
     /// Those faults, by kind.
@@ -95,6 +98,50 @@ pub struct Row {
     pub unconfirmed: Option<Unconfirmed>,
     /// How each start ended, in order.
     pub solved: Outcomes,
+}
+
+/// Starts on which the ego failed in one way.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailureKind {
+    /// The leaf of ψ_ego that was violated.
+    pub leaf: String,
+    /// Who touched, if anybody did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact: Option<(String, String)>,
+    /// On how many starts.
+    pub starts: usize,
+}
+
+impl FailureKind {
+    /// The failures one by one, counted; equally frequent ones by their words.
+    pub fn counted(
+        failures: impl Iterator<Item = (String, Option<(String, String)>)>,
+    ) -> Vec<FailureKind> {
+        let mut counts = BTreeMap::new();
+        for failure in failures {
+            *counts.entry(failure).or_insert(0) += 1;
+        }
+        let kinds = counts.into_iter();
+        let mut kinds: Vec<FailureKind> = kinds
+            .map(|((leaf, contact), starts)| FailureKind {
+                leaf,
+                contact,
+                starts,
+            })
+            .collect();
+        kinds.sort_by_key(|kind| std::cmp::Reverse(kind.starts));
+        kinds
+    }
+}
+
+impl Display for FailureKind {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "{} × `{}`", self.starts, self.leaf)?;
+        match &self.contact {
+            Some((one, other)) => write!(f, ", {one} and {other} touch"),
+            None => f.write_str(", no contact"),
+        }
+    }
 }
 
 /// What a search had reached after so many simulations per start.

@@ -18,6 +18,12 @@ fn warned(text: &str) -> Vec<(String, String)> {
     said.collect()
 }
 
+/// The line of a text that begins with these words.
+fn line_of(text: &str, begins: &str) -> String {
+    let line = text.lines().find(|line| line.trim().starts_with(begins));
+    line.expect("such a line").to_owned()
+}
+
 /// What is odd: the word that allows it, what the warning says, and the text.
 fn oddities() -> Vec<(&'static str, &'static str, String)> {
     let lines: Vec<&str> = ACC.lines().collect();
@@ -85,16 +91,24 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
             "an actuator that lags by 1000 s",
             with(NEW, "lag_s: 0.3", "lag_s: 1000.0"),
         ),
-        ("empty_question", "the world asks nothing", {
-            let line = ACC
-                .lines()
-                .find(|line| line.trim().starts_with("question:"));
-            with(ACC, line.expect("a question"), "    question: \" \",")
-        }),
+        (
+            "empty_question",
+            "the world asks nothing",
+            with(ACC, &line_of(ACC, "question:"), "    question: \" \","),
+        ),
         (
             "empty_rulebook",
             "this ado has no rule, so whatever it does is lawful",
             lawless.join("\n"),
+        ),
+        (
+            "unseen",
+            "the ego's specification reads `headway`, and no ado observes anything of it",
+            with(
+                ACC,
+                &line_of(ACC, "observe: ["),
+                "                observe: [\"ado.speed\", \"ego.speed\", \"time_left\"],",
+            ),
         ),
         (
             "duplicate_observation",
@@ -227,4 +241,91 @@ fn the_worlds_inside_the_program_are_those_of_the_directory() {
             world.warnings()
         );
     }
+}
+
+/// A rule that is broken a moment after ρ = 0 is no tie.
+#[test]
+fn a_coasting_run_that_breaks_a_rule_is_not_taken_for_one_that_just_keeps_it() {
+    let light = include_str!("../../worlds/light_ado.ron");
+    let rule = "rulebook: [Rule(name: \"short\", stl: \"always (light.phase_time <= 1)\"),";
+    let said = warned(&with(light, "rulebook: [", rule));
+    assert!(
+        !said.iter().any(|(what, _)| what.contains("ρ = 0 exactly")),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn ados_whose_world_names_no_observation_see_what_is_usual() {
+    let names = |world: &Scenario| -> Vec<String> {
+        let observed = world.world().observed().iter();
+        observed.map(|observed| observed.name.clone()).collect()
+    };
+    let without = |text: &str| with(text, &format!("{}\n", line_of(text, "observe: [")), "");
+    let world = Scenario::parse("acc.ron", &without(ACC)).expect("a world");
+    assert_eq!(
+        names(&world),
+        [
+            "ego.ado.headway",
+            "ego.speed",
+            "ego.accel",
+            "ado.speed",
+            "time_left"
+        ]
+    );
+    assert!(world.warnings().is_empty(), "{:?}", world.warnings());
+    let world = Scenario::parse("new.ron", &without(NEW)).expect("a world");
+    assert_eq!(
+        names(&world),
+        [
+            "ego.ado.headway",
+            "ego.ado.lateral",
+            "ado.lateral_speed",
+            "ego.speed",
+            "ego.accel",
+            "ado.speed",
+            "time_left"
+        ]
+    );
+    assert!(world.warnings().is_empty(), "{:?}", world.warnings());
+    let light = include_str!("../../worlds/light_ado.ron");
+    let world = Scenario::parse("light_ado.ron", &without(light)).expect("a world");
+    let seen = names(&world);
+    for name in [
+        "light.phase",
+        "light.phase_time",
+        "ego.light.line",
+        "ego.speed",
+    ] {
+        assert!(seen.iter().any(|seen| seen == name), "{name}: {seen:?}");
+    }
+}
+
+/// Worlds that nobody here wrote: sound, and odd only where that is their point.
+#[test]
+fn worlds_of_others_are_sound_and_the_blind_one_is_said_to_be() {
+    let dir = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("worlds/others");
+    let mut met = 0;
+    for entry in std::fs::read_dir(dir).expect("the worlds") {
+        let path = entry.expect("an entry").path();
+        let world = Scenario::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(world.learner().name(), "Dqfd", "{}", path.display());
+        let said: Vec<&str> = world
+            .warnings()
+            .iter()
+            .map(|odd| odd.what.as_str())
+            .collect();
+        let unseen = said
+            .iter()
+            .filter(|what| what.contains("no ado observes anything of it"));
+        let blind = 3 * usize::from(world.name() == "blind");
+        assert_eq!(
+            (unseen.count(), said.len()),
+            (blind, blind),
+            "{}: {said:?}",
+            world.name()
+        );
+        met += 1;
+    }
+    assert_eq!(met, 14);
 }

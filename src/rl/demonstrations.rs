@@ -1,0 +1,204 @@
+//! Successes that somebody has shown, or that were met on the way, and what a
+//! deep Q-learner does with them.
+//!
+//! - Hester et al., "Deep Q-learning from Demonstrations", AAAI 2018: part of
+//!   every batch is of demonstrations, and on that part a large-margin loss asks
+//!   that the action shown be worth more than the others.
+//! - Salimans and Chen, "Learning Montezuma's Revenge from a Single
+//!   Demonstration", 2018: episodes that begin along a demonstration.
+//!
+//! Deviations: docs/learners.md.
+
+use serde::{Deserialize, Serialize};
+
+use super::bundle::{Bundle, BundleError};
+use super::dice::Dice;
+use super::learner::{ConfigError, Demonstration, within};
+use super::replay::{Batch, Lived, ReplayBuffer, Tail, check};
+
+/// What a learner does with demonstrations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Imitation {
+    /// Share of every batch that is drawn from successes alone (0.25).
+    pub share: f64,
+    /// By how much the action of a success should beat the others (0.1).
+    pub margin: f64,
+    /// Weight of that wish beside the temporal-difference error (0.02): more of
+    /// it only imitates.
+    pub weight: f64,
+    /// Share of the episodes that begin along a success (0.2), half of them from
+    /// its own start, half from another.
+    pub guided: f64,
+    /// Successes remembered for guidance (5000): recent ones.
+    pub remembered: usize,
+}
+
+impl Default for Imitation {
+    fn default() -> Self {
+        Imitation {
+            share: 0.25,
+            margin: 0.1,
+            weight: 0.02,
+            guided: 0.2,
+            remembered: 5000,
+        }
+    }
+}
+
+impl Imitation {
+    /// Refuses the first number that is out of range.
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        within("share", self.share, 0.0, 0.9)?;
+        within("margin", self.margin, 0.0, 10.0)?;
+        within("weight", self.weight, 0.0, 10.0)?;
+        within("guided", self.guided, 0.0, 1.0)?;
+        within("remembered", self.remembered as f64, 1.0, 1e9)
+    }
+}
+
+/// Successes, as transitions to learn from and as beginnings to follow.
+pub(super) struct Demonstrations {
+    imitation: Imitation,
+    replay: ReplayBuffer,
+    /// The transitions of a batch that came from here.
+    drawn: Batch,
+    episodes: Vec<Demonstration>,
+    /// Where the next episode goes once all room is taken.
+    oldest: usize,
+}
+
+/// Where a guided episode begins, and which actions lead it.
+pub(super) struct Guide {
+    /// The start; `None`: another one than the demonstration's.
+    pub index: Option<u64>,
+    pub actions: Vec<usize>,
+}
+
+impl Demonstrations {
+    /// None yet.
+    pub fn new(imitation: &Imitation, observation: usize, priority: f64) -> Demonstrations {
+        Demonstrations {
+            imitation: imitation.clone(),
+            replay: ReplayBuffer::new(observation, usize::MAX - 1, priority),
+            drawn: Batch::default(),
+            episodes: Vec::new(),
+            oldest: 0,
+        }
+    }
+
+    /// How many of `batch` transitions are drawn from here.
+    pub fn drawn_of(&self, batch: usize) -> usize {
+        match self.replay.is_empty() {
+            true => 0,
+            false => (self.imitation.share * batch as f64) as usize,
+        }
+    }
+
+    /// Remembers an episode that succeeded.
+    pub fn remember(&mut self, index: u64, lived: &Lived, steps: usize, discount: f32) {
+        let episode = Demonstration {
+            index,
+            actions: lived.actions.clone(),
+        };
+        if self.episodes.len() < self.imitation.remembered {
+            self.episodes.push(episode);
+        } else {
+            self.episodes[self.oldest] = episode;
+            self.oldest = (self.oldest + 1) % self.imitation.remembered;
+        }
+        let replay = &mut self.replay;
+        let width = replay.observation();
+        let push = |transition: super::replay::Transition| replay.push(transition);
+        lived.n_step(width, steps, discount, Tail::Terminal, push);
+    }
+
+    /// Now and then the beginning of a success, to be followed.
+    pub fn guide(&self, dice: &mut Dice) -> Option<Guide> {
+        if self.episodes.is_empty() || self.imitation.guided <= dice.unit() {
+            return None;
+        }
+        let shown = &self.episodes[dice.below(self.episodes.len())];
+        let own = dice.unit() < 0.5;
+        let length = dice.below(shown.actions.len().max(1));
+        Some(Guide {
+            index: own.then_some(shown.index),
+            actions: shown.actions[..length].to_vec(),
+        })
+    }
+
+    /// Appends `size` transitions of successes to a batch.
+    pub fn sample(&mut self, size: usize, beta: f64, dice: &mut Dice, batch: &mut Batch) {
+        if 0 < size {
+            self.replay.sample(size, beta, dice, &mut self.drawn);
+            batch.append(&self.drawn);
+        }
+    }
+
+    /// Sets the priority of a transition that was drawn from here.
+    pub fn prioritise(&mut self, slot: usize, error: f32) {
+        self.replay.prioritise(slot, error);
+    }
+
+    /// Adds the gradient of the large-margin loss to one row of a batch:
+    /// max over a of Q(a) + margin · [a is not the one shown], minus Q(shown).
+    pub fn margin(&self, values: &[f32], shown: usize, scale: f32, gradient: &mut [f32]) {
+        let margin = self.imitation.margin as f32;
+        // The action shown stands first among equals: no gradient at a tie.
+        let rival = |a: usize| values[a] + if a == shown { 0.0 } else { margin };
+        let best = (0..values.len()).fold(shown, |best, a| match rival(best) < rival(a) {
+            true => a,
+            false => best,
+        });
+        let weight = self.imitation.weight as f32 * scale;
+        if best != shown {
+            gradient[best] += weight;
+            gradient[shown] -= weight;
+        }
+    }
+
+    /// Writes everything into a checkpoint.
+    pub fn save(&self, bundle: &mut Bundle) {
+        self.replay.save("shown", bundle);
+        let n = self.episodes.len();
+        let indices = self.episodes.iter().map(|shown| shown.index).collect();
+        bundle.put::<u64>("shown/starts", &[n], indices);
+        let lengths = self.episodes.iter().map(|shown| shown.actions.len() as u64);
+        bundle.put::<u64>("shown/lengths", &[n], lengths.collect());
+        let actions = self.episodes.iter().flat_map(|shown| &shown.actions);
+        let actions: Vec<u32> = actions.map(|&action| action as u32).collect();
+        bundle.put("shown/followed", &[actions.len()], actions);
+        bundle.put("shown/next", &[1], vec![self.oldest as u64]);
+    }
+
+    /// Fills an empty memory from a checkpoint.
+    ///
+    /// # Errors
+    /// When a tensor is missing or misshapen, or an index is out of range.
+    pub fn restore(&mut self, bundle: &Bundle, actions: usize) -> Result<(), BundleError> {
+        self.replay.restore("shown", bundle, actions)?;
+        let indices = bundle.rows::<u64>("shown/starts", &[])?;
+        let lengths = bundle.get::<u64>("shown/lengths", &[indices.len()])?;
+        let followed = bundle.rows::<u32>("shown/followed", &[])?;
+        for action in followed {
+            check("action of a demonstration", *action as usize, actions)?;
+        }
+        let mut rest = followed;
+        for (&index, &length) in indices.iter().zip(lengths) {
+            let length = length as usize;
+            check("length of a demonstration", length, rest.len() + 1)?;
+            let (these, others) = rest.split_at(length);
+            rest = others;
+            let actions = these.iter().map(|&action| action as usize).collect();
+            self.episodes.push(Demonstration { index, actions });
+        }
+        let room = self.imitation.remembered;
+        check(
+            "number of demonstrations",
+            indices.len(),
+            room.saturating_add(1),
+        )?;
+        self.oldest = bundle.one::<u64>("shown/next")? as usize;
+        check("oldest demonstration", self.oldest, indices.len().max(1))
+    }
+}

@@ -1,0 +1,170 @@
+//! What a run says of its own training: whether the ado learned its world.
+
+use serde::{Deserialize, Serialize};
+
+/// An ado beside a cheap search, on starts that nothing is reported on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// Starts both met.
+    pub starts: u64,
+    /// Most switches of action that the search tried.
+    pub switches: u64,
+    /// Those that the search solved.
+    pub searched: u64,
+    /// Those of them that the ado solved as well.
+    pub both: u64,
+    /// Those that only the ado solved.
+    pub ado_only: u64,
+    /// Simulations it took, those of the search included.
+    pub simulations: u64,
+}
+
+/// Starts that a search must solve before a share of them says anything.
+const ENOUGH: u64 = 10;
+/// Percent of them from which on an ado counts as one that has learned its world.
+const LEARNED: u64 = 90;
+/// Percent of them from which on there is no reason to go on learning.
+const COMPLETE: u64 = 97;
+
+impl Calibration {
+    /// Starts that the ado solved.
+    pub fn solved(&self) -> u64 {
+        self.both + self.ado_only
+    }
+
+    /// Of the starts that the search solves, the share that the ado solves too;
+    /// `None`: those are too few to say.
+    pub fn recall(&self) -> Option<f64> {
+        (ENOUGH <= self.searched).then(|| self.both as f64 / self.searched as f64)
+    }
+
+    /// Whether a search solves more than a few starts that the ado does not.
+    pub fn is_incomplete(&self) -> bool {
+        100 * self.both < COMPLETE * self.searched
+    }
+
+    /// What a user has to know before believing in the ado: what was seen, and
+    /// what can be done; `None`: there is nothing to warn of.
+    pub fn warning(&self) -> Option<CalibrationWarning> {
+        let search = format!(
+            "a search with at most {} {} of action",
+            self.switches,
+            if self.switches == 1 {
+                "switch"
+            } else {
+                "switches"
+            }
+        );
+        let (searched, both, starts) = (self.searched, self.both, self.starts);
+        let what = match (searched, self.solved()) {
+            (0, 0) => {
+                return Some(CalibrationWarning {
+                    what: format!(
+                        "neither the ado nor {search} makes the ego fail on any of {starts} \
+                         calibration starts: there may be nothing to find"
+                    ),
+                    help: "look whether the ados' actions and rules leave room for it: \
+                           `brakecheck search WORLD --method cem --budget 1000`; \
+                           then whether the ego's specification asks for what you mean"
+                        .to_owned(),
+                });
+            }
+            _ if LEARNED * searched <= 100 * both => return None,
+            _ if searched < ENOUGH && 0 < both => return None,
+            (_, 0) => format!(
+                "the ado solves none of the {searched} calibration starts, out of {starts}, that \
+                 {search} solves: it never learned this world"
+            ),
+            _ => format!(
+                "the ado solves {both} of the {searched} calibration starts, out of {starts}, that \
+                 {search} solves: it has not learned this world"
+            ),
+        };
+        Some(CalibrationWarning {
+            what,
+            help: "train longer (`--decisions`), or with another `--seed`; look whether the ado \
+                   observes what its rules and the ego's specification read (`brakecheck check`); \
+                   until then `brakecheck search` finds more than the ado"
+                .to_owned(),
+        })
+    }
+}
+
+/// That a training did not come to what it should.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CalibrationWarning {
+    /// What was seen.
+    pub what: String,
+    /// What can be done.
+    pub help: String,
+}
+
+/// Why a training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Ended {
+    /// After the decisions it was asked for, come what may.
+    Asked,
+    /// The ado solves what a search solves.
+    Learned,
+    /// Going on did not help any more.
+    Settled,
+    /// Its settings allow no longer one.
+    Longest,
+}
+
+impl Ended {
+    /// In words, behind "ended:".
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Ended::Asked => "the decisions asked for are taken",
+            Ended::Learned => "on calibration starts the ado solves what a search solves",
+            Ended::Settled => "going on did not help any more",
+            Ended::Longest => "its settings allow no longer training",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn calibration(searched: u64, both: u64, ado_only: u64) -> Calibration {
+        Calibration {
+            starts: 100,
+            switches: 1,
+            searched,
+            both,
+            ado_only,
+            simulations: 0,
+        }
+    }
+
+    #[test]
+    fn an_ado_that_misses_what_search_finds_is_warned_of_and_others_are_not() {
+        let says = |calibration: Calibration| calibration.warning().map(|warning| warning.what);
+        let never = says(calibration(40, 0, 0)).expect("a warning");
+        assert!(never.contains("none of the 40"), "{never}");
+        assert!(never.contains("never learned"), "{never}");
+        let half = says(calibration(40, 20, 3)).expect("a warning");
+        assert!(half.contains("20 of the 40"), "{half}");
+        assert!(half.contains("has not learned"), "{half}");
+        let nothing = says(calibration(0, 0, 0)).expect("a warning");
+        assert!(nothing.contains("nothing to find"), "{nothing}");
+        assert_eq!(says(calibration(40, 38, 0)), None);
+        let few = says(calibration(5, 0, 0)).expect("a warning");
+        assert!(few.contains("none of the 5"), "{few}");
+        // Too few to say, or more than the search found.
+        assert_eq!(says(calibration(9, 4, 1)), None);
+        assert_eq!(says(calibration(0, 0, 30)), None);
+    }
+
+    #[test]
+    fn a_training_goes_on_where_search_still_finds_more() {
+        assert!(calibration(40, 38, 60).is_incomplete());
+        assert!(calibration(5, 4, 0).is_incomplete());
+        assert!(!calibration(40, 39, 0).is_incomplete());
+        assert!(!calibration(0, 0, 0).is_incomplete());
+        assert_eq!(calibration(5, 5, 0).recall(), None);
+        assert_eq!(calibration(40, 30, 9).recall(), Some(0.75));
+    }
+}
