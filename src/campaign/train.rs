@@ -131,17 +131,14 @@ pub fn train(
                 let done = ledger.done(&*learner, &patience, spent, cpu_s);
                 run.save_checkpoint(&learner.checkpoint(), done)?;
             }
-            let given_up = watch.faults.has_given_up();
-            if let Some(complaint) = watch.faults.complaint().filter(|_| given_up) {
-                return Err(TrainError::Faults {
-                    decisions: learner.decisions(),
-                    complaint,
-                });
-            }
         }
         if watch.stopped() || patience.ends(&mut *learner) {
             break;
         }
+    }
+    // While it was searched, trained or judged.
+    if let Some(error) = given_up(&*learner, watch) {
+        return Err(error);
     }
     // Stopped while it was being judged: it may yet have to go on.
     let over = patience.ended.is_some();
@@ -160,6 +157,16 @@ pub fn train(
         done,
         interrupted: !over,
         aborted: ledger.aborted,
+    })
+}
+
+/// The end of a training whose ego does not run.
+fn given_up(learner: &dyn Learner, watch: &Watch<'_>) -> Option<TrainError> {
+    let complaint = watch.faults.complaint();
+    let complaint = complaint.filter(|_| watch.faults.has_given_up())?;
+    Some(TrainError::Faults {
+        decisions: learner.decisions(),
+        complaint,
     })
 }
 

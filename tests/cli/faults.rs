@@ -315,6 +315,17 @@ fn a_world_whose_own_ego_is_broken_neither_trains_nor_reports() {
     ];
     let trained = brakecheck(&train);
     assert_eq!(code(&trained), 3, "{}", stderr(&trained));
+    // The same where training would begin with a search.
+    let text = std::fs::read_to_string(&world).expect("a world");
+    let lines = text.lines().filter(|line| !line.contains("learner: Dqn("));
+    let searching = path(&dir, "searching.ron");
+    std::fs::write(&searching, lines.collect::<Vec<_>>().join("\n")).expect("written");
+    let searched = path(&dir, "searched");
+    let mut train = train;
+    (train[1], train[3]) = (&searching, &searched);
+    let trained = brakecheck(&train);
+    assert_eq!(code(&trained), 3, "{}", stderr(&trained));
+    assert!(stderr(&trained).contains("boom"), "{}", stderr(&trained));
     assert!(
         stderr(&trained).contains("exit status: 7"),
         "{}",
