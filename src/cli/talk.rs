@@ -92,10 +92,9 @@ impl Lines {
         // Of several threads one writes.
         if self.written.fetch_max(due, Ordering::Relaxed) < due {
             let (done, total) = (bar.position(), bar.length().unwrap_or(0));
-            let left_s = match done {
-                0 => None,
-                done => Some(elapsed_s * total.saturating_sub(done) / done),
-            };
+            // What comes before the first decisions says nothing of the rest.
+            let telling = 0 < done && total <= done.saturating_mul(20);
+            let left_s = telling.then(|| elapsed_s * total.saturating_sub(done) / done.max(1));
             let left = left_s.map_or(String::new(), |left_s| format!(", about {left_s} s left"));
             say(&format!(
                 "{}: {done} of {total} after {elapsed_s} s{left}",
