@@ -42,6 +42,7 @@ mod telling;
 mod theorems;
 mod train;
 mod tries;
+mod untrained;
 mod watch;
 mod why;
 
@@ -88,5 +89,6 @@ pub use theorems::{
 };
 pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};
+pub use untrained::untrained;
 pub use watch::{Remark, Watch};
 pub use why::{Driver, decisive, last_chance, why};

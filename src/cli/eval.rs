@@ -9,19 +9,20 @@ use super::compared::{Compared, GateOn};
 use super::counts::{count, start_count};
 use super::keep::KeepArgs;
 use super::{
-    Common, Exit, Failure, exit_of, interrupted_early, one_of, open_run, print_json, table, talk,
-    theorems,
+    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
+    table, talk, theorems,
 };
 use crate::campaign::{
     AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
-    Watch, on_plant, summarise,
+    Watch, on_plant, summarise, untrained,
 };
 use crate::scenario::Scenario;
 use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
-    /// The run directory that `train` made.
+    /// The run directory that `train` made; or a world file: its baselines and search.
+    #[arg(value_name = "RUN|WORLD.ron")]
     run: PathBuf,
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
@@ -81,7 +82,48 @@ pub(super) struct EvalArgs {
     pub(super) common: Common,
 }
 
+/// A world that nobody has trained in yet.
+fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
+    let asks_for_an_ado = args.ado != [AdoKind::Trained]
+        || args.params.is_some()
+        || 1 < args.tries
+        || args.keep.dir().is_some()
+        || args.theorems
+        || args.baseline_ego.is_some()
+        || args.over.is_some();
+    if asks_for_an_ado {
+        let world = args.run.display();
+        return Err(Failure::input(
+            format!(
+                "`{world}` is a world: of the options only --starts, --seed, --ego, --plant, --search and those of every verb do something for it"
+            ),
+            "train an ado first, and evaluate its run: `brakecheck train WORLD`",
+        ));
+    }
+    let mut world = load_world(&args.run, &args.common)?;
+    if let Some(plant) = args.plant {
+        world = on_plant(&world, plant)?;
+    }
+    let egos = EgoUnderTest::find_or_program(&world, &args.ego, &args.program)?;
+    let bar = talk::bar("evaluating");
+    let starts = (args.starts, args.seed);
+    let switches = args.search.unwrap_or(1);
+    let Some(rows) = untrained(&world, &egos, starts, switches, &bar.watch())? else {
+        drop(bar);
+        return interrupted_early(&args.common);
+    };
+    drop(bar);
+    match args.common.json {
+        true => print_json(&json!({ "rows": rows }))?,
+        false => talk::data(&table::rows(&rows))?,
+    }
+    Ok(exit_of(&rows, args.fail_on_counterexample))
+}
+
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
+    if args.run.is_file() {
+        return of_world(args);
+    }
     let run = open_run(&args.run, &args.common)?;
     let bar = talk::bar("evaluating");
     let watch = bar.watch();

@@ -86,3 +86,38 @@ fn a_run_stands_beside_searches_replays_and_a_rule() {
         stderr(&output)
     );
 }
+
+/// Before anybody has trained: what a world's egos meet anyway.
+#[test]
+fn a_world_alone_is_evaluated_by_its_baselines_and_a_search() {
+    let few = ["--plant", "kinematic", "--starts", "20"];
+    let eval = |more: &[&str]| brakecheck(&[&["eval", "worlds/acc.ron"], &few[..], more].concat());
+    let output = eval(&["--json", "--ego", "all"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let evaluated = json(&output);
+    let rows = evaluated["rows"].as_array().expect("rows");
+    assert!(
+        4 < rows.len() && rows.len().is_multiple_of(4),
+        "{} rows",
+        rows.len()
+    );
+    let first: Vec<_> = rows[..4].iter().map(|row| row["ado"].as_str()).collect();
+    assert_eq!(
+        first,
+        ["hold", "random", "constant", "search"].map(Some),
+        "{evaluated}"
+    );
+    assert!(
+        rows[2]["recall"]
+            .as_f64()
+            .is_some_and(|recall| recall < 1.0)
+    );
+    assert_eq!(code(&eval(&["--fail-on-counterexample"])), 1);
+    let refused = eval(&["--keep", "kept"]);
+    assert_eq!(code(&refused), 2);
+    assert!(
+        stderr(&refused).contains("train an ado first"),
+        "{}",
+        stderr(&refused)
+    );
+}

@@ -1,0 +1,54 @@
+//! What the egos of a world meet before anybody has trained an ado for it.
+
+use super::ego_under_test::{EgoUnderTest, consent};
+use super::error::CampaignError;
+use super::eval::{Ado, best_constant, eval};
+use super::search::{SearchRequest, Switches, search};
+use super::starts::test_starts;
+use super::watch::Watch;
+use crate::run::Row;
+use crate::scenario::Scenario;
+
+/// The baselines and a search with at most so many switches, ego by ego.
+///
+/// What was finished when `watch` stopped it is given; `None`: nothing was.
+///
+/// # Errors
+/// A program may not be started.
+pub fn untrained(
+    nominal: &Scenario,
+    egos: &[EgoUnderTest],
+    (count, seed): (usize, u64),
+    switches: usize,
+    watch: &Watch<'_>,
+) -> Result<Option<Vec<Row>>, CampaignError> {
+    consent(nominal, egos)?;
+    let Some(starts) = test_starts(nominal, seed, count, watch) else {
+        return Ok(None);
+    };
+    let mut rows = Vec::new();
+    for ego in egos {
+        if watch.stopped() {
+            break;
+        }
+        watch.phase(ego.name());
+        let found = search(
+            &SearchRequest {
+                scenario: ego.scenario(),
+                ego: ego.name(),
+                method: Switches(switches).into(),
+                budget: 0,
+                starts: &starts,
+            },
+            watch,
+        );
+        let met = |ado| eval(&ego.met_by(ado, &starts), watch).row;
+        let constant = best_constant(ego.scenario(), ego.name(), &starts, watch).row;
+        for mut row in [met(Ado::Held), met(Ado::Random), constant] {
+            row.compare_with_search(&found.row.solved);
+            rows.push(row);
+        }
+        rows.push(found.row);
+    }
+    Ok(Some(rows))
+}
