@@ -188,6 +188,11 @@ pub(super) struct Dqn {
     room: Room,
 }
 
+/// Refuses a network for other observations or actions.
+fn fits(spaces: &Spaces, net: &Mlp, what: &'static str) -> Result<(), BundleError> {
+    expect_sizes(what, &net.ends(), &[spaces.observation, spaces.actions])
+}
+
 /// Buffers without meaning between updates.
 struct Room {
     batch: Batch,
@@ -220,12 +225,7 @@ impl Dqn {
         policy: &Bundle,
     ) -> Result<Dqn, BundleError> {
         let net = Mlp::load("q", policy)?;
-        let expected = [spaces.observation, spaces.actions];
-        expect_sizes(
-            "the policy's observation and actions",
-            &net.ends(),
-            &expected,
-        )?;
+        fits(spaces, &net, "the policy's observation and actions")?;
         Ok(Dqn::around(config, spaces, net, Dice::new(seed)))
     }
 
@@ -239,12 +239,7 @@ impl Dqn {
         bundle: &Bundle,
     ) -> Result<Dqn, BundleError> {
         let online = Mlp::load("online", bundle)?;
-        let expected = [spaces.observation, spaces.actions];
-        expect_sizes(
-            "the checkpoint's observation and actions",
-            &online.ends(),
-            &expected,
-        )?;
+        fits(spaces, &online, "the checkpoint's observation and actions")?;
         let mut dqn = Dqn::around(config, spaces, online, Dice::restore(bundle)?);
         let target = dqn.online.load_as("target", bundle)?;
         dqn.target.parameters_mut().copy_from_slice(&target);
