@@ -33,6 +33,10 @@ pub mod training {}
 #[doc = include_str!("../docs/reuse.md")]
 pub mod reuse {}
 
+/// An ado that learns an ego of another structure from runs of it.
+#[doc = include_str!("../docs/adapting.md")]
+pub mod adapting {}
+
 /// Searching without learning.
 #[doc = include_str!("../docs/search.md")]
 pub mod search {}

@@ -8,6 +8,8 @@ mod faults;
 mod first;
 #[path = "cli/gate.rs"]
 mod gate;
+#[path = "cli/learned.rs"]
+mod learned;
 #[path = "cli/report.rs"]
 mod report;
 #[path = "cli/reproduce.rs"]

@@ -1,23 +1,24 @@
 //! A trained ado and its rivals on many egos: the table of reuse (Sec. IV).
 
 mod gate;
+mod meeting;
 
 use std::path::Path;
 
 pub use gate::{Flipped, Gate};
+use meeting::Meeting;
 
 use super::baselines::{AdoKind, Baselines};
 use super::by_rule::ByRule;
 use super::conditioning::{ConditionedAdo, ContextSource, conditioned};
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
-use super::eval::{Ado, EvalRequest, Evaluated, best_constant, eval, explain_first};
+use super::eval::{Ado, EvalRequest, Evaluated};
 use super::keep::{Again, Choice, Form, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
-use super::retrained::retrained;
 use super::reuse::{ReusedOn, reused_on};
-use super::search::{SearchRequest, Switches, search};
 use super::starts::{TestStarts, test_starts};
+use super::surrogate::{AdaptedRow, AdaptedTo};
 use super::theorems::{CarryOver, NearbyStarts, TheoremsRequest, carry_over, nearby_starts};
 use super::tries::{Tried, Tries};
 use super::watch::Watch;
@@ -48,6 +49,8 @@ pub struct Evaluation<'a> {
     pub search: Option<usize>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     pub tries: u64,
+    /// Runs of each ego from which a surrogate of it is learned; 0: none is.
+    pub runs: u64,
     /// Whether [`EvaluationTable::keep`] is to follow: what it needs of every ego
     /// is held in memory then.
     pub keeps: bool,
@@ -97,6 +100,8 @@ pub struct EvaluationTable<'a> {
     pub egos: Vec<ReusedOn>,
     /// Why each fails, if the trained ado made it.
     pub reasons: Vec<ExplainedCounterexample>,
+    /// What was learned of each, if that was asked for.
+    pub adapted_to: Vec<AdaptedTo>,
     /// Why it ended early, if it did.
     pub failure: Option<CampaignError>,
     /// The nominal ego's test starts.
@@ -119,6 +124,7 @@ impl Found<'_> {
         match &self.by {
             FoundBy::Trained(evaluated) | FoundBy::Optimal(evaluated) => evaluated,
             FoundBy::Tries(tried) => &tried.evaluated,
+            FoundBy::Adapted(adapted) => &adapted.evaluated,
         }
     }
 }
@@ -128,6 +134,8 @@ enum FoundBy {
     Trained(Evaluated),
     /// The trained ado's, with several tries per start.
     Tries(Tried),
+    /// The ado's that plans in a surrogate of the ego.
+    Adapted(AdaptedRow),
     /// The best ado's of a grid world.
     Optimal(Evaluated),
 }
@@ -152,6 +160,7 @@ impl<'a> Evaluation<'a> {
         let mut table = EvaluationTable {
             egos: Vec::new(),
             reasons: Vec::new(),
+            adapted_to: Vec::new(),
             failure: None,
             starts,
             asked: self,
@@ -209,10 +218,12 @@ impl<'a> EvaluationTable<'a> {
             watch,
             rows: Vec::new(),
             reason: None,
+            adapted_to: None,
             found: None,
         };
         let played = meeting.play();
         let (rows, reason, found) = (meeting.rows, meeting.reason, meeting.found);
+        self.adapted_to.extend(meeting.adapted_to);
         if watch.interrupted() && rows.iter().all(|row| row.starts + row.invalid == 0) {
             return played;
         }
@@ -323,6 +334,9 @@ impl<'a> EvaluationTable<'a> {
                     tries.play(bench, index, winner(index))
                 })?
             }
+            FoundBy::Adapted(adapted) => keep(trained, &adapted.evaluated, &|bench, index| {
+                adapted.play(bench, starts, index)
+            })?,
             FoundBy::Optimal(evaluated) => {
                 let (whole, policy) = ByRule::Optimal.policy(found.ego)?;
                 let request = EvalRequest {
@@ -355,126 +369,5 @@ impl Evaluation<'_> {
             others: &ado.others,
             tries: self.tries,
         }
-    }
-}
-
-/// One ego, met by all ados in turn.
-struct Meeting<'a> {
-    asked: Evaluation<'a>,
-    ego: &'a EgoUnderTest,
-    ado: &'a ConditionedAdo,
-    starts: &'a TestStarts,
-    baselines: &'a Baselines,
-    watch: &'a Watch<'a>,
-    rows: Vec<Row>,
-    reason: Option<ExplainedCounterexample>,
-    found: Option<FoundBy>,
-}
-
-impl<'a> Meeting<'a> {
-    fn play(&mut self) -> Result<(), CampaignError> {
-        for &kind in &self.baselines.ados {
-            for ado in self.baselines.made(kind) {
-                self.rows.push(self.evaluated(ado).row);
-            }
-            let row = self.one_ado(kind)?;
-            self.rows.extend(row);
-        }
-        if let Some(switches) = self.asked.search {
-            let request = SearchRequest {
-                scenario: self.ego.scenario(),
-                ego: self.ego.name(),
-                method: Switches(switches).into(),
-                budget: 0,
-                starts: self.starts,
-            };
-            let searched = search(&request, self.watch).row;
-            for row in &mut self.rows {
-                row.compare_with_search(&searched.solved);
-            }
-            self.rows.push(searched);
-        }
-        Ok(())
-    }
-
-    /// `None`: it does not apply, or has rows of its own.
-    fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, CampaignError> {
-        Ok(match kind {
-            AdoKind::Heuristic | AdoKind::Replays => None,
-            AdoKind::Trained | AdoKind::All => Some(self.trained()),
-            AdoKind::Random => Some(self.evaluated(Ado::Random).row),
-            AdoKind::Hold => Some(self.evaluated(Ado::Held).row),
-            AdoKind::Constant => {
-                let (scenario, name) = (self.ego.scenario(), self.ego.name());
-                Some(best_constant(scenario, name, self.starts, self.watch).row)
-            }
-            AdoKind::Retrained => self.retrained()?,
-            AdoKind::Chaser => Some(self.by_rule(ByRule::Chaser)?.row),
-            AdoKind::Optimal => {
-                let evaluated = self.by_rule(ByRule::Optimal)?;
-                let row = evaluated.row.clone();
-                // Files are named after world and ego: the trained ado's go first.
-                if !self.baselines.ados.contains(&AdoKind::Trained) {
-                    self.found = Some(FoundBy::Optimal(evaluated));
-                }
-                Some(row)
-            }
-        })
-    }
-
-    fn evaluated(&self, ado: Ado<'_>) -> Evaluated {
-        eval(&self.ego.met_by(ado, self.starts), self.watch)
-    }
-
-    /// The trained ado, with several tries per start where they are asked for.
-    fn trained(&mut self) -> Row {
-        let request = self.asked.trained(self.ego, self.ado, self.starts);
-        let (found, mut row) = if 1 < self.asked.tries {
-            let tried = self.asked.several(request, self.ado).run(self.watch);
-            let row = tried.evaluated.row.clone();
-            (FoundBy::Tries(tried), row)
-        } else {
-            let evaluated = eval(&request, self.watch);
-            let explained = explain_first(&request, &evaluated);
-            self.reason = explained.map(|(start, explanation)| ExplainedCounterexample {
-                ego: self.ego.name().to_owned(),
-                start,
-                requirement: self.ego.scenario().requirement.clone(),
-                explanation,
-            });
-            let row = evaluated.row.clone();
-            (FoundBy::Trained(evaluated), row)
-        };
-        self.found = Some(found);
-        row.context = self.ado.told.map(str::to_owned);
-        row
-    }
-
-    /// One trained for this very ego; the nominal one has the trained ado.
-    fn retrained(&self) -> Result<Option<Row>, CampaignError> {
-        let Some(changed) = self.ego.as_changed() else {
-            return Ok(None);
-        };
-        let run = self.asked.run;
-        let Some(own) = retrained(run, &changed, self.ego.scenario(), self.watch)? else {
-            return Ok(None);
-        };
-        let policy = own.policy()?;
-        let mut row = self
-            .evaluated(Ado::Trained(&*policy, run.manifest().seed))
-            .row;
-        row.ado = "retrained".to_owned();
-        row.method = own.scenario()?.learner.name().to_lowercase();
-        Ok(Some(row))
-    }
-
-    fn by_rule(&self, rule: ByRule) -> Result<Evaluated, CampaignError> {
-        let (whole, policy) = rule.policy(self.ego)?;
-        let request = EvalRequest {
-            scenario: &whole,
-            ado: rule.ado(&policy),
-            ..self.ego.met_by(Ado::Random, self.starts)
-        };
-        Ok(eval(&request, self.watch))
     }
 }

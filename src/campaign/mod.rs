@@ -37,6 +37,7 @@ mod seeding;
 mod session;
 mod shrink;
 mod starts;
+mod surrogate;
 mod sweep;
 mod telling;
 mod theorems;
@@ -81,6 +82,10 @@ pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, test_starts};
+pub use surrogate::{
+    AdaptedRow, AdaptedTo, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError,
+    learn_ego,
+};
 pub use sweep::{Point, Sweep, Swept};
 pub use telling::{Telling, telling};
 pub use theorems::{

@@ -13,8 +13,8 @@ use super::{
     table, talk, theorems,
 };
 use crate::campaign::{
-    AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
-    Watch, on_plant, summarise, untrained,
+    AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, LEAST_RUNS, Sweep,
+    TheoremsChecked, Watch, on_plant, summarise, untrained,
 };
 use crate::scenario::Scenario;
 use crate::sim::PlantKind;
@@ -47,6 +47,10 @@ pub(super) struct EvalArgs {
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
+    /// Runs of the ego that the ado may learn it from (100 are enough); 0: it
+    /// plays every ego as it was trained.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
+    runs: u64,
     #[command(flatten)]
     keep: KeepArgs,
     /// Also check the paper's theorems: 1 and 2 on a grid, 3 and Lemma 1 on the road.
@@ -87,6 +91,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let asks_for_an_ado = args.ado != [AdoKind::Trained]
         || args.params.is_some()
         || 1 < args.tries
+        || 0 < args.runs
         || args.keep.dir().is_some()
         || args.theorems
         || args.baseline_ego.is_some()
@@ -135,15 +140,17 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
     let egos = egos(args, sweep.as_ref(), &nominal)?;
     keeps_something(args)?;
+    can_learn(args, &nominal)?;
     let evaluation = Evaluation {
         run: &run,
         nominal: &nominal,
         egos: &egos,
-        ados: &args.ado,
+        ados: &ados(args),
         context: context.as_ref(),
         starts: (args.starts, args.seed),
         search: args.search,
         tries: args.tries,
+        runs: args.runs,
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
     let Some(mut evaluated) = evaluation.run(&watch)? else {
@@ -158,6 +165,35 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         evaluated.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
     }
     ended(args, evaluated, theorems, &compared)
+}
+
+/// Who plays: beside an ado that learns egos, unless somebody is named, what it
+/// must never be below.
+fn ados(args: &EvalArgs) -> Vec<AdoKind> {
+    match 0 < args.runs && args.ado == [AdoKind::Trained] {
+        true => vec![AdoKind::Trained, AdoKind::Hold, AdoKind::Constant],
+        false => args.ado.clone(),
+    }
+}
+
+/// Refuses to learn egos from next to nothing, or where nobody drives.
+fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
+    if args.runs == 0 {
+        return Ok(());
+    }
+    if nominal.drive().is_none() {
+        return Err(Failure::input(
+            "`--runs` learns how an ego drives, and in this world nobody does",
+            "leave it out: the ado of a grid plays as it was trained",
+        ));
+    }
+    if args.runs < LEAST_RUNS {
+        return Err(Failure::input(
+            format!("an ego is not learned from {} runs", args.runs),
+            format!("`--runs` takes {LEAST_RUNS} at least; 100 are enough for most"),
+        ));
+    }
+    Ok(())
 }
 
 /// The egos that are met: those of the sweep, or those asked for and the one
@@ -235,6 +271,9 @@ fn show(
             "summary": summary,
             "explain": evaluated.reasons,
         });
+        if !evaluated.adapted_to.is_empty() {
+            object["adapted"] = json!(evaluated.adapted_to);
+        }
         if let Some(theorems) = theorems {
             object["theorems"] = json!(theorems);
         }
@@ -242,6 +281,9 @@ fn show(
         return print_json(&object);
     }
     talk::data(&table::reuse(&evaluated.egos, &summary))?;
+    for adapted in &evaluated.adapted_to {
+        talk::data(&format!("\n{adapted}"))?;
+    }
     for why in &evaluated.reasons {
         talk::data(&format!(
             "\nwhy `{}` fails from start {}, the first of them: {}",

@@ -154,6 +154,12 @@ egos! {
     polite::PoliteAcc by clone;
     /// The intelligent driver model.
     idm::Idm by clone;
+    /// Gipps' model: can always stop in time.
+    gipps::Gipps by clone;
+    /// The full velocity difference model.
+    fvdm::Fvdm by clone;
+    /// Krauss' model: drives at the safe speed.
+    krauss::Krauss by clone;
     /// Follows within the limits of ISO 15622; may brake in an emergency.
     iso_acc::IsoAcc by build;
     /// Cruises, and brakes for whoever crosses its path.

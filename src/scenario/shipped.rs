@@ -9,11 +9,12 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 21] = [
+const WORLDS: [(&str, &str); 22] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_paper"),
     world!("acc_plain"),
+    world!("acc_structures"),
     world!("bend"),
     world!("cut_in"),
     world!("cut_in_clear"),

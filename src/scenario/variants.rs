@@ -11,7 +11,7 @@ use crate::ego::{Command, Controller, RecordedCommands};
 use crate::rl::{ConfigError, LearnerConfig};
 use crate::rulebook::Rulebook;
 use crate::scene::World;
-use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController};
+use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController, Sensors};
 use crate::sim::PlantKind;
 
 impl Scenario {
@@ -152,6 +152,26 @@ impl Scenario {
         let mut spec = world.spec().clone();
         spec.ego.controller = EgoController::Own {
             name: name.to_owned(),
+            factory,
+        };
+        self.remade(spec)
+    }
+
+    /// A model of the same world, in which the ego is what `factory` makes.
+    ///
+    /// It is on the kinematic plant, and nothing stands between what that ego
+    /// sees or commands and what is there or happens. A world that is not driven
+    /// stays as it is.
+    pub(crate) fn as_model(&self, factory: ControllerFactory) -> Scenario {
+        let World::Drive(world) = &self.world else {
+            return self.clone();
+        };
+        let mut spec = world.spec().clone();
+        spec.plant = PlantKind::Kinematic;
+        spec.sensors = Sensors::default();
+        spec.ego.lag_s = 0.0;
+        spec.ego.controller = EgoController::Own {
+            name: "model".to_owned(),
             factory,
         };
         self.remade(spec)

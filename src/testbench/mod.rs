@@ -431,7 +431,8 @@ pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
 }
 
 impl Testbench {
-    fn episode(&mut self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+    /// The record of what was played from `start` under `actions`.
+    pub(crate) fn episode(&mut self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
         let verdict = self.verdict.unwrap_or(Verdict::Invalid);
         let mut scratch = crate::stl::Scratch::default();
         let mut judged = self.trace.clone();

@@ -132,6 +132,7 @@ impl EvaluationTable<'_> {
                 let tries = self.asked.several(trained, &found.ado);
                 tries.play(bench, start, winners[start].unwrap_or(0))
             }
+            FoundBy::Adapted(adapted) => adapted.play(bench, &self.starts, start),
             // On a map of cells nothing is preventable, whoever plays.
             FoundBy::Trained(_) | FoundBy::Optimal(_) => trained.play(bench, start),
         };

@@ -33,6 +33,10 @@ pub(in crate::campaign) struct Tree<'a> {
     prefix: Vec<usize>,
     accept: Accept<'a>,
     watch: &'a Watch<'a>,
+    /// Actions before the first sequence begins, played already.
+    pub after: Vec<usize>,
+    /// Actions are switched at every so many-th decision only.
+    pub stride: usize,
     /// Physics steps that may be spent.
     pub budget: u64,
     /// The first fault met.
@@ -66,6 +70,8 @@ impl<'a> Tree<'a> {
             prefix: Vec::new(),
             accept,
             watch,
+            after: Vec::new(),
+            stride: 1,
             budget: u64::MAX,
             fault: None,
             simulations: 0,
@@ -76,7 +82,15 @@ impl<'a> Tree<'a> {
     /// Every sequence that begins with `action` and has exactly so many switches.
     pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> Next {
         root.begin(self.start, self.noise, self.aftermath);
+        for &before in &self.after {
+            root.decide(before);
+        }
+        self.prefix.clone_from(&self.after);
         self.explore(root, action, switches)
+    }
+
+    fn may_switch(&self, decision: usize) -> bool {
+        decision.is_multiple_of(self.stride)
     }
 
     fn is_stopped(&self) -> bool {
@@ -108,7 +122,7 @@ impl<'a> Tree<'a> {
             self.prefix.push(action);
             // A switch is to another action, so no sequence is met twice, and at
             // the very end there is nothing to switch to.
-            if switches == 0 || bench.is_done() {
+            if switches == 0 || bench.is_done() || !self.may_switch(self.prefix.len()) {
                 continue;
             }
             for other in (0..self.actions).filter(|&other| other != action) {
@@ -160,7 +174,8 @@ impl<'a> Tree<'a> {
         // What the others play up to their switch is the same again: an ego that
         // answers twice alike gets there with the same state.
         let whole = self.prefix.clone();
-        for at in depth + 1..whole.len() {
+        let switchable = (depth + 1..whole.len()).filter(|&at| self.may_switch(at));
+        for at in switchable.collect::<Vec<_>>() {
             for other in (0..self.actions).filter(|&other| other != action) {
                 bench.begin(self.start, self.noise, self.aftermath);
                 for &again in &whole[..at] {
@@ -185,5 +200,48 @@ impl<'a> Tree<'a> {
         let next = self.explore(&mut branch, action, switches);
         bench.rejoin(branch);
         next
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::Scenario;
+    use crate::seed::{Purpose, StartKey};
+
+    #[test]
+    fn sequences_go_on_from_what_is_played_and_switch_where_they_may() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.on(crate::sim::PlantKind::Kinematic);
+        let mut root = world.bench();
+        let key = StartKey {
+            purpose: Purpose::Train,
+            seed: 1,
+            index: 3,
+        };
+        let (start, noise) = (root.draw(key), root.noise_of(key));
+        let before = vec![2, 2, 1];
+        let mut played = Vec::new();
+        let mut accept = |actions: &[usize], _: &Testbench| {
+            played.push(actions.to_vec());
+            Next::Continue
+        };
+        let watch = Watch::unwatched();
+        let from = ((&start, noise), 0);
+        let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, &watch);
+        tree.after.clone_from(&before);
+        tree.stride = 4;
+        for action in 0..3 {
+            assert!(tree.begin(&mut root, action, 1) == Next::Continue);
+        }
+        // From decision 4, 8, 12 … on, to one of two others, after each of three.
+        assert!(1 < tree.simulations && tree.simulations <= 3 * 2 * 7);
+        assert!(!played.is_empty(), "a start that some sequence solves");
+        for actions in played {
+            assert_eq!(actions[..3], before);
+            let switches = (4..actions.len()).filter(|&at| actions[at - 1] != actions[at]);
+            let switches: Vec<usize> = switches.collect();
+            assert!(switches.len() == 1 && switches[0] % 4 == 0, "{actions:?}");
+        }
     }
 }

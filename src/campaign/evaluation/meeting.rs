@@ -1,0 +1,167 @@
+//! One ego, met by all ados in turn.
+
+use super::{Evaluation, ExplainedCounterexample, FoundBy};
+use crate::campaign::baselines::{AdoKind, Baselines};
+use crate::campaign::by_rule::ByRule;
+use crate::campaign::conditioning::ConditionedAdo;
+use crate::campaign::ego_under_test::EgoUnderTest;
+use crate::campaign::error::CampaignError;
+use crate::campaign::eval::{Ado, EvalRequest, Evaluated, best_constant, eval, explain_first};
+use crate::campaign::retrained::retrained;
+use crate::campaign::search::{SearchRequest, Switches, search};
+use crate::campaign::starts::TestStarts;
+use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learned};
+use crate::campaign::watch::Watch;
+use crate::run::Row;
+
+/// One ego, met by all ados in turn.
+pub(super) struct Meeting<'a> {
+    pub asked: Evaluation<'a>,
+    pub ego: &'a EgoUnderTest,
+    pub ado: &'a ConditionedAdo,
+    pub starts: &'a TestStarts,
+    pub baselines: &'a Baselines,
+    pub watch: &'a Watch<'a>,
+    pub rows: Vec<Row>,
+    pub reason: Option<ExplainedCounterexample>,
+    pub adapted_to: Option<AdaptedTo>,
+    pub found: Option<FoundBy>,
+}
+
+impl<'a> Meeting<'a> {
+    pub fn play(&mut self) -> Result<(), CampaignError> {
+        for &kind in &self.baselines.ados {
+            for ado in self.baselines.made(kind) {
+                self.rows.push(self.evaluated(ado).row);
+            }
+            let row = self.one_ado(kind)?;
+            self.rows.extend(row);
+        }
+        if 0 < self.asked.runs {
+            let row = self.adapted()?;
+            self.rows.extend(row);
+        }
+        if let Some(switches) = self.asked.search {
+            let request = SearchRequest {
+                scenario: self.ego.scenario(),
+                ego: self.ego.name(),
+                method: Switches(switches).into(),
+                budget: 0,
+                starts: self.starts,
+            };
+            let searched = search(&request, self.watch).row;
+            for row in &mut self.rows {
+                row.compare_with_search(&searched.solved);
+            }
+            self.rows.push(searched);
+        }
+        Ok(())
+    }
+
+    /// `None`: it does not apply, or has rows of its own.
+    fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, CampaignError> {
+        Ok(match kind {
+            AdoKind::Heuristic | AdoKind::Replays => None,
+            AdoKind::Trained | AdoKind::All => Some(self.trained()),
+            AdoKind::Random => Some(self.evaluated(Ado::Random).row),
+            AdoKind::Hold => Some(self.evaluated(Ado::Held).row),
+            AdoKind::Constant => {
+                let (scenario, name) = (self.ego.scenario(), self.ego.name());
+                Some(best_constant(scenario, name, self.starts, self.watch).row)
+            }
+            AdoKind::Retrained => self.retrained()?,
+            AdoKind::Chaser => Some(self.by_rule(ByRule::Chaser)?.row),
+            AdoKind::Optimal => {
+                let evaluated = self.by_rule(ByRule::Optimal)?;
+                let row = evaluated.row.clone();
+                // Files are named after world and ego: the trained ado's go first.
+                if !self.baselines.ados.contains(&AdoKind::Trained) {
+                    self.found = Some(FoundBy::Optimal(evaluated));
+                }
+                Some(row)
+            }
+        })
+    }
+
+    fn evaluated(&self, ado: Ado<'_>) -> Evaluated {
+        eval(&self.ego.met_by(ado, self.starts), self.watch)
+    }
+
+    /// The trained ado, with several tries per start where they are asked for.
+    fn trained(&mut self) -> Row {
+        let request = self.asked.trained(self.ego, self.ado, self.starts);
+        let (found, mut row) = if 1 < self.asked.tries {
+            let tried = self.asked.several(request, self.ado).run(self.watch);
+            let row = tried.evaluated.row.clone();
+            (FoundBy::Tries(tried), row)
+        } else {
+            let evaluated = eval(&request, self.watch);
+            let explained = explain_first(&request, &evaluated);
+            self.reason = explained.map(|(start, explanation)| ExplainedCounterexample {
+                ego: self.ego.name().to_owned(),
+                start,
+                requirement: self.ego.scenario().requirement.clone(),
+                explanation,
+            });
+            let row = evaluated.row.clone();
+            (FoundBy::Trained(evaluated), row)
+        };
+        self.found = Some(found);
+        row.context = self.ado.told.map(str::to_owned);
+        row
+    }
+
+    /// The ado that plans in a surrogate of this ego. `None`: stopped.
+    fn adapted(&mut self) -> Result<Option<Row>, CampaignError> {
+        let asked = self.asked;
+        let policy = &*self.ado.policy;
+        let request = LearnEgoRequest {
+            nominal: asked.nominal,
+            ego: self.ego.scenario(),
+            policy,
+            runs: asked.runs,
+            seed: self.starts.seed,
+        };
+        self.watch.phase(&format!("learning: {}", self.ego.name()));
+        let quiet = self.watch.quiet();
+        let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
+            return Ok(None);
+        };
+        self.watch.phase(&format!("planning: {}", self.ego.name()));
+        let request = asked.trained(self.ego, self.ado, self.starts);
+        let adapted = ego.eval(&request, policy, asked.tries, self.watch);
+        let row = adapted.evaluated.row.clone();
+        let told = AdaptedTo::of(self.ego.name(), &ego.from, &adapted);
+        self.adapted_to = Some(told);
+        self.found = Some(FoundBy::Adapted(adapted));
+        Ok(Some(row))
+    }
+
+    /// One trained for this very ego; the nominal one has the trained ado.
+    fn retrained(&self) -> Result<Option<Row>, CampaignError> {
+        let Some(changed) = self.ego.as_changed() else {
+            return Ok(None);
+        };
+        let run = self.asked.run;
+        let Some(own) = retrained(run, &changed, self.ego.scenario(), self.watch)? else {
+            return Ok(None);
+        };
+        let policy = own.policy()?;
+        let mut row = self
+            .evaluated(Ado::Trained(&*policy, run.manifest().seed))
+            .row;
+        row.ado = "retrained".to_owned();
+        row.method = own.scenario()?.learner.name().to_lowercase();
+        Ok(Some(row))
+    }
+
+    fn by_rule(&self, rule: ByRule) -> Result<Evaluated, CampaignError> {
+        let (whole, policy) = rule.policy(self.ego)?;
+        let request = EvalRequest {
+            scenario: &whole,
+            ado: rule.ado(&policy),
+            ..self.ego.met_by(Ado::Random, self.starts)
+        };
+        Ok(eval(&request, self.watch))
+    }
+}

@@ -1,0 +1,217 @@
+//! Test starts, planned in a surrogate and played once or a few times.
+
+use std::fmt::{self, Display, Formatter};
+
+use serde::Serialize;
+
+use super::learn::{LearnedEgo, LearnedFrom, SurrogateError};
+use super::plan::Planner;
+use crate::campaign::TestStarts;
+use crate::campaign::Watch;
+use crate::campaign::episodes::Turn;
+use crate::campaign::eval::{EvalRequest, Evaluated, Failure, Outcome, Played};
+use crate::rl::Policy;
+use crate::scene::Start;
+use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
+
+/// A row of planned runs, and what the ado did in each.
+#[derive(Clone, Debug)]
+pub struct AdaptedRow {
+    /// The row.
+    pub evaluated: Evaluated,
+    /// Per start, the actions of the run that stands for it.
+    pub actions: Vec<Option<Vec<usize>>>,
+    /// Starts on which the ado acted as it was trained from beginning to end.
+    pub as_trained: usize,
+}
+
+impl AdaptedRow {
+    /// Plays the run that stands for a start again.
+    pub(in crate::campaign) fn play(
+        &self,
+        bench: &mut Testbench,
+        starts: &TestStarts,
+        index: usize,
+    ) -> Episode {
+        let (start, noise) = &starts.starts[index];
+        let actions = self.actions[index].as_deref().unwrap_or(&[]);
+        let mut again = Replay::holding(actions);
+        play(bench, start, *noise, &mut again, Aftermath::Play)
+    }
+}
+
+/// What was learned of an ego and how the ado then acted against it.
+#[derive(Clone, Debug, Serialize)]
+pub struct AdaptedTo {
+    /// Name of the ego, as rows call it.
+    pub ego: String,
+    /// What was seen of it.
+    #[serde(flatten)]
+    pub learned: LearnedFrom,
+    /// Whether starts are planned; if not, the ado does better as it was trained.
+    pub plans: bool,
+    /// The share of starts that was to be expected, with its 95 % interval.
+    pub expected: f64,
+    /// That interval.
+    pub expected_ci95: [f64; 2],
+    /// Test starts on which the ado acted as it was trained throughout.
+    pub starts_as_trained: usize,
+}
+
+impl AdaptedTo {
+    /// What `learned` came to, beside the row it led to.
+    pub fn of(ego: &str, learned: &LearnedFrom, row: &AdaptedRow) -> AdaptedTo {
+        let (expected, expected_ci95) = learned.expected();
+        AdaptedTo {
+            ego: ego.to_owned(),
+            learned: learned.clone(),
+            plans: learned.plans(),
+            expected,
+            expected_ci95,
+            starts_as_trained: row.as_trained,
+        }
+    }
+}
+
+impl Display for AdaptedTo {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let LearnedFrom { runs, error, .. } = self.learned;
+        write!(f, "`{}`: learned from {runs} runs of it", self.ego)?;
+        if let Some(error) = error {
+            let SurrogateError {
+                rms_m,
+                keeps_acceleration_m,
+            } = error;
+            write!(
+                f,
+                "; two seconds ahead its surrogate is {rms_m:.2} m off, an ego that keeps its acceleration {keeps_acceleration_m:.2} m"
+            )?;
+            if !error.is_telling() {
+                f.write_str(": it hardly foresees the ego, so plans miss")?;
+            }
+        }
+        let [low, high] = self.expected_ci95.map(|bound| 100.0 * bound);
+        let how = match self.plans {
+            true => "planned",
+            false => "as it was trained, which does clearly better than planning",
+        };
+        write!(
+            f,
+            "; the ado acts {how}, expected to solve {:.0} % of the starts [{low:.0}, {high:.0}]; on {} it acted as trained throughout",
+            100.0 * self.expected,
+            self.starts_as_trained
+        )
+    }
+}
+
+/// One thread's planner, and the ego it plays.
+struct Worker<'a> {
+    planner: Option<Planner<'a>>,
+    bench: Testbench,
+}
+
+/// A start, played.
+struct One {
+    played: Played,
+    actions: Vec<usize>,
+    as_trained: bool,
+}
+
+impl LearnedEgo {
+    /// Plans every start of `request`, whose ado is the policy, and plays it up
+    /// to `tries` times until its first success.
+    pub fn eval(
+        &self,
+        request: &EvalRequest<'_>,
+        policy: &dyn Policy,
+        tries: u64,
+        watch: &Watch<'_>,
+    ) -> AdaptedRow {
+        let worker = || Worker {
+            planner: Planner::new(request.scenario, &self.surrogate, policy, watch),
+            bench: request.scenario.bench(),
+        };
+        let one = |worker: &mut Worker<'_>, from: &(Start, u64), turn: &Turn| {
+            let planner = worker.planner.as_mut()?;
+            let bench = &mut worker.bench;
+            self.solve(request, (planner, bench), from, (turn, tries), watch)
+        };
+        let all = request.starts.each(watch, worker, one);
+        let as_trained = all.iter().flatten().filter(|one| one.as_trained).count();
+        let actions = all.iter().map(|one| Some(one.as_ref()?.actions.clone()));
+        let actions = actions.collect();
+        let played = all.into_iter().map(|one| Some(one?.played));
+        let mut evaluated = Evaluated::of(request, played.collect(), watch);
+        let row = &mut evaluated.row;
+        row.ado = "adapted".to_owned();
+        row.method = match self.from.plans() {
+            true => format!("planned in a surrogate of {} runs", self.from.runs),
+            false => format!("{}, as trained", row.method),
+        };
+        if 1 < tries {
+            row.method = format!("{}, at most {tries} tries", row.method);
+        }
+        AdaptedRow {
+            evaluated,
+            actions,
+            as_trained,
+        }
+    }
+
+    fn solve(
+        &self,
+        request: &EvalRequest<'_>,
+        (planner, bench): (&mut Planner<'_>, &mut Testbench),
+        (start, noise): &(Start, u64),
+        (turn, tries): (&Turn, u64),
+        watch: &Watch<'_>,
+    ) -> Option<One> {
+        let mut first: Option<One> = None;
+        let (mut simulations, mut physics_steps) = (0, 0);
+        for attempt in 0..tries.max(1) {
+            if watch.stopped() {
+                break;
+            }
+            let from = (start, *noise);
+            let run = match self.from.plans() {
+                true => planner.run(bench, from, Aftermath::Play, attempt as usize),
+                false => planner.run_as_trained(bench, from, Aftermath::Play),
+            };
+            let actions = run.so_far.actions;
+            let episode = bench.episode(start, *noise, actions.clone());
+            watch.faults.note(turn.index as u64, episode.fault.as_ref());
+            simulations += 1;
+            physics_steps += episode.physics_steps;
+            let failure = Failure::of(request.scenario, &episode);
+            let outcome = Outcome {
+                verdict: episode.verdict,
+                foul_before_contact: episode.is_foul_before_contact(),
+                impact: episode.contact.as_ref().and_then(|touch| touch.impact),
+                closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
+                simulations,
+                physics_steps,
+                cpu_s: turn.cpu_s(),
+            };
+            let one = One {
+                played: Played {
+                    failure,
+                    outcome,
+                    fault: episode.fault,
+                    repeated: None,
+                    commands: (!episode.commands.is_empty()).then(|| episode.commands.into()),
+                },
+                actions,
+                as_trained: run.first.strategy.is_as_trained() && run.replans == 0,
+            };
+            if outcome.verdict.is_success() {
+                return Some(one);
+            }
+            first.get_or_insert(one);
+        }
+        // An unsolved start keeps the outcome of its first run.
+        let mut unsolved = first?;
+        unsolved.played.outcome.simulations = simulations;
+        unsolved.played.outcome.physics_steps = physics_steps;
+        Some(unsolved)
+    }
+}

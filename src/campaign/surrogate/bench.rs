@@ -1,0 +1,226 @@
+//! A model of a world: its road and rules, and the ego's surrogate in its place.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::features::Features;
+use super::model::{Casting, Heard, Part, Surrogate};
+use super::motion::{Moment, MotionReader};
+use crate::rl::Policy;
+use crate::scenario::Scenario;
+use crate::scene::Start;
+use crate::testbench::{Aftermath, Testbench};
+
+/// A start with the seed of its noise.
+pub(super) type From<'a> = (&'a Start, u64);
+
+/// What an ego is known to have done under these actions, up to now.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SoFar {
+    pub actions: Vec<usize>,
+    pub motion: Vec<Moment>,
+}
+
+/// Another ego that might be there instead: a member of the ensemble, made a
+/// little more or less careful.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Variation {
+    pub member: usize,
+    pub bias_mps3: f64,
+}
+
+/// The ones a plan is tried on, the surrogate itself first.
+///
+/// What succeeds on all of them leaves the ego some room to differ: one that
+/// eases off, or brakes, a little more at every sample than it was seen to do.
+pub(super) const VARIATIONS: [Variation; 10] = {
+    const fn variation(member: usize, bias_mps3: f64) -> Variation {
+        Variation { member, bias_mps3 }
+    }
+    [
+        variation(0, 0.0),
+        variation(1, 0.0),
+        variation(0, -0.2),
+        variation(1, -0.2),
+        variation(0, 0.2),
+        variation(1, 0.2),
+        variation(0, -0.5),
+        variation(1, -0.5),
+        variation(0, 0.5),
+        variation(1, 0.5),
+    ]
+};
+
+/// Length of a row of inputs in a world.
+pub(super) fn width_of(world: &Scenario) -> usize {
+    let agents = world.drive().map_or(1, |spec| spec.agents.len());
+    let lights = world.drive().map_or(0, |spec| spec.lights.len());
+    Features::width(agents.saturating_sub(1), lights)
+}
+
+/// A model world, played decision by decision.
+pub(super) struct ModelBench {
+    pub bench: Testbench,
+    casting: Casting,
+    reader: MotionReader,
+    obs: Vec<f32>,
+}
+
+impl ModelBench {
+    /// A model of `world`; `None`: nobody drives in it.
+    pub fn of(world: &Scenario) -> Option<ModelBench> {
+        let reader = MotionReader::of(world)?;
+        let casting = Casting::default();
+        let bench = world.as_model(casting.factory()).bench();
+        Some(ModelBench {
+            obs: vec![0.0; bench.spaces().observation],
+            bench,
+            casting,
+            reader,
+        })
+    }
+
+    /// Begins at a start and does again what is known.
+    pub fn begin(
+        &mut self,
+        from: From<'_>,
+        so_far: &SoFar,
+        surrogate: Option<&Arc<Surrogate>>,
+        variation: Variation,
+    ) {
+        self.cast(so_far, surrogate, variation);
+        self.bench.begin(from.0, from.1, Aftermath::Skip);
+        for &action in &so_far.actions {
+            if self.bench.is_done() {
+                break;
+            }
+            self.bench.decide(action);
+        }
+    }
+
+    /// Tells the ego how to act in the next episodes.
+    pub fn cast(&self, so_far: &SoFar, surrogate: Option<&Arc<Surrogate>>, variation: Variation) {
+        self.casting.give(Part {
+            known: so_far.motion.as_slice().into(),
+            surrogate: surrogate.cloned(),
+            member: variation.member,
+            bias_mps3: variation.bias_mps3,
+            heard: None,
+        });
+    }
+
+    /// Goes on with `actions`, the last one held, to the verdict.
+    pub fn go_on(&mut self, actions: &[usize]) {
+        let mut rest = actions.iter();
+        let mut action = 0;
+        while !self.bench.is_done() {
+            action = *rest.next().unwrap_or(&action);
+            self.bench.decide(action);
+        }
+    }
+
+    /// Goes on as a policy acts; what it did.
+    pub fn follow(&mut self, policy: &dyn Policy) -> Vec<usize> {
+        let mut actions = Vec::new();
+        while !self.bench.is_done() {
+            self.bench.observe(&mut self.obs);
+            let action = policy.act(&self.obs);
+            actions.push(action);
+            self.bench.decide(action);
+        }
+        actions
+    }
+
+    /// Whether the ego failed in a way that counts, every rule kept.
+    pub fn is_success(&self) -> bool {
+        self.bench
+            .verdict()
+            .is_some_and(|verdict| verdict.is_success())
+    }
+
+    /// How the ego moved.
+    pub fn motion(&self) -> Vec<Moment> {
+        let mut motion = Vec::new();
+        self.reader.follow(&self.bench, &mut motion);
+        motion
+    }
+
+    /// What the ego saw in a run, sample by sample.
+    pub fn percepts(&mut self, from: From<'_>, run: &SoFar) -> Heard {
+        let heard = Arc::new(Mutex::new(Heard::default()));
+        self.casting.give(Part {
+            known: run.motion.as_slice().into(),
+            heard: Some(Arc::clone(&heard)),
+            ..Part::default()
+        });
+        self.bench.begin(from.0, from.1, Aftermath::Skip);
+        self.go_on(&run.actions);
+        std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::{Purpose, StartKey};
+    use crate::sim::PlantKind;
+    use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
+
+    /// A run of the real ego of `world` under random actions.
+    fn run_of(world: &Scenario, index: u64) -> (Start, u64, SoFar) {
+        let mut bench = world.bench();
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed: 3,
+            index,
+        };
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        let mut actor = HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS);
+        let episode = play(&mut bench, &start, noise, &mut actor, Aftermath::Skip);
+        let mut motion = Vec::new();
+        MotionReader::of(world)
+            .expect("driven")
+            .follow(&bench, &mut motion);
+        let actions = episode.actions;
+        (start, noise, SoFar { actions, motion })
+    }
+
+    #[test]
+    fn a_model_does_again_what_an_ego_is_known_to_have_done() {
+        for (name, plant, apart_m) in [
+            ("acc", PlantKind::Kinematic, 0.03),
+            ("acc", PlantKind::Rigid, 0.2),
+            ("bend", PlantKind::Kinematic, 0.1),
+        ] {
+            let world = Scenario::shipped(name).expect("shipped").expect("sound");
+            let world = world.on(plant);
+            let mut model = ModelBench::of(&world).expect("driven");
+            for index in 0..4 {
+                let (start, noise, run) = run_of(&world, index);
+                model.begin((&start, noise), &run, None, VARIATIONS[0]);
+                for (sample, (there, here)) in run.motion.iter().zip(model.motion()).enumerate() {
+                    let off_m = there.distance_m(&here);
+                    assert!(
+                        off_m < apart_m,
+                        "{name} {plant:?} {index}: {off_m} m at {sample}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_an_ego_saw_is_written_down_once_per_sample() {
+        let world = Scenario::shipped("cut_in")
+            .expect("shipped")
+            .expect("sound");
+        let (start, noise, run) = run_of(&world, 1);
+        let mut model = ModelBench::of(&world).expect("driven");
+        let heard = model.percepts((&start, noise), &run);
+        assert_eq!(heard.width, width_of(&world));
+        let rows: Vec<&[f32]> = heard.rows.chunks_exact(heard.width).collect();
+        assert!(run.motion.len().abs_diff(rows.len() + 1) <= 1);
+        for (row, moment) in rows.iter().zip(&run.motion) {
+            assert!((f64::from(row[0]) - moment.speed_mps).abs() < 0.05);
+        }
+    }
+}

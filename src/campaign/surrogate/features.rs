@@ -1,0 +1,209 @@
+//! What an ego may react to, as numbers: the inputs of its surrogate.
+
+use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
+
+/// How long ago the frames were that are remembered. An ego that reacts late,
+/// or filters what it sees, answers to these.
+const PAST_S: [f64; 3] = [0.25, 0.5, 0.95];
+/// Beyond it nobody reacts to anybody.
+const FAR_M: f64 = 150.0;
+/// Distances are at least this where something is divided by them.
+const NEAR_M: f64 = 0.5;
+
+const OWN: usize = 5 + PAST_S.len();
+const PER_OTHER: usize = 11 + 2 * PAST_S.len();
+const PER_LIGHT: usize = 5;
+
+/// Turns percepts into numbers, one row per sample.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Features {
+    /// Frames of the past, one after the other, the oldest overwritten: the own
+    /// acceleration, then gap and closing speed of everybody else.
+    frames: Vec<f32>,
+    /// Length of a frame.
+    width: usize,
+    /// How many samples each of [`PAST_S`] is.
+    delays: [usize; PAST_S.len()],
+    samples: usize,
+    start_mps: f64,
+}
+
+impl Features {
+    /// Length of a row with so many others and lights.
+    pub fn width(others: usize, lights: usize) -> usize {
+        OWN + PER_OTHER * others + PER_LIGHT * lights
+    }
+
+    /// Begins an episode with its first percept.
+    pub fn begin(percept: &Percept) -> Features {
+        let width = 1 + 2 * percept.others.len();
+        let delays = PAST_S.map(|past_s| (past_s / percept.sample_s).round() as usize);
+        let depth = delays.into_iter().max().unwrap_or(0) + 1;
+        Features {
+            frames: vec![0.0; depth * width],
+            width,
+            delays,
+            samples: 0,
+            start_mps: percept.own.speed_mps,
+        }
+    }
+
+    /// Writes the row of the next percept.
+    pub fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
+        self.remember(percept);
+        let own = &percept.own;
+        row.clear();
+        row.reserve(Features::width(percept.others.len(), percept.lights.len()));
+        let state = [
+            own.speed_mps,
+            own.accel_mps2,
+            self.start_mps,
+            own.lateral_m,
+            own.heading_rad,
+        ];
+        row.extend(state.map(|value| value as f32));
+        row.extend(self.delays.map(|ago| self.past(ago)[0]));
+        for (i, seen) in percept.others.iter().enumerate() {
+            self.read_other(own, seen, i, row);
+        }
+        for light in &percept.lights {
+            row.extend(of_light(light).map(|value| value as f32));
+        }
+    }
+
+    fn read_other(&self, own: &Own, seen: &Seen, i: usize, row: &mut Vec<f32>) {
+        let (gap_m, closing_mps) = approach(own, seen);
+        let near_m = gap_m.abs().max(NEAR_M);
+        let side_m = seen.lateral_m.abs() - 0.5 * (seen.width_m + own.width_m);
+        let ahead = if 0.0 <= gap_m { 1.0 } else { -1.0 };
+        let brake_mps2 = closing_mps.max(0.0).powi(2) / (2.0 * near_m);
+        let state = [
+            gap_m,
+            ahead * 10.0 / (near_m + 5.0),
+            closing_mps,
+            // What it takes not to hit, and how soon it would be hit.
+            brake_mps2.min(15.0),
+            (closing_mps / near_m).clamp(-5.0, 5.0),
+            (near_m / own.speed_mps.max(1.0)).min(10.0),
+            seen.speed_mps,
+            seen.ax_mps2,
+            seen.lateral_m.clamp(-20.0, 20.0),
+            side_m.clamp(-2.0, 5.0),
+            seen.lateral_mps,
+        ];
+        row.extend(state.map(|value| value as f32));
+        for ago in self.delays {
+            let (gap_then_m, closing_then_mps) = {
+                let frame = self.past(ago);
+                (frame[1 + 2 * i], frame[2 + 2 * i])
+            };
+            row.extend([gap_then_m - gap_m as f32, closing_then_mps]);
+        }
+    }
+
+    /// The frame of so many samples ago; before the first one nothing moved.
+    fn past(&self, ago: usize) -> &[f32] {
+        let depth = self.frames.len() / self.width;
+        // Invariant: a frame was remembered before one is asked for.
+        let newest = self.samples.saturating_sub(1);
+        let slot = newest.saturating_sub(ago) % depth;
+        &self.frames[slot * self.width..][..self.width]
+    }
+
+    fn remember(&mut self, percept: &Percept) {
+        let depth = self.frames.len() / self.width;
+        let slot = self.samples % depth;
+        self.samples += 1;
+        let frame = &mut self.frames[slot * self.width..][..self.width];
+        frame[0] = percept.own.accel_mps2 as f32;
+        for (pair, seen) in frame[1..].chunks_exact_mut(2).zip(&percept.others) {
+            let (gap_m, closing_mps) = approach(&percept.own, seen);
+            pair.copy_from_slice(&[gap_m as f32, closing_mps as f32]);
+        }
+    }
+}
+
+/// Bumper to bumper along the road, negative behind, and how fast it shrinks.
+fn approach(own: &Own, seen: &Seen) -> (f64, f64) {
+    let gap_m = match 0.0 <= seen.headway_m {
+        true => seen.headway_m - seen.length_m,
+        false => seen.headway_m + own.length_m,
+    };
+    (gap_m.clamp(-FAR_M, FAR_M), own.speed_mps - seen.speed_mps)
+}
+
+fn of_light(light: &SeenLight) -> [f64; PER_LIGHT] {
+    let shows = |phase: Phase| f64::from(u8::from(light.phase == phase));
+    [
+        light.line_m.clamp(-20.0, FAR_M),
+        shows(Phase::Green),
+        shows(Phase::Yellow),
+        shows(Phase::Red),
+        light.phase_s.min(10.0),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn percept(speed_mps: f64, headway_m: f64) -> Percept {
+        Percept {
+            sample_s: 0.05,
+            own: Own {
+                speed_mps,
+                accel_mps2: speed_mps / 10.0,
+                length_m: 4.0,
+                width_m: 2.0,
+                ..Own::default()
+            },
+            others: vec![Seen {
+                headway_m,
+                speed_mps: 10.0,
+                length_m: 5.0,
+                width_m: 2.0,
+                ..Seen::default()
+            }],
+            ..Percept::default()
+        }
+    }
+
+    #[test]
+    fn a_row_holds_what_was_seen_and_what_it_takes_not_to_hit() {
+        let seen = percept(14.0, 13.0);
+        let mut row = Vec::new();
+        Features::begin(&seen).read(&seen, &mut row);
+        assert_eq!(row.len(), Features::width(1, 0));
+        let other = &row[OWN..];
+        // 13 m from bumper to bumper less its length; 4² / (2 · 8); 4 / 8.
+        assert_eq!(
+            [other[0], other[2], other[3], other[4]],
+            [8.0, 4.0, 1.0, 0.5]
+        );
+        assert_eq!(other[9], -2.0, "their bodies overlap by their whole width");
+    }
+
+    #[test]
+    fn frames_of_the_past_are_those_of_the_samples_before() {
+        let mut row = Vec::new();
+        let mut features = Features::begin(&percept(0.0, 50.0));
+        for sample in 0..=40 {
+            let speed_mps = f64::from(sample);
+            features.read(&percept(speed_mps, 50.0 - speed_mps), &mut row);
+        }
+        // 5, 10 and 19 samples ago the speed was 35, 30 and 21 m/s.
+        assert_eq!(row[5..8], [3.5, 3.0, 2.1]);
+        let past = &row[OWN + 11..];
+        assert_eq!(past, [5.0, 25.0, 10.0, 20.0, 19.0, 11.0]);
+    }
+
+    #[test]
+    fn before_the_first_sample_nothing_moved() {
+        let (first, second) = (percept(10.0, 30.0), percept(11.0, 29.0));
+        let mut row = Vec::new();
+        let mut features = Features::begin(&first);
+        features.read(&first, &mut row);
+        features.read(&second, &mut row);
+        assert_eq!(row[5..8], [1.0, 1.0, 1.0]);
+    }
+}

@@ -1,0 +1,249 @@
+//! Fitting a surrogate to recorded runs.
+
+use std::sync::Arc;
+
+use super::model::Surrogate;
+use crate::campaign::Watch;
+use crate::campaign::episodes::EpisodeLoop;
+use crate::rl::Dice;
+use crate::rl::nn::{Adam, Mlp};
+
+/// Networks of the ensemble.
+pub(super) const MEMBERS: usize = 2;
+const HIDDEN: usize = 64;
+const BATCH: usize = 32;
+const LEARNING_RATE: f64 = 3e-3;
+/// The learning rate falls to this share of itself, evenly.
+const LAST_RATE: f64 = 0.03;
+/// Outputs per sample: change of acceleration, speed across the road.
+const OUTPUTS: usize = 2;
+/// A sample is critical if the ego's acceleration, or its change in standard
+/// deviations, is beyond this.
+const CRITICAL: f64 = 1.0;
+/// Inputs that hardly vary are not blown up.
+const LEAST_SD: f32 = 1e-3;
+/// Across the road an ego that moves slower keeps its place.
+const LEAST_LATERAL_MPS: f64 = 0.05;
+
+/// What an ego saw and what it did next, sample by sample.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Samples {
+    /// Length of a row of inputs.
+    pub width: usize,
+    /// All rows, one after the other.
+    pub inputs: Vec<f32>,
+    /// Acceleration now, its change until the next sample, and speed across the
+    /// road until then.
+    pub answers: Vec<[f64; 3]>,
+}
+
+impl Samples {
+    fn row(&self, sample: usize) -> &[f32] {
+        &self.inputs[sample * self.width..][..self.width]
+    }
+
+    /// Mean and one over the standard deviation of each input.
+    fn scales(&self) -> (Vec<f32>, Vec<f32>) {
+        let count = self.answers.len().max(1) as f64;
+        let rows = || self.inputs.chunks_exact(self.width.max(1));
+        let column = |i: usize| rows().map(move |row| f64::from(row[i]));
+        let mean = |i: usize| column(i).sum::<f64>() / count;
+        let means: Vec<f64> = (0..self.width).map(mean).collect();
+        let sd = |i: usize| {
+            let squares = column(i).map(|value| (value - means[i]).powi(2));
+            (squares.sum::<f64>() / count).sqrt() as f32
+        };
+        let inverse = (0..self.width).map(|i| 1.0 / sd(i).max(LEAST_SD));
+        let inverse = inverse.collect();
+        (means.into_iter().map(|mean| mean as f32).collect(), inverse)
+    }
+
+    /// What an output of 1 stands for; 0 where an output is always 0.
+    fn units(&self) -> [f64; 2] {
+        let count = self.answers.len().max(1) as f64;
+        let rms = |i: usize| {
+            let squares = self.answers.iter().map(|answer| answer[i] * answer[i]);
+            (squares.sum::<f64>() / count).sqrt()
+        };
+        let across_mps = rms(2);
+        let steers = LEAST_LATERAL_MPS < across_mps;
+        [rms(1).max(1e-6), if steers { across_mps } else { 0.0 }]
+    }
+
+    /// Samples in which the ego does something: most of the others are cruising,
+    /// and what a plan needs to know is when it brakes.
+    fn critical(&self, unit_mps2: f64) -> Vec<usize> {
+        let is_critical = |answer: &[f64; 3]| {
+            CRITICAL < answer[0].abs() || CRITICAL * unit_mps2 < answer[1].abs()
+        };
+        let samples = self.answers.iter().enumerate();
+        let critical = samples.filter(|(_, answer)| is_critical(answer));
+        critical.map(|(sample, _)| sample).collect()
+    }
+}
+
+/// Fits an ensemble with so many updates of each member. `None`: stopped, or
+/// there is nothing to fit.
+///
+/// Equal samples and seeds give equal networks, on any number of threads.
+pub(super) fn fit(
+    samples: &Samples,
+    updates: u64,
+    seed: u64,
+    watch: &Watch<'_>,
+) -> Option<Arc<Surrogate>> {
+    if samples.answers.is_empty() {
+        return None;
+    }
+    let (mean, inverse_sd) = samples.scales();
+    let mut surrogate = Surrogate {
+        mean,
+        inverse_sd,
+        unit: samples.units(),
+        members: Vec::new(),
+    };
+    let seeds: Vec<u64> = (0..MEMBERS as u64)
+        .map(|member| seed ^ (member + 1))
+        .collect();
+    let one = |_: &mut (), &seed: &u64, _: &_| {
+        Some(Lesson::new(samples, &surrogate, seed).taught(updates))
+    };
+    let quiet = watch.quiet();
+    let members = EpisodeLoop::uncounted(&quiet).run(&seeds, || (), one);
+    surrogate.members = members.into_iter().collect::<Option<_>>()?;
+    Some(Arc::new(surrogate))
+}
+
+/// The fitting of one member.
+struct Lesson<'a> {
+    samples: &'a Samples,
+    /// All rows in standard deviations.
+    scaled: Vec<f32>,
+    targets: Vec<[f32; OUTPUTS]>,
+    critical: Vec<usize>,
+    dice: Dice,
+}
+
+impl<'a> Lesson<'a> {
+    fn new(samples: &'a Samples, surrogate: &Surrogate, seed: u64) -> Lesson<'a> {
+        let rows = 0..samples.answers.len();
+        let scaled = rows.flat_map(|sample| surrogate.scaled(samples.row(sample)));
+        let [accel, lateral] = surrogate.unit;
+        let target = |answer: &[f64; 3]| {
+            let across = match lateral {
+                0.0 => 0.0,
+                unit => answer[2] / unit,
+            };
+            [(answer[1] / accel) as f32, across as f32]
+        };
+        Lesson {
+            samples,
+            scaled: scaled.collect(),
+            targets: samples.answers.iter().map(target).collect(),
+            critical: samples.critical(accel),
+            dice: Dice::new(seed),
+        }
+    }
+
+    /// Half of each batch is drawn from the critical samples.
+    fn draw(&mut self, i: usize) -> usize {
+        match i.is_multiple_of(2) && !self.critical.is_empty() {
+            true => self.critical[self.dice.below(self.critical.len())],
+            false => self.dice.below(self.targets.len()),
+        }
+    }
+
+    fn taught(mut self, updates: u64) -> Mlp {
+        let width = self.samples.width;
+        let sizes = [width, HIDDEN, HIDDEN, OUTPUTS];
+        let mut net = Mlp::orthogonal(&sizes, 0.1, &mut self.dice);
+        let mut adam = Adam::new(net.parameters().len());
+        let (mut tape, mut gradient) = (net.tape(BATCH), vec![0.0; net.parameters().len()]);
+        let mut batch = vec![0.0; BATCH * width];
+        let mut wanted = [[0.0; OUTPUTS]; BATCH];
+        for update in 0..updates {
+            for (i, wanted) in wanted.iter_mut().enumerate() {
+                let sample = self.draw(i);
+                let row = &self.scaled[sample * width..][..width];
+                batch[i * width..][..width].copy_from_slice(row);
+                *wanted = self.targets[sample];
+            }
+            net.forward(&batch, BATCH, &mut tape);
+            huber(&net, &wanted, &mut tape);
+            net.backward(&batch, BATCH, &mut tape, &mut gradient);
+            let done = update as f64 / updates as f64;
+            let rate = LEARNING_RATE * (1.0 - done * (1.0 - LAST_RATE));
+            adam.step(net.parameters_mut(), &gradient, rate as f32);
+        }
+        net
+    }
+}
+
+/// The gradient of the mean Huber loss, which follows no single jump of a
+/// controller that switches.
+fn huber(net: &Mlp, wanted: &[[f32; OUTPUTS]; BATCH], tape: &mut crate::rl::nn::Tape) {
+    let stride = net.output_stride();
+    let (output, gradient) = net.output_and_gradient(BATCH, tape);
+    let rows = output
+        .chunks_exact(stride)
+        .zip(gradient.chunks_exact_mut(stride));
+    for ((output, gradient), wanted) in rows.zip(wanted) {
+        gradient.fill(0.0);
+        for ((slope, output), wanted) in gradient.iter_mut().zip(output).zip(wanted) {
+            *slope = (output - wanted).clamp(-1.0, 1.0) / BATCH as f32;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An ego whose acceleration changes by `law` of two inputs.
+    fn samples(count: usize, law: impl Fn(f32, f32) -> f64) -> Samples {
+        let mut dice = Dice::new(7);
+        let mut samples = Samples {
+            width: 2,
+            ..Samples::default()
+        };
+        for _ in 0..count {
+            let row = [0, 1].map(|_| 2.0 * dice.unit() as f32 - 1.0);
+            samples.inputs.extend(row);
+            samples.answers.push([0.0, law(row[0], row[1]), 0.0]);
+        }
+        samples
+    }
+
+    #[test]
+    fn members_learn_what_an_ego_does_and_differ_only_where_nothing_was_seen() {
+        let law = |x: f32, y: f32| f64::from(0.3 * x - 0.2 * y.max(0.0));
+        let seen = samples(2000, law);
+        let watch = Watch::unwatched();
+        let learned = fit(&seen, 3000, 1, &watch).expect("fitted");
+        let answer = |member: usize, row: [f32; 2]| {
+            let scaled: Vec<f32> = learned.scaled(&row).collect();
+            let net = &learned.members[member];
+            net.evaluate(&scaled, |out| f64::from(out[0]) * learned.unit[0])
+        };
+        let mut squares = 0.0;
+        for row in samples(200, law).inputs.chunks_exact(2) {
+            let off = [0, 1].map(|member| answer(member, [row[0], row[1]]) - law(row[0], row[1]));
+            squares += off.iter().map(|off| off * off).sum::<f64>() / 400.0;
+        }
+        assert!(squares.sqrt() < 0.01, "{}", squares.sqrt());
+        let apart = |row| (answer(0, row) - answer(1, row)).abs();
+        assert!(5.0 * apart([0.2, 0.3]) < apart([3.0, -3.0]));
+    }
+
+    #[test]
+    fn an_ego_that_keeps_its_lane_is_none_that_steers() {
+        let watch = Watch::unwatched();
+        let mut seen = samples(50, |x, _| f64::from(x));
+        assert_eq!(fit(&seen, 10, 1, &watch).expect("fitted").unit[1], 0.0);
+        for answer in &mut seen.answers {
+            answer[2] = 0.5;
+        }
+        assert_eq!(fit(&seen, 10, 1, &watch).expect("fitted").unit[1], 0.5);
+        assert_eq!(fit(&Samples::default(), 10, 1, &watch), None);
+    }
+}

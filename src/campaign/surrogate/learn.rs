@@ -1,0 +1,203 @@
+//! Learning an ego from some runs of it.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::bench::{ModelBench, SoFar, VARIATIONS};
+use super::fit::fit;
+use super::model::Surrogate;
+use super::plan::{Planner, Strategy};
+use super::record::{Run, mixed, planned, samples, starts};
+use crate::campaign::Watch;
+use crate::rl::Policy;
+use crate::run::wilson;
+use crate::scenario::Scenario;
+
+/// With fewer runs there is nothing to fit.
+pub const LEAST_RUNS: u64 = 10;
+/// From so many runs on they are recorded in three rounds, else in two.
+const THREE_ROUNDS: u64 = 90;
+/// Updates of each network after every round but the last one.
+const UPDATES: u64 = 16_000;
+/// Updates after the last round.
+const LAST_UPDATES: u64 = 48_000;
+/// How far ahead a surrogate is asked to see.
+const AHEAD_S: f64 = 2.0;
+
+/// Whose ego is to be learned.
+#[derive(Clone, Copy)]
+pub struct LearnEgoRequest<'a> {
+    /// The world with its own ego, which says which starts are trivial.
+    pub nominal: &'a Scenario,
+    /// The world with the ego, which is only run.
+    pub ego: &'a Scenario,
+    /// The trained ado.
+    pub policy: &'a dyn Policy,
+    /// Runs of the ego that may be recorded, [`LEAST_RUNS`] at least.
+    pub runs: u64,
+    /// Seed of the starts and of the fit.
+    pub seed: u64,
+}
+
+/// How far a surrogate is off, two seconds ahead.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SurrogateError {
+    /// Root mean square of its distance to the ego, in runs it was not fitted to.
+    pub rms_m: f64,
+    /// The same for an ego that keeps its acceleration.
+    pub keeps_acceleration_m: f64,
+}
+
+impl SurrogateError {
+    /// Whether it foresees the ego at all.
+    pub fn is_telling(&self) -> bool {
+        self.rms_m < 0.5 * self.keeps_acceleration_m
+    }
+}
+
+/// What was seen of an ego while it was learned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearnedFrom {
+    /// Runs of the ego that were recorded.
+    pub runs: u64,
+    /// How well the surrogate foresees it; `None`: no run was long enough.
+    pub error: Option<SurrogateError>,
+    /// Runs of the last round, which were planned like those to come.
+    pub planned: u64,
+    /// Those among them in which the ego failed, every rule kept.
+    pub planned_successes: u64,
+    /// Runs of the first round in which the ado acted as it was trained.
+    pub as_trained: u64,
+    /// Those among them in which the ego failed, every rule kept.
+    pub as_trained_successes: u64,
+}
+
+impl LearnedFrom {
+    /// The share of starts to expect, and Wilson's 95 % interval of it.
+    pub fn expected(&self) -> (f64, [f64; 2]) {
+        let (successes, runs) = match self.plans() {
+            true => (self.planned_successes, self.planned),
+            false => (self.as_trained_successes, self.as_trained),
+        };
+        let rate = successes as f64 / runs.max(1) as f64;
+        (rate, wilson(successes as usize, runs as usize))
+    }
+
+    /// Whether planning is worth it: if the ado as it was trained did clearly
+    /// better, that is how it acts.
+    pub fn plans(&self) -> bool {
+        let [_, planned] = wilson(self.planned_successes as usize, self.planned as usize);
+        let trained = (self.as_trained_successes as usize, self.as_trained as usize);
+        let [as_trained, _] = wilson(trained.0, trained.1);
+        as_trained <= planned
+    }
+}
+
+/// An ego, learned: a surrogate of it, and what to expect of plans in that.
+#[derive(Clone, Debug)]
+pub struct LearnedEgo {
+    pub(super) surrogate: Arc<Surrogate>,
+    /// What was seen of the ego.
+    pub from: LearnedFrom,
+}
+
+/// Records an ego and learns a surrogate of it. `None`: stopped, nobody drives
+/// in the world, or the ego never ran.
+///
+/// Equal requests give equal answers, on any number of threads, if the ego
+/// answers twice alike.
+pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
+    let LearnEgoRequest {
+        nominal,
+        ego,
+        policy,
+        runs,
+        seed,
+    } = *request;
+    let starts = starts(nominal, runs, seed);
+    let rounds = if THREE_ROUNDS <= runs { 3 } else { 2 };
+    let mut rounds = starts.chunks(starts.len().div_ceil(rounds).max(1));
+    let mut recorded = mixed(ego, policy, rounds.next()?, watch);
+    let as_trained = recorded.iter().filter(|run| run.as_trained);
+    let mut from = LearnedFrom {
+        runs: starts.len() as u64,
+        error: None,
+        planned: 0,
+        planned_successes: 0,
+        as_trained: as_trained.clone().count() as u64,
+        as_trained_successes: as_trained.filter(|run| run.is_success).count() as u64,
+    };
+    let mut surrogate = fit(&samples(ego, &recorded)?, UPDATES, seed, watch)?;
+    let rounds: Vec<_> = rounds.collect();
+    for (round, starts) in rounds.iter().enumerate() {
+        let planner = || Planner::new(ego, &surrogate, policy, watch);
+        let found = planned(ego, planner, starts, watch);
+        if watch.stopped() {
+            return None;
+        }
+        from.error = error_of(ego, &surrogate, &found).or(from.error);
+        from.planned = found.len() as u64;
+        from.planned_successes = found.iter().filter(|run| run.is_success).count() as u64;
+        recorded.extend(found);
+        let is_last = round + 1 == rounds.len();
+        let updates = if is_last { LAST_UPDATES } else { UPDATES };
+        surrogate = fit(&samples(ego, &recorded)?, updates, seed, watch)?;
+    }
+    Some(LearnedEgo { surrogate, from })
+}
+
+/// How far a surrogate is off in runs it was not fitted to.
+fn error_of(world: &Scenario, surrogate: &Arc<Surrogate>, runs: &[Run]) -> Option<SurrogateError> {
+    let mut model = ModelBench::of(world)?;
+    let (mut squares, mut count) = ([0.0; 2], 0u32);
+    for run in runs {
+        for [learned_m, keeping_m] in errors_m(&mut model, surrogate, run) {
+            squares[0] += learned_m * learned_m;
+            squares[1] += keeping_m * keeping_m;
+            count += 1;
+        }
+    }
+    let rms = |sum: f64| (sum / f64::from(count)).sqrt();
+    (0 < count).then(|| SurrogateError {
+        rms_m: rms(squares[0]),
+        keeps_acceleration_m: rms(squares[1]),
+    })
+}
+
+/// How far the surrogate, and an ego that keeps its acceleration, are from the
+/// ego, [`AHEAD_S`] after every so many seconds of a run.
+fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Vec<[f64; 2]> {
+    let clock = *model.bench.clock();
+    let ahead = (AHEAD_S / clock.sample_s).round() as usize;
+    let step = (AHEAD_S / clock.decision_s).round().max(1.0) as usize;
+    let SoFar { actions, motion } = &run.so_far;
+    let mut errors = Vec::new();
+    for decision in (0..actions.len()).step_by(step) {
+        let now = decision * clock.samples_per_decision();
+        let Some(then) = motion.get(now + ahead) else {
+            break;
+        };
+        let so_far = SoFar {
+            actions: actions[..decision].to_vec(),
+            motion: motion[..=now].to_vec(),
+        };
+        let mut off_m = |surrogate| {
+            model.begin(run.from(), &so_far, surrogate, VARIATIONS[0]);
+            model.go_on(&actions[decision..]);
+            let motion = model.motion();
+            // Where the model's run is the shorter one it stays where it ended.
+            let at = motion.get(now + ahead).or(motion.last());
+            at.map_or(0.0, |at| at.distance_m(then))
+        };
+        errors.push([off_m(Some(surrogate)), off_m(None)]);
+    }
+    errors
+}
+
+impl Strategy {
+    /// Whether it is how the ado was trained to act.
+    pub(super) fn is_as_trained(&self) -> bool {
+        *self == Strategy::Policy
+    }
+}

@@ -1,0 +1,174 @@
+//! The surrogate of an ego: what it does next, as a network says.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::features::Features;
+use super::motion::Moment;
+use crate::ego::{Command, Controller, Fault, Percept};
+use crate::rl::nn::Mlp;
+use crate::scene::drive::ControllerFactory;
+
+/// Inputs are held within so many standard deviations: beyond what was seen the
+/// network goes on as if it were at the edge.
+const EDGE: f32 = 6.0;
+/// No car does more.
+const MOST_ACCEL_MPS2: f64 = 15.0;
+/// Nor moves faster across the road.
+const MOST_LATERAL_MPS: f64 = 4.0;
+
+/// Networks that answer as an ego did in its recorded runs.
+///
+/// Each of them says by how much the ego's acceleration changes until the next
+/// sample, and how fast it moves across the road. They differ in what they were
+/// born with and in the order in which they saw the samples, so where they
+/// agree there were samples.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Surrogate {
+    /// Mean of each input over the samples.
+    pub mean: Vec<f32>,
+    /// One over its standard deviation.
+    pub inverse_sd: Vec<f32>,
+    /// What an output of 1 stands for: m/s² and m/s.
+    pub unit: [f64; 2],
+    /// The members of the ensemble.
+    pub members: Vec<Mlp>,
+}
+
+impl Surrogate {
+    /// Change of acceleration, and speed across the road.
+    fn answer(&self, member: usize, row: &[f32], scaled: &mut Vec<f32>) -> [f64; 2] {
+        scaled.clear();
+        scaled.extend(self.scaled(row));
+        let member = &self.members[member % self.members.len()];
+        let outputs = member.evaluate(scaled, |out| [out[0], out[1]]);
+        [0, 1].map(|i| f64::from(outputs[i]) * self.unit[i])
+    }
+
+    /// A row in standard deviations from the mean.
+    pub fn scaled<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
+        let scales = self.mean.iter().zip(&self.inverse_sd);
+        let pairs = row.iter().zip(scales);
+        pairs.map(|(value, (mean, inverse_sd))| ((value - mean) * inverse_sd).clamp(-EDGE, EDGE))
+    }
+}
+
+/// How the driver of a model acts in the next episode.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Part {
+    /// What the ego is known to have done: it does so again, sample by sample.
+    pub known: Arc<[Moment]>,
+    /// What it does after that; without one it keeps its acceleration.
+    pub surrogate: Option<Arc<Surrogate>>,
+    /// Which member of the ensemble.
+    pub member: usize,
+    /// Added to every answer: an ego that is a little more, or less, careful.
+    pub bias_mps3: f64,
+    /// Where the inputs of every sample are written down.
+    pub heard: Option<Arc<Mutex<Heard>>>,
+}
+
+/// Inputs, one row after the other.
+#[derive(Debug, Default)]
+pub(super) struct Heard {
+    pub rows: Vec<f32>,
+    /// Length of a row.
+    pub width: usize,
+}
+
+/// Hands a part to the driver of a model; it is taken when an episode begins.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Casting(Arc<Mutex<Part>>);
+
+impl Casting {
+    pub fn give(&self, part: Part) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = part;
+    }
+
+    fn take(&self) -> Part {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+
+    /// Makes drivers that play the parts given here.
+    pub fn factory(&self) -> ControllerFactory {
+        let casting = self.clone();
+        Arc::new(move || {
+            Box::new(ModelDriver {
+                casting: casting.clone(),
+                part: Part::default(),
+                features: Features::default(),
+                row: Vec::new(),
+                scaled: Vec::new(),
+                sample: 0,
+            })
+        })
+    }
+}
+
+/// Drives as an ego did, and from then on as its surrogate says.
+#[derive(Clone)]
+struct ModelDriver {
+    casting: Casting,
+    part: Part,
+    features: Features,
+    row: Vec<f32>,
+    scaled: Vec<f32>,
+    sample: usize,
+}
+
+impl ModelDriver {
+    fn command(&mut self, percept: &Percept) -> Command {
+        let own = &percept.own;
+        let known = &self.part.known;
+        if let (Some(here), Some(next)) = (known.get(self.sample), known.get(self.sample + 1)) {
+            // From the model's own speed, so that what it was off by is made good.
+            return Command {
+                accel_mps2: (next.speed_mps - own.speed_mps) / percept.sample_s,
+                lateral_mps: (next.lateral_m - here.lateral_m) / percept.sample_s,
+            };
+        }
+        let Some(surrogate) = &self.part.surrogate else {
+            return Command::accelerate(own.accel_mps2);
+        };
+        let [change_mps2, lateral_mps] =
+            surrogate.answer(self.part.member, &self.row, &mut self.scaled);
+        Command {
+            accel_mps2: own.accel_mps2 + change_mps2 + self.part.bias_mps3 * percept.sample_s,
+            lateral_mps,
+        }
+    }
+}
+
+impl Controller for ModelDriver {
+    fn reset(&mut self, _seed: u64) {
+        self.part = self.casting.take();
+        self.sample = 0;
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        if self.sample == 0 {
+            self.features = Features::begin(percept);
+        }
+        self.features.read(percept, &mut self.row);
+        if let Some(heard) = &self.part.heard {
+            let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
+            heard.rows.extend_from_slice(&self.row);
+            heard.width = self.row.len();
+        }
+        let Command {
+            accel_mps2,
+            lateral_mps,
+        } = self.command(percept);
+        self.sample += 1;
+        Ok(Command {
+            accel_mps2: accel_mps2.clamp(-MOST_ACCEL_MPS2, MOST_ACCEL_MPS2),
+            lateral_mps: lateral_mps.clamp(-MOST_LATERAL_MPS, MOST_LATERAL_MPS),
+        })
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}

@@ -1,0 +1,392 @@
+//! Planning a start inside the surrogate, and acting on it in the real world.
+
+use std::sync::Arc;
+
+use super::bench::{From, ModelBench, SoFar, VARIATIONS};
+use super::model::Surrogate;
+use super::motion::{Moment, MotionReader};
+use crate::campaign::Watch;
+use crate::campaign::search::{Next, Tree};
+use crate::rl::Policy;
+use crate::rulebook::Verdict;
+use crate::scenario::Scenario;
+use crate::testbench::{Aftermath, Testbench};
+
+/// Most switches of action in a plan.
+const SWITCHES: usize = 2;
+/// In plans with so many switches these are at every so many-th decision.
+const STRIDE: usize = 2;
+/// The same where it is not planned for the surrogate itself.
+const HOPEFUL_STRIDE: usize = 4;
+/// Sequences that are tried on all variations, per number of switches.
+const TRIED: usize = 64;
+/// Beyond the first of them only every so many-th that is found is tried, so
+/// that they are not all alike.
+const FIRST: usize = 16;
+const EVERY: usize = 8;
+/// Variations on which a plan must succeed to be taken without looking at
+/// sequences with more switches, or to be kept when the ego strays from it.
+const ENOUGH: usize = 8;
+/// Decisions after which one who has no sure plan looks for one again.
+const PATIENCE: usize = 3;
+/// The variations that plans are made for, as positions in [`VARIATIONS`]: where
+/// nothing succeeds on the surrogate, what would if the ego were a little less
+/// careful, this way or that. Such a plan may succeed, and if it does not it has
+/// led to where the surrogate should have known better.
+const LEADS: [usize; 6] = [0, 1, 4, 2, 8, 6];
+
+/// How the ado goes on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Strategy {
+    /// As it was trained.
+    Policy,
+    /// These actions from the start on, the last one held.
+    Plan(Vec<usize>),
+}
+
+/// A strategy, and what it is worth.
+#[derive(Clone, Debug)]
+pub(super) struct Choice {
+    pub strategy: Strategy,
+    /// Position in [`LEADS`] of the variation it was made for; their number: it
+    /// succeeds on none.
+    lead: usize,
+    /// On how many variations it succeeds.
+    score: usize,
+}
+
+impl Choice {
+    /// Whether it succeeds on the surrogate itself.
+    fn is_sure(&self) -> bool {
+        self.lead == 0 && 0 < self.score
+    }
+
+    fn is_better_than(&self, other: &Choice) -> bool {
+        self.lead < other.lead || (self.lead == other.lead && other.score < self.score)
+    }
+}
+
+/// A run of the real ego under a choice.
+#[derive(Clone, Debug)]
+pub(super) struct PlannedRun {
+    /// What was chosen at the start.
+    pub first: Choice,
+    /// What the ado did and how the ego moved.
+    pub so_far: SoFar,
+    /// How often another choice was made on the way.
+    pub replans: u32,
+}
+
+/// Plans and acts; one per thread.
+pub(super) struct Planner<'a> {
+    /// Explores the tree of sequences.
+    tree: ModelBench,
+    /// Plays one sequence after the other.
+    judge: ModelBench,
+    reader: MotionReader,
+    surrogate: Arc<Surrogate>,
+    policy: &'a dyn Policy,
+    /// The variation on which a strategy must succeed to be one at all.
+    lead: usize,
+    watch: &'a Watch<'a>,
+}
+
+impl<'a> Planner<'a> {
+    /// For `world`; `None`: nobody drives in it.
+    pub fn new(
+        world: &Scenario,
+        surrogate: &Arc<Surrogate>,
+        policy: &'a dyn Policy,
+        watch: &'a Watch<'a>,
+    ) -> Option<Planner<'a>> {
+        Some(Planner {
+            tree: ModelBench::of(world)?,
+            judge: ModelBench::of(world)?,
+            reader: MotionReader::of(world)?,
+            surrogate: Arc::clone(surrogate),
+            policy,
+            lead: 0,
+            watch,
+        })
+    }
+
+    /// The strategy that succeeds on most variations, from what is so far on; on
+    /// the first of the leading ones, beginning with the `attempt`th, on which
+    /// anything does.
+    pub fn choose(&mut self, from: From<'_>, so_far: &SoFar, attempt: usize) -> Choice {
+        for lead in 0..LEADS.len() {
+            self.lead = LEADS[(lead + attempt) % LEADS.len()];
+            let mut best = Choice {
+                strategy: Strategy::Policy,
+                lead,
+                score: self.score(from, so_far, &Strategy::Policy, 0),
+            };
+            for switches in 0..=SWITCHES {
+                if ENOUGH <= best.score || self.watch.stopped() {
+                    break;
+                }
+                self.search(from, so_far, switches, &mut best);
+            }
+            if 0 < best.score {
+                return best;
+            }
+        }
+        self.lead = LEADS[0];
+        Choice {
+            strategy: self.nearest(from, so_far),
+            lead: LEADS.len(),
+            score: 0,
+        }
+    }
+
+    /// Looks through all sequences with so many switches for a better one.
+    fn search(&mut self, from: From<'_>, so_far: &SoFar, switches: usize, best: &mut Choice) {
+        let quiet = self.watch.quiet();
+        let (lead, rank) = (self.lead, best.lead);
+        let Planner {
+            tree,
+            judge,
+            surrogate,
+            ..
+        } = self;
+        tree.cast(so_far, Some(surrogate), VARIATIONS[lead]);
+        let (mut found, mut tried) = (0, 0);
+        let mut accept = |actions: &[usize], _: &Testbench| {
+            found += 1;
+            if FIRST < found && !found.is_multiple_of(EVERY) {
+                return Next::Continue;
+            }
+            tried += 1;
+            let strategy = Strategy::Plan(actions.to_vec());
+            let mut trial = Trial {
+                judge,
+                surrogate,
+                from,
+                so_far,
+                lead,
+            };
+            let score = trial.score((&strategy, None), best.score);
+            if best.score < score {
+                *best = Choice {
+                    strategy,
+                    score,
+                    lead: rank,
+                };
+            }
+            match best.score == VARIATIONS.len() || TRIED <= tried {
+                true => Next::Stop,
+                false => Next::Continue,
+            }
+        };
+        let root = &mut tree.bench;
+        let actions = root.spaces().actions;
+        let mut walk = Tree::new(root, (from, 0), Aftermath::Skip, &mut accept, &quiet);
+        walk.after = so_far.actions.clone();
+        walk.stride = match (switches < SWITCHES, rank) {
+            (true, _) => 1,
+            (false, 0) => STRIDE,
+            (false, _) => HOPEFUL_STRIDE,
+        };
+        for action in 0..actions {
+            if walk.begin(root, action, switches) == Next::Stop {
+                break;
+            }
+        }
+    }
+
+    /// On how many variations a strategy succeeds; less than `best`, if that is
+    /// not surpassed.
+    fn score(&mut self, from: From<'_>, so_far: &SoFar, strategy: &Strategy, best: usize) -> usize {
+        let mut trial = Trial {
+            judge: &mut self.judge,
+            surrogate: &self.surrogate,
+            from,
+            so_far,
+            lead: self.lead,
+        };
+        trial.score((strategy, Some(self.policy)), best)
+    }
+
+    /// Where nothing succeeds: what comes nearest to it, of the policy and the
+    /// constants.
+    fn nearest(&mut self, from: From<'_>, so_far: &SoFar) -> Strategy {
+        let actions = self.judge.bench.spaces().actions;
+        let constants = (0..actions).map(|action| {
+            let mut whole = so_far.actions.clone();
+            whole.push(action);
+            Strategy::Plan(whole)
+        });
+        let mut best = (f64::INFINITY, Strategy::Policy);
+        for strategy in std::iter::once(Strategy::Policy).chain(constants) {
+            self.judge
+                .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
+            go_on(&mut self.judge, so_far, (&strategy, Some(self.policy)));
+            let margin = match self.judge.bench.verdict() {
+                Some(Verdict::Held { margin }) => margin,
+                Some(Verdict::Uncounted { .. } | Verdict::Counterexample { .. }) => 0.0,
+                _ => f64::INFINITY,
+            };
+            if margin < best.0 {
+                best = (margin, strategy);
+            }
+        }
+        best.1
+    }
+
+    /// How the ego would move.
+    fn predict(&mut self, from: From<'_>, so_far: &SoFar, strategy: &Strategy) -> Vec<Moment> {
+        self.judge
+            .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
+        go_on(&mut self.judge, so_far, (strategy, Some(self.policy)));
+        self.judge.motion()
+    }
+
+    /// A better choice than the present one, whose worth is found anew.
+    fn rethink(&mut self, from: From<'_>, so_far: &SoFar, now: &mut Choice) -> Option<Choice> {
+        self.lead = LEADS[now.lead % LEADS.len()];
+        now.score = self.score(from, so_far, &now.strategy, 0);
+        if now.is_sure() && ENOUGH <= now.score {
+            return None;
+        }
+        let other = self.choose(from, so_far, 0);
+        let better = other.is_better_than(now) || now.score == 0;
+        better.then_some(other)
+    }
+
+    /// Plays a start of the real world as the ado was trained.
+    pub fn run_as_trained(
+        &mut self,
+        real: &mut Testbench,
+        from: From<'_>,
+        aftermath: Aftermath,
+    ) -> PlannedRun {
+        real.begin(from.0, from.1, aftermath);
+        let mut obs = vec![0.0; real.spaces().observation];
+        let mut so_far = SoFar::default();
+        while !real.is_done() {
+            real.observe(&mut obs);
+            let action = self.policy.act(&obs);
+            so_far.actions.push(action);
+            real.decide(action);
+        }
+        PlannedRun {
+            first: Choice {
+                strategy: Strategy::Policy,
+                lead: LEADS.len(),
+                score: 0,
+            },
+            so_far,
+            replans: 0,
+        }
+    }
+
+    /// Plays a start of the real world, and chooses anew when the ego strays
+    /// from what was predicted.
+    ///
+    /// Every further attempt at a start is planned for another variation of the
+    /// surrogate: the one before has shown that this one is not quite the ego.
+    pub fn run(
+        &mut self,
+        real: &mut Testbench,
+        from: From<'_>,
+        aftermath: Aftermath,
+        attempt: usize,
+    ) -> PlannedRun {
+        real.begin(from.0, from.1, aftermath);
+        let mut so_far = SoFar::default();
+        self.reader.follow(real, &mut so_far.motion);
+        let first = self.choose(from, &so_far, attempt);
+        let mut now = first.clone();
+        let mut predicted = self.predict(from, &so_far, &now.strategy);
+        let mut chosen_at = 0;
+        let mut replans = 0;
+        let mut obs = vec![0.0; real.spaces().observation];
+        while !real.is_done() {
+            let decision = so_far.actions.len();
+            let action = match &now.strategy {
+                Strategy::Policy => {
+                    real.observe(&mut obs);
+                    self.policy.act(&obs)
+                }
+                // Invariant: a plan holds an action at least.
+                Strategy::Plan(actions) => *actions.get(decision).or(actions.last()).unwrap_or(&0),
+            };
+            real.decide(action);
+            so_far.actions.push(action);
+            self.reader.follow(real, &mut so_far.motion);
+            if real.is_decided() || self.watch.stopped() {
+                continue;
+            }
+            let here = so_far.motion.len() - 1;
+            let strays = predicted
+                .get(here)
+                .is_none_or(|expected| so_far.motion[here].strays_from(expected));
+            let late = !now.is_sure() && PATIENCE <= decision + 1 - chosen_at;
+            if !strays && !late {
+                continue;
+            }
+            chosen_at = decision + 1;
+            if let Some(other) = self.rethink(from, &so_far, &mut now) {
+                replans += u32::from(now.strategy != other.strategy);
+                now = other;
+            }
+            predicted = self.predict(from, &so_far, &now.strategy);
+        }
+        PlannedRun {
+            first,
+            so_far,
+            replans,
+        }
+    }
+}
+
+/// A strategy and, if it may be one, the policy.
+type Played<'a> = (&'a Strategy, Option<&'a dyn Policy>);
+
+/// Goes on from what is so far.
+fn go_on(judge: &mut ModelBench, so_far: &SoFar, (strategy, policy): Played<'_>) {
+    match (strategy, policy) {
+        (Strategy::Plan(actions), _) => {
+            let from = so_far.actions.len().min(actions.len().saturating_sub(1));
+            judge.go_on(&actions[from..]);
+        }
+        (Strategy::Policy, Some(policy)) => {
+            judge.follow(policy);
+        }
+        // Invariant: whoever plays a policy has one.
+        (Strategy::Policy, None) => {}
+    }
+}
+
+/// Tries strategies on all variations.
+struct Trial<'a> {
+    judge: &'a mut ModelBench,
+    surrogate: &'a Arc<Surrogate>,
+    from: From<'a>,
+    so_far: &'a SoFar,
+    lead: usize,
+}
+
+impl Trial<'_> {
+    /// On how many variations a strategy succeeds, none if not on the leading
+    /// one; less than `best` or as many, if that is not surpassed.
+    fn score(&mut self, strategy: Played<'_>, best: usize) -> usize {
+        let others = (0..VARIATIONS.len()).filter(|&other| other != self.lead);
+        let mut score = 0;
+        for (tried, variation) in std::iter::once(self.lead).chain(others).enumerate() {
+            if score + (VARIATIONS.len() - tried) <= best {
+                break;
+            }
+            let variation = VARIATIONS[variation];
+            self.judge
+                .begin(self.from, self.so_far, Some(self.surrogate), variation);
+            go_on(self.judge, self.so_far, strategy);
+            match (self.judge.is_success(), tried) {
+                (true, _) => score += 1,
+                (false, 0) => return 0,
+                (false, _) => {}
+            }
+        }
+        score
+    }
+}

@@ -1,0 +1,128 @@
+//! Learned egos, kept in the run directory of the ado that met them.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::fit::MEMBERS;
+use super::learn::{LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
+use super::model::Surrogate;
+use crate::campaign::Watch;
+use crate::campaign::ego_under_test::EgoUnderTest;
+use crate::rl::nn::Mlp;
+use crate::rl::{Bundle, BundleError};
+use crate::run::{RunDir, RunError, make_dir, write_file};
+use crate::scenario::Scenario;
+use crate::seal::sha256;
+
+/// Where a run keeps them.
+const DIR: &str = "learned";
+
+/// The learned ego of a request: the one that `run` keeps, or learned now and
+/// kept there. `None`: as [`learn_ego`].
+///
+/// It is kept under a hash of everything that it depends on: the version, the
+/// world, the ado, the ego and, if that is a program, the files its command
+/// names.
+///
+/// # Errors
+/// The disk refuses.
+pub(in crate::campaign) fn learned(
+    run: &RunDir,
+    ego: &EgoUnderTest,
+    request: &LearnEgoRequest<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<LearnedEgo>, RunError> {
+    let path = path_of(run, ego, request);
+    if let Ok(bytes) = std::fs::read(&path) {
+        match read(&bytes, request.ego) {
+            Ok(kept) => {
+                watch.note(&format!(
+                    "`{}`: learned before ({})",
+                    ego.name(),
+                    path.display()
+                ));
+                return Ok(Some(kept));
+            }
+            Err(error) => watch.note(&format!("{}: {error}; learned anew", path.display())),
+        }
+    }
+    let found = learn_ego(request, watch);
+    if let Some(found) = &found {
+        make_dir(&run.path().join(DIR))?;
+        let bytes = written(found).map_err(|error| RunError::Damaged {
+            path: path.clone(),
+            why: error.to_string(),
+        })?;
+        write_file(&path, &bytes)?;
+    }
+    Ok(found)
+}
+
+fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> PathBuf {
+    let manifest = run.manifest();
+    let mut key = format!(
+        "{} {} {:?} {:?} {:?} {} {}",
+        env!("CARGO_PKG_VERSION"),
+        manifest.world_sha256,
+        manifest.policy_sha256,
+        ego.change(),
+        request.ego.plant(),
+        request.runs,
+        request.seed,
+    );
+    if let Some(program) = ego.scenario().program() {
+        let files = program.command.iter().map(Path::new);
+        for bytes in files.filter_map(|path| std::fs::read(path).ok()) {
+            key.push_str(&sha256(&bytes));
+        }
+    }
+    let name = format!("{}.safetensors", &sha256(key.as_bytes())[..16]);
+    run.path().join(DIR).join(name)
+}
+
+fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
+    let from = serde_json::to_string(&learned.from).map_err(|error| BundleError::Format {
+        why: error.to_string(),
+    })?;
+    let surrogate = &*learned.surrogate;
+    let width = surrogate.mean.len();
+    let mut bundle = Bundle::new(from);
+    bundle.put("mean", &[width], surrogate.mean.clone());
+    bundle.put("inverse_sd", &[width], surrogate.inverse_sd.clone());
+    bundle.put("unit", &[2], surrogate.unit.to_vec());
+    for (i, member) in surrogate.members.iter().enumerate() {
+        member.save(&format!("member/{i}"), &mut bundle);
+    }
+    bundle.to_bytes()
+}
+
+fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
+    let bundle = Bundle::from_bytes(bytes)?;
+    let from: LearnedFrom =
+        serde_json::from_str(bundle.meta()).map_err(|error| BundleError::Format {
+            why: error.to_string(),
+        })?;
+    let members = (0..MEMBERS).map(|i| Mlp::load(&format!("member/{i}"), &bundle));
+    let members: Vec<Mlp> = members.collect::<Result<_, _>>()?;
+    let width = super::bench::width_of(world);
+    for member in &members {
+        if member.ends() != [width, 2] {
+            return Err(BundleError::Mismatch {
+                what: "the surrogate",
+                expected: format!("{width} inputs and 2 outputs"),
+                found: format!("{:?}", member.ends()),
+            });
+        }
+    }
+    let unit = bundle.get::<f64>("unit", &[2])?;
+    let surrogate = Surrogate {
+        mean: bundle.get("mean", &[width])?.to_vec(),
+        inverse_sd: bundle.get("inverse_sd", &[width])?.to_vec(),
+        unit: [unit[0], unit[1]],
+        members,
+    };
+    Ok(LearnedEgo {
+        surrogate: Arc::new(surrogate),
+        from,
+    })
+}

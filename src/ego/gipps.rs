@@ -1,0 +1,92 @@
+//! Gipps' car-following model (Gipps 1981).
+//!
+//! The speed after a reaction time τ is the lesser of what the car reaches on a
+//! free road, v + 2.5 a τ (1 − v/V) √(0.025 + v/V), and of the greatest speed
+//! from which it can still stop behind a leader that brakes with b̂:
+//! −b τ + √(b² τ² + b (2 (s − s₀) − v τ + v_l²/b̂)).
+
+use super::parameters::parameters;
+use super::{Command, Controller, Fault, Percept};
+
+parameters! {
+    /// A follower that can always stop in time, if its leader brakes as expected.
+    pub struct Gipps {
+        /// Speed it drives at on a free road, V, m/s.
+        desired_speed_mps, at_least 0.1;
+        /// Time until it reacts, τ, s.
+        reaction_s, at_least 0.05;
+        /// Greatest acceleration a, m/s².
+        max_accel_mps2, at_least 0.01;
+        /// Hardest braking it plans with, b, m/s².
+        plan_brake_mps2, at_least 0.01;
+        /// Hardest braking it expects of its leader, b̂, m/s².
+        leader_brake_mps2, at_least 0.01;
+        /// Clearance at standstill s₀, m.
+        min_gap_m, at_least 0.0;
+        /// Hardest braking it asks for, m/s².
+        max_brake_mps2, at_least 0.0;
+    }
+}
+
+impl Gipps {
+    /// The model's acceleration; `leader` is its clearance and its speed.
+    pub fn accel_mps2(&self, speed_mps: f64, leader: Option<(f64, f64)>) -> f64 {
+        let (tau_s, brake_mps2) = (self.reaction_s, self.plan_brake_mps2);
+        let share = speed_mps / self.desired_speed_mps;
+        let root = (0.025 + share.max(0.0)).sqrt();
+        let free_mps = speed_mps + 2.5 * self.max_accel_mps2 * tau_s * (1.0 - share) * root;
+        let safe_mps = leader.map_or(f64::INFINITY, |(clearance_m, leader_mps)| {
+            let stops_m = leader_mps * leader_mps / self.leader_brake_mps2;
+            let room_m = 2.0 * (clearance_m - self.min_gap_m) - speed_mps * tau_s + stops_m;
+            let step_mps = brake_mps2 * tau_s;
+            // Without room it stops at once.
+            (step_mps * step_mps + brake_mps2 * room_m).max(0.0).sqrt() - step_mps
+        });
+        let wish_mps2 = (free_mps.min(safe_mps).max(0.0) - speed_mps) / tau_s;
+        wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2)
+    }
+}
+
+impl Controller for Gipps {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let leader = percept.leader();
+        let leader = leader.map(|lead| (lead.headway_m - lead.length_m, lead.speed_mps));
+        let speed_mps = percept.own.speed_mps;
+        Ok(Command::accelerate(self.accel_mps2(speed_mps, leader)))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GIPPS: Gipps = Gipps {
+        desired_speed_mps: 30.0,
+        reaction_s: 1.0,
+        max_accel_mps2: 2.0,
+        plan_brake_mps2: 3.0,
+        leader_brake_mps2: 3.0,
+        min_gap_m: 2.0,
+        max_brake_mps2: 6.0,
+    };
+
+    #[test]
+    fn behind_an_equally_fast_leader_it_settles_where_it_could_stop() {
+        // Equal speeds and brakes: 2 (s − s₀) = 3 v τ, so s = 2 + 1.5 · 20 = 32 m.
+        assert!(GIPPS.accel_mps2(20.0, Some((32.0, 20.0))).abs() < 1e-12);
+        assert!(GIPPS.accel_mps2(20.0, Some((25.0, 20.0))) < -0.5);
+    }
+
+    #[test]
+    fn alone_it_reaches_its_speed_and_no_more() {
+        assert_eq!(GIPPS.accel_mps2(30.0, None), 0.0);
+        assert!(0.0 < GIPPS.accel_mps2(10.0, None));
+        assert_eq!(GIPPS.accel_mps2(20.0, Some((0.0, 0.0))), -6.0);
+    }
+}

@@ -1,0 +1,84 @@
+//! Krauss' car-following model without its dawdling (Krauss 1998), the default
+//! of SUMO.
+//!
+//! The safe speed −b τ + √(b² τ² + v_l² + 2 b s) is the one from which the car
+//! can stop behind its leader if both brake with b; within τ it drives at that
+//! speed, at its desired one, or at what it can reach.
+
+use super::parameters::parameters;
+use super::{Command, Controller, Fault, Percept};
+
+parameters! {
+    /// A follower at the safe speed.
+    pub struct Krauss {
+        /// Speed it drives at on a free road, m/s.
+        desired_speed_mps, at_least 0.1;
+        /// Time until it reacts, τ, s.
+        reaction_s, at_least 0.05;
+        /// Greatest acceleration, m/s².
+        max_accel_mps2, at_least 0.01;
+        /// Braking it plans with for both, b, m/s².
+        plan_brake_mps2, at_least 0.01;
+        /// Clearance at standstill, m.
+        min_gap_m, at_least 0.0;
+        /// Hardest braking it asks for, m/s².
+        max_brake_mps2, at_least 0.0;
+    }
+}
+
+impl Krauss {
+    /// The model's acceleration; `leader` is its clearance and its speed.
+    pub fn accel_mps2(&self, speed_mps: f64, leader: Option<(f64, f64)>) -> f64 {
+        let safe_mps = leader.map_or(f64::INFINITY, |(clearance_m, leader_mps)| {
+            let step_mps = self.plan_brake_mps2 * self.reaction_s;
+            let room_m = (clearance_m - self.min_gap_m).max(0.0);
+            let squares = step_mps * step_mps + leader_mps * leader_mps;
+            (squares + 2.0 * self.plan_brake_mps2 * room_m).sqrt() - step_mps
+        });
+        let wish_mps2 = (safe_mps.min(self.desired_speed_mps) - speed_mps) / self.reaction_s;
+        wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2)
+    }
+}
+
+impl Controller for Krauss {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        let leader = percept.leader();
+        let leader = leader.map(|lead| (lead.headway_m - lead.length_m, lead.speed_mps));
+        let speed_mps = percept.own.speed_mps;
+        Ok(Command::accelerate(self.accel_mps2(speed_mps, leader)))
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        Some(Box::new(self.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KRAUSS: Krauss = Krauss {
+        desired_speed_mps: 30.0,
+        reaction_s: 1.0,
+        max_accel_mps2: 2.0,
+        plan_brake_mps2: 4.5,
+        min_gap_m: 2.0,
+        max_brake_mps2: 6.0,
+    };
+
+    #[test]
+    fn behind_an_equally_fast_leader_it_settles_at_what_it_drives_in_its_reaction_time() {
+        // v = v_safe where 2 b τ v = 2 b (s − s₀): s = 2 + 20 m.
+        assert!(KRAUSS.accel_mps2(20.0, Some((22.0, 20.0))).abs() < 1e-12);
+        assert!(KRAUSS.accel_mps2(20.0, Some((15.0, 20.0))) < -0.5);
+    }
+
+    #[test]
+    fn alone_it_reaches_its_speed_and_no_more() {
+        assert_eq!(KRAUSS.accel_mps2(30.0, None), 0.0);
+        assert_eq!(KRAUSS.accel_mps2(10.0, None), 2.0);
+        assert_eq!(KRAUSS.accel_mps2(20.0, Some((2.0, 0.0))), -6.0);
+    }
+}
