@@ -5,13 +5,12 @@ use super::path::Vertex;
 use super::xml::Element;
 use crate::scene::drive::Agent;
 
-/// An agent with its way; an agent that somebody else drives has no way.
+/// An agent in the scenario.
 pub(super) struct Part<'a> {
     pub agent: &'a Agent,
-    /// All vertices of its way, the first of which is where it begins.
+    /// Its recorded way: all of it is followed, or only its begin is taken.
     pub way: &'a [Vertex],
     pub speed_mps: f64,
-    /// Whether it follows its way, or is handed to another controller.
     pub driver: Driver,
 }
 

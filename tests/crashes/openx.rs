@@ -157,6 +157,27 @@ fn front_bumpers_are_where_they_were_recorded() {
     );
 }
 
+/// What esmini and others move: a box that is consistent with another point
+/// would look right at every sample and turn about the wrong one.
+#[test]
+fn rear_axles_and_the_middles_of_walkers_are_what_moves() {
+    for exported in all() {
+        for agent in &exported.spec().agents {
+            let entity = exported.replay.named("ScenarioObject", "name", &agent.name);
+            let ahead_m = entity.one("Center").number("x");
+            let Some(vehicle) = agent.body.vehicle() else {
+                assert_eq!(ahead_m, 0.0);
+                continue;
+            };
+            let rear_m = vehicle.rear_axle_ahead_m(&agent.body);
+            assert!((ahead_m + rear_m).abs() < 1e-12, "{ahead_m}");
+            assert_eq!(entity.one("RearAxle").number("positionX"), 0.0);
+            let front_m = entity.one("FrontAxle").number("positionX");
+            assert_eq!(front_m, vehicle.wheelbase_m);
+        }
+    }
+}
+
 #[test]
 fn a_replay_ends_at_the_instant_of_the_contact() {
     let mut contacts = 0;
