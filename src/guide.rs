@@ -61,6 +61,10 @@ pub mod files {}
 #[doc = include_str!("../docs/crashes.md")]
 pub mod crashes {}
 
+/// Crashes as OpenSCENARIO and OpenDRIVE.
+#[doc = include_str!("../docs/export.md")]
+pub mod export {}
+
 /// What may and may not be said of a result.
 #[doc = include_str!("../docs/claims.md")]
 pub mod claims {}

@@ -37,6 +37,7 @@ pub mod cli;
 pub mod conformance;
 pub mod ego;
 pub mod guide;
+pub mod openx;
 pub mod preventability;
 pub mod report;
 pub mod rl;

@@ -4,7 +4,11 @@ use std::fmt;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
-use crate::campaign::{CampaignError, IdentifyError, RegressionError, TheoremsError, TrainError};
+use crate::campaign::{
+    CampaignError, ExportRefusal, IdentifyError, NotExported, RegressionError, TheoremsError,
+    TrainError,
+};
+use crate::openx::OpenXError;
 use crate::rl::ConfigError;
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::{LoadError, Problem, ScenarioError, guessed};
@@ -284,6 +288,47 @@ impl From<RegressionError> for Failure {
             }
             other => Failure::fault(other.to_string(), None),
         }
+    }
+}
+
+impl From<Vec<NotExported>> for Failure {
+    fn from(refused: Vec<NotExported>) -> Failure {
+        let cures: Vec<_> = refused.iter().map(|one| cure(&one.why)).collect();
+        // Of several the least counts: 2 before 3 before 4.
+        let exits = cures.iter().map(|(exit, _)| *exit);
+        let exit = exits.min_by_key(|exit| *exit as u8);
+        let notes = refused.iter().zip(cures).map(|(one, (_, help))| Note {
+            what: one.to_string(),
+            help: Some(help.to_owned()),
+            place: None,
+        });
+        Failure {
+            exit: exit.unwrap_or(Exit::Input),
+            notes: notes.collect(),
+        }
+    }
+}
+
+/// What it means for the exit code that nothing was exported, and the cure.
+fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
+    match why {
+        ExportRefusal::OpenX(OpenXError::Grid { .. }) => (
+            Exit::Input,
+            "name counterexamples of driving worlds; `brakecheck view` shows those of grids",
+        ),
+        ExportRefusal::OpenX(OpenXError::NobodyMoves) => (
+            Exit::Input,
+            "such a start fails by itself: begin with more room between the two",
+        ),
+        ExportRefusal::OpenX(OpenXError::Xml(_)) => (Exit::Fault, "please report it"),
+        ExportRefusal::Differs { .. } => (
+            Exit::NotIdentical,
+            "export it with the version that kept it, or search and keep it anew with this one",
+        ),
+        ExportRefusal::Fault(_) => (
+            Exit::Fault,
+            "the others are simulated beyond the contact, where this ego does not run: mend it",
+        ),
     }
 }
 

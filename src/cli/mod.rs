@@ -8,6 +8,7 @@ mod counts;
 mod crashes;
 mod eval;
 mod examples;
+mod export;
 mod failure;
 mod identify;
 mod keep;
@@ -106,6 +107,9 @@ enum Verb {
     /// Write an episode as a recording for the rerun viewer.
     #[command(after_help = examples::VIEW)]
     View(view::ViewArgs),
+    /// Write kept counterexamples as OpenSCENARIO and OpenDRIVE files.
+    #[command(after_help = examples::EXPORT)]
+    Export(export::ExportArgs),
 }
 
 impl Verb {
@@ -122,6 +126,7 @@ impl Verb {
             Verb::Report(args) => args.common.clone(),
             Verb::Reproduce(args) => args.common.clone(),
             Verb::View(args) => args.common(),
+            Verb::Export(args) => args.common(),
         }
     }
 
@@ -168,6 +173,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Report(args) => report::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),
         Verb::View(args) => view::run(&args),
+        Verb::Export(args) => export::run(&args),
     })
 }
 

@@ -13,7 +13,7 @@ mod world;
 
 use std::sync::Arc;
 
-pub use record::{BodySample, Motion};
+pub use record::{BodySample, Motion, Passage};
 pub use world::{Availability, Derived, Dynamics, Observed, World};
 
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,7 @@
 //! What everybody did in an episode, sample by sample.
 
 use super::{Start, Touch};
+use crate::ego::Phase;
 use crate::sim::{BodyCommand, BodyState};
 
 /// One body at one sample.
@@ -24,6 +25,15 @@ pub struct Motion {
     agents: usize,
     /// Sample by sample, everybody in the order of the cast.
     bodies: Vec<BodySample>,
+}
+
+/// The motion of everybody, and what the traffic lights showed meanwhile.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Passage {
+    /// How everybody moved.
+    pub motion: Motion,
+    /// Sample by sample, a phase per light in the order of the world file.
+    pub phases: Vec<Vec<Phase>>,
 }
 
 impl Motion {

@@ -204,6 +204,9 @@ pub trait Plant: Send {
     /// It coasts (a walker keeps walking) until it is commanded. The body must
     /// be valid (see [`Body::validate`]); a walker starts no faster than it can.
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId;
+    /// From now on bodies pass through each other, cleared or not: `advance`
+    /// finds no contact any more, and changes nothing else.
+    fn pass_through(&mut self);
     /// Sets what the body does from now on.
     ///
     /// A command that is not finite, or not of the body's kind, is not obeyed

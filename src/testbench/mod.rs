@@ -17,7 +17,7 @@ use rand::Rng;
 pub use actors::{Actor, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay};
 pub use faults::{Complaint, FaultCount, FaultLog, count_faults};
 pub use gym::{Gym, Spent, Success};
-pub use recording::motion_of;
+pub use recording::{motion_of, passage_of};
 
 use crate::ego::{Command, Fault, FaultKind};
 use crate::preventability::Replayer;

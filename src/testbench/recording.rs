@@ -1,7 +1,7 @@
 //! Everybody's motion, noted while an episode is played.
 
-use super::{Aftermath, Episode, Testbench};
-use crate::scene::{BodySample, Motion, Start};
+use super::{Aftermath, Episode, Testbench, film};
+use crate::scene::{BodySample, Motion, Passage, Start};
 
 /// Notes of the running episode.
 #[derive(Clone, Default)]
@@ -75,4 +75,16 @@ pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
         bench.decide(action);
     }
     bench.motion().cloned()
+}
+
+/// Plays a recorded episode again and returns how everybody moved in it, and
+/// what the traffic lights showed.
+pub fn passage_of(bench: &mut Testbench, episode: &Episode) -> Option<Passage> {
+    bench.record_motion();
+    let frames = film(bench, episode);
+    let phases = frames.into_iter().map(|frame| frame.phases);
+    Some(Passage {
+        motion: bench.motion().cloned()?,
+        phases: phases.collect(),
+    })
 }

@@ -2,12 +2,15 @@
 //! they persist and which of them are the same.
 
 mod distinct;
+mod exporting;
 mod found;
 mod keeping;
+mod openx;
 mod severity;
 mod shrinking;
 mod variations;
 mod why;
+mod xml;
 
 #[track_caller]
 fn near(a: f64, b: f64) {

@@ -288,3 +288,31 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn bodies_that_pass_through_each_other_move_as_if_alone() {
+    for kind in KINDS {
+        let sedan = body("sedan");
+        let drives = |fronts_m: &[f64]| -> Box<dyn Plant> {
+            let mut plant = plant(kind, DRY);
+            plant.pass_through();
+            // A plant that is used again still lets them through.
+            plant.clear(DRY);
+            for front_m in fronts_m {
+                plant.spawn(&sedan, at(*front_m, 0.0, 0.0), 20.0 - front_m);
+            }
+            for _ in 0..40 {
+                assert_eq!(plant.advance(SAMPLE_S, 4), None, "{kind:?}");
+            }
+            plant
+        };
+        let both = drives(&[0.0, 10.0]);
+        for (body, front_m) in [0.0, 10.0].into_iter().enumerate() {
+            let alone = drives(&[front_m]);
+            assert_eq!(both.state(BodyId(body)), alone.state(BodyId(0)));
+        }
+        // Who was behind is ahead now.
+        let front_m = |body: usize| both.state(BodyId(body)).pose.x_m;
+        assert!(front_m(1) + 5.0 < front_m(0), "{kind:?}");
+    }
+}

@@ -7,6 +7,7 @@ mod actions;
 mod bounds;
 mod course;
 mod frozen;
+mod ghost;
 mod layout;
 mod light;
 mod motion;

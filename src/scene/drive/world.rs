@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::course::Course;
 use super::layout::{Layout, SceneError};
 use super::spec::DriveSpec;
 use crate::rl::Spaces;
@@ -23,6 +24,11 @@ impl DriveWorld {
     /// What it was assembled from.
     pub fn spec(&self) -> &DriveSpec {
         &self.0.spec
+    }
+
+    /// The course of lane 0.
+    pub fn course(&self) -> &Course {
+        &self.0.course
     }
 
     /// The published signals.

@@ -33,6 +33,7 @@ pub struct Kinematic {
     /// Paths of the running `advance`, kept to save the allocation.
     paths: Vec<Path>,
     faulty: bool,
+    passing: bool,
 }
 
 impl Kinematic {
@@ -43,10 +44,14 @@ impl Kinematic {
             movers: Vec::new(),
             paths: Vec::new(),
             faulty: false,
+            passing: false,
         }
     }
 
     fn first_contact(&self, dt_s: f64) -> Option<Contact> {
+        if self.passing {
+            return None;
+        }
         let mut first: Option<Contact> = None;
         let mut horizon_s = dt_s;
         for (b, mover_b) in self.movers.iter().enumerate() {
@@ -76,6 +81,10 @@ impl Plant for Kinematic {
         self.movers.clear();
         self.paths.clear();
         self.faulty = false;
+    }
+
+    fn pass_through(&mut self) {
+        self.passing = true;
     }
 
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId {

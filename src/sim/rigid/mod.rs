@@ -36,6 +36,7 @@ pub struct Rigid {
     movers: Vec<Mover>,
     sweeps: Vec<Sweep>,
     faulty: bool,
+    passing: bool,
 }
 
 #[derive(Clone)]
@@ -64,6 +65,7 @@ impl Rigid {
             movers: Vec::new(),
             sweeps: Vec::new(),
             faulty: false,
+            passing: false,
         }
     }
 
@@ -79,6 +81,9 @@ impl Rigid {
     }
 
     fn first_touch(&self) -> Option<FirstTouch> {
+        if self.passing {
+            return None;
+        }
         let mut first: Option<FirstTouch> = None;
         for (b, sweep_b) in self.sweeps.iter().enumerate() {
             for (a, sweep_a) in self.sweeps.iter().enumerate().take(b) {
@@ -118,6 +123,10 @@ impl Plant for Rigid {
         self.movers.clear();
         self.sweeps.clear();
         self.faulty = false;
+    }
+
+    fn pass_through(&mut self) {
+        self.passing = true;
     }
 
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId {

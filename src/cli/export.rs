@@ -1,0 +1,58 @@
+//! `brakecheck export`: kept counterexamples as files for other tools.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::{Common, Exit, Failure, print_json, talk};
+use crate::campaign::{Exports, NotExported, Regressions, export};
+
+#[derive(Args, Debug)]
+pub(super) struct ExportArgs {
+    /// A kept counterexample, a directory of them, or a run directory.
+    #[arg(value_name = "FILE|DIR|RUN")]
+    what: PathBuf,
+    /// The directory to write into; what has the same names there is replaced.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Print one JSON object on stdout instead of a list.
+    #[arg(long)]
+    json: bool,
+    /// Start the program that a kept file names as the ego.
+    #[arg(long)]
+    allow_programs: bool,
+}
+
+impl ExportArgs {
+    pub(super) fn common(&self) -> Common {
+        Common {
+            json: self.json,
+            allow_programs: self.allow_programs,
+            ..Common::default()
+        }
+    }
+}
+
+pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
+    let regressions = Regressions::find(&args.what, None)?.allow_programs(args.allow_programs);
+    let Exports { files, refused } = export(&regressions, &args.output)?;
+    let files: Vec<String> = files.iter().map(|it| it.display().to_string()).collect();
+    match args.json {
+        true => print_json(&json!({
+            "files": files,
+            "refused": refused.iter().map(told).collect::<Vec<_>>(),
+        })),
+        false if files.is_empty() => Ok(()),
+        false => talk::data(&files.join("\n")),
+    }?;
+    match refused.is_empty() {
+        true => Ok(Exit::Done),
+        false => Err(refused.into()),
+    }
+}
+
+fn told(refused: &NotExported) -> serde_json::Value {
+    let file = refused.path.display().to_string();
+    json!({ "file": file, "why": refused.why.to_string() })
+}

@@ -1,0 +1,111 @@
+//! Traffic lights: signals beside the road, and controllers that turn them.
+
+use super::path::sample_time_s;
+use super::stretch::Stretch;
+use super::xml::Element;
+use crate::ego::Phase;
+use crate::scene::Passage;
+use crate::scene::drive::DriveSpec;
+
+/// How much longer than the episode the last phase lasts.
+const LAST_LONGER_S: f64 = 1000.0;
+/// Right of the rightmost lane.
+const BESIDE_M: f64 = 1.0;
+
+/// What OpenDRIVE and OpenSCENARIO both call a light, by its number.
+fn id(light: usize) -> String {
+    (light + 1).to_string()
+}
+
+/// A post at each stop line, for the lanes of the road.
+pub(super) fn signals(spec: &DriveSpec, stretch: Stretch) -> Element {
+    let beside_m = -0.5 * spec.road.lane_width_m() - BESIDE_M;
+    let posts = spec.lights.iter().enumerate().map(|(number, light)| {
+        Element::new("signal")
+            .number("s", stretch.s_m(light.line_m))
+            .number("t", beside_m)
+            .text("id", id(number))
+            .text("name", &light.name)
+            .text("dynamic", "yes")
+            .text("orientation", "+")
+            .number("zOffset", 2.5)
+            // A light with three bulbs, in OpenDRIVE's own catalogue.
+            .text("country", "OpenDRIVE")
+            .text("type", "1000001")
+            .text("subtype", "-1")
+            .number("height", 1.0)
+            .number("width", 0.35)
+    });
+    Element::new("signals").children(posts)
+}
+
+/// One controller per light: the phases that it went through.
+pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> Element {
+    let lights = spec.lights.iter().enumerate();
+    let controllers = lights.map(|(number, light)| {
+        let shown: Vec<Phase> = passage.phases.iter().map(|row| row[number]).collect();
+        let phases = phases(&shown, spec.clock.sample_s).into_iter();
+        let phases = phases.enumerate().map(|(i, (phase, duration_s))| {
+            let state = Element::new("TrafficSignalState")
+                .text("trafficSignalId", id(number))
+                .text("state", bulbs(phase));
+            Element::new("Phase")
+                .text("name", format!("{} {}", i + 1, word(phase)))
+                .number("duration", duration_s)
+                .child(state)
+        });
+        let controller = Element::new("TrafficSignalController").text("name", &light.name);
+        controller.children(phases)
+    });
+    Element::new("TrafficSignals").children(controllers)
+}
+
+/// Phases with their durations, from one phase per sample.
+fn phases(shown: &[Phase], sample_s: f64) -> Vec<(Phase, f64)> {
+    let mut begun: Vec<(Phase, usize)> = Vec::new();
+    for (sample, &phase) in shown.iter().enumerate() {
+        if begun.last().is_none_or(|(last, _)| *last != phase) {
+            begun.push((phase, sample));
+        }
+    }
+    let ends = begun.iter().skip(1).map(|(_, sample)| *sample);
+    let ends: Vec<usize> = ends.chain([shown.len().saturating_sub(1)]).collect();
+    let last = begun.len().saturating_sub(1);
+    let spans = begun.iter().zip(ends).enumerate();
+    let spans = spans.map(|(number, ((phase, from), to))| {
+        let longer_s = if number == last { LAST_LONGER_S } else { 0.0 };
+        (*phase, sample_time_s(to - from, sample_s) + longer_s)
+    });
+    spans.collect()
+}
+
+/// The bulbs from top to bottom: red, yellow, green.
+fn bulbs(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Red => "on;off;off",
+        Phase::Yellow => "off;on;off",
+        Phase::Green => "off;off;on",
+    }
+}
+
+fn word(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Red => "red",
+        Phase::Yellow => "yellow",
+        Phase::Green => "green",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn phases_last_until_the_next_and_the_last_one_longer() {
+        use Phase::{Green, Red, Yellow};
+        let shown = [Green, Green, Yellow, Red, Red, Green];
+        let lasted = [(Green, 0.1), (Yellow, 0.05), (Red, 0.1), (Green, 1000.0)];
+        assert_eq!(phases(&shown, 0.05), lasted);
+        assert_eq!(phases(&[Red], 0.05), [(Red, 1000.0)]);
+    }
+}

@@ -1,0 +1,173 @@
+//! From recorded motions to the vertices of a trajectory.
+
+use core::f64::consts::PI;
+
+use super::xml::Element;
+use crate::scene::Motion;
+use crate::sim::{Body, BodyState};
+
+/// Two instants closer than this are one: no player steps so finely.
+const ONE_INSTANT_S: f64 = 1e-6;
+
+/// Where the reference point of a body is at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Vertex {
+    pub time_s: f64,
+    pub x_m: f64,
+    pub y_m: f64,
+    pub heading_rad: f64,
+}
+
+/// From the front bumper back to the point that OpenSCENARIO moves: the rear
+/// axle of a vehicle, the middle of somebody on foot.
+pub(super) fn reference_behind_front_m(body: &Body) -> f64 {
+    match body.vehicle() {
+        Some(vehicle) => vehicle.wheelbase_m + vehicle.front_overhang_m,
+        None => body.half_length_m(),
+    }
+}
+
+/// The vertices of one agent's trajectory: one per sample, the last at the
+/// contact where there is one.
+///
+/// A motion that ends in a contact shows its instant in the last sample, which
+/// is not at a multiple of the sampling time. Headings are not cut at ±π, so
+/// that whoever interpolates them does not turn the long way round.
+pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64) -> Vec<Vertex> {
+    let behind_m = reference_behind_front_m(body);
+    let mut vertices: Vec<Vertex> = Vec::with_capacity(motion.len());
+    for sample in 0..motion.len() {
+        let is_end = sample + 1 == motion.len() && motion.contact.is_some();
+        let time_s = match is_end {
+            true => motion.end_s,
+            false => sample_time_s(sample, sample_s),
+        };
+        // A contact right behind a sample takes its place.
+        if vertices
+            .last()
+            .is_some_and(|last| time_s < last.time_s + ONE_INSTANT_S)
+        {
+            vertices.pop();
+        }
+        let mut vertex = vertex(&motion.at(sample)[agent].state, time_s, behind_m);
+        if let Some(last) = vertices.last() {
+            let turns = (last.heading_rad - vertex.heading_rad) / (2.0 * PI);
+            vertex.heading_rad += 2.0 * PI * libm::round(turns);
+        }
+        vertices.push(vertex);
+    }
+    vertices
+}
+
+fn vertex(state: &BodyState, time_s: f64, behind_m: f64) -> Vertex {
+    let pose = &state.pose;
+    let (sin, cos) = libm::sincos(pose.heading_rad);
+    Vertex {
+        time_s,
+        x_m: pose.x_m - behind_m * cos,
+        y_m: pose.y_m - behind_m * sin,
+        heading_rad: pose.heading_rad,
+    }
+}
+
+/// The time of a sample: i · dt; rounding hides the dust of binary fractions.
+pub(super) fn sample_time_s(sample: usize, sample_s: f64) -> f64 {
+    (sample as f64 * sample_s * 1e9).round() / 1e9
+}
+
+impl Vertex {
+    /// Its place as a `Position`.
+    pub fn position(&self) -> Element {
+        let place = Element::new("WorldPosition")
+            .number("x", self.x_m)
+            .number("y", self.y_m)
+            .number("z", 0.0)
+            .number("h", self.heading_rad)
+            .number("p", 0.0)
+            .number("r", 0.0);
+        Element::new("Position").child(place)
+    }
+
+    /// Itself, in a line of its own.
+    pub fn element(&self) -> Element {
+        let vertex = Element::new("Vertex").number("time", self.time_s);
+        vertex.child(self.position()).on_one_line()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{BodySample, Start, Touch};
+    use crate::sim::Pose;
+
+    fn sample(heading_rad: f64) -> BodySample {
+        let pose = Pose {
+            heading_rad,
+            ..Pose::default()
+        };
+        let state = BodyState {
+            pose,
+            ..BodyState::default()
+        };
+        BodySample {
+            state,
+            command: None,
+        }
+    }
+
+    fn turning(headings_rad: &[f64], contact_s: Option<f64>) -> Vec<Vertex> {
+        let mut motion = Motion::new(Start(Vec::new()), &[sample(headings_rad[0])]);
+        for heading_rad in &headings_rad[1..] {
+            motion.push(&[sample(*heading_rad)]);
+        }
+        motion.contact = contact_s.map(|time_s| Touch {
+            between: ("a".to_owned(), "b".to_owned()),
+            time_s,
+            closing_speed_mps: 1.0,
+            point_m: [0.0; 3],
+            impact: None,
+        });
+        motion.end_s = contact_s.unwrap_or(0.0);
+        let body = Body::shipped("sedan").expect("shipped").expect("a body");
+        vertices(&motion, 0, &body, 0.05)
+    }
+
+    #[test]
+    fn the_rear_axle_is_what_moves() {
+        let body = Body::shipped("sedan").expect("shipped").expect("a body");
+        let vehicle = body.vehicle().expect("a vehicle");
+        let front = BodyState {
+            pose: Pose {
+                x_m: 10.0,
+                y_m: 2.0,
+                heading_rad: 0.5 * PI,
+            },
+            ..BodyState::default()
+        };
+        let rear = vertex(&front, 0.0, reference_behind_front_m(&body));
+        assert!((rear.x_m - 10.0).abs() < 1e-12);
+        let expected_m = 2.0 - vehicle.wheelbase_m - vehicle.front_overhang_m;
+        assert!((rear.y_m - expected_m).abs() < 1e-12);
+    }
+
+    #[test]
+    fn headings_go_on_beyond_a_half_turn() {
+        let turned = turning(&[3.1, -3.1, -2.9, 3.0], None);
+        let headings = turned.iter().map(|vertex| vertex.heading_rad);
+        let steps: Vec<f64> = headings.collect();
+        assert!(steps.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 1.0));
+    }
+
+    #[test]
+    fn the_last_vertex_is_at_the_contact() {
+        let times = |contact_s| -> Vec<f64> {
+            let crashed = turning(&[0.0; 3], contact_s);
+            crashed.iter().map(|vertex| vertex.time_s).collect()
+        };
+        assert_eq!(times(Some(0.0625)), [0.0, 0.05, 0.0625]);
+        assert_eq!(times(None), [0.0, 0.05, 0.1]);
+        // At the sample itself there is one vertex, not two.
+        assert_eq!(times(Some(0.05)), [0.0, 0.05]);
+    }
+}

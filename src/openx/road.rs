@@ -1,0 +1,184 @@
+//! The road as OpenDRIVE: one road, as long as the episode needs it.
+//!
+//! Its reference line is the course of lane 0, which is the world frame of the
+//! trace on a straight road: so t is `lateral`, and s is `s` plus a constant.
+//! OpenDRIVE numbers lanes from the reference line to the right, so the line is
+//! shifted to the left edge: brakecheck's lane k of n is lane −(n − k).
+
+use super::lights;
+use super::origin::{AUTHOR, DATE};
+use super::stretch::Stretch;
+use super::xml::Element;
+use crate::ego::RoadPiece;
+use crate::scene::drive::{Course, DriveWorld, Road};
+
+/// The whole file.
+pub(super) fn document(name: &str, world: &DriveWorld, stretch: Stretch) -> Element {
+    let spec = world.spec();
+    let header = Element::new("header")
+        .text("revMajor", "1")
+        .text("revMinor", "7")
+        .text("name", name)
+        .text("version", "1.00")
+        .text("date", DATE)
+        .text("vendor", AUTHOR);
+    let mut road = Element::new("road")
+        .text("name", &spec.world)
+        .number("length", stretch.to_s_m - stretch.from_s_m)
+        .text("id", "1")
+        .text("junction", "-1")
+        .text("rule", "RHT");
+    if let Some(limit_mps) = spec.road.speed_limit_mps() {
+        road = road.child(speed_limit(limit_mps));
+    }
+    road = road
+        .child(plan_view(world.course(), stretch))
+        .child(lanes(&spec.road));
+    if !spec.lights.is_empty() {
+        road = road.child(lights::signals(spec, stretch));
+    }
+    Element::new("OpenDRIVE").child(header).child(road)
+}
+
+fn speed_limit(limit_mps: f64) -> Element {
+    let speed = Element::new("speed")
+        .number("max", limit_mps)
+        .text("unit", "m/s");
+    let kind = Element::new("type")
+        .number("s", 0.0)
+        .text("type", "unknown");
+    kind.child(speed)
+}
+
+/// The course, piece by piece.
+fn plan_view(course: &Course, stretch: Stretch) -> Element {
+    let geometries = geometries(course, stretch).into_iter().map(|piece| {
+        let begin = course.pose(piece.from_s_m, 0.0);
+        let shape = match piece.curvature_per_m == 0.0 {
+            true => Element::new("line"),
+            false => Element::new("arc").number("curvature", piece.curvature_per_m),
+        };
+        Element::new("geometry")
+            .number("s", stretch.s_m(piece.from_s_m))
+            .number("x", begin.x_m)
+            .number("y", begin.y_m)
+            .number("hdg", begin.heading_rad)
+            .number("length", piece.length_m)
+            .child(shape)
+    });
+    Element::new("planView").children(geometries)
+}
+
+/// The pieces of the course between straight ends; neighbours of one curvature
+/// are one, as tangents agree where pieces meet.
+fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
+    let line = |from_s_m: f64, to_s_m: f64| RoadPiece {
+        from_s_m,
+        length_m: to_s_m - from_s_m,
+        curvature_per_m: 0.0,
+    };
+    let pieces = course.pieces();
+    let end_m = |piece: &RoadPiece| piece.from_s_m + piece.length_m;
+    let begin_s_m = pieces
+        .first()
+        .map_or(stretch.to_s_m, |first| first.from_s_m);
+    let end_s_m = pieces.last().map_or(stretch.to_s_m, end_m);
+    let mut all = vec![line(stretch.from_s_m, begin_s_m)];
+    all.extend(pieces);
+    all.push(line(end_s_m, stretch.to_s_m));
+    all.retain(|piece| 0.0 < piece.length_m);
+    let mut merged: Vec<RoadPiece> = Vec::with_capacity(all.len());
+    for piece in all {
+        match merged.last_mut() {
+            Some(last) if last.curvature_per_m == piece.curvature_per_m => {
+                last.length_m = end_m(&piece) - last.from_s_m;
+            }
+            _ => merged.push(piece),
+        }
+    }
+    merged
+}
+
+fn lanes(road: &Road) -> Element {
+    let (count, width_m) = (road.lanes(), road.lane_width_m());
+    let offset = polynomial(Element::new("laneOffset").number("s", 0.0), {
+        (count as f64 - 0.5) * width_m
+    });
+    let centre = lane(0, "none").child(road_mark("solid"));
+    let right = (1..=count).map(|number| {
+        let border = match number == count {
+            true => "solid",
+            false => "broken",
+        };
+        let width = polynomial(Element::new("width").number("sOffset", 0.0), width_m);
+        let lane = lane(-(number as i64), "driving");
+        lane.child(width).child(road_mark(border))
+    });
+    let section = Element::new("laneSection")
+        .number("s", 0.0)
+        .child(Element::new("center").child(centre))
+        .child(Element::new("right").children(right));
+    Element::new("lanes").child(offset).child(section)
+}
+
+fn lane(id: i64, kind: &str) -> Element {
+    let lane = Element::new("lane").text("id", id.to_string());
+    lane.text("type", kind).text("level", "false")
+}
+
+/// A cubic that is constant.
+fn polynomial(element: Element, value: f64) -> Element {
+    let constant = element.number("a", value);
+    ["b", "c", "d"]
+        .into_iter()
+        .fold(constant, |element, name| element.number(name, 0.0))
+}
+
+fn road_mark(kind: &str) -> Element {
+    Element::new("roadMark")
+        .number("sOffset", 0.0)
+        .text("type", kind)
+        .text("weight", "standard")
+        .text("color", "standard")
+        .number("width", 0.12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::drive::Piece;
+
+    fn laid(pieces: Vec<Piece>) -> Vec<(f64, f64, f64)> {
+        let road = Road::Curved {
+            lanes: 1,
+            lane_width_m: 3.5,
+            friction: 0.9,
+            speed_limit_mps: None,
+            pieces,
+        };
+        let stretch = Stretch {
+            from_s_m: -50.0,
+            to_s_m: 300.0,
+        };
+        let course = road.course().expect("a course");
+        let laid = geometries(&course, stretch).into_iter();
+        let laid = laid.map(|it| (it.from_s_m, it.length_m, it.curvature_per_m));
+        laid.collect()
+    }
+
+    #[test]
+    fn lines_that_touch_are_one() {
+        let (line, arc) = (
+            Piece::Line { length_m: 40.0 },
+            Piece::Arc {
+                length_m: 20.0,
+                radius_m: 50.0,
+            },
+        );
+        assert_eq!(
+            laid(vec![line, line, arc, arc, line]),
+            [(-50.0, 130.0, 0.0), (80.0, 40.0, 0.02), (120.0, 180.0, 0.0)]
+        );
+        assert_eq!(laid(vec![line]), [(-50.0, 350.0, 0.0)]);
+    }
+}

@@ -1,0 +1,130 @@
+//! Elements as text: a tree in memory, written by quick-xml.
+
+use std::io;
+
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
+
+/// An element with its attributes and children, in the order they were added.
+#[derive(Clone, Debug)]
+pub(super) struct Element {
+    name: &'static str,
+    attributes: Vec<(&'static str, String)>,
+    children: Vec<Element>,
+    on_one_line: bool,
+}
+
+impl Element {
+    /// An element that holds nothing yet.
+    pub fn new(name: &'static str) -> Element {
+        Element {
+            name,
+            attributes: Vec::new(),
+            children: Vec::new(),
+            on_one_line: false,
+        }
+    }
+
+    /// With a text as an attribute; XML has no control characters.
+    pub fn text(mut self, name: &'static str, value: impl AsRef<str>) -> Element {
+        let value = value.as_ref().replace(char::is_control, " ");
+        self.attributes.push((name, value));
+        self
+    }
+
+    /// With a number as an attribute.
+    pub fn number(self, name: &'static str, value: f64) -> Element {
+        self.text(name, number(value))
+    }
+
+    /// With a child behind those that are there.
+    pub fn child(mut self, child: Element) -> Element {
+        self.children.push(child);
+        self
+    }
+
+    /// With children behind those that are there.
+    pub fn children(mut self, children: impl IntoIterator<Item = Element>) -> Element {
+        self.children.extend(children);
+        self
+    }
+
+    /// With all that is in it on its own line.
+    pub fn on_one_line(mut self) -> Element {
+        self.on_one_line = true;
+        self
+    }
+
+    /// The document of which this is the root.
+    pub fn document(&self) -> io::Result<String> {
+        let mut writer = Writer::new(Vec::new());
+        writer.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+        self.write(&mut writer, Some(0))?;
+        writer.write_event(Event::Text(BytesText::new("\n")))?;
+        String::from_utf8(writer.into_inner()).map_err(io::Error::other)
+    }
+
+    /// `depth`: how far its line is indented; none: it goes on with the line.
+    fn write(&self, writer: &mut Writer<Vec<u8>>, depth: Option<usize>) -> io::Result<()> {
+        begin_line(writer, depth)?;
+        let mut start = BytesStart::new(self.name);
+        for (name, value) in &self.attributes {
+            start.push_attribute((*name, value.as_str()));
+        }
+        if self.children.is_empty() {
+            return writer.write_event(Event::Empty(start));
+        }
+        writer.write_event(Event::Start(start))?;
+        let within = depth.filter(|_| !self.on_one_line);
+        for child in &self.children {
+            child.write(writer, within.map(|depth| depth + 1))?;
+        }
+        begin_line(writer, within)?;
+        writer.write_event(Event::End(BytesEnd::new(self.name)))
+    }
+}
+
+fn begin_line(writer: &mut Writer<Vec<u8>>, depth: Option<usize>) -> io::Result<()> {
+    let Some(depth) = depth else { return Ok(()) };
+    let indent = format!("\n{}", "  ".repeat(depth));
+    writer.write_event(Event::Text(BytesText::new(&indent)))
+}
+
+/// A number in its shortest form that reads back bit for bit, never with an
+/// exponent; 0 has no sign.
+pub(super) fn number(value: f64) -> String {
+    (value + 0.0).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_would_disturb_a_document_is_escaped() {
+        let rule = Element::new("Rule").text("name", "a < b & \"c\"\nd");
+        let root = Element::new("Root").child(rule);
+        let text = root.document().expect("in memory");
+        let expected = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<Root>\n  \
+            <Rule name=\"a &lt; b &amp; &quot;c&quot; d\"/>\n</Root>\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn numbers_are_short_and_plain() {
+        let shown = [-0.0, 5.0, 0.1 + 0.2, -1e-9].map(number);
+        assert_eq!(shown, ["0", "5", "0.30000000000000004", "-0.000000001"]);
+    }
+
+    #[test]
+    fn vertices_stand_on_one_line() {
+        let position = Element::new("Position").child(Element::new("World").number("x", 1.0));
+        let vertex = Element::new("Vertex").child(position).on_one_line();
+        let text = Element::new("All").child(vertex).document();
+        let text = text.expect("in memory");
+        assert!(
+            text.contains("\n  <Vertex><Position><World x=\"1\"/></Position></Vertex>\n"),
+            "{text}"
+        );
+    }
+}

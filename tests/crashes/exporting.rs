@@ -1,0 +1,107 @@
+//! What is exported and what is refused, and egos that nobody here wrote.
+
+use std::sync::Arc;
+
+use brakecheck::campaign::{ExportRefusal, Regressions, export, openx};
+use brakecheck::ego::{Command, Controller, Fault, Percept};
+use brakecheck::openx::OpenXError;
+use brakecheck::run::Counterexample;
+use brakecheck::scenario::{Change, Scenario};
+use brakecheck::scene::Start;
+use brakecheck::testbench::{Aftermath, Constant, play};
+
+use super::openx::{all, regressions, way};
+use super::xml::Node;
+
+#[test]
+fn equal_crashes_give_equal_bytes() {
+    let exported = &all()[0];
+    let alone = Regressions::load(&exported.kept.path).unwrap();
+    let directory = tempfile::tempdir().unwrap();
+    let again = export(&alone, directory.path()).unwrap();
+    let texts = &exported.texts;
+    let texts = [&texts.road, &texts.replay, &texts.external];
+    assert_eq!(again.files.len(), texts.len());
+    for (file, text) in again.files.iter().zip(texts) {
+        let written = std::fs::read_to_string(file).unwrap();
+        assert!(written == *text, "{}", file.display());
+    }
+}
+
+#[test]
+fn grids_and_what_replays_otherwise_are_refused() {
+    let grid = regressions().join("grid-hard-nominal-cells-0-0000.ron");
+    let directory = tempfile::tempdir().unwrap();
+    let refused = export(&Regressions::load(grid).unwrap(), directory.path()).unwrap();
+    assert!(refused.files.is_empty());
+    let told = refused.refused[0].to_string();
+    assert!(
+        told.contains("grid-hard-nominal-cells-0-0000.ron"),
+        "{told}"
+    );
+    assert!(told.contains("the grid world `grid_hard`"), "{told}");
+    let why = &refused.refused[0].why;
+    assert!(matches!(why, ExportRefusal::OpenX(OpenXError::Grid { .. })));
+    // Kept by a program that saw another sample.
+    let kept = &all()[0].kept;
+    let changed = Counterexample {
+        digests: kept.counterexample.digests.replacen('0', "1", 1),
+        ..kept.counterexample.clone()
+    };
+    let file = directory.path().join("changed.ron");
+    changed.save(&file, &all()[0].trace).unwrap();
+    let refused = export(&Regressions::load(&file).unwrap(), directory.path()).unwrap();
+    assert!(refused.files.is_empty());
+    assert!(matches!(
+        refused.refused[0].why,
+        ExportRefusal::Differs { .. }
+    ));
+    let told = refused.refused[0].to_string();
+    assert!(
+        told.contains("differs from what was recorded, at sample"),
+        "{told}"
+    );
+}
+
+/// Keeps its speed, and nobody here wrote it.
+struct Coasting;
+
+impl Controller for Coasting {
+    fn reset(&mut self, _seed: u64) {}
+
+    fn control(&mut self, _percept: &Percept) -> Result<Command, Fault> {
+        Ok(Command::default())
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        None
+    }
+}
+
+#[test]
+fn an_ego_that_nobody_here_wrote_coasts_beyond_its_last_command() {
+    let world = Scenario::parse("acc.ron", include_str!("../../worlds/acc.ron")).unwrap();
+    let coasting = || Box::new(Coasting) as Box<dyn Controller>;
+    let world = world.with_ego("coasting", Arc::new(coasting));
+    let start = Start(vec![15.0, 20.0, 10.0]);
+    let mut ado = Constant(1);
+    let episode = play(&mut world.bench(), &start, 0, &mut ado, Aftermath::Play);
+    let contact_s = episode.contact.as_ref().expect("a crash").time_s;
+    let kept = Counterexample::record(&world, "coasting", &Change::default(), "constant", &episode);
+    assert!(kept.ego_commands.len() < world.world().clock().samples() - 1);
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("own.ron");
+    kept.save(&file, &episode.trace).unwrap();
+    let replayed = Regressions::load(&file).unwrap().replay_recorded().unwrap();
+    let texts = openx(
+        &replayed[0].scenario,
+        &replayed[0].episode,
+        "own",
+        "coasting",
+    )
+    .unwrap();
+    let replay = way(&Node::read(&texts.replay), "ego");
+    assert!((replay.last().unwrap()[0] - contact_s).abs() < 1e-9);
+    let external = way(&Node::read(&texts.external), "ado");
+    assert!((external.last().unwrap()[0] - 15.0).abs() < 1e-9);
+}
