@@ -121,3 +121,55 @@ fn counts(row: &Row, most: usize) -> [usize; 2] {
     let evaluated = first().filter(|it| it.score().is_some()).count();
     [solved, evaluated]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tested(ego: &str, ado: &str, solved: &str) -> Tested {
+        let successes = solved.matches('1').count();
+        let trained = ado == "trained";
+        let row = serde_json::json!({
+            "world": "acc", "plant": "Kinematic", "judge": "UntilViolation", "ego": ego,
+            "ado": ado, "method": "some", "train_seed": trained.then_some(0), "start_seed": 0,
+            "starts": solved.len(), "trivial": 0, "successes": successes,
+            "success_rate": successes as f64 / solved.len() as f64, "ci95": [0.0, 1.0],
+            "foul_rate": 0.0, "contact_rate": 0.0, "invalid": 0, "sims_per_start": 1.0,
+            "physics_steps": 0, "cpu_s": 0.0, "solved": solved,
+        });
+        let row = serde_json::from_value(row).expect("a row");
+        Tested { row, why: None }
+    }
+
+    #[test]
+    fn rows_are_sorted_and_say_where_a_baseline_is_better() {
+        let rows = [
+            tested("wet", "hold", "1100"),
+            tested("wet", "trained", "1000"),
+            tested("soft", "hold", "0000"),
+            tested("soft", "trained", "1110"),
+            tested("nominal", "hold", "01"),
+            // Of more starts: compared on those that both met.
+            tested("nominal", "trained", "1100"),
+        ];
+        let sorted = sorted(&rows);
+        let order: Vec<(&str, &str)> = sorted
+            .iter()
+            .map(|it| (it.row.ego.as_str(), it.row.ado.as_str()))
+            .collect();
+        let expected = [
+            ("nominal", "hold"),
+            ("nominal", "trained"),
+            ("soft", "trained"),
+            ("soft", "hold"),
+            ("wet", "hold"),
+            ("wet", "trained"),
+        ];
+        assert_eq!(order, expected);
+        let words = in_words(&sorted);
+        let beaten =
+            "On wet the baseline hold (some) beats the trained ado: 2 of 4 starts against 1.";
+        assert_eq!(words, [beaten]);
+        assert!(in_words(&sorted[..2]).concat().contains("no baseline"));
+    }
+}

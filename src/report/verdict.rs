@@ -44,6 +44,9 @@ fn what(scenario: &Scenario, example: &Example) -> String {
     let Some(touch) = &example.episode.contact else {
         return without_contact(scenario, example);
     };
+    if scenario.grid().is_some() {
+        return format!("The ado caught the ego after {:.0} s", touch.time_s);
+    }
     let speed = format!("at {:.1} m/s", touch.closing_speed_mps);
     let (one, other) = &touch.between;
     let cast = scenario.bench().stage().cast;

@@ -55,7 +55,7 @@ impl Words {
         let room = WIDTH - RIGHT - 4.0 - width(word) - LEFT - 4.0;
         let places = (0..=TRIED).flat_map(|nth| {
             let x = LEFT + 4.0 + room.max(0.0) * nth as f64 / TRIED as f64;
-            [(x, y - 3.0), (x, y + LINE)]
+            [(x, y - 5.0), (x, y + LINE)]
         });
         self.put(word, places, "word");
     }

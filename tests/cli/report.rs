@@ -8,7 +8,7 @@ use brakecheck::scenario::Scenario;
 use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
 
 /// Elements of HTML that have no end.
-const VOID: [&str; 3] = ["meta", "br", "!DOCTYPE"];
+const VOID: [&str; 4] = ["meta", "br", "input", "!DOCTYPE"];
 
 /// Asserts that every element ends where it should; returns their names.
 fn well_formed(text: &str) -> Vec<String> {

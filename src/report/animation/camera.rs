@@ -47,7 +47,10 @@ pub(super) struct Camera<'a> {
 impl<'a> Camera<'a> {
     /// The camera at a sample: everybody who matters is in the picture, as long
     /// as the ego stays large enough; else the ego is, and what lies its way.
-    pub fn of(film: &Film, i: usize, (ego, ego_m): (usize, f64), canvas: &'a Canvas) -> Camera<'a> {
+    ///
+    /// `ego` is who that is and how long; `None`: everything fits, whatever size
+    /// it gets.
+    pub fn of(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &'a Canvas) -> Camera<'a> {
         let focus = film.focus[i];
         let [width_px, height_px] = canvas.size_px;
         let height_px = height_px - canvas.foot_px;
@@ -55,16 +58,25 @@ impl<'a> Camera<'a> {
         let fits = [0, 1].map(|axis| {
             (room_px[axis] - 2.0 * canvas.margin_px[axis]) / focus.size_m[axis].max(0.1)
         });
-        let scale = fits[0]
-            .min(fits[1])
+        let scale = fits[0].min(fits[1]);
+        let Some((ego, ego_m)) = ego else {
+            return Camera {
+                canvas,
+                scale,
+                centre_m: focus.centre_m,
+                turn_rad: film.turn_rad,
+            };
+        };
+        let scale = scale
             .min(height_px / canvas.least_height_m)
             .max(canvas.ego_px / ego_m);
         let track = &film.tracks[ego];
         let own_m = film.turned(track.x_m[i], track.y_m[i]);
         let centre_m = [0, 1].map(|axis| {
             // So far from the middle the ego may be.
-            let reach_m = 0.5 * room_px[axis] / scale - canvas.margin_px[axis].min(40.0) / scale;
-            let reach_m = (reach_m - 0.5 * ego_m).max(0.0);
+            let margin_px = canvas.margin_px[axis].min(40.0);
+            let reach_m = (0.5 * room_px[axis] - margin_px) / scale - 0.5 * ego_m;
+            let reach_m = reach_m.max(0.0);
             focus.centre_m[axis].clamp(own_m[axis] - reach_m, own_m[axis] + reach_m)
         });
         Camera {

@@ -71,15 +71,18 @@ impl Film {
         let tracks: Vec<Track> = (0..stage.cast.len()).map(track).collect();
         let lights = 0..stage.lights.len();
         let phases = lights.map(|light| kept.iter().map(|i| frames[*i].phases[light]).collect());
-        let turn_rad = turn(stage, &tracks);
         let mut film = Film {
             phases: phases.collect(),
             focus: Vec::new(),
             times_s,
             tracks,
-            turn_rad,
+            turn_rad: 0.0,
         };
-        film.focus = film.steady(film.looked_at(stage, episode));
+        film.turn_rad = film.turn(stage, episode);
+        film.focus = match is_on_cells(stage) {
+            true => film.whole_map(stage),
+            false => film.steady(film.looked_at(stage, episode)),
+        };
         film
     }
 
@@ -110,6 +113,28 @@ impl Film {
         ]
     }
 
+    /// The picture's direction: the ego's when the verdict falls, unless it is
+    /// nearly along x.
+    fn turn(&self, stage: &Stage, episode: &Episode) -> f64 {
+        let headings = &self.tracks[ego_of(stage)].heading_rad;
+        let heading_rad = headings.get(self.at(judged_s(episode))).copied();
+        match heading_rad {
+            Some(heading_rad) if STRAIGHT_RAD <= heading_rad.abs() => heading_rad,
+            _ => 0.0,
+        }
+    }
+
+    /// All cells, at every sample.
+    fn whole_map(&self, stage: &Stage) -> Vec<Focus> {
+        let places = stage.lane_borders_m.iter().flatten();
+        let side_m = places.map(|place| place[0]).fold(0.0, f64::max);
+        let whole = Focus {
+            centre_m: [0.5 * side_m; 2],
+            size_m: [side_m; 2],
+        };
+        vec![whole; self.times_s.len()]
+    }
+
     /// How far the middles of two are apart at a sample.
     fn apart_m(&self, one: usize, other: usize, i: usize) -> f64 {
         let (one, other) = (&self.tracks[one], &self.tracks[other]);
@@ -120,8 +145,7 @@ impl Film {
     /// when the verdict falls.
     pub fn met(&self, stage: &Stage, episode: &Episode) -> Option<usize> {
         let ego = ego_of(stage);
-        let judged_s = episode.judged.saturating_sub(1) as f64 * episode.trace.dt_s();
-        let i = self.at(judged_s);
+        let i = self.at(judged_s(episode));
         let others = (0..self.tracks.len()).filter(|who| *who != ego);
         let nearest = others.min_by(|a, b| {
             let apart_m = |who: &usize| self.apart_m(ego, *who, i);
@@ -210,6 +234,11 @@ impl Track {
     }
 }
 
+/// When the verdict falls.
+fn judged_s(episode: &Episode) -> f64 {
+    episode.judged.saturating_sub(1) as f64 * episode.trace.dt_s()
+}
+
 /// The ego's place in the cast.
 pub(super) fn ego_of(stage: &Stage) -> usize {
     let is_ego = |cast: &crate::scene::Cast| cast.role == Role::Ego;
@@ -229,14 +258,9 @@ pub(super) fn met_by_ego(stage: &Stage, episode: &Episode) -> Option<usize> {
     }
 }
 
-/// The picture's direction: the ego's at the end, unless it is nearly along x.
-fn turn(stage: &Stage, tracks: &[Track]) -> f64 {
-    let headings = &tracks[ego_of(stage)].heading_rad;
-    let end_rad = headings.last().copied().unwrap_or(0.0);
-    match end_rad.abs() < STRAIGHT_RAD {
-        true => 0.0,
-        false => end_rad,
-    }
+/// Whether the world is cells, not a road.
+pub(super) fn is_on_cells(stage: &Stage) -> bool {
+    stage.cast.iter().any(|cast| cast.body == "cell")
 }
 
 /// The angle about the vertical of a quaternion (x, y, z, w).

@@ -7,7 +7,7 @@ use super::write::n;
 use crate::scene::Stage;
 
 /// Width of a letter, height of a line, room around: play.js has the same.
-const LETTER_PX: f64 = 6.7;
+const LETTER_PX: f64 = 7.4;
 const LINE_PX: f64 = 15.0;
 const ROOM_PX: f64 = 6.0;
 /// Above this there are clock and event.

@@ -6,8 +6,9 @@ use maud::{Markup, html};
 use super::ground::phase_word;
 use super::picture::Picture;
 
-/// A stretch that takes less of the whole than this has no room for words.
-const LEAST_SHARE: f64 = 0.14;
+/// What a letter takes of a lane on a wide screen; where words do not fit,
+/// there are none.
+const LETTER_SHARE: f64 = 0.0068;
 
 /// One stretch of a lane.
 struct Stretch<'a> {
@@ -45,9 +46,10 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
 
 fn stretch(end_s: f64, it: &Stretch<'_>) -> Markup {
     let share = (it.until_s - it.from_s) / end_s;
+    let room = LETTER_SHARE * (it.words.chars().count() + 2) as f64;
     let title = format!("{:.2} to {:.2} s: {}", it.from_s, it.until_s, it.words);
     html! {
-        span class=(it.class) style=(format!("width:{:.2}%", 100.0 * share)) title=(title) { @if LEAST_SHARE < share { (it.words) } }
+        span class=(it.class) style=(format!("width:{:.2}%", 100.0 * share)) title=(title) { @if room < share { (it.words) } }
     }
 }
 

@@ -55,15 +55,18 @@ pub(super) fn animation(
                 (picture.screen(&verdict.sentence()))
                 p class="clock" { (format!("{:.2} s", picture.still_s())) }
                 @match event {
+                    Some(_) if picture.on_cells => { p class="event k-contact" { "Caught" } }
                     Some(touch) => { p class="event k-contact" { "Contact at " (format!("{:.1}", touch.closing_speed_mps)) " m/s" } }
                     None => { p class="event k-broken" { "Requirement broken: " (picture.broken) } }
                 }
                 p class="ending" { (verdict.sentence()) }
             }
             div class="deck" {
-                button type="button" class="play" aria-label="Play" { "▶" }
+                div {
+                    button type="button" class="play" aria-label="Play" { "▶" }
+                    button type="button" class="rate" aria-label="Speed" { "1×" }
+                }
                 input type="range" min="0" max="1000" value="1000" step="any" aria-label="Time";
-                button type="button" class="rate" aria-label="Speed" { "1×" }
             }
             (lanes::lanes(&picture))
             div class="strip" { @for moment in &picture.moments { (picture.thumb(moment)) } }

@@ -48,7 +48,10 @@ pub(super) fn moments(
         "k-broken",
     ));
     moments.extend(example.episode.contact.as_ref().map(|touch| {
-        let words = format!("contact, {:.1} m/s", touch.closing_speed_mps);
+        let words = match scenario.grid() {
+            Some(_) => "caught".to_owned(),
+            None => format!("contact, {:.1} m/s", touch.closing_speed_mps),
+        };
         moment(touch.time_s, words, "k-contact")
     }));
     moments.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -72,7 +75,9 @@ pub(super) fn violated_s(scenario: &Scenario, example: &Example) -> f64 {
         now.is_violated()
     });
     let sample = lost.unwrap_or(judged.saturating_sub(1));
-    sample as f64 * trace.dt_s()
+    let contact_s = episode.contact.as_ref().map(|touch| touch.time_s);
+    // The last row of a run that ends by contact is of that instant.
+    (sample as f64 * trace.dt_s()).min(contact_s.unwrap_or(f64::INFINITY))
 }
 
 /// What the ados do from a time on; who does nothing is not named.

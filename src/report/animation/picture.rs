@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::bodies::{body, colour_class};
 use super::camera::{Camera, Canvas, SCREEN, THUMB};
-use super::film::{Film, ego_of};
+use super::film::{Film, ego_of, is_on_cells};
 use super::ground::{cells, lights, road, trails};
 use super::labels::{drawn, labels};
 use super::moments::{Moment, moments, violated_s};
@@ -54,7 +54,7 @@ impl<'a> Picture<'a> {
             moves,
             violated_s: violated_s(scenario, example),
             broken: why.map(|why| why.leaf.clone()).unwrap_or_default(),
-            on_cells: scenario.grid().is_some(),
+            on_cells: is_on_cells(&stage),
             stage,
             film,
             id,
@@ -74,7 +74,8 @@ impl<'a> Picture<'a> {
     }
 
     fn camera<'c>(&self, i: usize, canvas: &'c Canvas) -> Camera<'c> {
-        Camera::of(&self.film, i, self.ego(), canvas)
+        let ego = (!self.on_cells).then(|| self.ego());
+        Camera::of(&self.film, i, ego, canvas)
     }
 
     /// The large still, whose parts play.js moves.

@@ -42,17 +42,19 @@ for (const figure of document.querySelectorAll(".film")) {
     const margin = wide ? [120, 62] : [40, 62];
     const room = [width, height - foot];
     const [u, v, w, h] = film.focus.map((list) => between(list, at));
+    const fits = [(room[0] - 2 * margin[0]) / Math.max(w, 0.1), (room[1] - 2 * margin[1]) / Math.max(h, 0.1)];
+    const view = (scale, centre) => ({ room, scale, centre, to: ([a, b]) => [
+      0.5 * room[0] + (a - centre[0]) * scale, 0.5 * room[1] - (b - centre[1]) * scale] });
+    if (film.cells) return view(Math.min(...fits), [u, v]);
     const own = poses[film.ego];
     const length = film.bodies[film.ego].size[0];
     const least = (wide ? Math.max(60, width / 18) : 40) / length;
-    const scale = Math.max(least, Math.min(
-      (room[0] - 2 * margin[0]) / Math.max(w, 0.1), (room[1] - 2 * margin[1]) / Math.max(h, 0.1), room[1] / 8.5));
+    const scale = Math.max(least, Math.min(...fits, room[1] / 8.5));
     const centre = [u, v].map((middle, axis) => {
       const reach = Math.max(0, (0.5 * room[axis] - Math.min(margin[axis], 40)) / scale - 0.5 * length);
       return clamp(middle, own.at[axis] - reach, own.at[axis] + reach);
     });
-    return { room, scale, centre, to: ([a, b]) => [
-      0.5 * room[0] + (a - centre[0]) * scale, 0.5 * room[1] - (b - centre[1]) * scale] };
+    return view(scale, centre);
   }
 
   function words(who, pose, inside) {
@@ -72,7 +74,7 @@ for (const figure of document.querySelectorAll(".film")) {
 
   // As labels.rs; a label stays on its side as long as nothing else is there.
   function label(who, lines, room, taken, view) {
-    const w = 6.7 * Math.max(...lines.map((line) => [...line].length)) + 12;
+    const w = 7.4 * Math.max(...lines.map((line) => [...line].length)) + 12;
     const h = 15 * lines.length + 6;
     const x = 0.5 * (room[0] + room[2] - w);
     const y = 0.5 * (room[1] + room[3] - h);

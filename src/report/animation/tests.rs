@@ -161,7 +161,7 @@ fn the_camera_keeps_the_conflict_in_the_picture() {
         let (ego, ego_m) = picture.ego();
         let [width_px, height_px] = SCREEN.size_px;
         for i in 0..picture.film.times_s.len() {
-            let camera = Camera::of(&picture.film, i, (ego, ego_m), &SCREEN);
+            let camera = Camera::of(&picture.film, i, Some((ego, ego_m)), &SCREEN);
             assert!(60.0 <= camera.scale * ego_m, "{} px", camera.scale * ego_m);
             let track = &picture.film.tracks[ego];
             let [x, y] = camera.at(picture.film.turned(track.x_m[i], track.y_m[i]));
@@ -169,7 +169,7 @@ fn the_camera_keeps_the_conflict_in_the_picture() {
             assert!(half_px <= x && x <= width_px - half_px && 20.0 <= y && y <= height_px - 20.0);
         }
         let last = picture.film.times_s.len() - 1;
-        let camera = Camera::of(&picture.film, last, (ego, ego_m), &SCREEN);
+        let camera = Camera::of(&picture.film, last, Some((ego, ego_m)), &SCREEN);
         for track in &picture.film.tracks {
             let [x, _] = camera.at(picture.film.turned(track.x_m[last], track.y_m[last]));
             assert!((0.0..=width_px).contains(&x), "{x}");
