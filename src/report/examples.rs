@@ -165,7 +165,8 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
             1 => String::new(),
             _ => signals[*i].name.clone(),
         },
-        class: format!("c-{}", nth % 6),
+        // Not the colours of the ego and the ados.
+        class: format!("c-{}", 2 + (nth + 1) % 4),
         points: over_time(trace, trace.column(*i)),
         dots: Vec::new(),
     });

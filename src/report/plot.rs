@@ -276,7 +276,7 @@ pub(super) struct HeatMap {
     pub size: (usize, usize),
     /// Cells that hold something.
     pub cells: Vec<Cell>,
-    /// What their colour is the share of, and what a whole ring stands for.
+    /// What their colour is the share of, and what a ring of a quarter stands for.
     pub shares: (String, String),
 }
 
@@ -301,25 +301,26 @@ pub(super) fn heat_map(map: &HeatMap) -> Markup {
                     }
                 }
             }
-            (scale(&map.shares))
+            (scale(&map.shares, 0.45 * width.min(height)))
         },
     )
 }
 
-/// What the colours and rings of a heat map stand for, with numbers.
-fn scale((hot, ring): &(String, String)) -> Markup {
+/// What the colours and rings of a heat map stand for, with numbers; a ring of
+/// everything has radius `whole`, and its area is the share.
+fn scale((hot, ring): &(String, String), whole: f64) -> Markup {
     let y = HEIGHT - 16.0;
-    let swatch = |nth: usize| LEFT + 5.4 * hot.chars().count() as f64 + 6.0 + 30.0 * nth as f64;
-    let after = swatch(5) + 22.0;
+    let swatch = |nth: usize| LEFT + 5.4 * hot.chars().count() as f64 + 6.0 + 34.0 * nth as f64;
+    let after = swatch(5) + 20.0;
     html! {
         text class="word" x=(px(LEFT)) y=(px(y + 9.5)) { (hot) }
         @for nth in 0..5 {
-            rect class="held" x=(px(swatch(nth))) y=(px(y)) width="30" height="13" {}
-            rect class="hot" x=(px(swatch(nth))) y=(px(y)) width="30" height="13" fill-opacity=(format!("{:.2}", 0.25 * nth as f64)) {}
-            text class="number" x=(px(swatch(nth) + 15.0)) y=(px(y + 9.5)) text-anchor="middle" { (25 * nth) " %" }
+            rect class="held" x=(px(swatch(nth))) y=(px(y)) width="34" height="13" {}
+            rect class="hot" x=(px(swatch(nth))) y=(px(y)) width="34" height="13" fill-opacity=(format!("{:.2}", 0.25 * nth as f64)) {}
+            text class=(if nth < 3 { "number" } else { "number on-hot" }) x=(px(swatch(nth) + 17.0)) y=(px(y + 9.5)) text-anchor="middle" { (25 * nth) " %" }
         }
-        circle class="foul" cx=(px(after)) cy=(px(y + 6.5)) r="6" {}
-        text class="word" x=(px(after + 10.0)) y=(px(y + 9.5)) { (ring) }
+        circle class="foul" cx=(px(after)) cy=(px(y + 6.5)) r=(px(0.5 * whole)) {}
+        text class="word" x=(px(after + 0.5 * whole + 4.0)) y=(px(y + 9.5)) { (ring) }
     }
 }
 

@@ -55,18 +55,18 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
         } @else {
             p { "No progress is recorded." }
         }
-        div class="wide" { table {
+        div class="wide" { table class="rows" {
             thead { tr { th { "run" } th class="n" { "seed" } th class="n" { "decisions" } th class="n" { "episodes" } th class="n" { "CPU s" } th class="n" { "of what search solves" } th class="n" { "closing evaluation" } th { "95 %" } } }
             tbody { @for training in trainings {
                 @let m = &training.manifest;
                 tr {
-                    td { code { (training.run) } } td class="n" { (m.seed) }
-                    td class="n" { (m.decisions_done) @if m.decisions_done < m.decisions { " of " (m.decisions) } }
-                    td class="n" { (m.episodes) } td class="n" { (format!("{:.0}", m.cpu_s)) }
-                    td class="n" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
+                    td { code { (training.run) } } td class="n" data-l="seed" { (m.seed) }
+                    td class="n" data-l="decisions" { (m.decisions_done) @if m.decisions_done < m.decisions { " of " (m.decisions) } }
+                    td class="n" data-l="episodes" { (m.episodes) } td class="n" data-l="CPU s" { (format!("{:.0}", m.cpu_s)) }
+                    td class="n" data-l="of what search solves" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
                     @match training.closing.first() {
-                        Some(row) => { td class="n" { (percent(row.success_rate)) " of " (row.starts) } td { (interval(row)) } }
-                        None => { td class="n" { "–" } td {} }
+                        Some(row) => { td class="n" data-l="closing evaluation" { (percent(row.success_rate)) " of " (row.starts) } td data-l="95 %" { (interval(row)) } }
+                        None => { td class="n" data-l="closing evaluation" { "–" } td {} }
                     }
                 }
             } }
@@ -165,7 +165,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         y: named(&axes[y]),
         size: (bins, bins),
         cells: cells.collect(),
-        shares: ("fails on".to_owned(), "fouls on 100 %".to_owned()),
+        shares: ("fails on".to_owned(), "fouls on 25 %".to_owned()),
     }
 }
 

@@ -11,20 +11,20 @@ use crate::run::{Row, StartOutcome};
 pub(super) fn rows(tested: &[Tested]) -> Markup {
     let sorted = sorted(tested);
     html! {
-        div class="wide" { table {
+        div class="wide" { table class="rows" {
             thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "sims / start" } } }
             tbody { @for Tested { row, .. } in &sorted { tr {
-                td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(context) = &row.context { ", context: " (context) } }
-                td class="n" {
+                td { (row.ego) } td data-l="ado" { (row.ado) } td class="m" data-l="method" { (row.method) @if let Some(context) = &row.context { ", context: " (context) } }
+                td class="n" data-l="success" {
                     @if row.starts == 0 { "–" } @else { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
                     @if 0 < row.invalid { ", " (row.invalid) " invalid" }
                 }
-                td class="bar" { span class="share" style=(format!("width:{:.1}rem", 5.0 * row.success_rate)) {} }
-                td { (interval(row)) }
-                td class="n" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
-                td class="n" { (percent(row.foul_rate)) } td class="n" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" { (percent(row.contact_rate)) }
-                td class="n" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
-                td class="n" { (format!("{:.1}", row.sims_per_start)) }
+                td class="bar" { span class="share" style=(format!("width:{:.1}rem", 4.0 * row.success_rate)) {} }
+                td data-l="95 %" { (interval(row)) }
+                td class="n" data-l="recall" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
+                td class="n" data-l="fouls" { (percent(row.foul_rate)) } td class="n" data-l="fouls before contact" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" data-l="contact" { (percent(row.contact_rate)) }
+                td class="n" data-l="closing m/s, median / 90 %" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
+                td class="n" data-l="sims / start" { (format!("{:.1}", row.sims_per_start)) }
             } } }
         } }
         @for words in in_words(&sorted) { p { (words) } }

@@ -97,8 +97,10 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
         let frame = example.frames.get(leaf.sample);
         let phase = light.and_then(|light| frame.map(|frame| frame.phases[light]));
         if let (Some(light), Some(Phase::Red)) = (light, phase) {
-            let name = &stage.lights[light].name;
-            return format!("Nobody was hit, but the ego ran the red of {name}");
+            return match stage.lights[light].name.as_str() {
+                "light" => "Nobody was hit, but the ego ran the red light".to_owned(),
+                name => format!("Nobody was hit, but the ego ran the red light {name}"),
+            };
         }
     }
     let values = explanation.signals.iter();

@@ -3,7 +3,7 @@
 use super::Frame;
 
 /// A place on the ground.
-pub type Point = [f64; 3];
+pub type GroundPoint = [f64; 3];
 
 /// Where the bodies go, as (least, greatest) x and y, and by how much beyond.
 pub fn reach(frames: &[Frame], margin_m: f64) -> [(f64, f64); 2] {
@@ -20,11 +20,11 @@ pub fn reach(frames: &[Frame], margin_m: f64) -> [(f64, f64); 2] {
 ///
 /// Borders have equally many points, those of one number across the road from
 /// each other; so have the parts.
-pub fn near(borders: &[Vec<Point>], reach: &[(f64, f64); 2]) -> Vec<Vec<Point>> {
+pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<GroundPoint>> {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return Vec::new();
     };
-    let middle: Vec<Point> = right
+    let middle: Vec<GroundPoint> = right
         .iter()
         .zip(left)
         .map(|(r, l)| between(*r, *l, 0.5))
@@ -39,19 +39,20 @@ pub fn near(borders: &[Vec<Point>], reach: &[(f64, f64); 2]) -> Vec<Vec<Point>> 
     let Some((from, to)) = ends else {
         return Vec::new();
     };
-    let cut = |border: &Vec<Point>| part(border, from, to);
+    let cut = |border: &Vec<GroundPoint>| part(border, from, to);
     borders.iter().map(cut).collect()
 }
 
 /// A line beside `line`, moved by `by_m` towards `across`.
-pub fn beside(line: &[Point], across: &[Point], by_m: f64) -> Vec<Point> {
-    let moved = |(a, b): (&Point, &Point)| between(*a, *b, by_m / distance(*a, *b).max(1e-9));
+pub fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<GroundPoint> {
+    let moved =
+        |(a, b): (&GroundPoint, &GroundPoint)| between(*a, *b, by_m / distance(*a, *b).max(1e-9));
     line.iter().zip(across).map(moved).collect()
 }
 
 /// Points every `every_m` of the way, at whole multiples of world x on
 /// straight roads.
-pub fn along(line: &[Point], every_m: f64) -> Vec<Point> {
+pub fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
     let mut points = Vec::new();
     let mut done_m = line.first().map_or(0.0, |first| first[0]);
     let mut next_m = (done_m / every_m).ceil() * every_m;
@@ -68,13 +69,13 @@ pub fn along(line: &[Point], every_m: f64) -> Vec<Point> {
 }
 
 /// As the crow flies.
-pub fn distance(a: Point, b: Point) -> f64 {
+pub fn distance(a: GroundPoint, b: GroundPoint) -> f64 {
     let squares = (0..3).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
     squares.sum::<f64>().sqrt()
 }
 
 /// Which share of the way from `a` to `b` lies within a box.
-fn within(a: Point, b: Point, reach: &[(f64, f64); 2]) -> Option<(f64, f64)> {
+fn within(a: GroundPoint, b: GroundPoint, reach: &[(f64, f64); 2]) -> Option<(f64, f64)> {
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for (axis, (least, greatest)) in reach.iter().enumerate() {
         let (start, step) = (a[axis], b[axis] - a[axis]);
@@ -90,7 +91,7 @@ fn within(a: Point, b: Point, reach: &[(f64, f64); 2]) -> Option<(f64, f64)> {
 }
 
 /// A polyline from one station to another; 1.5 is halfway from point 1 to 2.
-fn part(line: &[Point], from: f64, to: f64) -> Vec<Point> {
+fn part(line: &[GroundPoint], from: f64, to: f64) -> Vec<GroundPoint> {
     let at = |station: f64| {
         let i = (station.floor() as usize).min(line.len().saturating_sub(2));
         between(line[i], line[i + 1], station - i as f64)
@@ -103,7 +104,7 @@ fn part(line: &[Point], from: f64, to: f64) -> Vec<Point> {
 }
 
 /// A share of the way from `a` to `b`.
-fn between(a: Point, b: Point, share: f64) -> Point {
+fn between(a: GroundPoint, b: GroundPoint, share: f64) -> GroundPoint {
     std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
 }
 
@@ -111,7 +112,7 @@ fn between(a: Point, b: Point, share: f64) -> Point {
 mod tests {
     use super::*;
 
-    const LINE: [Point; 2] = [[-100.0, 1.0, 0.0], [900.0, 1.0, 0.0]];
+    const LINE: [GroundPoint; 2] = [[-100.0, 1.0, 0.0], [900.0, 1.0, 0.0]];
 
     #[test]
     fn a_road_is_cut_to_where_the_cars_are() {
@@ -127,7 +128,7 @@ mod tests {
 
     #[test]
     fn the_borders_of_a_bend_are_cut_across_from_each_other() {
-        let arc = |radius_m: f64| -> Vec<Point> {
+        let arc = |radius_m: f64| -> Vec<GroundPoint> {
             let turn = |i: u32| f64::from(i) * 0.05;
             (0..32)
                 .map(|i| {
@@ -146,7 +147,7 @@ mod tests {
             assert!((distance(*right, *left) - 4.0).abs() < 0.05);
         }
         let posts = along(&beside(&part[0], &part[1], -1.0), 10.0);
-        let radius_m = |at: &Point| at[0].hypot(at[1]);
+        let radius_m = |at: &GroundPoint| at[0].hypot(at[1]);
         assert!(posts.iter().all(|at| (radius_m(at) - 105.0).abs() < 0.05));
     }
 

@@ -7,7 +7,7 @@ use super::journal::Journal;
 use super::palette::{self, Rgb};
 use super::space::lifted;
 use super::story::Story;
-use crate::scene::ground::{Point, along, beside, near, reach};
+use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 
 /// What lies beyond the cars' way by more than this is not drawn.
 const MARGIN_M: f64 = 150.0;
@@ -56,7 +56,7 @@ pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewEr
     journal.always("world/road", &[&surface, &lines])
 }
 
-type Ribbon<'a> = (&'a [Point], &'a [Point], f64, Rgb);
+type Ribbon<'a> = (&'a [GroundPoint], &'a [GroundPoint], f64, Rgb);
 
 /// Flat surfaces (right edge, left edge, height, colour) as one mesh.
 ///
@@ -79,7 +79,7 @@ fn ribbons<'a>(ribbons: impl IntoIterator<Item = Ribbon<'a>>) -> Mesh3D {
 }
 
 /// Lane markings: `on_m` drawn, `off_m` not.
-fn dashes(line: &[Point], on_m: f64, off_m: f64) -> Vec<Vec<[f32; 3]>> {
+fn dashes(line: &[GroundPoint], on_m: f64, off_m: f64) -> Vec<Vec<[f32; 3]>> {
     let points = along(line, 0.5 * on_m);
     let (on, period) = (2, 2 + (2.0 * off_m / on_m).round() as usize);
     points

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::film::Film;
 use super::write::n;
 use crate::ego::Phase;
-use crate::scene::ground::{Point, along, beside, near, reach};
+use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 use crate::scene::{Frame, Stage};
 
 /// What lies beyond the bodies' way by more than this is not drawn.
@@ -22,7 +22,7 @@ pub(super) fn road(stage: &Stage, frames: &[Frame]) -> Markup {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return html! {};
     };
-    let outline: Vec<Point> = right.iter().chain(left.iter().rev()).copied().collect();
+    let outline: Vec<GroundPoint> = right.iter().chain(left.iter().rev()).copied().collect();
     let last = borders.len() - 1;
     let verge = beside(right, left, -POST_M);
     html! {
@@ -72,7 +72,7 @@ pub(super) fn lights(stage: &Stage, phases: &[Phase]) -> Markup {
 pub(super) fn trails(film: &Film, classes: &[String]) -> Markup {
     html! {
         @for (track, class) in film.tracks.iter().zip(classes) {
-            @let way: Vec<Point> = track.x_m.iter().zip(&track.y_m).step_by(4).map(|(x, y)| [*x, *y, 0.0]).collect();
+            @let way: Vec<GroundPoint> = track.x_m.iter().zip(&track.y_m).step_by(4).map(|(x, y)| [*x, *y, 0.0]).collect();
             polyline class={ "trail " (class) } points=(points(&way)) {}
         }
     }
@@ -87,7 +87,7 @@ pub(super) fn phase_word(phase: Phase) -> &'static str {
     }
 }
 
-fn points(line: &[Point]) -> String {
+fn points(line: &[GroundPoint]) -> String {
     let points = line
         .iter()
         .map(|[x, y, _]| format!("{},{}", n(*x, 2), n(*y, 2)));

@@ -9,6 +9,8 @@ use super::picture::Picture;
 /// What a letter takes of a lane on a wide screen; where words do not fit,
 /// there are none.
 const LETTER_SHARE: f64 = 0.0068;
+/// The same on a phone, where words that do not fit are hidden.
+const PHONE_LETTER_SHARE: f64 = 0.0245;
 
 /// One stretch of a lane.
 struct Stretch<'a> {
@@ -46,10 +48,12 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
 
 fn stretch(end_s: f64, it: &Stretch<'_>) -> Markup {
     let share = (it.until_s - it.from_s) / end_s;
-    let room = LETTER_SHARE * (it.words.chars().count() + 2) as f64;
+    let letters = (it.words.chars().count() + 2) as f64;
+    let fits = PHONE_LETTER_SHARE * letters < share;
+    let class = format!("{}{}", it.class, if fits { " fits" } else { "" });
     let title = format!("{:.2} to {:.2} s: {}", it.from_s, it.until_s, it.words);
     html! {
-        span class=(it.class) style=(format!("width:{:.2}%", 100.0 * share)) title=(title) { @if room < share { (it.words) } }
+        span class=(class) style=(format!("width:{:.2}%", 100.0 * share)) title=(title) { @if LETTER_SHARE * letters < share { (it.words) } }
     }
 }
 
