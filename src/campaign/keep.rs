@@ -321,7 +321,9 @@ fn descending(a: &[f64; 4], b: &[f64; 4]) -> Ordering {
     pairs.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
 }
 
-fn worse_first(a: &Episode, b: &Episode) -> Ordering {
+/// The worse of two comes first: a contact before none, then by injury risk,
+/// closing speed, and depth of the violation.
+pub(super) fn worse_first(a: &Episode, b: &Episode) -> Ordering {
     descending(&badness(a), &badness(b))
 }
 

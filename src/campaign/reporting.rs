@@ -10,13 +10,15 @@ use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, EvalRequest, eval, explain_first};
-use super::keep::about;
+use super::keep::{about, worse_first};
 use super::starts::{TestStarts, test_starts};
 use super::telling::telling;
 use super::watch::Watch;
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::run::{Row, RunDir, RunError};
 use crate::scenario::{Against, Scenario};
+use crate::scene::Frame;
+use crate::testbench::{Episode, film};
 
 /// Episodes that changed egos are tried on, unless told otherwise, and the
 /// least and most starts of each.
@@ -176,13 +178,16 @@ impl<'a> ReportRequest<'a> {
         let evaluated = eval(request, watch);
         let verdicts = evaluated.outcomes.iter().map(|o| o.map(|o| o.verdict));
         let all = request.starts.starts.iter().map(|(start, _)| start.clone());
-        let chosen = telling(request, &evaluated).into_iter();
+        let mut chosen = telling(request, &evaluated);
+        chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode));
         report.nominal = Some(Nominal {
             row: evaluated.row.clone(),
             starts: all.zip(verdicts).collect(),
             telling: chosen
+                .into_iter()
                 .map(|chosen| Example {
                     about: about(request.scenario, &chosen.episode),
+                    frames: filmed(request.scenario, &chosen.episode),
                     chosen_for: chosen.chosen_for,
                     start: chosen.start,
                     episode: chosen.episode,
@@ -247,6 +252,19 @@ impl<'a> ReportRequest<'a> {
         let told = self.run.manifest().against == Against::Conditional;
         told.then_some(&ContextSource::True)
     }
+}
+
+/// Where everybody is at each sample of an episode, played again.
+///
+/// An ego that may answer otherwise the next time repeats its commands.
+fn filmed(scenario: &Scenario, episode: &Episode) -> Vec<Frame> {
+    let mut bench = match episode.commands.is_empty() {
+        true => scenario.bench(),
+        false => scenario
+            .with_commands(&episode.commands.clone().into())
+            .bench(),
+    };
+    film(&mut bench, episode)
 }
 
 /// The first starts of a list.

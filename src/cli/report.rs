@@ -103,8 +103,8 @@ fn unheeded(args: &ReportArgs, report: &Report<'_>) -> Option<Failure> {
 /// What makes run and report again, from the world file kept in the run.
 fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
     let manifest = run.manifest();
-    let here = shown(run.path());
-    let world = shown(&run.path().join("world.ron"));
+    let here = quoted(&shown(run.path()));
+    let world = quoted(&shown(&run.path().join("world.ron")));
     let mut train = format!(
         "brakecheck train {world} -o runs/{}-again --seed {} --decisions {}",
         manifest.world, manifest.seed, manifest.decisions
@@ -116,19 +116,10 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
         train.push_str(&format!(" --against {}", manifest.against));
     }
     if let Some(ego) = &manifest.ego {
-        train.push_str(&format!(" --ego '{}'", ego.name));
+        train.push_str(&format!(" --ego {}", quoted(&ego.name)));
     }
     if let Some(learner) = &manifest.learner {
         train.push_str(&format!(" --learner {learner}"));
-    }
-    let mut report = format!("brakecheck report {here} --starts {}", args.starts);
-    for file in &args.rows {
-        report.push_str(&format!(" --rows {}", shown(file)));
-    }
-    if !args.with.is_empty() {
-        report.push_str(" --with");
-        let with = args.with.iter().map(|run| format!(" {}", shown(run)));
-        report.extend(with);
     }
     vec![
         train,
@@ -137,8 +128,50 @@ fn commands(args: &ReportArgs, run: &RunDir) -> Vec<String> {
             args.seed, args.starts
         ),
         format!("brakecheck replay {here} --expect recorded"),
-        format!("{report} --seed {}", args.seed),
+        this_page(args),
     ]
+}
+
+/// The command that makes this very page, with every option that it depends on.
+fn this_page(args: &ReportArgs) -> String {
+    let mut words = vec![quoted(&shown(&args.run))];
+    let mut option = |name: &str, values: Vec<String>| {
+        words.push(name.to_owned());
+        words.extend(values.iter().map(|value| quoted(value)));
+    };
+    if let Some(output) = &args.output {
+        option("-o", vec![shown(output)]);
+    }
+    if !args.with.is_empty() {
+        option("--with", args.with.iter().map(|run| shown(run)).collect());
+    }
+    for file in &args.rows {
+        option("--rows", vec![shown(file)]);
+    }
+    option("--starts", vec![args.starts.to_string()]);
+    if let Some(starts) = args.reuse_starts {
+        option("--reuse-starts", vec![starts.to_string()]);
+    }
+    option("--seed", vec![args.seed.to_string()]);
+    if args.common.allow_programs {
+        option("--allow-programs", Vec::new());
+    }
+    if 0.0 < args.common.allow_invalid {
+        option(
+            "--allow-invalid",
+            vec![args.common.allow_invalid.to_string()],
+        );
+    }
+    format!("brakecheck report {}", words.join(" "))
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@".contains(c);
+    match !word.is_empty() && word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', "'\\''")),
+    }
 }
 
 fn shown(path: &Path) -> String {

@@ -1,35 +1,85 @@
-//! Counterexamples as curves: speeds, what ψ_ego reads, and why it is violated.
+//! Counterexamples: what came of each, as a picture that moves and as curves.
 
 use maud::{Markup, html};
 
+use super::animation::{animation, colour_class};
 use super::plot::{Chart, Curve, Mark, chart};
+use super::verdict::VerdictWords;
 use super::{Example, Report};
 use crate::scenario::Scenario;
-use crate::scene::Role;
 use crate::testbench::Episode;
 use crate::trace::{SignalKind, Trace};
 
-/// One counterexample: numbers, curves and explanation.
-pub(super) fn example(report: &Report<'_>, example: &Example) -> Markup {
+/// One counterexample: what came of it, the animated picture, what is known of
+/// it, and curves; it is number `nth` of `all`.
+pub(super) fn example(
+    report: &Report<'_>,
+    example: &Example,
+    (nth, all): (usize, usize),
+) -> Markup {
     let scenario = report.scenario;
     let episode = &example.episode;
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);
     let why = scenario.rulebook().spec.explain(&judged);
+    let verdict = VerdictWords::of(scenario, example);
+    let (blame, blame_class) = verdict.blame;
     html! {
         section class="card example" {
             div {
-                h3 { (example.chosen_for) }
-                p class="dim" { "Start " (example.start) ": " (start_in_words(scenario, episode)) }
-                p class="dim" { "Actions: " (actions_in_words(scenario, episode)) }
-                @for line in example.about.to_string().lines() { p { (line) } }
+                p class="dim rank" { (nth + 1) " of " (all) " · " (example.chosen_for) " · start " (example.start) }
+                h3 { (verdict.sentence()) }
+                p class="badges" {
+                    span class={ "badge " (blame_class) } { (blame) }
+                    @if let Some(severity) = &example.about.severity {
+                        span class="badge" { "closing " (format!("{:.1}", severity.closing_speed_mps)) " m/s" }
+                        span class="badge" { "Δv " (format!("{:.1}", severity.impact.ego_delta_v_mps)) " m/s" }
+                        @match &severity.injury_risk {
+                            Some(risk) => { span class="badge" { (risk.curve.about()) ": " (format!("{:.1}", 100.0 * risk.probability)) " %" } }
+                            None => { span class="badge" { "injury risk not computed" } }
+                        }
+                    }
+                }
             }
+            (animation(scenario, example, (nth, &verdict)))
+            (known(scenario, example))
             div class="cards" {
                 @for picture in [speeds(scenario, episode), watched(scenario, episode)].into_iter().flatten() {
                     div { (chart(&picture)) }
                 }
-                pre { (why) }
             }
+            details { summary { "Every action, and how ψ_ego comes to its value" } p { (actions_in_words(scenario, episode)) } pre { (why) } }
+        }
+    }
+}
+
+/// What is known of a counterexample, fact by fact.
+fn known(scenario: &Scenario, example: &Example) -> Markup {
+    let (about, episode) = (&example.about, &example.episode);
+    let told: [(&str, Option<String>); 6] = [
+        ("How bad", about.severity.as_ref().map(ToString::to_string)),
+        ("Why", about.why.as_ref().map(ToString::to_string)),
+        (
+            "Who avoids it",
+            about.preventability.as_ref().map(ToString::to_string),
+        ),
+        ("How small", about.shrunk.as_ref().map(ToString::to_string)),
+        (
+            "Still there",
+            about.persistence.as_ref().map(ToString::to_string),
+        ),
+        ("Start", Some(start_in_words(scenario, episode))),
+    ];
+    html! {
+        dl { @for (name, words) in told { @if let Some(words) = words { dt { (name) } dd { (marked(&words)) } } } }
+    }
+}
+
+/// A text in which backticks mark code.
+fn marked(text: &str) -> Markup {
+    html! {
+        @for (nth, part) in text.split('`').enumerate() {
+            @if nth % 2 == 0 { (part) } @else { code { (part) } }
         }
     }
 }
@@ -65,8 +115,9 @@ fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
         let column = episode.trace.signal(&format!("{}.speed", who.name))?;
         Some(Curve {
             name: who.name.clone(),
-            class: class_of(who.role, nth),
+            class: colour_class(&cast, nth),
             points: over_time(&episode.trace, column),
+            dots: Vec::new(),
         })
     });
     let curves: Vec<Curve> = curves.collect();
@@ -114,8 +165,10 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
             1 => String::new(),
             _ => signals[*i].name.clone(),
         },
-        class: format!("c-{}", nth % 6),
+        // Not the colours of the ego and the ados.
+        class: format!("c-{}", 2 + (nth + 1) % 4),
         points: over_time(trace, trace.column(*i)),
+        dots: Vec::new(),
     });
     Some(Chart {
         title: names.join(", "),
@@ -155,12 +208,4 @@ fn over_time(trace: &Trace, column: &[f64]) -> Vec<(f64, f64)> {
     values
         .map(|(i, value)| (i as f64 * trace.dt_s(), *value))
         .collect()
-}
-
-fn class_of(role: Role, nth: usize) -> String {
-    match role {
-        Role::Ego => "c-ego".to_owned(),
-        Role::Ado if nth < 2 => "c-ado".to_owned(),
-        _ => format!("c-{}", 2 + nth % 4),
-    }
 }

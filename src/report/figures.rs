@@ -23,6 +23,11 @@ pub struct Behaviour {
     pub ado_speed_mps: Vec<(f64, f64)>,
     /// Time and distance between them.
     pub distance_m: Vec<(f64, f64)>,
+    /// Ways of the two over the ground, x and y, from start to verdict; empty:
+    /// they are in one lane, and there is nothing to see.
+    pub paths_m: [Vec<(f64, f64)>; 2],
+    /// Points of each way per second.
+    pub per_second: usize,
     /// When ψ_ego was violated or a rule broken, and which.
     pub decided: (f64, String),
 }
@@ -31,54 +36,83 @@ pub struct Behaviour {
 ///
 /// `safe_m` is d_safe; `caption` says where the runs come from.
 pub fn figure_2(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
-    let panels = behaviours.iter().flat_map(|one| panels_of(one, safe_m));
-    figure(&panels.collect::<Vec<_>>(), caption)
+    of_behaviours(behaviours, safe_m, caption)
 }
 
 /// Fig. 3: a merge from far away, one that breaks the rule, one that keeps it.
+///
+/// A row each: the ways over the ground, the speeds, the distance.
 pub fn figure_3(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
-    let panels = behaviours.iter().flat_map(|one| panels_of(one, safe_m));
-    figure(&panels.collect::<Vec<_>>(), caption)
+    of_behaviours(behaviours, safe_m, caption)
 }
 
-fn panels_of(one: &Behaviour, safe_m: f64) -> [Chart; 2] {
-    let curve = |name: &str, class: &str, points: &[(f64, f64)]| Curve {
+/// A row of panels per behaviour.
+fn of_behaviours(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
+    let rows: Vec<Vec<Chart>> = behaviours.iter().map(|it| panels_of(it, safe_m)).collect();
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(1);
+    let panels: Vec<Chart> = rows.into_iter().flatten().collect();
+    figure(&panels, columns, caption)
+}
+
+fn panels_of(one: &Behaviour, safe_m: f64) -> Vec<Chart> {
+    let decided = || Mark {
+        at: one.decided.0,
+        word: one.decided.1.clone(),
+    };
+    let speeds = Chart {
+        title: format!("{}: speeds", one.name),
+        x_label: "time [s]".to_owned(),
+        y_label: "speed [m/s]".to_owned(),
+        curves: vec![
+            curve("ego", "c-ego", &one.ego_speed_mps),
+            curve("ado", "c-ado", &one.ado_speed_mps),
+        ],
+        at_x: vec![decided()],
+        ..Chart::default()
+    };
+    let distance = Chart {
+        title: format!("{}: distance", one.name),
+        x_label: "time [s]".to_owned(),
+        y_label: "distance [m]".to_owned(),
+        curves: vec![curve("", "c-3", &one.distance_m)],
+        at_x: vec![decided()],
+        at_y: vec![Mark {
+            at: safe_m,
+            word: format!("d_safe = {safe_m} m"),
+        }],
+        y_span: Some((0.0, 0.0)),
+        ..Chart::default()
+    };
+    paths(one).into_iter().chain([speeds, distance]).collect()
+}
+
+/// The ways over the ground, with a dot per second: equal dots, equal times.
+fn paths(one: &Behaviour) -> Option<Chart> {
+    let [ego, ado] = &one.paths_m;
+    let way = |name: &str, class: &str, points: &[(f64, f64)]| Curve {
+        dots: points
+            .iter()
+            .step_by(one.per_second.max(1))
+            .copied()
+            .collect(),
+        ..curve(name, class, points)
+    };
+    (!ego.is_empty()).then(|| Chart {
+        title: format!("{}: paths, a dot per second", one.name),
+        x_label: "x [m]".to_owned(),
+        y_label: "y [m]".to_owned(),
+        curves: vec![way("ego", "c-ego", ego), way("ado", "c-ado", ado)],
+        ..Chart::default()
+    })
+}
+
+fn curve(name: &str, class: &str, points: &[(f64, f64)]) -> Curve {
+    Curve {
         name: name.to_owned(),
         class: class.to_owned(),
         points: points.to_vec(),
-    };
-    let decided = || {
-        vec![Mark {
-            at: one.decided.0,
-            word: one.decided.1.clone(),
-        }]
-    };
-    [
-        Chart {
-            title: format!("{}: speeds", one.name),
-            x_label: "time [s]".to_owned(),
-            y_label: "speed [m/s]".to_owned(),
-            curves: vec![
-                curve("ego", "c-ego", &one.ego_speed_mps),
-                curve("ado", "c-ado", &one.ado_speed_mps),
-            ],
-            at_x: decided(),
-            ..Chart::default()
-        },
-        Chart {
-            title: format!("{}: distance", one.name),
-            x_label: "time [s]".to_owned(),
-            y_label: "distance [m]".to_owned(),
-            curves: vec![curve("", "c-3", &one.distance_m)],
-            at_x: decided(),
-            at_y: vec![Mark {
-                at: safe_m,
-                word: format!("d_safe = {safe_m} m"),
-            }],
-            y_span: Some((0.0, 0.0)),
-            ..Chart::default()
-        },
-    ]
+        dots: Vec::new(),
+    }
 }
 
 /// Distances to a stop line over time.
@@ -108,16 +142,8 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
         x_label: "time [s]".to_owned(),
         y_label: "distance to the line [m]".to_owned(),
         curves: vec![
-            Curve {
-                name: "ego".to_owned(),
-                class: "c-ego".to_owned(),
-                points: near(&run.ego_m, run.junction_m),
-            },
-            Curve {
-                name: "ado".to_owned(),
-                class: "c-ado".to_owned(),
-                points: near(&run.ado_m, run.junction_m),
-            },
+            curve("ego", "c-ego", &near(&run.ego_m, run.junction_m)),
+            curve("ado", "c-ado", &near(&run.ado_m, run.junction_m)),
         ],
         at_x: vec![Mark {
             at: run.red_s.0,
@@ -131,7 +157,7 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
         y_span: Some((-BEYOND * run.junction_m, 0.0)),
         ..Chart::default()
     });
-    figure(&panels.collect::<Vec<_>>(), caption)
+    figure(&panels.collect::<Vec<_>>(), 2, caption)
 }
 
 /// A value of a parameter, the share of starts that fail at it, and the ends of
@@ -140,37 +166,36 @@ pub type SweptShare = (f64, f64, [f64; 2]);
 
 /// Share of starts that fail over a parameter of the ego.
 pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> String {
-    let curve = |name: &str, class: &str, share: fn(&SweptShare) -> f64| Curve {
-        name: name.to_owned(),
-        class: class.to_owned(),
-        points: points
-            .iter()
-            .map(|point| (point.0, 100.0 * share(point)))
-            .collect(),
+    let of = |name: &str, class: &str, share: fn(&SweptShare) -> f64| {
+        let shares = points.iter().map(|point| (point.0, 100.0 * share(point)));
+        curve(name, class, &shares.collect::<Vec<_>>())
     };
     let panel = Chart {
         title: format!("failing starts over {parameter}"),
         x_label: parameter.to_owned(),
         y_label: "starts that fail [%]".to_owned(),
         curves: vec![
-            curve("share", "c-ego", |point| point.1),
-            curve("95 % interval", "c-ado", |point| point.2[0]),
-            curve("", "c-ado", |point| point.2[1]),
+            of("share", "c-ego", |point| point.1),
+            of("95 % interval", "c-ado", |point| point.2[0]),
+            of("", "c-ado", |point| point.2[1]),
         ],
         y_span: Some((0.0, 100.0)),
         ..Chart::default()
     };
-    figure(&[panel], caption)
+    figure(&[panel], 1, caption)
 }
 
-/// Panels in two columns over a caption.
-fn figure(panels: &[Chart], caption: &str) -> String {
-    let rows = panels.len().div_ceil(2);
-    let lines = wrapped(caption, LETTERS * panels.len().min(2));
-    let width = PANEL.0 * panels.len().min(2) as f64;
+/// Panels in columns over a caption, which is plain text: no code, no marks.
+fn figure(panels: &[Chart], columns: usize, caption: &str) -> String {
+    let rows = panels.len().div_ceil(columns);
+    let lines = wrapped(&caption.replace('`', ""), LETTERS * columns);
+    let width = PANEL.0 * columns as f64;
     let height = PANEL.1 * rows as f64 + LINE * (lines.len() + 1) as f64;
     let placed = panels.iter().enumerate().map(|(nth, panel)| {
-        let (x, y) = (PANEL.0 * (nth % 2) as f64, PANEL.1 * (nth / 2) as f64);
+        let (x, y) = (
+            PANEL.0 * (nth % columns) as f64,
+            PANEL.1 * (nth / columns) as f64,
+        );
         html! { g transform=(format!("translate({x} {y})")) { g { (sized(panel)) } } }
     });
     let below = PANEL.1 * rows as f64;

@@ -1,22 +1,26 @@
 //! Reports to read and to hand on: one HTML page, JUnit XML, figures as SVG.
 //!
 //! Pure functions of results: whoever calls them has played the episodes. The
-//! page needs no network and no script, and whatever a world file says is
-//! escaped.
+//! page needs no network; its one script only moves pictures that are there
+//! without it. Whatever a world file says is escaped.
 //!
 //! Architecture Invariant: plays no episode, trains nothing, touches no file.
 
+mod animation;
 mod examples;
 mod figures;
 mod junit;
 mod page;
 mod plot;
 mod results;
+mod reuse;
+mod verdict;
+mod words;
 
 use crate::rulebook::Verdict;
 use crate::run::{About, Manifest, Progress, Row};
 use crate::scenario::Scenario;
-use crate::scene::Start;
+use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount};
 
 pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
@@ -65,7 +69,7 @@ pub struct Nominal {
     pub row: Row,
     /// Every start and what came of it; `None`: trivial, or not reached.
     pub starts: Vec<(Start, Option<Verdict>)>,
-    /// Counterexamples that tell most.
+    /// Counterexamples that tell most, the worst first.
     pub telling: Vec<Example>,
 }
 
@@ -77,6 +81,8 @@ pub struct Example {
     pub start: usize,
     /// The episode, to contact or the horizon.
     pub episode: Episode,
+    /// Where everybody is at each of its samples; empty: it is not shown moving.
+    pub frames: Vec<Frame>,
     /// How severe it is, why it fails and whether it persists.
     pub about: About,
 }

@@ -2,8 +2,10 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
+use super::animation;
 use super::examples::example;
 use super::results::{self, percent};
+use super::reuse;
 use super::{Nominal, Report};
 use crate::scenario::Scenario;
 
@@ -21,17 +23,19 @@ pub(super) fn html(report: &Report<'_>) -> String {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="generator" content={ "brakecheck " (env!("CARGO_PKG_VERSION")) };
                 title { "brakecheck: " (scenario.name) }
-                style { (PreEscaped(STYLE)) (PreEscaped(PAGE_STYLE)) }
+                style { (PreEscaped(STYLE)) (PreEscaped(PAGE_STYLE)) (PreEscaped(animation::STYLE)) }
             }
             body { main {
                 (opening(report))
+                @if let Some(nominal) = &report.nominal { (seen(report, nominal)) }
                 h2 { "Training" }
                 (results::training(&report.trainings))
-                @if let Some(nominal) = &report.nominal { (seen(report, nominal)) }
+                @if let Some(nominal) = &report.nominal { (reuse::which_rate(&nominal.row, &report.trainings)) }
+                @if let Some(nominal) = &report.nominal { (starts(report, nominal)) }
                 @if !report.tested.is_empty() {
                     h2 { "Reuse: the same ado against other egos" }
                     p { (report.about_tested) }
-                    (results::rows(&report.tested))
+                    (reuse::rows(&report.tested))
                 }
                 @if 1 < report.costs.len() {
                     h2 { "What it costs" }
@@ -40,6 +44,9 @@ pub(super) fn html(report: &Report<'_>) -> String {
                 }
                 (world(scenario))
                 (again(report))
+            }
+            @if report.nominal.as_ref().is_some_and(|nominal| !nominal.telling.is_empty()) {
+                script { (PreEscaped(animation::SCRIPT)) }
             } }
         }
     };
@@ -73,14 +80,22 @@ fn opening(report: &Report<'_>) -> Markup {
 }
 
 fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
+    let all = nominal.telling.len();
+    html! {
+        h2 { "Counterexamples that tell most, the worst first" }
+        @if nominal.telling.is_empty() {
+            p { "The ado makes the ego fail from none of the test starts." }
+        } @else {
+            p class="dim" { "Seen from above, at their true sizes, forward to the right. Each plays its last four seconds; press play, drag the slider or choose a still for the rest. Dashed outlines: where they were when the requirement was broken. Red lamps: braking." }
+        }
+        @for (nth, chosen) in nominal.telling.iter().enumerate() { (example(report, chosen, (nth, all))) }
+    }
+}
+
+fn starts(report: &Report<'_>, nominal: &Nominal) -> Markup {
     html! {
         h2 { "Which starts fail" }
         (results::starts(nominal, &report.scenario.axes()))
-        h2 { "Counterexamples that tell most" }
-        @if nominal.telling.is_empty() {
-            p { "The ado makes the ego fail from none of the test starts." }
-        }
-        @for chosen in &nominal.telling { (example(report, chosen)) }
     }
 }
 

@@ -5,14 +5,16 @@
 
 use maud::{Markup, html};
 
+use super::words::Words;
+
 /// Size of the canvas, in its own units.
-const WIDTH: f64 = 420.0;
-const HEIGHT: f64 = 264.0;
+pub(super) const WIDTH: f64 = 420.0;
+pub(super) const HEIGHT: f64 = 264.0;
 /// What axes and titles take.
-const LEFT: f64 = 46.0;
-const RIGHT: f64 = 12.0;
-const TOP: f64 = 26.0;
-const BOTTOM: f64 = 52.0;
+pub(super) const LEFT: f64 = 46.0;
+pub(super) const RIGHT: f64 = 12.0;
+pub(super) const TOP: f64 = 26.0;
+pub(super) const BOTTOM: f64 = 52.0;
 /// Wanted number of ticks on an axis.
 const TICKS: f64 = 5.0;
 /// Points of a curve that are drawn at most.
@@ -24,8 +26,10 @@ pub(super) struct Curve {
     pub name: String,
     /// CSS class of its colour, such as `c-ego` or `c-1`.
     pub class: String,
-    /// Its points, ascending in x.
+    /// Its points, in order.
     pub points: Vec<(f64, f64)>,
+    /// Points of it with a dot on them, such as one per second.
+    pub dots: Vec<(f64, f64)>,
 }
 
 /// A line across the picture with a word.
@@ -133,6 +137,7 @@ pub(super) fn chart(chart: &Chart) -> Markup {
     let ys = span(points().map(|p| p.1).chain(at_y).chain(wanted));
     let pad = 0.04 * (ys.1 - ys.0);
     let (x, y) = frame(span(xs), (ys.0 - pad, ys.1 + pad));
+    let words = words(chart, &x, &y);
     svg(
         &chart.title,
         html! {
@@ -140,18 +145,41 @@ pub(super) fn chart(chart: &Chart) -> Markup {
             (grid(&x, &y, &chart.x_label, &chart.y_label))
             @for mark in &chart.at_y {
                 line class="rule" x1=(px(LEFT)) x2=(px(WIDTH - RIGHT)) y1=(px(y.at(mark.at))) y2=(px(y.at(mark.at))) {}
-                text class="word" x=(px(LEFT + 4.0)) y=(px(y.at(mark.at) - 3.0)) { (mark.word) }
             }
-            @for (nth, mark) in chart.at_x.iter().enumerate() {
+            @for mark in &chart.at_x {
                 line class="rule" x1=(px(x.at(mark.at))) x2=(px(x.at(mark.at))) y1=(px(TOP)) y2=(px(HEIGHT - BOTTOM)) {}
-                text class="word" x=(px(x.at(mark.at) - 3.0)) y=(px(TOP + 10.0 + 11.0 * nth as f64)) text-anchor="end" { (mark.word) }
             }
             @for curve in &chart.curves {
                 polyline class={ "curve " (curve.class) } points=(path(&curve.points, &x, &y)) {}
+                @for (at_x, at_y) in &curve.dots { circle class={ "dot " (curve.class) } cx=(px(x.at(*at_x))) cy=(px(y.at(*at_y))) r="2.4" {} }
             }
+            @for it in &words.placed { text class=(it.class) x=(px(it.x)) y=(px(it.y)) { (it.word) } }
             (legend(&chart.curves))
         },
     )
+}
+
+/// What is written into the picture, clear of its curves.
+fn words(chart: &Chart, x: &Axis, y: &Axis) -> Words {
+    let mut words = Words::default();
+    for curve in &chart.curves {
+        let finite = curve
+            .points
+            .iter()
+            .filter(|(a, b)| a.is_finite() && b.is_finite());
+        let curve: Vec<(f64, f64)> = finite.map(|(a, b)| (x.at(*a), y.at(*b))).collect();
+        words.avoid(&curve);
+    }
+    for region in &chart.regions {
+        words.within(rectangle(region, x, y), &region.word);
+    }
+    for mark in &chart.at_x {
+        words.beside(x.at(mark.at), &mark.word);
+    }
+    for mark in &chart.at_y {
+        words.along(y.at(mark.at), &mark.word);
+    }
+    words
 }
 
 fn path(points: &[(f64, f64)], x: &Axis, y: &Axis) -> String {
@@ -166,13 +194,21 @@ fn path(points: &[(f64, f64)], x: &Axis, y: &Axis) -> String {
 }
 
 fn shaded(region: &Region, x: &Axis, y: &Axis) -> Markup {
-    let clip = |value: f64, axis: &Axis| axis.at(value.clamp(axis.lo, axis.hi));
-    let (left, right) = (clip(region.x.0, x), clip(region.x.1, x));
-    let (bottom, top) = (clip(region.y.0, y), clip(region.y.1, y));
+    let [left, top, right, bottom] = rectangle(region, x, y);
     html! {
         rect class="region" x=(px(left)) y=(px(top)) width=(px(right - left)) height=(px(bottom - top)) {}
-        text class="word bad" x=(px(right - 4.0)) y=(px((top + bottom) / 2.0 + 4.0)) text-anchor="end" { (region.word) }
     }
+}
+
+/// Left, top, right and bottom of a region on the canvas.
+fn rectangle(region: &Region, x: &Axis, y: &Axis) -> [f64; 4] {
+    let clip = |value: f64, axis: &Axis| axis.at(value.clamp(axis.lo, axis.hi));
+    [
+        clip(region.x.0, x),
+        clip(region.y.1, y),
+        clip(region.x.1, x),
+        clip(region.y.0, y),
+    ]
 }
 
 fn grid(x: &Axis, y: &Axis, x_label: &str, y_label: &str) -> Markup {
@@ -240,6 +276,8 @@ pub(super) struct HeatMap {
     pub size: (usize, usize),
     /// Cells that hold something.
     pub cells: Vec<Cell>,
+    /// What their colour is the share of, and what a ring of a quarter stands for.
+    pub shares: (String, String),
 }
 
 /// The picture of a heat map.
@@ -263,8 +301,27 @@ pub(super) fn heat_map(map: &HeatMap) -> Markup {
                     }
                 }
             }
+            (scale(&map.shares, 0.45 * width.min(height)))
         },
     )
+}
+
+/// What the colours and rings of a heat map stand for, with numbers; a ring of
+/// everything has radius `whole`, and its area is the share.
+fn scale((hot, ring): &(String, String), whole: f64) -> Markup {
+    let y = HEIGHT - 16.0;
+    let swatch = |nth: usize| LEFT + 5.4 * hot.chars().count() as f64 + 6.0 + 34.0 * nth as f64;
+    let after = swatch(5) + 20.0;
+    html! {
+        text class="word" x=(px(LEFT)) y=(px(y + 9.5)) { (hot) }
+        @for nth in 0..5 {
+            rect class="held" x=(px(swatch(nth))) y=(px(y)) width="34" height="13" {}
+            rect class="hot" x=(px(swatch(nth))) y=(px(y)) width="34" height="13" fill-opacity=(format!("{:.2}", 0.25 * nth as f64)) {}
+            text class=(if nth < 3 { "number" } else { "number on-hot" }) x=(px(swatch(nth) + 17.0)) y=(px(y + 9.5)) text-anchor="middle" { (25 * nth) " %" }
+        }
+        circle class="foul" cx=(px(after)) cy=(px(y + 6.5)) r=(px(0.5 * whole)) {}
+        text class="word" x=(px(after + 0.5 * whole + 4.0)) y=(px(y + 9.5)) { (ring) }
+    }
 }
 
 /// How often values fall where.

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::plot::{Cell, Chart, Curve, HeatMap, Histogram, Mark, chart, heat_map, histogram};
-use super::{Nominal, Tested, TestingCost, Training};
+use super::{Nominal, TestingCost, Training};
 use crate::rulebook::Verdict;
 use crate::run::Row;
 use crate::scene::Axis;
@@ -31,6 +31,7 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
             name: format!("seed {}", training.manifest.seed),
             class: format!("c-{}", nth % 6),
             points: points.map(|p| (p.decisions as f64 / 1e3, y(p))).collect(),
+            dots: Vec::new(),
         }
     };
     let picture = |title: &str, label: &str, y: fn(&crate::run::Progress) -> f64| {
@@ -54,18 +55,18 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
         } @else {
             p { "No progress is recorded." }
         }
-        div class="wide" { table {
+        div class="wide" { table class="rows" {
             thead { tr { th { "run" } th class="n" { "seed" } th class="n" { "decisions" } th class="n" { "episodes" } th class="n" { "CPU s" } th class="n" { "of what search solves" } th class="n" { "closing evaluation" } th { "95 %" } } }
             tbody { @for training in trainings {
                 @let m = &training.manifest;
                 tr {
-                    td { code { (training.run) } } td class="n" { (m.seed) }
-                    td class="n" { (m.decisions_done) @if m.decisions_done < m.decisions { " of " (m.decisions) } }
-                    td class="n" { (m.episodes) } td class="n" { (format!("{:.0}", m.cpu_s)) }
-                    td class="n" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
+                    td { code { (training.run) } } td class="n" data-l="seed" { (m.seed) }
+                    td class="n" data-l="decisions" { (m.decisions_done) @if m.decisions_done < m.decisions { " of " (m.decisions) } }
+                    td class="n" data-l="episodes" { (m.episodes) } td class="n" data-l="CPU s" { (format!("{:.0}", m.cpu_s)) }
+                    td class="n" data-l="of what search solves" { (m.calibration.map_or("–".to_owned(), |c| format!("{} of {}", c.both, c.searched))) }
                     @match training.closing.first() {
-                        Some(row) => { td class="n" { (percent(row.success_rate)) " of " (row.starts) } td { (interval(row)) } }
-                        None => { td class="n" { "–" } td {} }
+                        Some(row) => { td class="n" data-l="closing evaluation" { (percent(row.success_rate)) " of " (row.starts) } td data-l="95 %" { (interval(row)) } }
+                        None => { td class="n" data-l="closing evaluation" { "–" } td {} }
                     }
                 }
             } }
@@ -78,7 +79,7 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
     }
 }
 
-fn interval(row: &Row) -> String {
+pub(super) fn interval(row: &Row) -> String {
     format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1])
 }
 
@@ -113,7 +114,7 @@ pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
         @if maps.is_empty() {
             p { "The starts differ in fewer than two quantities: there is no map of them." }
         } @else {
-            p class="dim" { "Colour: share of the starts in a cell from which the ado makes the ego fail, from none to all. Ring: share on which it broke a rule. Blank: no start, or only starts from which the ego fails by itself. Robustness is of episodes without fouls." }
+            p class="dim" { "Colour: share of the starts in a cell from which the ado makes the ego fail. Ring: share on which it broke a rule, by its area. Blank: no start, or only starts from which the ego fails by itself. Robustness is of episodes without fouls." }
         }
     }
 }
@@ -164,34 +165,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         y: named(&axes[y]),
         size: (bins, bins),
         cells: cells.collect(),
-    }
-}
-
-/// All rows, ego by ego.
-pub(super) fn rows(tested: &[Tested]) -> Markup {
-    html! {
-        div class="wide" { table {
-            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "sims / start" } } }
-            tbody { @for Tested { row, .. } in tested { tr {
-                td { (row.ego) } td { (row.ado) } td { (row.method) @if let Some(context) = &row.context { ", context: " (context) } }
-                td class="n" {
-                    @if row.starts == 0 { "–" } @else { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
-                    @if 0 < row.invalid { ", " (row.invalid) " invalid" }
-                }
-                td class="bar" { span class="share" style=(format!("width:{:.1}rem", 5.0 * row.success_rate)) {} }
-                td { (interval(row)) }
-                td class="n" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
-                td class="n" { (percent(row.foul_rate)) } td class="n" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" { (percent(row.contact_rate)) }
-                td class="n" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
-                td class="n" { (format!("{:.1}", row.sims_per_start)) }
-            } } }
-        } }
-        @for Tested { row, .. } in tested { @if let Some(severity) = &row.severity {
-            p class="dim" { "Contacts, " (row.ego) ", " (row.ado) ": " (severity) }
-        } }
-        @for Tested { row, .. } in tested { @for fault in &row.faults {
-            p class="note" { (row.ego) ", " (row.ado) ": " (fault) }
-        } }
+        shares: ("fails on".to_owned(), "fouls on 25 %".to_owned()),
     }
 }
 
@@ -211,6 +185,7 @@ pub(super) fn costs(costs: &[TestingCost]) -> Markup {
             name: cost.name.clone(),
             class: format!("c-{}", nth % 6),
             points: [0.0, until].map(|n| (n, cost.at(n))).into(),
+            dots: Vec::new(),
         }
     });
     let marks = even.iter().map(|(n, other)| Mark {
@@ -221,6 +196,7 @@ pub(super) fn costs(costs: &[TestingCost]) -> Markup {
         name: cost.name.clone(),
         class: format!("c-{}", nth % 6),
         points: cost.anytime.clone(),
+        dots: Vec::new(),
     });
     let reached = reached.filter(|curve| !curve.points.is_empty());
     let by_ado = costs.first().map(|first| Mark {

@@ -7,12 +7,16 @@
 //! Architecture Invariant: a scene computes no reward and no verdict.
 
 pub mod drive;
+mod figure;
 pub mod grid;
+pub mod ground;
 mod record;
 mod world;
 
 use std::sync::Arc;
 
+pub use figure::Figure;
+pub use record::{BodySample, Motion};
 pub use record::{BodySample, Motion, Passage};
 pub use world::{Availability, Derived, Dynamics, Observed, World};
 

@@ -7,37 +7,13 @@ use super::error::ViewError;
 use super::journal::Journal;
 use super::palette::{self, Rgb};
 use super::story::Story;
-use crate::scene::Cast;
-
-/// What a body is drawn as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Figure {
-    Person,
-    Motorcycle,
-    Car,
-    Van,
-    Truck,
-}
-
-impl Figure {
-    /// Told by its size, so that bodies of one's own are recognised as well.
-    fn of(cast: &Cast) -> Figure {
-        let [length_m, width_m, height_m] = cast.size_m;
-        match cast.on_foot {
-            true => Figure::Person,
-            false if width_m < 1.2 => Figure::Motorcycle,
-            false if height_m < 1.9 => Figure::Car,
-            false if length_m < 7.0 => Figure::Van,
-            false => Figure::Truck,
-        }
-    }
-}
+use crate::scene::{Cast, Figure};
 
 /// Logs a body in the frame of its own centre: x forward, y left, z up.
 pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Result<(), ViewError> {
     let cast = &story.stage.cast[who];
     let colour = story.colour(who);
-    let figure = Figure::of(cast);
+    let figure = cast.figure();
     let scale = Scale::of(cast);
     let (mut centres, mut sizes, mut colours) = (Vec::new(), Vec::new(), Vec::new());
     for (centre, size, colour) in boxes(figure, &scale, colour, cast.colour) {
@@ -110,7 +86,7 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
     let mut parts = match figure {
         // A face, so that one sees where somebody looks.
         Figure::Person => return vec![part([0.16, 0.0, 0.92], [0.2, 0.16, 0.06], palette::GLASS)],
-        Figure::Motorcycle => {
+        Figure::TwoWheeler => {
             return vec![
                 part([0.0, 0.0, 0.36], [0.5, 0.36, 0.22], colour),
                 part([-0.22, 0.0, 0.5], [0.34, 0.3, 0.06], palette::TYRE),
@@ -170,7 +146,7 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
 fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
     let (axles, sides, radius_m, breadth_m): (_, &[f32], _, _) = match figure {
         Figure::Person => return None,
-        Figure::Motorcycle => ([-0.34, 0.34], &[0.0], 0.31, 0.14),
+        Figure::TwoWheeler => ([-0.34, 0.34], &[0.0], 0.31, 0.14),
         Figure::Car | Figure::Van => {
             let radius_m = 0.07 * body.length_m;
             ([-0.31, 0.31], &[-0.45, 0.45], radius_m, 0.13 * body.width_m)
@@ -215,7 +191,7 @@ fn limbs(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Capsul
             ([0.0, 0.42, 0.48], 0.3, 0.035, colour),
             ([0.0, 0.0, 0.9], 0.03, 0.068, palette::HEADLIGHT),
         ],
-        Figure::Motorcycle => &[
+        Figure::TwoWheeler => &[
             ([-0.1, 0.0, 0.56], 0.2, 0.12, colour),
             ([-0.1, -0.3, 0.42], 0.36, 0.05, palette::dimmed(colour, 0.6)),
             ([-0.1, 0.3, 0.42], 0.36, 0.05, palette::dimmed(colour, 0.6)),
@@ -247,7 +223,7 @@ mod tests {
             ("sedan", Figure::Car),
             ("van", Figure::Van),
             ("truck", Figure::Truck),
-            ("motorcycle", Figure::Motorcycle),
+            ("motorcycle", Figure::TwoWheeler),
             ("pedestrian", Figure::Person),
         ];
         for (name, figure) in expected {
@@ -260,7 +236,7 @@ mod tests {
                 colour: body.color_rgb,
                 on_foot: body.is_on_foot(),
             };
-            assert_eq!(Figure::of(&cast), figure, "{name}");
+            assert_eq!(cast.figure(), figure, "{name}");
             let scale = Scale::of(&cast);
             for (centre, size, _) in boxes(figure, &scale, [1; 3], [2; 3]) {
                 for (axis, whole_m) in cast.size_m.iter().enumerate() {

@@ -18,6 +18,9 @@ use super::journal::{Journal, nanos};
 use super::lines;
 use super::story::Story;
 
+/// How much longer than the episode the time axis of plots is.
+const LEGEND_ROOM: f64 = 1.45;
+
 /// Assembles a blueprint, node by node.
 pub(super) struct Layout<'a> {
     journal: &'a mut Journal,
@@ -50,8 +53,9 @@ impl<'a> Layout<'a> {
             None => PlotLegend::new().with_visible(false),
         };
         self.property(&view, "PlotLegend", &legend)?;
-        // A little room at the end, so that what happens last is seen.
-        let end_s = 1.04 * story.end_s().max(0.1);
+        // Room at the end for the legend: beside the curves, not on what
+        // happens last. Plots without one have the same axis, to be compared.
+        let end_s = LEGEND_ROOM * story.end_s().max(0.1);
         let instant =
             |time_s: f64| datatypes::TimeRangeBoundary::Absolute(datatypes::TimeInt(nanos(time_s)));
         let axis = TimeAxis::new().with_view_range(datatypes::TimeRange {

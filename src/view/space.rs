@@ -6,8 +6,4 @@ pub(super) fn lifted(point: [f64; 3], by_m: f64) -> [f32; 3] {
     [point[0] as f32, point[1] as f32, (point[2] + by_m) as f32]
 }
 
-/// As the crow flies.
-pub(super) fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-    let squares = (0..3).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
-    squares.sum::<f64>().sqrt()
-}
+pub(super) use crate::scene::ground::distance;

@@ -8,7 +8,7 @@ use brakecheck::scenario::Scenario;
 use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
 
 /// Elements of HTML that have no end.
-const VOID: [&str; 3] = ["meta", "br", "!DOCTYPE"];
+const VOID: [&str; 4] = ["meta", "br", "input", "!DOCTYPE"];
 
 /// Asserts that every element ends where it should; returns their names.
 fn well_formed(text: &str) -> Vec<String> {
@@ -31,8 +31,9 @@ fn well_formed(text: &str) -> Vec<String> {
             if !VOID.contains(&name) && !tag.ends_with('/') {
                 open.push(name);
             }
-            if name == "style" {
-                let end = rest.find("</style>").expect("styles end");
+            // Neither holds elements.
+            if ["style", "script"].contains(&name) {
+                let end = rest.find(&format!("</{name}>")).expect("it ends");
                 rest = &rest[end..];
             }
         }
@@ -63,11 +64,20 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     assert_eq!(json(&output)["report"], page);
     let html = read(&page);
     let names = well_formed(&html);
-    assert_eq!(
-        count(&names, "script") + count(&names, "link") + count(&names, "img"),
-        0
-    );
-    assert!(!html.contains("@import") && !html.contains("url("));
+    assert_eq!(count(&names, "link") + count(&names, "img"), 0);
+    // One script, in the page, that asks nobody for anything.
+    assert_eq!(count(&names, "script"), 1);
+    for asks in [
+        "@import",
+        "url(",
+        " src=",
+        "fetch",
+        "XMLHttpRequest",
+        "import(",
+    ] {
+        assert!(!html.contains(asks), "{asks}");
+    }
+    assert!(html.len() < 3_000_000, "{} bytes", html.len());
     let addresses = html.matches("http").count();
     assert_eq!(
         addresses,
@@ -81,9 +91,17 @@ fn a_report_is_one_page_that_needs_nothing_else() {
         "fouls before contact",
         "seed 1",
         "--expect recorded",
+        "fails on",
     ] {
         assert!(html.contains(word), "{word}");
     }
+    // The command at the end makes this very page.
+    let made = html.find("brakecheck report ").expect("the command");
+    let made = html[made..].lines().next().expect("a line");
+    let words: Vec<&str> = made.split_whitespace().skip(1).collect();
+    let again = brakecheck(&words);
+    assert_eq!(code(&again), 0, "{made}: {}", stderr(&again));
+    assert!(read(&page) == html, "{made}");
     // Three axes of starts give three maps; then histogram, two of training.
     assert!(6 <= count(&names, "svg"), "{}", count(&names, "svg"));
     let junit = read(&path(&dir, "page.junit.xml"));
@@ -96,6 +114,41 @@ fn a_report_is_one_page_that_needs_nothing_else() {
     assert_eq!(junit.matches(", start ").count(), failures);
     assert!(junit.contains(&format!("tests=\"{cases}\" failures=\"{failures}\"")));
     assert!(!junit.contains("ado hold") && junit.contains("headway &gt;= d_safe"));
+}
+
+/// The numbers after a word, wherever it stands on a page.
+fn numbers_after(html: &str, word: &str) -> Vec<f64> {
+    let after = html.split(word).skip(1);
+    let number = |rest: &str| -> Option<f64> {
+        let end = rest.find(|c: char| c != '.' && !c.is_ascii_digit())?;
+        rest[..end].parse().ok()
+    };
+    after.filter_map(number).collect()
+}
+
+#[test]
+fn counterexamples_are_shown_moving_the_worst_first() {
+    let dir = scratch();
+    let (run, trained) = small_run(&dir, "run", &[]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let output = brakecheck(&["report", &run, "--starts", "80", "--reuse-starts", "5"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let html = read(&format!("{run}/report.html"));
+    let shown = html.matches("<figure class=\"film\"").count();
+    assert!(2 <= shown, "{shown}");
+    assert_eq!(html.matches("data-film=").count(), shown);
+    // Of one kind of contact a higher Δv is a higher risk.
+    let risks = numbers_after(&html, "MAIS 3+ of the ego's occupants: ");
+    assert!(2 <= risks.len(), "{risks:?}");
+    assert!(risks.is_sorted_by(|a, b| b <= a), "{risks:?}");
+    for word in [
+        "The ego hit the rear of ado at ",
+        "every rule kept",
+        "k-contact",
+        "k-broken",
+    ] {
+        assert!(html.contains(word), "{word}");
+    }
 }
 
 #[test]
@@ -132,12 +185,13 @@ fn whatever_a_world_says_is_escaped() {
     let html = read(&format!("{run}/report.html"));
     let names = well_formed(&html);
     assert_eq!(
+        // The page's own script, and marks of moments over the lanes.
         (
-            count(&names, "script"),
+            count(&names, "script") <= 1,
             count(&names, "u"),
-            count(&names, "i")
+            html.matches("<i>").count()
         ),
-        (0, 0, 0)
+        (true, 0, 0)
     );
     assert!(html.contains("&lt;script&gt;alert("));
     let junit = read(&format!("{run}/report.junit.xml"));
@@ -219,17 +273,19 @@ fn the_figures_of_the_paper_are_drawn_from_our_worlds() {
     let output = brakecheck(&["reproduce", "figures", "-o", &out, "--json"]);
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert_eq!(json(&output)["figures"].as_array().expect("files").len(), 3);
-    for (name, panels) in [("figure-2", 4), ("figure-3", 6), ("figure-5", 2)] {
+    for (name, panels) in [("figure-2", 4), ("figure-3", 9), ("figure-5", 2)] {
         let svg = read(&format!("{out}/{name}.svg"));
         let names = well_formed(&svg);
         // The picture, and for each panel a place and the panel in it.
         assert_eq!(count(&names, "svg"), 1 + 2 * panels, "{name}");
         assert!(svg.contains("found by search"), "{name}");
+        assert!(!svg.contains('`'), "{name}: figures have no code");
     }
     assert!(read(&format!("{out}/figure-5.svg")).contains("runs the red light"));
     assert!(
-        read(&format!("{out}/figure-3.svg")).contains("breaks `stays ahead until it overlaps`")
+        read(&format!("{out}/figure-3.svg")).contains("breaks “stays ahead until it overlaps”")
     );
+    assert!(read(&format!("{out}/figure-3.svg")).contains("paths, a dot per second"));
 }
 
 #[test]

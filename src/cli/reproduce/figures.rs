@@ -99,7 +99,7 @@ fn drawn(
 
 fn caption(what: &str, (scenario, switches): (&Scenario, usize)) -> String {
     format!(
-        "{what} World `{}`, {:?} plant. The actions were found by search over all sequences with at most {switches} switches, not by a trained ado.",
+        "{what} World {}, {:?} plant. The actions were found by search over all sequences with at most {switches} switches, not by a trained ado.",
         scenario.name,
         scenario.plant(),
     )
@@ -116,7 +116,7 @@ fn behaviour(scenario: &Scenario, one: &Shown, distance: &str) -> Behaviour {
     let word = match episode.verdict {
         Verdict::Counterexample { .. } => "ψ_ego violated".to_owned(),
         Verdict::Uncounted { .. } => "ψ_ego violated, uncounted".to_owned(),
-        Verdict::Foul { rule, .. } => format!("breaks `{}`", rules[rule].name),
+        Verdict::Foul { rule, .. } => format!("breaks “{}”", rules[rule].name),
         Verdict::Held { .. } => "ψ_ego held".to_owned(),
         Verdict::Invalid => "invalid".to_owned(),
     };
@@ -125,8 +125,22 @@ fn behaviour(scenario: &Scenario, one: &Shown, distance: &str) -> Behaviour {
         ego_speed_mps: over_time(episode, "ego.speed"),
         ado_speed_mps: over_time(episode, "ado.speed"),
         distance_m: over_time(episode, distance),
+        paths_m: paths(scenario, episode),
+        per_second: (1.0 / episode.trace.dt_s()).round() as usize,
         decided: (decided_s(episode), word),
     }
+}
+
+/// The ways of ego and ado, where there is more than one lane.
+fn paths(scenario: &Scenario, episode: &Episode) -> [Vec<(f64, f64)>; 2] {
+    let lanes = scenario.drive().map_or(1, |spec| spec.road.lanes());
+    ["ego", "ado"].map(|name| {
+        let column = |axis: &str| episode.trace.signal(&format!("{name}.{axis}"));
+        match (column("x"), column("y").or(column("lateral"))) {
+            (Some(x), Some(y)) if 1 < lanes => x.iter().copied().zip(y.iter().copied()).collect(),
+            _ => Vec::new(),
+        }
+    })
 }
 
 fn decided_s(episode: &Episode) -> f64 {

@@ -1,0 +1,142 @@
+//! Road users from above, each in its own frame: x forward, y left, metres.
+//!
+//! They are as large as their bodies. What tells the front from the rear is
+//! glass and lamps; the fill is the colour of the role.
+
+use maud::{Markup, html};
+
+use super::write::n;
+use crate::scene::{Cast, Figure, Role};
+
+/// The class that colours somebody everywhere on the page: the ego, each of
+/// the ados, whoever else there is.
+pub(in crate::report) fn colour_class(cast: &[Cast], who: usize) -> String {
+    let role = cast[who].role;
+    let before = cast[..who].iter().filter(|cast| cast.role == role).count();
+    match role {
+        Role::Ego => "c-ego".to_owned(),
+        Role::Ado => format!("c-ado{}", before % 4),
+        Role::Scripted => "c-by".to_owned(),
+    }
+}
+
+/// The shape of a body.
+pub(super) fn body(cast: &Cast) -> Markup {
+    let [length_m, width_m, _] = cast.size_m;
+    let body = Body { length_m, width_m };
+    match (cast.body.as_str(), cast.figure()) {
+        ("cell", _) if cast.role == Role::Ego => body.hull(0.12),
+        ("cell", _) => html! { circle class="paint" r=(n(0.5 * length_m, 3)) {} },
+        (_, Figure::Person) => body.person(),
+        (_, Figure::TwoWheeler) => body.two_wheeler(),
+        (_, Figure::Car) => body.car(&CAR),
+        (_, Figure::Van) => body.car(&VAN),
+        (_, Figure::Truck) => body.truck(),
+    }
+}
+
+/// Where glass is, by shares of the length from the middle.
+struct Cabin {
+    /// Rear and front end of the windscreen.
+    windscreen: (f64, f64),
+    /// Rear and front end of the rear window, if there is one.
+    rear_window: Option<(f64, f64)>,
+}
+
+const CAR: Cabin = Cabin {
+    windscreen: (0.10, 0.24),
+    rear_window: Some((-0.37, -0.27)),
+};
+const VAN: Cabin = Cabin {
+    windscreen: (0.26, 0.38),
+    rear_window: None,
+};
+
+struct Body {
+    length_m: f64,
+    width_m: f64,
+}
+
+impl Body {
+    /// The outline, as large as the body.
+    fn hull(&self, rounding: f64) -> Markup {
+        self.bar("paint", (-0.5, 0.5), (-0.5, 0.5), rounding * self.width_m)
+    }
+
+    /// A rectangle by shares of length and width.
+    fn bar(&self, class: &str, x: (f64, f64), y: (f64, f64), round_m: f64) -> Markup {
+        let (length, width) = (self.length_m, self.width_m);
+        html! {
+            rect class=(class) x=(n(x.0 * length, 3)) y=(n(y.0 * width, 3)) width=(n((x.1 - x.0) * length, 3)) height=(n((y.1 - y.0) * width, 3)) rx=(n(round_m, 3)) {}
+        }
+    }
+
+    /// Glass that narrows from `wide` to `narrow`, by shares.
+    fn glass(&self, wide: (f64, f64), narrow: (f64, f64)) -> Markup {
+        let corners = [
+            (wide.0, wide.1),
+            (wide.0, -wide.1),
+            (narrow.0, -narrow.1),
+            (narrow.0, narrow.1),
+        ];
+        let corners =
+            corners.map(|(x, y)| format!("{},{}", n(x * self.length_m, 3), n(y * self.width_m, 3)));
+        html! { polygon class="glass" points=(corners.join(" ")) {} }
+    }
+
+    fn lamps(&self) -> Markup {
+        html! {
+            @for side in [(-0.46, -0.22), (0.22, 0.46)] {
+                (self.bar("lamp", (0.465, 0.5), side, 0.04))
+                (self.bar("tail", (-0.5, -0.455), side, 0.04))
+            }
+        }
+    }
+
+    fn car(&self, cabin: &Cabin) -> Markup {
+        let (from, to) = cabin.windscreen;
+        let roof_from = cabin.rear_window.map_or(-0.46, |(_, front)| front);
+        html! {
+            (self.hull(0.22))
+            (self.bar("roof", (roof_from, from), (-0.36, 0.36), 0.1))
+            (self.glass((to, 0.43), (from, 0.35)))
+            @if let Some((rear, front)) = cabin.rear_window { (self.glass((rear, 0.40), (front, 0.34))) }
+            (self.lamps())
+        }
+    }
+
+    fn truck(&self) -> Markup {
+        html! {
+            (self.hull(0.06))
+            (self.bar("cargo", (-0.5, 0.26), (-0.5, 0.5), 0.06))
+            (self.glass((0.475, 0.46), (0.42, 0.44)))
+            (self.lamps())
+        }
+    }
+
+    fn two_wheeler(&self) -> Markup {
+        html! {
+            (self.bar("tyre", (0.22, 0.5), (-0.09, 0.09), 0.05))
+            (self.bar("tyre", (-0.5, -0.2), (-0.09, 0.09), 0.05))
+            (self.bar("paint", (-0.3, 0.32), (-0.16, 0.16), 0.1))
+            (self.bar("tyre", (0.17, 0.2), (-0.5, 0.5), 0.02))
+            ellipse class="paint" cx=(n(-0.06 * self.length_m, 3)) rx=(n(0.13 * self.length_m, 3)) ry=(n(0.42 * self.width_m, 3)) {}
+            circle class="head" cx=(n(0.01 * self.length_m, 3)) r=(n(0.16_f64.min(0.22 * self.width_m), 3)) {}
+            (self.bar("tail", (-0.5, -0.46), (-0.08, 0.08), 0.0))
+        }
+    }
+
+    /// Shoulders, head, and a face that looks ahead; with a ring around, since
+    /// a person is small beside cars.
+    fn person(&self) -> Markup {
+        let (length, width) = (self.length_m, self.width_m);
+        let nose = [(0.5, 0.0), (0.22, 0.2), (0.22, -0.2)];
+        let nose = nose.map(|(x, y)| format!("{},{}", n(x * length, 3), n(y * width, 3)));
+        html! {
+            circle class="ring" r="1.1" {}
+            ellipse class="paint" rx=(n(0.5 * length, 3)) ry=(n(0.5 * width, 3)) {}
+            polygon class="head" points=(nose.join(" ")) {}
+            circle class="head" r=(n(0.27 * length.min(width), 3)) {}
+        }
+    }
+}

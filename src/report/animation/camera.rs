@@ -1,0 +1,118 @@
+//! Where the camera stands: what of the world a picture shows, and how large.
+
+use super::film::Film;
+
+/// What a picture has room for.
+pub(super) struct Canvas {
+    /// Width and height.
+    pub size_px: [f64; 2],
+    /// What is kept free of bodies, on either side and above and below.
+    pub margin_px: [f64; 2],
+    /// What is written over at the foot.
+    pub foot_px: f64,
+    /// The ego is no shorter than this.
+    pub ego_px: f64,
+    /// The height shows no fewer metres than this.
+    pub least_height_m: f64,
+}
+
+/// The picture in the page: play.js uses the same numbers.
+pub(super) const SCREEN: Canvas = Canvas {
+    size_px: [1190.0, 340.0],
+    margin_px: [120.0, 62.0],
+    foot_px: 36.0,
+    ego_px: 66.0,
+    least_height_m: 8.5,
+};
+
+/// A small still.
+pub(super) const THUMB: Canvas = Canvas {
+    size_px: [240.0, 120.0],
+    margin_px: [14.0, 12.0],
+    foot_px: 0.0,
+    ego_px: 20.0,
+    least_height_m: 8.0,
+};
+
+/// From places to a picture.
+pub(super) struct Camera<'a> {
+    pub canvas: &'a Canvas,
+    /// Pixels per metre.
+    pub scale: f64,
+    /// What stands in the middle, in the picture's directions.
+    pub centre_m: [f64; 2],
+    turn_rad: f64,
+}
+
+impl<'a> Camera<'a> {
+    /// The camera at a sample: everybody who matters is in the picture, as long
+    /// as the ego stays large enough; else the ego is, and what lies its way.
+    ///
+    /// `ego` is who that is and how long; `None`: everything fits, whatever size
+    /// it gets.
+    pub fn of(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &'a Canvas) -> Camera<'a> {
+        let focus = film.focus[i];
+        let [width_px, height_px] = canvas.size_px;
+        let height_px = height_px - canvas.foot_px;
+        let room_px = [width_px, height_px];
+        let fits = [0, 1].map(|axis| {
+            (room_px[axis] - 2.0 * canvas.margin_px[axis]) / focus.size_m[axis].max(0.1)
+        });
+        let scale = fits[0].min(fits[1]);
+        let Some((ego, ego_m)) = ego else {
+            return Camera {
+                canvas,
+                scale,
+                centre_m: focus.centre_m,
+                turn_rad: film.turn_rad,
+            };
+        };
+        let scale = scale
+            .min(height_px / canvas.least_height_m)
+            .max(canvas.ego_px / ego_m);
+        let track = &film.tracks[ego];
+        let own_m = film.turned(track.x_m[i], track.y_m[i]);
+        let centre_m = [0, 1].map(|axis| {
+            // So far from the middle the ego may be.
+            let margin_px = canvas.margin_px[axis].min(40.0);
+            let reach_m = (0.5 * room_px[axis] - margin_px) / scale - 0.5 * ego_m;
+            let reach_m = reach_m.max(0.0);
+            focus.centre_m[axis].clamp(own_m[axis] - reach_m, own_m[axis] + reach_m)
+        });
+        Camera {
+            canvas,
+            scale,
+            centre_m,
+            turn_rad: film.turn_rad,
+        }
+    }
+
+    /// Where the middle of the picture is.
+    fn middle_px(&self) -> [f64; 2] {
+        let [width_px, height_px] = self.canvas.size_px;
+        [0.5 * width_px, 0.5 * (height_px - self.canvas.foot_px)]
+    }
+
+    /// The `transform` of everything that is drawn in metres, y upwards.
+    pub fn transform(&self) -> String {
+        let [x, y] = self.middle_px();
+        let [u, v] = self.centre_m;
+        format!(
+            "translate({x:.1} {y:.1}) scale({s:.4} {m:.4}) translate({u:.3} {v:.3}) rotate({turn:.3})",
+            s = self.scale,
+            m = -self.scale,
+            u = -u,
+            v = -v,
+            turn = -self.turn_rad.to_degrees(),
+        )
+    }
+
+    /// A place, given in the picture's directions, in the picture.
+    pub fn at(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let [x, y] = self.middle_px();
+        [
+            x + (u - self.centre_m[0]) * self.scale,
+            y - (v - self.centre_m[1]) * self.scale,
+        ]
+    }
+}

@@ -1,0 +1,82 @@
+//! The film as text that play.js reads: lists of rounded numbers per body.
+//!
+//! Places are to the millimetre, headings to 0.1 mrad, so that a shape is less
+//! than a centimetre from where its body was.
+
+use serde_json::to_string;
+
+use super::film::Film;
+use super::ground::phase_word;
+use super::picture::Picture;
+use super::write::{list, n};
+use crate::ego::Phase;
+
+/// Everything that moves in a picture.
+pub(super) fn json(picture: &Picture<'_>) -> String {
+    let film = &picture.film;
+    let (ego, _) = picture.ego();
+    let bodies = (0..film.tracks.len()).map(|who| body(picture, who));
+    let bodies: Vec<String> = bodies.collect();
+    let focus = [
+        film.focus.iter().map(|f| f.centre_m[0]).collect::<Vec<_>>(),
+        film.focus.iter().map(|f| f.centre_m[1]).collect(),
+        film.focus.iter().map(|f| f.size_m[0]).collect(),
+        film.focus.iter().map(|f| f.size_m[1]).collect(),
+    ];
+    let focus = focus.map(|values| list(&values, 2));
+    let lights: Vec<String> = film.phases.iter().map(|it| turns(film, it)).collect();
+    let contact = picture.contact_m();
+    let contact = contact.map_or("null".to_owned(), |at| list(&at, 3));
+    format!(
+        "{{\"t\":{},\"ego\":{ego},\"turn\":{},\"cells\":{},\"bodies\":[{}],\"focus\":[{}],\"lights\":[{}],\"contact\":{contact},\"broken\":{},\"still\":{},\"leaf\":{}}}",
+        list(&film.times_s, 4),
+        n(film.turn_rad, 4),
+        picture.on_cells,
+        bodies.join(","),
+        focus.join(","),
+        lights.join(","),
+        n(picture.violated_s, 3),
+        n(picture.still_s(), 4),
+        quoted(&picture.broken),
+    )
+}
+
+fn body(picture: &Picture<'_>, who: usize) -> String {
+    let (cast, track) = (&picture.stage.cast[who], &picture.film.tracks[who]);
+    let moves = picture.moves.iter().find(|(ado, _)| *ado == cast.name);
+    let moves = moves.map_or(&[][..], |(_, moves)| moves);
+    let moves = moves
+        .iter()
+        .map(|it| format!("[{},{}]", n(it.from_s, 3), quoted(&it.words)));
+    format!(
+        "{{\"name\":{},\"size\":{},\"x\":{},\"y\":{},\"h\":{},\"v\":{},\"a\":{},\"moves\":[{}]}}",
+        quoted(&cast.name),
+        list(&cast.size_m[..2], 3),
+        list(&track.x_m, 3),
+        list(&track.y_m, 3),
+        list(&track.heading_rad, 4),
+        list(&track.speed_mps, 2),
+        list(&track.accel_mps2, 1),
+        moves.collect::<Vec<_>>().join(","),
+    )
+}
+
+/// When a light shows something new, and what.
+fn turns(film: &Film, phases: &[Phase]) -> String {
+    let mut turns: Vec<(f64, Phase)> = Vec::new();
+    for (time_s, phase) in film.times_s.iter().zip(phases) {
+        if turns.last().is_none_or(|(_, last)| last != phase) {
+            turns.push((*time_s, *phase));
+        }
+    }
+    let turns = turns
+        .iter()
+        .map(|(time_s, phase)| format!("[{},\"{}\"]", n(*time_s, 3), phase_word(*phase)));
+    format!("[{}]", turns.collect::<Vec<_>>().join(","))
+}
+
+/// A text as JSON; the page escapes it once more.
+fn quoted(text: &str) -> String {
+    // A text is always JSON; empty quotes rather than a page without a film.
+    to_string(text).unwrap_or_else(|_| "\"\"".to_owned())
+}

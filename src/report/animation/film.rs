@@ -1,0 +1,303 @@
+//! An episode as numbers to be shown: where every body is, and what to look at.
+
+use crate::ego::Phase;
+use crate::scene::{Frame, Role, Stage};
+use crate::testbench::Episode;
+
+/// Samples that are nearer to each other in time than this are not all shown.
+const APART_S: f64 = 0.05;
+/// Who is farther from the ego than this does not move the camera: whom it
+/// meets, and others.
+const MET_FAR_M: f64 = 60.0;
+const FAR_M: f64 = 25.0;
+/// Half of the time over which the camera's moves are evened out.
+const STEADY_S: f64 = 0.5;
+/// Half of the time over which an acceleration is read from speeds.
+const ACCEL_S: f64 = 0.1;
+/// Turns of the road that are smaller than this do not turn the picture.
+const STRAIGHT_RAD: f64 = 0.2;
+
+/// An episode, sample by sample, in the order of the cast.
+pub(super) struct Film {
+    /// When the samples are; the last one is the end.
+    pub times_s: Vec<f64>,
+    /// How everybody moves.
+    pub tracks: Vec<Track>,
+    /// What every light shows, per sample.
+    pub phases: Vec<Vec<Phase>>,
+    /// What the camera looks at, per sample.
+    pub focus: Vec<Focus>,
+    /// Which direction of the world is to the right in the picture.
+    pub turn_rad: f64,
+}
+
+/// The centre of one body over time.
+pub(super) struct Track {
+    pub x_m: Vec<f64>,
+    pub y_m: Vec<f64>,
+    /// Without jumps of a whole turn.
+    pub heading_rad: Vec<f64>,
+    pub speed_mps: Vec<f64>,
+    pub accel_mps2: Vec<f64>,
+}
+
+/// A rectangle in the picture's directions: to the right, up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Focus {
+    pub centre_m: [f64; 2],
+    pub size_m: [f64; 2],
+}
+
+impl Film {
+    /// The film of an episode; `frames` has one per sample, the first at 0 s.
+    ///
+    /// A contact ends the motion between two samples: the last frame is of that
+    /// instant, not of the sample's time.
+    pub fn of(stage: &Stage, frames: &[Frame], episode: &Episode) -> Film {
+        let dt_s = episode.trace.dt_s();
+        let end_s = episode.contact.as_ref().map(|touch| touch.time_s);
+        let time_s = |i: usize| (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY));
+        let every = ((APART_S / dt_s).round() as usize).max(1);
+        let last = frames.len().saturating_sub(1);
+        let special = [episode.judged.saturating_sub(1), last];
+        let shown = |i: &usize| i % every == 0 || special.contains(i);
+        let kept: Vec<usize> = (0..frames.len()).filter(shown).collect();
+        let times_s: Vec<f64> = kept.iter().map(|i| time_s(*i)).collect();
+        let column = |who: usize| {
+            let name = format!("{}.speed", stage.cast[who].name);
+            episode.trace.signal(&name).map(<[f64]>::to_vec)
+        };
+        let track = |who| Track::of(who, frames, (&kept, &times_s), column(who));
+        let tracks: Vec<Track> = (0..stage.cast.len()).map(track).collect();
+        let lights = 0..stage.lights.len();
+        let phases = lights.map(|light| kept.iter().map(|i| frames[*i].phases[light]).collect());
+        let mut film = Film {
+            phases: phases.collect(),
+            focus: Vec::new(),
+            times_s,
+            tracks,
+            turn_rad: 0.0,
+        };
+        film.turn_rad = film.turn(stage, episode);
+        film.focus = match is_on_cells(stage) {
+            true => film.whole_map(stage),
+            false => film.steady(film.looked_at(stage, episode)),
+        };
+        film
+    }
+
+    /// The place of a sample in the lists: the last at or before a time.
+    pub fn at(&self, time_s: f64) -> usize {
+        let after = self.times_s.partition_point(|t| *t <= time_s + 1e-9);
+        after.saturating_sub(1)
+    }
+
+    /// When it ends.
+    pub fn end_s(&self) -> f64 {
+        self.times_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// A place of the world in the picture's directions.
+    pub fn turned(&self, x_m: f64, y_m: f64) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(self.turn_rad);
+        [x_m * cos + y_m * sin, y_m * cos - x_m * sin]
+    }
+
+    /// Half of the room that a body takes in the picture's directions.
+    pub fn half_room(&self, size_m: [f64; 3], who: usize, i: usize) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(self.tracks[who].heading_rad[i] - self.turn_rad);
+        let (length_m, width_m) = (0.5 * size_m[0], 0.5 * size_m[1]);
+        [
+            length_m * cos.abs() + width_m * sin.abs(),
+            length_m * sin.abs() + width_m * cos.abs(),
+        ]
+    }
+
+    /// The picture's direction: the ego's when the verdict falls, unless it is
+    /// nearly along x.
+    fn turn(&self, stage: &Stage, episode: &Episode) -> f64 {
+        let headings = &self.tracks[ego_of(stage)].heading_rad;
+        let heading_rad = headings.get(self.at(judged_s(episode))).copied();
+        match heading_rad {
+            Some(heading_rad) if STRAIGHT_RAD <= heading_rad.abs() => heading_rad,
+            _ => 0.0,
+        }
+    }
+
+    /// All cells, at every sample.
+    fn whole_map(&self, stage: &Stage) -> Vec<Focus> {
+        let places = stage.lane_borders_m.iter().flatten();
+        let side_m = places.map(|place| place[0]).fold(0.0, f64::max);
+        let whole = Focus {
+            centre_m: [0.5 * side_m; 2],
+            size_m: [side_m; 2],
+        };
+        vec![whole; self.times_s.len()]
+    }
+
+    /// How far the middles of two are apart at a sample.
+    fn apart_m(&self, one: usize, other: usize, i: usize) -> f64 {
+        let (one, other) = (&self.tracks[one], &self.tracks[other]);
+        libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
+    }
+
+    /// Whom the ego has to do with: who touches it, else who is nearest to it
+    /// when the verdict falls.
+    pub fn met(&self, stage: &Stage, episode: &Episode) -> Option<usize> {
+        let ego = ego_of(stage);
+        let i = self.at(judged_s(episode));
+        let others = (0..self.tracks.len()).filter(|who| *who != ego);
+        let nearest = others.min_by(|a, b| {
+            let apart_m = |who: &usize| self.apart_m(ego, *who, i);
+            apart_m(a).total_cmp(&apart_m(b))
+        });
+        met_by_ego(stage, episode).or(nearest)
+    }
+
+    /// Everything that matters at each sample: the ego, who it meets in the end,
+    /// and who else is near.
+    fn looked_at(&self, stage: &Stage, episode: &Episode) -> Vec<Focus> {
+        let ego = ego_of(stage);
+        let met = self.met(stage, episode);
+        let near = |who: usize, i: usize| {
+            let far_m = if Some(who) == met { MET_FAR_M } else { FAR_M };
+            who == ego || self.apart_m(ego, who, i) <= far_m
+        };
+        let at = |i: usize| {
+            let everybody = 0..stage.cast.len();
+            let rooms = everybody.filter(|who| near(*who, i)).map(|who| {
+                let centre = self.turned(self.tracks[who].x_m[i], self.tracks[who].y_m[i]);
+                let half = self.half_room(stage.cast[who].size_m, who, i);
+                [0, 1].map(|axis| (centre[axis] - half[axis], centre[axis] + half[axis]))
+            });
+            let whole =
+                rooms.reduce(|a, b| [0, 1].map(|n| (a[n].0.min(b[n].0), a[n].1.max(b[n].1))));
+            let whole = whole.unwrap_or([(0.0, 0.0); 2]);
+            Focus {
+                centre_m: whole.map(|(lo, hi)| 0.5 * (lo + hi)),
+                size_m: whole.map(|(lo, hi)| hi - lo),
+            }
+        };
+        (0..self.times_s.len()).map(at).collect()
+    }
+
+    /// Means over a second, so that the camera does not jump when somebody
+    /// comes near.
+    fn steady(&self, focus: Vec<Focus>) -> Vec<Focus> {
+        let mean = |i: usize| {
+            let near = |t: &f64| (t - self.times_s[i]).abs() <= STEADY_S;
+            let from = self.times_s.iter().position(near).unwrap_or(i);
+            let count = self.times_s[from..].iter().take_while(|t| near(t)).count();
+            // As far to one side as to the other: at the ends nothing is evened out.
+            let reach = (i - from).min(from + count - 1 - i);
+            let around = &focus[i - reach..=i + reach];
+            let mean = |value: &dyn Fn(&Focus) -> f64| {
+                around.iter().map(value).sum::<f64>() / around.len() as f64
+            };
+            Focus {
+                centre_m: [0, 1].map(|axis| mean(&|f| f.centre_m[axis])),
+                size_m: [0, 1].map(|axis| mean(&|f| f.size_m[axis])),
+            }
+        };
+        (0..focus.len()).map(mean).collect()
+    }
+}
+
+impl Track {
+    fn of(
+        who: usize,
+        frames: &[Frame],
+        (kept, times_s): (&[usize], &[f64]),
+        speeds: Option<Vec<f64>>,
+    ) -> Track {
+        let places = kept.iter().map(|i| frames[*i].placements[who]);
+        let (x_m, y_m): (Vec<f64>, Vec<f64>) = places
+            .clone()
+            .map(|place| (place.centre_m[0], place.centre_m[1]))
+            .unzip();
+        let heading_rad = unwound(places.map(|place| heading_rad(place.rotation)));
+        let speed_mps: Vec<f64> = match speeds {
+            Some(speeds) => kept.iter().map(|i| at_or_last(&speeds, *i)).collect(),
+            None => {
+                let slope = |values: &[f64]| slopes(times_s, values);
+                let parts = slope(&x_m).into_iter().zip(slope(&y_m));
+                parts.map(|(x, y)| libm::hypot(x, y)).collect()
+            }
+        };
+        Track {
+            accel_mps2: slopes(times_s, &speed_mps),
+            x_m,
+            y_m,
+            heading_rad,
+            speed_mps,
+        }
+    }
+}
+
+/// When the verdict falls.
+fn judged_s(episode: &Episode) -> f64 {
+    episode.judged.saturating_sub(1) as f64 * episode.trace.dt_s()
+}
+
+/// The ego's place in the cast.
+pub(super) fn ego_of(stage: &Stage) -> usize {
+    let is_ego = |cast: &crate::scene::Cast| cast.role == Role::Ego;
+    stage.cast.iter().position(is_ego).unwrap_or(0)
+}
+
+/// Whom the ego touches.
+pub(super) fn met_by_ego(stage: &Stage, episode: &Episode) -> Option<usize> {
+    let touch = episode.contact.as_ref()?;
+    let named = |name: &String| stage.cast.iter().position(|cast| cast.name == *name);
+    let ego = ego_of(stage);
+    let both = [named(&touch.between.0)?, named(&touch.between.1)?];
+    match both {
+        [one, other] if one == ego => Some(other),
+        [one, other] if other == ego => Some(one),
+        _ => None,
+    }
+}
+
+/// Whether the world is cells, not a road.
+pub(super) fn is_on_cells(stage: &Stage) -> bool {
+    stage.cast.iter().any(|cast| cast.body == "cell")
+}
+
+/// The angle about the vertical of a quaternion (x, y, z, w).
+fn heading_rad([x, y, z, w]: [f64; 4]) -> f64 {
+    libm::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+}
+
+/// Angles without jumps of a whole turn.
+fn unwound(angles_rad: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut unwound: Vec<f64> = Vec::new();
+    for angle_rad in angles_rad {
+        let before = unwound.last().copied().unwrap_or(angle_rad);
+        unwound.push(before + libm::remainder(angle_rad - before, std::f64::consts::TAU));
+    }
+    unwound
+}
+
+/// How fast values change, read from a little before to a little after.
+fn slopes(times_s: &[f64], values: &[f64]) -> Vec<f64> {
+    let slope = |i: usize| {
+        let near = |j: &usize| (times_s[*j] - times_s[i]).abs() <= ACCEL_S + 1e-9;
+        let from = (0..i)
+            .rev()
+            .take_while(near)
+            .last()
+            .unwrap_or(i.saturating_sub(1));
+        let to = (i + 1..values.len()).take_while(near).last();
+        let to = to.unwrap_or((i + 1).min(values.len() - 1));
+        match times_s[from] < times_s[to] {
+            true => (values[to] - values[from]) / (times_s[to] - times_s[from]),
+            false => 0.0,
+        }
+    };
+    (0..values.len()).map(slope).collect()
+}
+
+fn at_or_last(values: &[f64], i: usize) -> f64 {
+    let value = values.get(i).or(values.last());
+    value.copied().unwrap_or(0.0)
+}

@@ -1,0 +1,75 @@
+//! A counterexample from above: what happened, to be played, scrubbed and read.
+//!
+//! A film (everybody's poses per sample) is looked at by a camera that follows
+//! the conflict. What the page holds is the still of the decisive moment, stills
+//! of the others, the actions as lanes, and the poses for a small script that
+//! moves the same shapes; without the script the stills tell the story.
+//!
+//! `bodies`, `ground`: shapes in metres. `moves`, `moments`: what is told of the
+//! episode. `labels`: words beside bodies. `play.js`: the only script of a page.
+
+mod bodies;
+mod camera;
+mod data;
+mod film;
+mod ground;
+mod labels;
+mod lanes;
+mod moments;
+mod moves;
+mod picture;
+#[cfg(test)]
+mod tests;
+mod write;
+
+pub(super) use bodies::colour_class;
+use maud::{Markup, html};
+
+use super::Example;
+use super::verdict::VerdictWords;
+use crate::scenario::Scenario;
+use picture::Picture;
+
+/// What moves the pictures of a page; it loads nothing.
+pub(super) const SCRIPT: &str = include_str!("play.js");
+/// Colours and layout of the pictures.
+pub(super) const STYLE: &str = include_str!("animation.css");
+
+/// The animated picture of one example; `nth` tells its parts from others'.
+///
+/// Empty if the example has no frames.
+pub(super) fn animation(
+    scenario: &Scenario,
+    example: &Example,
+    (nth, verdict): (usize, &VerdictWords),
+) -> Markup {
+    if example.frames.is_empty() {
+        return html! {};
+    }
+    let picture = Picture::of(scenario, example, nth);
+    let film = data::json(&picture);
+    let event = example.episode.contact.as_ref();
+    html! {
+        figure class="film" data-film=(film) {
+            div class="screen" {
+                (picture.screen(&verdict.sentence()))
+                p class="clock" { (format!("{:.2} s", picture.still_s())) }
+                @match event {
+                    Some(_) if picture.on_cells => { p class="event k-contact" { "Caught" } }
+                    Some(touch) => { p class="event k-contact" { "Contact at " (format!("{:.1}", touch.closing_speed_mps)) " m/s" } }
+                    None => { p class="event k-broken" { "Requirement broken: " (picture.broken) } }
+                }
+                p class="ending" { (verdict.sentence()) }
+            }
+            div class="deck" {
+                div {
+                    button type="button" class="play" aria-label="Play" { "▶" }
+                    button type="button" class="rate" aria-label="Speed" { "1×" }
+                }
+                input type="range" min="0" max="1000" value="1000" step="any" aria-label="Time";
+            }
+            (lanes::lanes(&picture))
+            div class="strip" { @for moment in &picture.moments { (picture.thumb(moment)) } }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! The moments that tell the story: start, decisive action, last chance,
+//! violation, contact.
+
+use super::super::Example;
+use super::moves::{Kind, Move};
+use crate::scenario::Scenario;
+use crate::stl::Interval;
+
+/// Moments that are nearer than this share a still.
+const TOGETHER_S: f64 = 0.02;
+
+/// An instant worth a still.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Moment {
+    pub time_s: f64,
+    pub words: String,
+    /// The class that colours it in the lanes and stills.
+    pub class: &'static str,
+}
+
+/// The moments of a counterexample in the order of time, the start first.
+pub(super) fn moments(
+    scenario: &Scenario,
+    example: &Example,
+    moves: &[(String, Vec<Move>)],
+) -> Vec<Moment> {
+    let moment = |time_s: f64, words: String, class| Moment {
+        time_s,
+        words,
+        class,
+    };
+    let mut moments = vec![moment(0.0, "start".to_owned(), "k-start")];
+    if let Some(why) = &example.about.why {
+        moments.extend(why.decisive.as_ref().map(|it| {
+            let words = format!("decisive: {}", done_at(it.from_s, moves));
+            moment(it.from_s, words, "k-decisive")
+        }));
+        let chance = why.last_chance.as_ref();
+        moments.extend(chance.and_then(|chance| {
+            let words = format!("last chance: {}", chance.driver);
+            Some(moment(chance.at_s?, words, "k-chance"))
+        }));
+    }
+    let violated_s = violated_s(scenario, example);
+    moments.push(moment(
+        violated_s,
+        "requirement broken".to_owned(),
+        "k-broken",
+    ));
+    moments.extend(example.episode.contact.as_ref().map(|touch| {
+        let words = match scenario.grid() {
+            Some(_) => "caught".to_owned(),
+            None => format!("contact, {:.1} m/s", touch.closing_speed_mps),
+        };
+        moment(touch.time_s, words, "k-contact")
+    }));
+    moments.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    together(moments)
+}
+
+/// The first sample from which ψ_ego can no longer be satisfied.
+pub(super) fn violated_s(scenario: &Scenario, example: &Example) -> f64 {
+    let episode = &example.episode;
+    let trace = &episode.trace;
+    let mut online = scenario
+        .rulebook()
+        .spec
+        .online_for(scenario.bench().clock().samples());
+    let mut row = vec![0.0; trace.schema().len()];
+    let judged = episode.judged.min(trace.len());
+    let lost = (0..judged).find(|sample| {
+        trace.read_row(*sample, &mut row);
+        // Invariant: a recorded row is finite and has the scene's signals.
+        let now = online.push(&row).unwrap_or(Interval::ANY);
+        now.is_violated()
+    });
+    let sample = lost.unwrap_or(judged.saturating_sub(1));
+    let contact_s = episode.contact.as_ref().map(|touch| touch.time_s);
+    // The last row of a run that ends by contact is of that instant.
+    (sample as f64 * trace.dt_s()).min(contact_s.unwrap_or(f64::INFINITY))
+}
+
+/// What the ados do from a time on; who does nothing is not named.
+fn done_at(time_s: f64, moves: &[(String, Vec<Move>)]) -> String {
+    let now = moves.iter().filter_map(|(ado, moves)| {
+        let mut begun = moves.iter().rev().filter(|it| it.from_s < time_s + 1e-9);
+        begun.next().map(|it| (ado, it))
+    });
+    let done = now.filter(|(_, it)| it.kind != Kind::Neutral);
+    let done = done.map(|(ado, it)| format!("{ado} {}", it.plain()));
+    done.collect::<Vec<_>>().join("; ")
+}
+
+/// Moments at one time as one, with the time and the colour of the last.
+fn together(moments: Vec<Moment>) -> Vec<Moment> {
+    let mut joined: Vec<Moment> = Vec::new();
+    for moment in moments {
+        match joined.last_mut() {
+            Some(last) if moment.time_s - last.time_s <= TOGETHER_S => {
+                last.words = match last.class {
+                    "k-start" => format!("start; {}", moment.words),
+                    _ => format!("{}; {}", last.words, moment.words),
+                };
+                (last.class, last.time_s) = (moment.class, moment.time_s);
+            }
+            _ => joined.push(moment),
+        }
+    }
+    joined
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_at_one_time_share_a_still() {
+        let at = |time_s: f64, words: &str, class| Moment {
+            time_s,
+            words: words.to_owned(),
+            class,
+        };
+        let joined = together(vec![
+            at(0.0, "start", "k-start"),
+            at(3.0, "requirement broken", "k-broken"),
+            at(3.01, "contact", "k-contact"),
+        ]);
+        assert_eq!(joined.len(), 2);
+        assert_eq!(
+            joined[1],
+            at(3.01, "requirement broken; contact", "k-contact")
+        );
+    }
+}

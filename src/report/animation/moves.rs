@@ -1,0 +1,188 @@
+//! What the ados choose, in words: who, from when to when.
+
+use crate::scenario::Scenario;
+use crate::scene::drive::{Actions, Lateral};
+use crate::testbench::Episode;
+
+/// Below this nobody runs.
+const RUNS_MPS: f64 = 2.2;
+
+/// A stretch of equal actions of one ado.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Move {
+    pub from_s: f64,
+    pub until_s: f64,
+    pub words: String,
+    pub kind: Kind,
+}
+
+impl Move {
+    /// The words without the signs of direction.
+    pub fn plain(&self) -> String {
+        let plain = self.words.replace(['◀', '▶', '▲', '▼'], "");
+        plain.split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+}
+
+/// What a move looks like in the lanes of actions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Nothing is asked for.
+    Neutral,
+    /// Slower, or away.
+    Brakes,
+    /// Faster.
+    Speeds,
+    /// Sideways, or on foot.
+    Goes,
+}
+
+impl Kind {
+    pub fn class(self) -> &'static str {
+        match self {
+            Kind::Neutral => "m-neutral",
+            Kind::Brakes => "m-brakes",
+            Kind::Speeds => "m-speeds",
+            Kind::Goes => "m-goes",
+        }
+    }
+}
+
+/// The moves of every ado that has a body or is a light, by name, up to `end_s`.
+pub(super) fn moves(
+    scenario: &Scenario,
+    episode: &Episode,
+    end_s: f64,
+) -> Vec<(String, Vec<Move>)> {
+    let decision_s = scenario.bench().clock().decision_s;
+    let stretched = |own: &[usize], told: &dyn Fn(usize) -> (String, Kind)| {
+        let mut moves: Vec<Move> = Vec::new();
+        for (nth, action) in own.iter().enumerate() {
+            let (words, kind) = told(*action);
+            let (from_s, until_s) = (nth as f64 * decision_s, (nth + 1) as f64 * decision_s);
+            match moves.last_mut() {
+                Some(last) if last.words == words => last.until_s = until_s.min(end_s),
+                _ if from_s < end_s => moves.push(Move {
+                    from_s,
+                    until_s: until_s.min(end_s),
+                    words,
+                    kind,
+                }),
+                _ => {}
+            }
+        }
+        moves
+    };
+    let joint = &episode.actions;
+    let Some(spec) = scenario.drive() else {
+        let neutral = scenario.world().spaces().neutral;
+        let told = |action| match action == neutral {
+            true => (scenario.action_label(action), Kind::Neutral),
+            false => (scenario.action_label(action), Kind::Goes),
+        };
+        return vec![("ado".to_owned(), stretched(joint, &told))];
+    };
+    let mut stride = 1;
+    let sets = spec.action_sets().map(|(agent, set, _)| {
+        // A joint action counts the first ado's actions fastest.
+        let own = joint.iter().map(|joint| joint / stride % set.len());
+        let own: Vec<usize> = own.collect();
+        stride *= set.len();
+        (
+            agent.to_owned(),
+            stretched(&own, &|action| told(set, action)),
+        )
+    });
+    sets.collect()
+}
+
+/// An action in words, with what it looks like.
+fn told(set: &Actions, action: usize) -> (String, Kind) {
+    match set {
+        Actions::Accelerations(list) => along(list[action]),
+        Actions::Grid(grid) => {
+            let count = grid.accelerations.len();
+            let (words, kind) = along(grid.accelerations[action % count]);
+            let aside = match grid.lateral[action / count] {
+                Lateral::Hold => return (words, kind),
+                Lateral::Left => "▲ moves left",
+                Lateral::Right => "▼ moves right",
+            };
+            match kind {
+                Kind::Neutral => (aside.to_owned(), Kind::Goes),
+                _ => (format!("{aside}, {words}"), kind),
+            }
+        }
+        Actions::Walks(list) => on_foot(list[action]),
+        Actions::Phases(_) => (set.label(action), Kind::Goes),
+    }
+}
+
+fn along(accel_mps2: f64) -> (String, Kind) {
+    // What the picture shows: forward is to the right.
+    match accel_mps2 {
+        a if a < 0.0 => (format!("◀ brakes {} m/s²", signed(a)), Kind::Brakes),
+        a if 0.0 < a => (format!("▶ speeds up {} m/s²", signed(a)), Kind::Speeds),
+        _ => ("keeps its speed".to_owned(), Kind::Neutral),
+    }
+}
+
+fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, Kind) {
+    let speed_mps = libm::hypot(along_mps, left_mps);
+    if speed_mps == 0.0 {
+        return ("stands".to_owned(), Kind::Neutral);
+    }
+    let verb = if RUNS_MPS < speed_mps {
+        "runs"
+    } else {
+        "walks"
+    };
+    let aside = match left_mps {
+        left if 0.0 < left => Some(("▲", "to the left")),
+        left if left < 0.0 => Some(("▼", "to the right")),
+        _ => None,
+    };
+    let ahead = match along_mps {
+        ahead if 0.0 < ahead => Some(("▶", "along")),
+        ahead if ahead < 0.0 => Some(("◀", "back")),
+        _ => None,
+    };
+    let parts: Vec<(&str, &str)> = aside.into_iter().chain(ahead).collect();
+    let signs: String = parts.iter().map(|(sign, _)| *sign).collect();
+    let ways: Vec<&str> = parts.iter().map(|(_, way)| *way).collect();
+    let words = format!("{signs} {verb} {speed_mps:.1} m/s {}", ways.join(" and "));
+    (words, Kind::Goes)
+}
+
+/// A number with a true minus or a plus.
+pub(super) fn signed(value: f64) -> String {
+    match value < 0.0 {
+        true => format!("−{}", -value),
+        false => format!("+{value}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn actions_are_told_in_words() {
+        let cases = [
+            (Actions::Accelerations(vec![-3.0]), "◀ brakes −3 m/s²"),
+            (Actions::Accelerations(vec![0.0]), "keeps its speed"),
+            (Actions::Walks(vec![(0.0, 0.0)]), "stands"),
+            (
+                Actions::Walks(vec![(0.0, -1.2)]),
+                "▼ walks 1.2 m/s to the right",
+            ),
+            (
+                Actions::Walks(vec![(-3.0, 4.0)]),
+                "▲◀ runs 5.0 m/s to the left and back",
+            ),
+        ];
+        for (set, words) in cases {
+            assert_eq!(told(&set, 0).0, words);
+        }
+    }
+}

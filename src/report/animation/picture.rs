@@ -1,0 +1,207 @@
+//! The stills of a film: the large one, and small ones of its moments.
+
+use maud::{Markup, html};
+
+use super::bodies::{body, colour_class};
+use super::camera::{Camera, Canvas, SCREEN, THUMB};
+use super::film::{Film, ego_of, is_on_cells};
+use super::ground::{cells, lights, road, trails};
+use super::labels::{drawn, labels};
+use super::moments::{Moment, moments, violated_s};
+use super::moves::{Move, moves};
+use super::write::n;
+use crate::ego::Phase;
+use crate::report::Example;
+use crate::scenario::Scenario;
+use crate::scene::Stage;
+
+/// Who brakes harder than this shows it.
+pub(super) const BRAKES_MPS2: f64 = 0.8;
+
+/// Everything that is shown of an example.
+pub(super) struct Picture<'a> {
+    pub example: &'a Example,
+    pub stage: Stage,
+    pub film: Film,
+    /// The colour class of everybody.
+    pub classes: Vec<String>,
+    /// The moves of each ado, by name.
+    pub moves: Vec<(String, Vec<Move>)>,
+    pub moments: Vec<Moment>,
+    /// When ψ_ego was lost.
+    pub violated_s: f64,
+    /// The leaf of ψ_ego that was.
+    pub broken: String,
+    /// Whether the world is cells, not a road.
+    pub on_cells: bool,
+    /// Tells its parts from those of others on the page.
+    id: usize,
+}
+
+impl<'a> Picture<'a> {
+    /// What is shown of an example that has frames.
+    pub fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
+        let stage = scenario.bench().stage();
+        let film = Film::of(&stage, &example.frames, &example.episode);
+        let why = example.about.why.as_ref();
+        let moves = moves(scenario, &example.episode, film.end_s());
+        Picture {
+            example,
+            classes: (0..stage.cast.len())
+                .map(|who| colour_class(&stage.cast, who))
+                .collect(),
+            moments: moments(scenario, example, &moves),
+            moves,
+            violated_s: violated_s(scenario, example),
+            broken: why.map(|why| why.leaf.clone()).unwrap_or_default(),
+            on_cells: is_on_cells(&stage),
+            stage,
+            film,
+            id,
+        }
+    }
+
+    /// The moment of the large still: the contact, else the violation.
+    pub fn still_s(&self) -> f64 {
+        let contact = self.example.episode.contact.as_ref();
+        contact.map_or(self.violated_s, |touch| touch.time_s)
+    }
+
+    /// The ego's place in the cast, and its length.
+    pub fn ego(&self) -> (usize, f64) {
+        let ego = ego_of(&self.stage);
+        (ego, self.stage.cast[ego].size_m[0])
+    }
+
+    fn camera<'c>(&self, i: usize, canvas: &'c Canvas) -> Camera<'c> {
+        let ego = (!self.on_cells).then(|| self.ego());
+        Camera::of(&self.film, i, ego, canvas)
+    }
+
+    /// The large still, whose parts play.js moves.
+    pub fn screen(&self, label: &str) -> Markup {
+        let i = self.film.at(self.still_s());
+        let camera = self.camera(i, &SCREEN);
+        let [width_px, height_px] = SCREEN.size_px;
+        let words = labels(&self.stage, &self.film, i, (&camera, &self.moves));
+        html! {
+            svg class="stage" viewBox=(format!("0 0 {width_px} {height_px}")) role="img" aria-label=(label) {
+                defs {
+                    g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, &self.example.frames)) } }
+                    @for (who, cast) in self.stage.cast.iter().enumerate() {
+                        g id=(self.part(&format!("body{who}"))) class=(self.classes[who]) { (body(cast)) }
+                    }
+                }
+                g class="world" transform=(camera.transform()) {
+                    use href={ "#" (self.part("ground")) } {}
+                    g class="trails" { (trails(&self.film, &self.classes)) }
+                    (lights(&self.stage, &self.phases(i)))
+                    g class="ghosts" { (self.ghosts()) }
+                    @for who in 0..self.stage.cast.len() { (self.placed(who, i)) }
+                }
+                @if let Some([x, y]) = self.contact_m().map(|at| camera.at(at)) { (burst(x, y)) }
+                @for (label, class) in words.iter().zip(&self.classes) { (drawn(label, class)) }
+            }
+        }
+    }
+
+    /// A small still of a moment, with its words; play.js goes there.
+    pub fn thumb(&self, moment: &Moment) -> Markup {
+        let i = self.film.at(moment.time_s);
+        let camera = self.camera(i, &THUMB);
+        let [width_px, height_px] = THUMB.size_px;
+        let end_s = self.film.end_s();
+        let touched = self.contact_m().filter(|_| end_s <= moment.time_s + 1e-9);
+        html! {
+            button type="button" class={ "thumb " (moment.class) } data-t=(n(moment.time_s, 3)) {
+                svg viewBox=(format!("0 0 {width_px} {height_px}")) aria-hidden="true" {
+                    g class="world" transform=(camera.transform()) {
+                        use href={ "#" (self.part("ground")) } {}
+                        (lights(&self.stage, &self.phases(i)))
+                        @for who in 0..self.stage.cast.len() { (self.placed(who, i)) }
+                    }
+                    @for who in 0..self.stage.cast.len() { (self.beyond(who, i, &camera)) }
+                    @if let Some([x, y]) = touched.map(|at| camera.at(at)) { (burst(x, y)) }
+                }
+                span { b { (format!("{:.2} s", moment.time_s)) } " " (moment.words) }
+            }
+        }
+    }
+
+    /// A pointer at the edge to somebody who is outside a still.
+    fn beyond(&self, who: usize, i: usize, camera: &Camera<'_>) -> Markup {
+        let [width_px, height_px] = camera.canvas.size_px;
+        let track = &self.film.tracks[who];
+        let [x, y] = camera.at(self.film.turned(track.x_m[i], track.y_m[i]));
+        let turn_deg = match (x < 0.0, width_px < x) {
+            (true, _) => 180,
+            (_, true) => 0,
+            _ => return html! {},
+        };
+        let (x, y) = (x.clamp(9.0, width_px - 9.0), y.clamp(9.0, height_px - 9.0));
+        html! {
+            polygon class={ "beyond " (self.classes[who]) } transform=(format!("translate({} {}) rotate({turn_deg})", n(x, 1), n(y, 1))) points="8,0 -6,-7 -6,7" {}
+        }
+    }
+
+    /// Where the contact is, in the picture's directions.
+    pub fn contact_m(&self) -> Option<[f64; 2]> {
+        let touch = self.example.episode.contact.as_ref()?;
+        Some(self.film.turned(touch.point_m[0], touch.point_m[1]))
+    }
+
+    fn phases(&self, i: usize) -> Vec<Phase> {
+        let phases = self.film.phases.iter();
+        phases.map(|phases| phases[i]).collect()
+    }
+
+    /// A body where it is at a sample; who brakes shows it.
+    fn placed(&self, who: usize, i: usize) -> Markup {
+        let brakes = self.film.tracks[who].accel_mps2[i] < -BRAKES_MPS2;
+        html! {
+            g class=(if brakes { "body braking" } else { "body" }) transform=(self.pose(who, i)) {
+                use href={ "#" (self.part(&format!("body{who}"))) } {}
+            }
+        }
+    }
+
+    fn pose(&self, who: usize, i: usize) -> String {
+        let track = &self.film.tracks[who];
+        let turn_deg = track.heading_rad[i].to_degrees();
+        let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));
+        format!("translate({x} {y}) rotate({})", n(turn_deg, 2))
+    }
+
+    /// Where ego and the one it meets were when ψ_ego was lost.
+    fn ghosts(&self) -> Markup {
+        let i = self.film.at(self.violated_s);
+        let (ego, _) = self.ego();
+        let met = self.film.met(&self.stage, &self.example.episode);
+        html! {
+            @for who in std::iter::once(ego).chain(met).filter(|_| !self.on_cells) {
+                @let [length_m, width_m, _] = self.stage.cast[who].size_m;
+                g transform=(self.pose(who, i)) {
+                    rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}
+                }
+            }
+        }
+    }
+
+    fn part(&self, name: &str) -> String {
+        format!("film{}-{name}", self.id)
+    }
+}
+
+/// A star where two touch, of one size at any scale.
+fn burst(x: f64, y: f64) -> Markup {
+    let points = (0..16).map(|nth| {
+        let turn_rad = f64::from(nth) * std::f64::consts::TAU / 16.0;
+        let reach_px = if nth % 2 == 0 { 15.0 } else { 6.5 };
+        let (sin, cos) = libm::sincos(turn_rad);
+        format!("{},{}", n(reach_px * cos, 1), n(reach_px * sin, 1))
+    });
+    let points: Vec<String> = points.collect();
+    html! {
+        polygon class="burst" transform=(format!("translate({} {})", n(x, 1), n(y, 1))) points=(points.join(" ")) {}
+    }
+}

@@ -1,0 +1,20 @@
+//! Numbers as short texts.
+
+/// A number with at most so many decimals, and none that say nothing.
+pub(super) fn n(value: f64, places: usize) -> String {
+    let text = format!("{value:.places$}");
+    let text = match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => &text,
+    };
+    match text {
+        "-0" => "0".to_owned(),
+        _ => text.to_owned(),
+    }
+}
+
+/// A list of numbers, as JSON has it.
+pub(super) fn list(values: &[f64], places: usize) -> String {
+    let values = values.iter().map(|value| n(*value, places));
+    format!("[{}]", values.collect::<Vec<_>>().join(","))
+}

@@ -1,0 +1,175 @@
+//! The same ado against other egos: the rows in order, what they say in words.
+
+use maud::{Markup, html};
+
+use super::results::{interval, percent};
+use super::{Tested, Training};
+use crate::run::{Row, StartOutcome};
+
+/// All rows, sorted: the nominal ego, then the egos that the trained ado fails
+/// most; of one ego the most successful first.
+pub(super) fn rows(tested: &[Tested]) -> Markup {
+    let sorted = sorted(tested);
+    html! {
+        div class="wide" { table class="rows" {
+            thead { tr { th { "ego" } th { "ado" } th { "method" } th class="n" { "success" } th { "" } th { "95 %" } th class="n" { "recall" } th class="n" { "fouls" } th class="n" { "fouls before contact" } th class="n" { "contact" } th class="n" { "closing m/s, median / 90 %" } th class="n" { "sims / start" } } }
+            tbody { @for Tested { row, .. } in &sorted { tr {
+                td { (row.ego) } td data-l="ado" { (row.ado) } td class="m" data-l="method" { (row.method) @if let Some(context) = &row.context { ", context: " (context) } }
+                td class="n" data-l="success" {
+                    @if row.starts == 0 { "–" } @else { (percent(row.success_rate)) " (" (row.successes) "/" (row.starts) ")" }
+                    @if 0 < row.invalid { ", " (row.invalid) " invalid" }
+                }
+                td class="bar" { span class="share" style=(format!("width:{:.1}rem", 4.0 * row.success_rate)) {} }
+                td data-l="95 %" { (interval(row)) }
+                td class="n" data-l="recall" { (row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"))) }
+                td class="n" data-l="fouls" { (percent(row.foul_rate)) } td class="n" data-l="fouls before contact" { (row.foul_before_contact_rate.map_or("–".to_owned(), percent)) } td class="n" data-l="contact" { (percent(row.contact_rate)) }
+                td class="n" data-l="closing m/s, median / 90 %" { (row.closing_speed_mps.map_or("–".to_owned(), |c| format!("{:.1} / {:.1}", c.median, c.p90))) }
+                td class="n" data-l="sims / start" { (format!("{:.1}", row.sims_per_start)) }
+            } } }
+        } }
+        @for words in in_words(&sorted) { p { (words) } }
+        @for Tested { row, .. } in &sorted { @if let Some(severity) = &row.severity {
+            p class="dim" { "Contacts, " (row.ego) ", " (row.ado) ": " (severity) }
+        } }
+        @for Tested { row, .. } in &sorted { @for fault in &row.faults {
+            p class="note" { (row.ego) ", " (row.ado) ": " (fault) }
+        } }
+    }
+}
+
+/// Why the closing evaluation of a training says another rate than the page.
+pub(super) fn which_rate(row: &Row, trainings: &[Training]) -> Markup {
+    let closing = trainings.first().and_then(|it| it.closing.first());
+    let same = |other: &Row| other.starts == row.starts && other.start_seed == row.start_seed;
+    let Some(closing) = closing.filter(|closing| !same(closing)) else {
+        return html! {};
+    };
+    html! {
+        p class="dim" {
+            "Two rates, since they are of different starts: that of this page, " (percent(row.success_rate)) ", is of "
+            (row.starts) " starts of seed " (row.start_seed) "; " (percent(closing.success_rate)) " is what the training measured when it closed, on "
+            (closing.starts) " of seed " (closing.start_seed) ". Quote the former."
+        }
+    }
+}
+
+fn sorted(tested: &[Tested]) -> Vec<&Tested> {
+    let by_trained = |ego: &str| {
+        let own = tested.iter().map(|it| &it.row).filter(|row| row.ego == ego);
+        let trained = own
+            .filter(|row| is_trained(row))
+            .map(|row| row.success_rate);
+        trained.fold(-1.0, f64::max)
+    };
+    let mut sorted: Vec<&Tested> = tested.iter().collect();
+    sorted.sort_by(|a, b| {
+        let (a, b) = (&a.row, &b.row);
+        let egos = (b.ego == "nominal").cmp(&(a.ego == "nominal"));
+        let egos = egos.then(by_trained(&b.ego).total_cmp(&by_trained(&a.ego)));
+        egos.then_with(|| a.ego.cmp(&b.ego))
+            .then(b.success_rate.total_cmp(&a.success_rate))
+    });
+    sorted
+}
+
+fn is_trained(row: &Row) -> bool {
+    row.ado == "trained"
+}
+
+/// Whether somebody who neither learned nor searched acts.
+fn is_baseline(row: &Row) -> bool {
+    row.train_seed.is_none() && row.ado != "search" && !is_trained(row)
+}
+
+/// Where a baseline is at least as good as the trained ado; on the starts that
+/// both met.
+fn in_words(sorted: &[&Tested]) -> Vec<String> {
+    let rows = || sorted.iter().map(|it| &it.row);
+    let mut beaten = Vec::new();
+    let mut compared = 0;
+    for trained in rows().filter(|row| is_trained(row)) {
+        let own = rows().filter(|row| row.ego == trained.ego && is_baseline(row));
+        let best = own.max_by(|a, b| a.success_rate.total_cmp(&b.success_rate));
+        let Some(best) = best else { continue };
+        let both = trained.solved.len().min(best.solved.len());
+        let ([ado, starts], [baseline, _]) = (counts(trained, both), counts(best, both));
+        compared += 1;
+        if ado < baseline || (ado == baseline && 0 < ado) {
+            let verb = if ado < baseline { "beats" } else { "equals" };
+            beaten.push(format!(
+                "On {} the baseline {} ({}) {verb} the trained ado: {baseline} of {starts} starts against {ado}.",
+                trained.ego, best.ado, best.method
+            ));
+        }
+    }
+    if beaten.is_empty() && 0 < compared {
+        beaten.push(format!(
+            "On {} no baseline of this table is as good as the trained ado.",
+            match compared {
+                1 => "the one ego that both met".to_owned(),
+                some => format!("all {some} egos that both met"),
+            }
+        ));
+    }
+    beaten
+}
+
+/// Solved and evaluated starts among the first `most`.
+fn counts(row: &Row, most: usize) -> [usize; 2] {
+    let first = || row.solved.iter().take(most);
+    let solved = first().filter(|it| **it == StartOutcome::Solved).count();
+    let evaluated = first().filter(|it| it.score().is_some()).count();
+    [solved, evaluated]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tested(ego: &str, ado: &str, solved: &str) -> Tested {
+        let successes = solved.matches('1').count();
+        let trained = ado == "trained";
+        let row = serde_json::json!({
+            "world": "acc", "plant": "Kinematic", "judge": "UntilViolation", "ego": ego,
+            "ado": ado, "method": "some", "train_seed": trained.then_some(0), "start_seed": 0,
+            "starts": solved.len(), "trivial": 0, "successes": successes,
+            "success_rate": successes as f64 / solved.len() as f64, "ci95": [0.0, 1.0],
+            "foul_rate": 0.0, "contact_rate": 0.0, "invalid": 0, "sims_per_start": 1.0,
+            "physics_steps": 0, "cpu_s": 0.0, "solved": solved,
+        });
+        let row = serde_json::from_value(row).expect("a row");
+        Tested { row, why: None }
+    }
+
+    #[test]
+    fn rows_are_sorted_and_say_where_a_baseline_is_better() {
+        let rows = [
+            tested("wet", "hold", "1100"),
+            tested("wet", "trained", "1000"),
+            tested("soft", "hold", "0000"),
+            tested("soft", "trained", "1110"),
+            tested("nominal", "hold", "01"),
+            // Of more starts: compared on those that both met.
+            tested("nominal", "trained", "1100"),
+        ];
+        let sorted = sorted(&rows);
+        let order: Vec<(&str, &str)> = sorted
+            .iter()
+            .map(|it| (it.row.ego.as_str(), it.row.ado.as_str()))
+            .collect();
+        let expected = [
+            ("nominal", "hold"),
+            ("nominal", "trained"),
+            ("soft", "trained"),
+            ("soft", "hold"),
+            ("wet", "hold"),
+            ("wet", "trained"),
+        ];
+        assert_eq!(order, expected);
+        let words = in_words(&sorted);
+        let beaten =
+            "On wet the baseline hold (some) beats the trained ado: 2 of 4 starts against 1.";
+        assert_eq!(words, [beaten]);
+        assert!(in_words(&sorted[..2]).concat().contains("no baseline"));
+    }
+}

@@ -1,0 +1,212 @@
+//! What came of a counterexample, in one sentence: who hit whom, how fast,
+//! whether the rules were kept, and whether somebody careful had avoided it.
+
+use super::Example;
+use crate::ego::Phase;
+use crate::preventability::{Band, Label, NotApplicable, Preventability};
+use crate::rulebook::RulesUntilContact;
+use crate::run::{LastChance, Severity};
+use crate::scenario::Scenario;
+use crate::scene::Role;
+use crate::severity::{CrashKind, Side};
+
+/// The sentence, in parts.
+pub(super) struct VerdictWords {
+    /// Who hit whom, or what the ego broke.
+    pub what: String,
+    /// Whether the ados kept their rules.
+    pub rules: String,
+    /// Whether somebody careful had avoided it; `None`: nothing is known.
+    pub care: Option<String>,
+    /// The blame in two or three words, and the class that colours it.
+    pub blame: (&'static str, &'static str),
+}
+
+impl VerdictWords {
+    /// What came of an example.
+    pub fn of(scenario: &Scenario, example: &Example) -> VerdictWords {
+        VerdictWords {
+            what: what(scenario, example),
+            rules: rules(example),
+            care: care(example),
+            blame: blame(example.about.preventability.as_ref()),
+        }
+    }
+
+    /// The whole sentence.
+    pub fn sentence(&self) -> String {
+        let care = self.care.as_ref().map(|care| format!("; {care}"));
+        format!("{}, {}{}.", self.what, self.rules, care.unwrap_or_default())
+    }
+}
+
+fn what(scenario: &Scenario, example: &Example) -> String {
+    let Some(touch) = &example.episode.contact else {
+        return without_contact(scenario, example);
+    };
+    if scenario.grid().is_some() {
+        return format!("The ado caught the ego after {:.0} s", touch.time_s);
+    }
+    let speed = format!("at {:.1} m/s", touch.closing_speed_mps);
+    let (one, other) = &touch.between;
+    let cast = scenario.bench().stage().cast;
+    let is_ego = |name: &String| {
+        let found = cast.iter().find(|cast| cast.name == *name);
+        found.is_some_and(|cast| cast.role == Role::Ego)
+    };
+    let (ego, met) = match (is_ego(one), is_ego(other)) {
+        (true, _) => (one, other),
+        (_, true) => (other, one),
+        _ => return format!("{one} and {other} touched {speed}"),
+    };
+    let ego = match ego.as_str() {
+        "ego" => "the ego".to_owned(),
+        name => format!("the ego ({name})"),
+    };
+    let words = match &example.about.severity {
+        Some(severity) => hit(&ego, met, severity),
+        None => format!("{ego} and {met} met"),
+    };
+    format!("{} {speed}", capital(&words))
+}
+
+/// What the ego broke though nobody was hit: a distance, a red light, or
+/// whatever the leaf of ψ_ego says, with its values.
+fn without_contact(scenario: &Scenario, example: &Example) -> String {
+    let mut judged = example.episode.trace.clone();
+    judged.truncate(example.episode.judged);
+    let explanation = scenario.rulebook().spec.explain(&judged);
+    let Some(leaf) = explanation.leaf() else {
+        return "Nobody was hit, but the ego broke what is asked of it".to_owned();
+    };
+    let stage = scenario.bench().stage();
+    let part_of = |signal: &str, name: &str| signal.split('.').any(|part| part == name);
+    for (signal, value) in &explanation.signals {
+        let mut others = stage.cast.iter().filter(|cast| cast.role != Role::Ego);
+        let near = others.find(|cast| part_of(signal, &cast.name));
+        if let Some(near) = near.filter(|_| signal.ends_with(".gap")) {
+            return format!(
+                "Nobody was hit, but the ego came within {value:.2} m of {}",
+                near.name
+            );
+        }
+        let light = stage
+            .lights
+            .iter()
+            .position(|light| part_of(signal, &light.name));
+        let frame = example.frames.get(leaf.sample);
+        let phase = light.and_then(|light| frame.map(|frame| frame.phases[light]));
+        if let (Some(light), Some(Phase::Red)) = (light, phase) {
+            return match stage.lights[light].name.as_str() {
+                "light" => "Nobody was hit, but the ego ran the red light".to_owned(),
+                name => format!("Nobody was hit, but the ego ran the red light {name}"),
+            };
+        }
+    }
+    let values = explanation.signals.iter();
+    let values: Vec<String> = values
+        .map(|(name, value)| format!("{name} = {value:.2}"))
+        .collect();
+    let (formula, values) = (&leaf.formula, values.join(", "));
+    format!("Nobody was hit, but the ego broke {formula} ({values})")
+}
+
+/// Who hit whom, by the kind of the contact and the sides that touched.
+fn hit(ego: &str, met: &str, severity: &Severity) -> String {
+    let impact = &severity.impact;
+    let side = |side: Side| match side {
+        Side::Front => "front",
+        Side::Left => "left side",
+        Side::Right => "right side",
+        Side::Rear => "rear",
+    };
+    let (own, its) = (impact.ego_side, impact.other_side);
+    match (impact.kind, own) {
+        (CrashKind::Pedestrian, Side::Front) => format!("{ego} hit {met}"),
+        (CrashKind::Pedestrian, _) => format!("{met} ran into the {} of {ego}", side(own)),
+        (CrashKind::HeadOn, _) => format!("{ego} and {met} met head-on"),
+        (CrashKind::SideSwipe, _) => {
+            format!(
+                "the {} of {ego} and the {} of {met} brushed",
+                side(own),
+                side(its)
+            )
+        }
+        (_, Side::Front) => format!("{ego} hit the {} of {met}", side(its)),
+        _ if its == Side::Front => format!("{met} hit the {} of {ego}", side(own)),
+        _ => format!(
+            "the {} of {ego} and the {} of {met} met",
+            side(own),
+            side(its)
+        ),
+    }
+}
+
+fn rules(example: &Example) -> String {
+    match &example.episode.rules_until_contact {
+        Some(RulesUntilContact::Broken { rule, time_s, .. }) => format!(
+            "every rule kept up to the failure, but “{rule}” broken at {time_s:.2} s, before the contact"
+        ),
+        _ => "every rule kept".to_owned(),
+    }
+}
+
+fn care(example: &Example) -> Option<String> {
+    let chance = example
+        .about
+        .why
+        .as_ref()
+        .and_then(|why| why.last_chance.as_ref());
+    let Some(known) = &example.about.preventability else {
+        return chance.map(by_braking);
+    };
+    if let Some(why) = known.exonerated {
+        return Some(format!("not the ego's fault: {}", why.words()));
+    }
+    let words = match known.label {
+        Label::AvoidedByAll => "any careful driver would have avoided it",
+        Label::AvoidedByCompetent => "a careful driver would have avoided it",
+        Label::OnlyByPerfect => "only a perfect driver would have avoided it",
+        Label::OnlyByForesight => "only braking from the very start would have avoided it",
+        Label::UnavoidableByBraking => "no braking would have avoided it",
+        Label::NotApplicable => return chance.map(by_braking),
+    };
+    let own = match known.self_inflicted {
+        true => ", and the ego had brought itself there",
+        false => "",
+    };
+    Some(format!("{words}{own}"))
+}
+
+fn by_braking(chance: &LastChance) -> String {
+    let driver = &chance.driver;
+    match chance.at_s {
+        Some(at_s) => {
+            let before_s = (chance.violated_s - at_s).max(0.0);
+            format!("{driver} {before_s:.2} s before the failure would have avoided it")
+        }
+        None => format!("{driver} would not have avoided it at any time"),
+    }
+}
+
+fn blame(known: Option<&Preventability>) -> (&'static str, &'static str) {
+    let Some(known) = known else {
+        return ("no contact", "b-open");
+    };
+    match (known.exonerated, known.label.band(), known.not_applicable) {
+        (Some(_), ..) => ("not the ego's fault", "b-not"),
+        (None, Band::Preventable, _) => ("the ego's fault", "b-ego"),
+        (None, Band::IdealOnly, _) => ("hardly avoidable", "b-hard"),
+        (None, Band::Unavoidable, _) => ("unavoidable by braking", "b-hard"),
+        (None, _, Some(NotApplicable::WithoutEgo)) => ("not the ego's contact", "b-not"),
+        _ => ("fault not judged", "b-open"),
+    }
+}
+
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    let first = letters
+        .next()
+        .map(|letter| letter.to_uppercase().to_string());
+    first.unwrap_or_default() + letters.as_str()
+}
