@@ -16,7 +16,6 @@ mod world;
 use std::sync::Arc;
 
 pub use figure::Figure;
-pub use record::{BodySample, Motion};
 pub use record::{BodySample, Motion, Passage};
 pub use world::{Availability, Derived, Dynamics, Observed, World};
 

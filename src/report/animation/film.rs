@@ -60,7 +60,7 @@ impl Film {
         let every = ((APART_S / dt_s).round() as usize).max(1);
         let last = frames.len().saturating_sub(1);
         let special = [episode.judged.saturating_sub(1), last];
-        let shown = |i: &usize| i % every == 0 || special.contains(i);
+        let shown = |i: &usize| i.is_multiple_of(every) || special.contains(i);
         let kept: Vec<usize> = (0..frames.len()).filter(shown).collect();
         let times_s: Vec<f64> = kept.iter().map(|i| time_s(*i)).collect();
         let column = |who: usize| {

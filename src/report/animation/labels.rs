@@ -44,9 +44,9 @@ pub(super) fn labels(
         .collect();
     let mut taken: Vec<Room> = rooms.clone();
     let mut labels = Vec::new();
-    for who in 0..stage.cast.len() {
-        let lines = lines(stage, film, (who, i), moves, is_inside(&rooms[who], camera));
-        let label = placed(lines, &rooms[who], who == ego_of(stage), &taken, camera);
+    for (who, room) in rooms.iter().enumerate() {
+        let lines = lines(stage, film, (who, i), moves, is_inside(room, camera));
+        let label = placed(lines, room, who == ego_of(stage), &taken, camera);
         let ([x, y], [w, h]) = (label.at_px, label.size_px);
         taken.push([x, y, x + w, y + h]);
         labels.push(label);
