@@ -1,75 +1,37 @@
 //! A trained ado and its rivals on many egos: the table of reuse (Sec. IV).
 
+mod asked;
 mod gate;
 mod meeting;
 
 use std::path::Path;
 
+pub use asked::{Evaluation, ExplainedCounterexample};
 pub use gate::{Flipped, Gate};
+
+use asked::FoundBy;
 use meeting::Meeting;
 
-use super::baselines::{AdoKind, Baselines};
+use super::baselines::Baselines;
 use super::by_rule::ByRule;
-use super::conditioning::{ConditionedAdo, ContextSource, conditioned};
+use super::conditioning::{ConditionedAdo, conditioned};
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
-use super::eval::{Ado, EvalRequest, Evaluated};
+use super::eval::{EvalRequest, Evaluated};
 use super::keep::{Again, Choice, Form, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
 use super::reuse::{ReusedOn, reused_on};
 use super::starts::{TestStarts, test_starts};
-use super::surrogate::{AdaptedRow, AdaptedTo};
+use super::surrogate::AdaptedTo;
 use super::theorems::{CarryOver, NearbyStarts, TheoremsRequest, carry_over, nearby_starts};
-use super::tries::{Tried, Tries};
+use super::tries::Tried;
 use super::watch::Watch;
-use crate::run::{Row, RunDir};
+use crate::run::Row;
 use crate::scenario::Scenario;
-use crate::stl::Explanation;
 use crate::testbench::Testbench;
 
 /// Share of starts on which a distance predicted for Theorem 3 may be exceeded.
 const ALPHA: f64 = 0.1;
-
-/// What to evaluate.
-#[derive(Clone, Copy)]
-pub struct Evaluation<'a> {
-    /// The run of the trained ado.
-    pub run: &'a RunDir,
-    /// Its world, on the plant to test on.
-    pub nominal: &'a Scenario,
-    /// The egos that are met.
-    pub egos: &'a [EgoUnderTest],
-    /// Who plays the ado.
-    pub ados: &'a [AdoKind],
-    /// Whence a conditional ado knows the egos; `None` for any other.
-    pub context: Option<&'a ContextSource>,
-    /// Test starts to draw, and the seed of their stream.
-    pub starts: (usize, u64),
-    /// Most switches of a search to compare with, if any.
-    pub search: Option<usize>,
-    /// Runs of the trained ado per start: the greedy one, then explored ones.
-    pub tries: u64,
-    /// Runs of each ego from which a surrogate of it is learned; 0: none is.
-    pub runs: u64,
-    /// Whether [`EvaluationTable::keep`] is to follow: what it needs of every ego
-    /// is held in memory then.
-    pub keeps: bool,
-}
-
-/// Why the first counterexample of an ego is one.
-#[derive(Clone, Debug, serde::Serialize)]
-pub struct ExplainedCounterexample {
-    /// Name of the ego that fails, as rows call it.
-    pub ego: String,
-    /// Position of the start among the test starts.
-    pub start: usize,
-    /// The requirement that ψ_ego stands for, if the world names one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub requirement: Option<String>,
-    /// Which leaf decides, when, and with which value.
-    #[serde(rename = "explain")]
-    pub explanation: Explanation,
-}
 
 /// The paper's theorems, checked on a run.
 #[derive(Clone, Debug, serde::Serialize)]
@@ -117,27 +79,6 @@ struct Found<'a> {
     ado: ConditionedAdo,
     /// The ego's own starts, where it has others.
     starts: Option<TestStarts>,
-}
-
-impl Found<'_> {
-    fn evaluated(&self) -> &Evaluated {
-        match &self.by {
-            FoundBy::Trained(evaluated) | FoundBy::Optimal(evaluated) => evaluated,
-            FoundBy::Tries(tried) => &tried.evaluated,
-            FoundBy::Adapted(adapted) => &adapted.evaluated,
-        }
-    }
-}
-
-/// Whose counterexamples they are.
-enum FoundBy {
-    Trained(Evaluated),
-    /// The trained ado's, with several tries per start.
-    Tries(Tried),
-    /// The ado's that plans in a surrogate of the ego.
-    Adapted(AdaptedRow),
-    /// The best ado's of a grid world.
-    Optimal(Evaluated),
 }
 
 impl<'a> Evaluation<'a> {
@@ -349,25 +290,5 @@ impl<'a> EvaluationTable<'a> {
                 })?
             }
         })
-    }
-}
-
-impl Evaluation<'_> {
-    fn trained<'b>(
-        &self,
-        ego: &'b EgoUnderTest,
-        ado: &'b ConditionedAdo,
-        starts: &'b TestStarts,
-    ) -> EvalRequest<'b> {
-        ego.met_by(Ado::Trained(&*ado.policy, self.run.manifest().seed), starts)
-    }
-
-    fn several<'b>(&self, request: EvalRequest<'b>, ado: &'b ConditionedAdo) -> Tries<'b> {
-        Tries {
-            request,
-            policy: &*ado.policy,
-            others: &ado.others,
-            tries: self.tries,
-        }
     }
 }

@@ -139,8 +139,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     }
     let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
     let egos = egos(args, sweep.as_ref(), &nominal)?;
-    keeps_something(args)?;
-    can_learn(args, &nominal)?;
+    check(args, &nominal)?;
     let evaluation = Evaluation {
         run: &run,
         nominal: &nominal,
@@ -174,6 +173,12 @@ fn ados(args: &EvalArgs) -> Vec<AdoKind> {
         true => vec![AdoKind::Trained, AdoKind::Hold, AdoKind::Constant],
         false => args.ado.clone(),
     }
+}
+
+/// Refuses what could only come to nothing.
+fn check(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
+    keeps_something(args)?;
+    can_learn(args, nominal)
 }
 
 /// Refuses to learn egos from next to nothing, or where nobody drives.

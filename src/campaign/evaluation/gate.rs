@@ -2,11 +2,13 @@
 
 use serde::Serialize;
 
-use super::{EvaluationTable, Found, FoundBy, Tried};
+use super::asked::FoundBy;
+use super::{EvaluationTable, Found};
 use crate::campaign::Watch;
 use crate::campaign::episodes::EpisodeLoop;
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::Evaluated;
+use crate::campaign::tries::Tried;
 use crate::preventability::Band;
 use crate::run::{ClosingSpeed, StartOutcome, mcnemar};
 use crate::testbench::Testbench;
@@ -140,7 +142,7 @@ impl EvaluationTable<'_> {
             &gate.newly_failing,
             || scenario.bench(),
             |bench, flipped, _| {
-                let evaluated = found.evaluated();
+                let evaluated = found.by.evaluated();
                 let mut play = |bench: &mut Testbench, start| play(bench, start);
                 let episode = evaluated.again(&trained, bench, flipped.start, &mut play);
                 let label = scenario.preventability(&episode).label;
@@ -166,8 +168,8 @@ impl EvaluationTable<'_> {
         others
             .map(|new| match comparable(new, old) {
                 true => Ok(Gate::of(
-                    (new.ego.name(), new.evaluated()),
-                    (baseline, old.evaluated()),
+                    (new.ego.name(), new.by.evaluated()),
+                    (baseline, old.by.evaluated()),
                 )),
                 false => Err(CampaignError::request(
                     format!(

@@ -1,6 +1,6 @@
 //! One ego, met by all ados in turn.
 
-use super::{Evaluation, ExplainedCounterexample, FoundBy};
+use super::asked::{Evaluation, ExplainedCounterexample, FoundBy};
 use crate::campaign::baselines::{AdoKind, Baselines};
 use crate::campaign::by_rule::ByRule;
 use crate::campaign::conditioning::ConditionedAdo;

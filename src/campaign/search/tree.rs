@@ -241,7 +241,10 @@ mod tests {
             assert_eq!(actions[..3], before);
             let switches = (4..actions.len()).filter(|&at| actions[at - 1] != actions[at]);
             let switches: Vec<usize> = switches.collect();
-            assert!(switches.len() == 1 && switches[0].is_multiple_of(4), "{actions:?}");
+            assert!(
+                switches.len() == 1 && switches[0].is_multiple_of(4),
+                "{actions:?}"
+            );
         }
     }
 }
