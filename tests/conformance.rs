@@ -53,7 +53,9 @@ fn every_shipped_world_and_its_egos_conform() {
     let stock = [
         "Acc",
         "Aeb",
+        "CcDriver",
         "FilteredAcc",
+        "FsmDriver",
         "Fvdm",
         "Gipps",
         "Idm",
@@ -61,10 +63,11 @@ fn every_shipped_world_and_its_egos_conform() {
         "Krauss",
         "Merge",
         "PoliteAcc",
+        "RssDriver",
         "YellowLight",
         "YellowLightFixed",
     ];
-    // Reference drivers are met as drivers: tests/preventability.rs.
+    // The other reference drivers are met as drivers: tests/preventability.rs.
     assert_eq!(
         Vec::from_iter(egos),
         stock,

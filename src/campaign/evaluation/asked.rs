@@ -32,7 +32,7 @@ pub struct Evaluation<'a> {
     pub tries: u64,
     /// Runs of each ego from which a surrogate of it is learned; 0: none is.
     pub runs: u64,
-    /// Whether [`EvaluationTable::keep`] is to follow: what it needs of every ego
+    /// Whether [`super::EvaluationTable::keep`] is to follow: what it needs of every ego
     /// is held in memory then.
     pub keeps: bool,
 }

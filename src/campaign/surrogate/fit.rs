@@ -10,7 +10,7 @@ use crate::rl::nn::{Adam, Mlp};
 
 /// Networks of the ensemble.
 pub(super) const MEMBERS: usize = 2;
-const HIDDEN: usize = 64;
+const HIDDEN: usize = 32;
 const BATCH: usize = 32;
 const LEARNING_RATE: f64 = 3e-3;
 /// The learning rate falls to this share of itself, evenly.

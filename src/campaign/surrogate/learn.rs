@@ -21,7 +21,7 @@ const THREE_ROUNDS: u64 = 90;
 /// Updates of each network after every round but the last one.
 const UPDATES: u64 = 16_000;
 /// Updates after the last round.
-const LAST_UPDATES: u64 = 48_000;
+const LAST_UPDATES: u64 = 60_000;
 /// How far ahead a surrogate is asked to see.
 const AHEAD_S: f64 = 2.0;
 

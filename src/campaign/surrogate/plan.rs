@@ -16,8 +16,8 @@ use crate::testbench::{Aftermath, Testbench};
 const SWITCHES: usize = 2;
 /// In plans with so many switches these are at every so many-th decision.
 const STRIDE: usize = 2;
-/// The same where it is not planned for the surrogate itself.
-const HOPEFUL_STRIDE: usize = 4;
+/// The same where it is not planned for the surrogate itself, and on the way.
+const QUICK_STRIDE: usize = 4;
 /// Sequences that are tried on all variations, per number of switches.
 const TRIED: usize = 64;
 /// Beyond the first of them only every so many-th that is found is tried, so
@@ -28,7 +28,7 @@ const EVERY: usize = 8;
 /// sequences with more switches, or to be kept when the ego strays from it.
 const ENOUGH: usize = 8;
 /// Decisions after which one who has no sure plan looks for one again.
-const PATIENCE: usize = 3;
+const PATIENCE: usize = 4;
 /// The variations that plans are made for, as positions in [`VARIATIONS`]: where
 /// nothing succeeds on the surrogate, what would if the ego were a little less
 /// careful, this way or that. Such a plan may succeed, and if it does not it has
@@ -111,10 +111,15 @@ impl<'a> Planner<'a> {
     }
 
     /// The strategy that succeeds on most variations, from what is so far on; on
-    /// the first of the leading ones, beginning with the `attempt`th, on which
+    /// the first of so many leading ones, beginning with the `attempt`th, on which
     /// anything does.
-    pub fn choose(&mut self, from: From<'_>, so_far: &SoFar, attempt: usize) -> Choice {
-        for lead in 0..LEADS.len() {
+    fn choose(
+        &mut self,
+        from: From<'_>,
+        so_far: &SoFar,
+        (attempt, leads): (usize, usize),
+    ) -> Choice {
+        for lead in 0..leads {
             self.lead = LEADS[(lead + attempt) % LEADS.len()];
             let mut best = Choice {
                 strategy: Strategy::Policy,
@@ -133,7 +138,7 @@ impl<'a> Planner<'a> {
         }
         self.lead = LEADS[0];
         Choice {
-            strategy: self.nearest(from, so_far),
+            strategy: Strategy::Policy,
             lead: LEADS.len(),
             score: 0,
         }
@@ -150,6 +155,7 @@ impl<'a> Planner<'a> {
             ..
         } = self;
         tree.cast(so_far, Some(surrogate), VARIATIONS[lead]);
+        let is_thorough = rank == 0 && so_far.actions.is_empty();
         let (mut found, mut tried) = (0, 0);
         let mut accept = |actions: &[usize], _: &Testbench| {
             found += 1;
@@ -182,10 +188,10 @@ impl<'a> Planner<'a> {
         let actions = root.spaces().actions;
         let mut walk = Tree::new(root, (from, 0), Aftermath::Skip, &mut accept, &quiet);
         walk.after = so_far.actions.clone();
-        walk.stride = match (switches < SWITCHES, rank) {
+        walk.stride = match (switches < SWITCHES, is_thorough) {
             (true, _) => 1,
-            (false, 0) => STRIDE,
-            (false, _) => HOPEFUL_STRIDE,
+            (false, true) => STRIDE,
+            (false, false) => QUICK_STRIDE,
         };
         for action in 0..actions {
             if walk.begin(root, action, switches) == Next::Stop {
@@ -248,9 +254,8 @@ impl<'a> Planner<'a> {
         if now.is_sure() && ENOUGH <= now.score {
             return None;
         }
-        let other = self.choose(from, so_far, 0);
-        let better = other.is_better_than(now) || now.score == 0;
-        better.then_some(other)
+        let other = self.choose(from, so_far, (0, 1));
+        other.is_better_than(now).then_some(other)
     }
 
     /// Plays a start of the real world as the ado was trained.
@@ -295,7 +300,10 @@ impl<'a> Planner<'a> {
         real.begin(from.0, from.1, aftermath);
         let mut so_far = SoFar::default();
         self.reader.follow(real, &mut so_far.motion);
-        let first = self.choose(from, &so_far, attempt);
+        let mut first = self.choose(from, &so_far, (attempt, LEADS.len()));
+        if first.score == 0 {
+            first.strategy = self.nearest(from, &so_far);
+        }
         let mut now = first.clone();
         let mut predicted = self.predict(from, &so_far, &now.strategy);
         let mut chosen_at = 0;
