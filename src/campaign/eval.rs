@@ -220,8 +220,8 @@ pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
     Evaluated::of(request, played, watch)
 }
 
-/// One start, played as often as the world asks.
-struct Attempt {
+/// One start, played as often as is asked.
+pub(super) struct Attempt {
     /// The run that stands for all of them.
     episode: Episode,
     /// The first fault of any run, also where another one stands for all.
@@ -232,7 +232,19 @@ struct Attempt {
 }
 
 impl Attempt {
-    fn played(self, scenario: &Scenario, cpu_s: f64) -> Played {
+    /// One run that stands for all so far, and what they took.
+    pub(super) fn of(episode: Episode, simulations: u64, physics_steps: u64) -> Attempt {
+        Attempt {
+            fault: episode.fault.clone(),
+            episode,
+            repeated: None,
+            simulations,
+            physics_steps,
+        }
+    }
+
+    /// What rows count of it.
+    pub(super) fn played(self, scenario: &Scenario, cpu_s: f64) -> Played {
         let episode = self.episode;
         let failure = Failure::of(scenario, &episode);
         let repeatable = episode.verdict.is_success() && !episode.commands.is_empty();

@@ -17,8 +17,7 @@ use super::watch::Watch;
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::run::{Row, RunDir, RunError};
 use crate::scenario::{Against, Scenario};
-use crate::scene::Frame;
-use crate::testbench::{Episode, film};
+use crate::testbench::film;
 
 /// Episodes that changed egos are tried on, unless told otherwise, and the
 /// least and most starts of each.
@@ -187,7 +186,10 @@ impl<'a> ReportRequest<'a> {
                 .into_iter()
                 .map(|chosen| Example {
                     about: about(request.scenario, &chosen.episode),
-                    frames: filmed(request.scenario, &chosen.episode),
+                    frames: film(
+                        &mut request.scenario.repeating(&chosen.episode).bench(),
+                        &chosen.episode,
+                    ),
                     chosen_for: chosen.chosen_for,
                     start: chosen.start,
                     episode: chosen.episode,
@@ -252,19 +254,6 @@ impl<'a> ReportRequest<'a> {
         let told = self.run.manifest().against == Against::Conditional;
         told.then_some(&ContextSource::True)
     }
-}
-
-/// Where everybody is at each sample of an episode, played again.
-///
-/// An ego that may answer otherwise the next time repeats its commands.
-fn filmed(scenario: &Scenario, episode: &Episode) -> Vec<Frame> {
-    let mut bench = match episode.commands.is_empty() {
-        true => scenario.bench(),
-        false => scenario
-            .with_commands(&episode.commands.clone().into())
-            .bench(),
-    };
-    film(&mut bench, episode)
 }
 
 /// The first starts of a list.

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::Watch;
 use super::episodes::Turn;
-use super::eval::{EvalRequest, Evaluated, Failure, Outcome, Played};
+use super::eval::{Attempt, EvalRequest, Evaluated, Outcome, Played};
 use crate::rl::Policy;
 use crate::run::{RunDir, RunError};
 use crate::scenario::{Family, Member};
@@ -118,23 +118,8 @@ impl Tries<'_> {
             watch.faults.note(index as u64, episode.fault.as_ref());
             simulations += 1;
             physics_steps += episode.physics_steps;
-            let failure = Failure::of(self.request.scenario, &episode);
-            let outcome = Outcome {
-                verdict: episode.verdict,
-                foul_before_contact: episode.is_foul_before_contact(),
-                impact: episode.contact.as_ref().and_then(|touch| touch.impact),
-                closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
-                simulations,
-                physics_steps,
-                cpu_s: turn.cpu_s(),
-            };
-            let played = Played {
-                failure,
-                outcome,
-                fault: episode.fault,
-                repeated: None,
-                commands: (!episode.commands.is_empty()).then(|| episode.commands.into()),
-            };
+            let attempt = Attempt::of(episode, simulations, physics_steps);
+            let played = attempt.played(self.request.scenario, turn.cpu_s());
             if played.outcome.verdict.is_success() {
                 return Some((played, number + 1, Some(number)));
             }

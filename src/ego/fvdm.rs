@@ -4,8 +4,8 @@
 //! u = κ (V(s) − v) − λ Δv with V(s) = V₀ (tanh(s/L − β) + tanh β) / (1 + tanh β),
 //! s the clearance beyond the smallest one and Δv the closing speed.
 
+use super::following::car_following;
 use super::parameters::parameters;
-use super::{Command, Controller, Fault, Percept};
 
 parameters! {
     /// A follower that drives at the speed that suits its clearance.
@@ -48,20 +48,7 @@ impl Fvdm {
     }
 }
 
-impl Controller for Fvdm {
-    fn reset(&mut self, _seed: u64) {}
-
-    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let leader = percept.leader();
-        let leader = leader.map(|lead| (lead.headway_m - lead.length_m, lead.speed_mps));
-        let speed_mps = percept.own.speed_mps;
-        Ok(Command::accelerate(self.accel_mps2(speed_mps, leader)))
-    }
-
-    fn fork(&self) -> Option<Box<dyn Controller>> {
-        Some(Box::new(self.clone()))
-    }
-}
+car_following!(Fvdm);
 
 #[cfg(test)]
 mod tests {

@@ -5,8 +5,8 @@
 //! from which it can still stop behind a leader that brakes with b̂:
 //! −b τ + √(b² τ² + b (2 (s − s₀) − v τ + v_l²/b̂)).
 
+use super::following::car_following;
 use super::parameters::parameters;
-use super::{Command, Controller, Fault, Percept};
 
 parameters! {
     /// A follower that can always stop in time, if its leader brakes as expected.
@@ -47,20 +47,7 @@ impl Gipps {
     }
 }
 
-impl Controller for Gipps {
-    fn reset(&mut self, _seed: u64) {}
-
-    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let leader = percept.leader();
-        let leader = leader.map(|lead| (lead.headway_m - lead.length_m, lead.speed_mps));
-        let speed_mps = percept.own.speed_mps;
-        Ok(Command::accelerate(self.accel_mps2(speed_mps, leader)))
-    }
-
-    fn fork(&self) -> Option<Box<dyn Controller>> {
-        Some(Box::new(self.clone()))
-    }
-}
+car_following!(Gipps);
 
 #[cfg(test)]
 mod tests {

@@ -3,8 +3,8 @@
 //! u = a (1 − (v/v₀)⁴ − (s*/s)²) with s* = s₀ + max(0, v T + v Δv / (2 √(a b))),
 //! s the clearance to the car ahead and Δv the closing speed.
 
+use super::following::car_following;
 use super::parameters::parameters;
-use super::{Command, Controller, Fault, Percept};
 
 parameters! {
     /// A follower with a desired speed, a time gap and comfortable braking.
@@ -43,17 +43,4 @@ impl Idm {
     }
 }
 
-impl Controller for Idm {
-    fn reset(&mut self, _seed: u64) {}
-
-    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let leader = percept.leader();
-        let leader = leader.map(|lead| (lead.headway_m - lead.length_m, lead.speed_mps));
-        let speed_mps = percept.own.speed_mps;
-        Ok(Command::accelerate(self.accel_mps2(speed_mps, leader)))
-    }
-
-    fn fork(&self) -> Option<Box<dyn Controller>> {
-        Some(Box::new(self.clone()))
-    }
-}
+car_following!(Idm);

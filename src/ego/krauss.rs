@@ -5,8 +5,8 @@
 //! can stop behind its leader if both brake with b; within τ it drives at that
 //! speed, at its desired one, or at what it can reach.
 
+use super::following::car_following;
 use super::parameters::parameters;
-use super::{Command, Controller, Fault, Percept};
 
 parameters! {
     /// A follower at the safe speed.
@@ -40,20 +40,7 @@ impl Krauss {
     }
 }
 
-impl Controller for Krauss {
-    fn reset(&mut self, _seed: u64) {}
-
-    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let leader = percept.leader();
-        let leader = leader.map(|lead| (lead.headway_m - lead.length_m, lead.speed_mps));
-        let speed_mps = percept.own.speed_mps;
-        Ok(Command::accelerate(self.accel_mps2(speed_mps, leader)))
-    }
-
-    fn fork(&self) -> Option<Box<dyn Controller>> {
-        Some(Box::new(self.clone()))
-    }
-}
+car_following!(Krauss);
 
 #[cfg(test)]
 mod tests {

@@ -36,6 +36,7 @@ mod aeb;
 mod dummy;
 mod fault;
 mod filtered;
+mod following;
 mod fvdm;
 mod gipps;
 mod idm;

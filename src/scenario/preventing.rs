@@ -22,10 +22,7 @@ impl Scenario {
     /// The episode is played again for everybody's motion; what an ego that
     /// nobody here wrote commanded is repeated, so that no program is started.
     pub fn preventability(&self, episode: &Episode) -> Preventability {
-        let again = match episode.commands.is_empty() {
-            true => self.clone(),
-            false => self.with_commands(&episode.commands.clone().into()),
-        };
+        let again = self.repeating(episode);
         if episode.contact.is_none() {
             return Preventability::not_applicable(NotApplicable::NoContact);
         }

@@ -13,6 +13,7 @@ use crate::rulebook::Rulebook;
 use crate::scene::World;
 use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController, Sensors};
 use crate::sim::PlantKind;
+use crate::testbench::Episode;
 
 impl Scenario {
     /// The same world, to learn so.
@@ -186,6 +187,15 @@ impl Scenario {
         let recorded =
             move || Box::new(RecordedCommands::new(Arc::clone(&commands))) as Box<dyn Controller>;
         self.with_ego("recorded", Arc::new(recorded))
+    }
+
+    /// The same world, to play an episode of it again: an ego that may answer
+    /// otherwise the next time repeats its commands, so no program is started.
+    pub fn repeating(&self, episode: &Episode) -> Scenario {
+        match episode.commands.is_empty() {
+            true => self.clone(),
+            false => self.with_commands(&episode.commands.clone().into()),
+        }
     }
 
     /// A change read from a file, for `--ego FILE`.

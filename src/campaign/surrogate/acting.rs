@@ -9,7 +9,7 @@ use super::plan::Planner;
 use crate::campaign::TestStarts;
 use crate::campaign::Watch;
 use crate::campaign::episodes::Turn;
-use crate::campaign::eval::{EvalRequest, Evaluated, Failure, Outcome, Played};
+use crate::campaign::eval::{Attempt, EvalRequest, Evaluated, Played};
 use crate::rl::Policy;
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
@@ -168,42 +168,32 @@ impl LearnedEgo {
     ) -> Option<One> {
         let mut first: Option<One> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
-        for attempt in 0..tries.max(1) {
+        // As it was trained the ado acts alike every time.
+        let tries = if self.from.plans() { tries.max(1) } else { 1 };
+        for attempt in 0..tries {
             if watch.stopped() {
                 break;
             }
             let from = (start, *noise);
-            let run = match self.from.plans() {
-                true => planner.run(bench, from, Aftermath::Play, attempt as usize),
-                false => planner.run_as_trained(bench, from, Aftermath::Play),
+            let (episode, as_trained) = match self.from.plans() {
+                true => {
+                    let run = planner.run(bench, from, Aftermath::Play, attempt as usize);
+                    let as_trained = run.is_as_trained();
+                    (bench.episode(start, *noise, run.so_far.actions), as_trained)
+                }
+                false => (request.play(bench, turn.index), true),
             };
-            let actions = run.so_far.actions;
-            let episode = bench.episode(start, *noise, actions.clone());
             watch.faults.note(turn.index as u64, episode.fault.as_ref());
             simulations += 1;
             physics_steps += episode.physics_steps;
-            let failure = Failure::of(request.scenario, &episode);
-            let outcome = Outcome {
-                verdict: episode.verdict,
-                foul_before_contact: episode.is_foul_before_contact(),
-                impact: episode.contact.as_ref().and_then(|touch| touch.impact),
-                closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
-                simulations,
-                physics_steps,
-                cpu_s: turn.cpu_s(),
-            };
+            let actions = episode.actions.clone();
+            let attempt = Attempt::of(episode, simulations, physics_steps);
             let one = One {
-                played: Played {
-                    failure,
-                    outcome,
-                    fault: episode.fault,
-                    repeated: None,
-                    commands: (!episode.commands.is_empty()).then(|| episode.commands.into()),
-                },
+                played: attempt.played(request.scenario, turn.cpu_s()),
                 actions,
-                as_trained: run.first.strategy.is_as_trained() && run.replans == 0,
+                as_trained,
             };
-            if outcome.verdict.is_success() {
+            if one.played.outcome.verdict.is_success() {
                 return Some(one);
             }
             first.get_or_insert(one);

@@ -11,7 +11,7 @@ use crate::scene::Start;
 use crate::testbench::{Aftermath, Testbench};
 
 /// A start with the seed of its noise.
-pub(super) type From<'a> = (&'a Start, u64);
+pub(super) type Origin<'a> = (&'a Start, u64);
 
 /// What an ego is known to have done under these actions, up to now.
 #[derive(Clone, Debug, Default)]
@@ -82,7 +82,7 @@ impl ModelBench {
     /// Begins at a start and does again what is known.
     pub fn begin(
         &mut self,
-        from: From<'_>,
+        from: Origin<'_>,
         so_far: &SoFar,
         surrogate: Option<&Arc<Surrogate>>,
         variation: Variation,
@@ -145,7 +145,7 @@ impl ModelBench {
     }
 
     /// What the ego saw in a run, sample by sample.
-    pub fn percepts(&mut self, from: From<'_>, run: &SoFar) -> Heard {
+    pub fn percepts(&mut self, from: Origin<'_>, run: &SoFar) -> Heard {
         let heard = Arc::new(Mutex::new(Heard::default()));
         self.casting.give(Part {
             known: run.motion.as_slice().into(),

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::bench::{ModelBench, SoFar, VARIATIONS};
 use super::fit::fit;
 use super::model::Surrogate;
-use super::plan::{Planner, Strategy};
+use super::plan::Planner;
 use super::record::{Run, mixed, planned, samples, starts};
 use crate::campaign::Watch;
 use crate::rl::Policy;
@@ -193,11 +193,4 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
         errors.push([off_m(Some(surrogate)), off_m(None)]);
     }
     errors
-}
-
-impl Strategy {
-    /// Whether it is how the ado was trained to act.
-    pub(super) fn is_as_trained(&self) -> bool {
-        *self == Strategy::Policy
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::bench::{From, ModelBench, SoFar, VARIATIONS};
+use super::bench::{ModelBench, Origin, SoFar, VARIATIONS};
 use super::model::Surrogate;
 use super::motion::{Moment, MotionReader};
 use crate::campaign::Watch;
@@ -48,15 +48,16 @@ pub(super) enum Strategy {
 #[derive(Clone, Debug)]
 pub(super) struct Choice {
     pub strategy: Strategy,
-    /// Position in [`LEADS`] of the variation it was made for; their number: it
-    /// succeeds on none.
+    /// Which of the leading variations it was made for, the first one being that
+    /// of the attempt; their number: it succeeds on none.
     lead: usize,
     /// On how many variations it succeeds.
     score: usize,
 }
 
 impl Choice {
-    /// Whether it succeeds on the surrogate itself.
+    /// Whether it succeeds on the variation of the attempt, at first the surrogate
+    /// itself.
     fn is_sure(&self) -> bool {
         self.lead == 0 && 0 < self.score
     }
@@ -77,6 +78,13 @@ pub(super) struct PlannedRun {
     pub replans: u32,
 }
 
+impl PlannedRun {
+    /// Whether the ado acted as it was trained from beginning to end.
+    pub fn is_as_trained(&self) -> bool {
+        self.first.strategy == Strategy::Policy && self.replans == 0
+    }
+}
+
 /// Plans and acts; one per thread.
 pub(super) struct Planner<'a> {
     /// Explores the tree of sequences.
@@ -86,8 +94,8 @@ pub(super) struct Planner<'a> {
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
     policy: &'a dyn Policy,
-    /// The variation on which a strategy must succeed to be one at all.
-    lead: usize,
+    /// How often the start at hand was played before.
+    attempt: usize,
     watch: &'a Watch<'a>,
 }
 
@@ -105,26 +113,19 @@ impl<'a> Planner<'a> {
             reader: MotionReader::of(world)?,
             surrogate: Arc::clone(surrogate),
             policy,
-            lead: 0,
+            attempt: 0,
             watch,
         })
     }
 
     /// The strategy that succeeds on most variations, from what is so far on; on
-    /// the first of so many leading ones, beginning with the `attempt`th, on which
-    /// anything does.
-    fn choose(
-        &mut self,
-        from: From<'_>,
-        so_far: &SoFar,
-        (attempt, leads): (usize, usize),
-    ) -> Choice {
+    /// the first of so many leading ones on which anything does.
+    fn choose(&mut self, from: Origin<'_>, so_far: &SoFar, leads: usize) -> Choice {
         for lead in 0..leads {
-            self.lead = LEADS[(lead + attempt) % LEADS.len()];
             let mut best = Choice {
                 strategy: Strategy::Policy,
                 lead,
-                score: self.score(from, so_far, &Strategy::Policy, 0),
+                score: self.score(from, so_far, (&Strategy::Policy, lead)),
             };
             for switches in 0..=SWITCHES {
                 if ENOUGH <= best.score || self.watch.stopped() {
@@ -136,7 +137,6 @@ impl<'a> Planner<'a> {
                 return best;
             }
         }
-        self.lead = LEADS[0];
         Choice {
             strategy: Strategy::Policy,
             lead: LEADS.len(),
@@ -145,9 +145,10 @@ impl<'a> Planner<'a> {
     }
 
     /// Looks through all sequences with so many switches for a better one.
-    fn search(&mut self, from: From<'_>, so_far: &SoFar, switches: usize, best: &mut Choice) {
+    fn search(&mut self, from: Origin<'_>, so_far: &SoFar, switches: usize, best: &mut Choice) {
         let quiet = self.watch.quiet();
-        let (lead, rank) = (self.lead, best.lead);
+        let rank = best.lead;
+        let lead = self.variation(rank);
         let Planner {
             tree,
             judge,
@@ -200,22 +201,32 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// On how many variations a strategy succeeds; less than `best`, if that is
-    /// not surpassed.
-    fn score(&mut self, from: From<'_>, so_far: &SoFar, strategy: &Strategy, best: usize) -> usize {
+    /// Position in [`VARIATIONS`] of a leading one.
+    fn variation(&self, lead: usize) -> usize {
+        LEADS[(lead + self.attempt) % LEADS.len()]
+    }
+
+    /// On how many variations a strategy succeeds that was made for a leading one.
+    fn score(
+        &mut self,
+        from: Origin<'_>,
+        so_far: &SoFar,
+        (strategy, lead): (&Strategy, usize),
+    ) -> usize {
+        let lead = self.variation(lead);
         let mut trial = Trial {
             judge: &mut self.judge,
             surrogate: &self.surrogate,
             from,
             so_far,
-            lead: self.lead,
+            lead,
         };
-        trial.score((strategy, Some(self.policy)), best)
+        trial.score((strategy, Some(self.policy)), 0)
     }
 
     /// Where nothing succeeds: what comes nearest to it, of the policy and the
     /// constants.
-    fn nearest(&mut self, from: From<'_>, so_far: &SoFar) -> Strategy {
+    fn nearest(&mut self, from: Origin<'_>, so_far: &SoFar) -> Strategy {
         let actions = self.judge.bench.spaces().actions;
         let constants = (0..actions).map(|action| {
             let mut whole = so_far.actions.clone();
@@ -240,7 +251,7 @@ impl<'a> Planner<'a> {
     }
 
     /// How the ego would move.
-    fn predict(&mut self, from: From<'_>, so_far: &SoFar, strategy: &Strategy) -> Vec<Moment> {
+    fn predict(&mut self, from: Origin<'_>, so_far: &SoFar, strategy: &Strategy) -> Vec<Moment> {
         self.judge
             .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
         go_on(&mut self.judge, so_far, (strategy, Some(self.policy)));
@@ -248,41 +259,13 @@ impl<'a> Planner<'a> {
     }
 
     /// A better choice than the present one, whose worth is found anew.
-    fn rethink(&mut self, from: From<'_>, so_far: &SoFar, now: &mut Choice) -> Option<Choice> {
-        self.lead = LEADS[now.lead % LEADS.len()];
-        now.score = self.score(from, so_far, &now.strategy, 0);
+    fn rethink(&mut self, from: Origin<'_>, so_far: &SoFar, now: &mut Choice) -> Option<Choice> {
+        now.score = self.score(from, so_far, (&now.strategy, now.lead));
         if now.is_sure() && ENOUGH <= now.score {
             return None;
         }
-        let other = self.choose(from, so_far, (0, 1));
+        let other = self.choose(from, so_far, 1);
         other.is_better_than(now).then_some(other)
-    }
-
-    /// Plays a start of the real world as the ado was trained.
-    pub fn run_as_trained(
-        &mut self,
-        real: &mut Testbench,
-        from: From<'_>,
-        aftermath: Aftermath,
-    ) -> PlannedRun {
-        real.begin(from.0, from.1, aftermath);
-        let mut obs = vec![0.0; real.spaces().observation];
-        let mut so_far = SoFar::default();
-        while !real.is_done() {
-            real.observe(&mut obs);
-            let action = self.policy.act(&obs);
-            so_far.actions.push(action);
-            real.decide(action);
-        }
-        PlannedRun {
-            first: Choice {
-                strategy: Strategy::Policy,
-                lead: LEADS.len(),
-                score: 0,
-            },
-            so_far,
-            replans: 0,
-        }
     }
 
     /// Plays a start of the real world, and chooses anew when the ego strays
@@ -293,14 +276,15 @@ impl<'a> Planner<'a> {
     pub fn run(
         &mut self,
         real: &mut Testbench,
-        from: From<'_>,
+        from: Origin<'_>,
         aftermath: Aftermath,
         attempt: usize,
     ) -> PlannedRun {
         real.begin(from.0, from.1, aftermath);
         let mut so_far = SoFar::default();
         self.reader.follow(real, &mut so_far.motion);
-        let mut first = self.choose(from, &so_far, (attempt, LEADS.len()));
+        self.attempt = attempt;
+        let mut first = self.choose(from, &so_far, LEADS.len());
         if first.score == 0 {
             first.strategy = self.nearest(from, &so_far);
         }
@@ -370,7 +354,7 @@ fn go_on(judge: &mut ModelBench, so_far: &SoFar, (strategy, policy): Played<'_>)
 struct Trial<'a> {
     judge: &'a mut ModelBench,
     surrogate: &'a Arc<Surrogate>,
-    from: From<'a>,
+    from: Origin<'a>,
     so_far: &'a SoFar,
     lead: usize,
 }

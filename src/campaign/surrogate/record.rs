@@ -2,7 +2,7 @@
 
 use rand::RngExt;
 
-use super::bench::{From, ModelBench, SoFar};
+use super::bench::{ModelBench, Origin, SoFar};
 use super::fit::Samples;
 use super::motion::MotionReader;
 use super::plan::Planner;
@@ -31,7 +31,7 @@ pub(super) struct Run {
 }
 
 impl Run {
-    pub fn from(&self) -> From<'_> {
+    pub fn from(&self) -> Origin<'_> {
         (&self.start, self.noise)
     }
 }
@@ -74,6 +74,9 @@ pub(super) fn mixed(
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
 ) -> Vec<Run> {
+    let Some(reader) = MotionReader::of(ego) else {
+        return Vec::new();
+    };
     let one = |bench: &mut Testbench, from: &(Start, u64), turn: &Turn| {
         let actions = bench.spaces().actions;
         let decisions = bench.clock().decisions();
@@ -91,7 +94,7 @@ pub(super) fn mixed(
         let skip = Aftermath::Skip;
         let episode = watch.play(bench, (start, noise), turn.index, &mut *actor, skip);
         let mut motion = Vec::new();
-        MotionReader::of(ego)?.follow(bench, &mut motion);
+        reader.follow(bench, &mut motion);
         episode.fault.is_none().then(|| Run {
             start: start.clone(),
             noise,
@@ -128,8 +131,8 @@ pub(super) fn planned<'a>(
             start: start.clone(),
             noise,
             is_success: bench.verdict().is_some_and(|verdict| verdict.is_success()),
+            as_trained: run.is_as_trained(),
             so_far: run.so_far,
-            as_trained: run.first.strategy.is_as_trained() && run.replans == 0,
         })
     };
     let runs = EpisodeLoop::uncounted(watch).run(starts, worker, one);
