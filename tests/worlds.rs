@@ -34,6 +34,8 @@ mod rivals;
 mod sealing;
 #[path = "worlds/searching.rs"]
 mod searching;
+#[path = "worlds/structures.rs"]
+mod structures;
 #[path = "worlds/trained.rs"]
 mod trained;
 #[path = "worlds/warnings.rs"]

@@ -186,6 +186,22 @@ impl EgoUnderTest {
     }
 }
 
+/// The same for the structures of a family that is trained against.
+///
+/// # Errors
+/// One is not allowed; nothing was started.
+pub(super) fn consent_to_family(world: &Scenario) -> Result<(), CampaignError> {
+    let met = world.family().filter(|_| !world.against.is_nominal());
+    let mut programs = met.into_iter().flat_map(|family| family.programs());
+    match programs.next().filter(|_| !world.may_start_programs()) {
+        Some((name, program)) => Err(CampaignError::NotAllowed {
+            who: format!("the structure `{name}`"),
+            command: program.command.clone(),
+        }),
+        None => Ok(()),
+    }
+}
+
 /// Asks for consent before any program is started that a file names as an ego:
 /// that of `world`, which is played for its trivial starts, or one of `egos`.
 ///

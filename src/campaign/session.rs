@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use super::ego_under_test::{EgoUnderTest, consent};
+use super::ego_under_test::{EgoUnderTest, consent, consent_to_family};
 use super::error::CampaignError;
 use super::eval::{Ado, Evaluated, best_constant, eval};
 use super::keep::keep;
@@ -30,6 +30,8 @@ pub struct TrainRequest<'a> {
     pub learner: Option<&'a str>,
     /// Against the world's ego, or its family.
     pub against: Against,
+    /// A structure of the family that is not met.
+    pub leave_out: Option<&'a str>,
     /// Against a changed ego: a name under `reuse`, or a RON file.
     pub ego: Option<&'a str>,
     /// The physics to train in.
@@ -122,6 +124,7 @@ impl TrainSession {
     ) -> Result<TrainSession, CampaignError> {
         let tested = EgoUnderTest::of_training(&world, ego.as_ref())?;
         consent(&world, std::slice::from_ref(&tested))?;
+        consent_to_family(&world)?;
         let mut run = open(ego)?;
         run.allow_programs(world.may_start_programs());
         Ok(TrainSession {
@@ -238,6 +241,12 @@ impl TrainRequest<'_> {
             };
             world = world.learning_by(name).ok_or_else(none)?;
         }
+        if self.leave_out.is_some() && self.against != Against::Wide {
+            return Err(CampaignError::request(
+                "only a wide ado meets structures of which one can be left out",
+                "add `--against wide`, or leave out `--leave-out`",
+            ));
+        }
         if !self.against.is_nominal() {
             world = self.against_family(&world)?;
         }
@@ -267,11 +276,28 @@ impl TrainRequest<'_> {
                 "leave it out: a family names its plants under `train_against`",
             );
         }
+        let world = self.leaving_out(world)?;
         world.training_against(self.against).ok_or_else(|| {
             CampaignError::request(
                 format!("`{}` names no family of egos", world.name),
                 "add `train_against: Family(ego: { … })` to the world: docs/reuse.md",
             )
+        })
+    }
+
+    fn leaving_out(&self, world: &Scenario) -> Result<Scenario, CampaignError> {
+        let Some(name) = self.leave_out else {
+            return Ok(world.clone());
+        };
+        world.leaving_out(name).ok_or_else(|| {
+            let structures = world.family().into_iter().flat_map(|f| &f.structures);
+            let known: Vec<&str> = structures.map(|other| other.name.as_str()).collect();
+            let help = match known.is_empty() {
+                true => "name some under `structures` of `train_against`: docs/reuse.md".to_owned(),
+                false => guessed(name, "known", known.into_iter()),
+            };
+            let what = format!("the family of `{}` has no structure `{name}`", world.name);
+            CampaignError::request(what, help)
         })
     }
 
@@ -295,6 +321,13 @@ impl TrainRequest<'_> {
         let begun = run.manifest();
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
             world = world.on(plant);
+        }
+        let left_out = begun
+            .left_out
+            .as_deref()
+            .filter(|_| self.leave_out.is_none());
+        if let Some(others) = left_out.and_then(|name| world.leaving_out(name)) {
+            world = others;
         }
         if self.against.is_nominal()
             && let Some(family) = world.training_against(begun.against)

@@ -31,6 +31,10 @@ pub(super) struct TrainArgs {
     /// What to train against: the world's ego, or its family under `train_against`.
     #[arg(long, value_parser = one_of::<Against>(), default_value = "nominal", value_name = "WHOM")]
     against: Against,
+    /// A structure of the family that is not met, to ask later how the ado fares on
+    /// it.
+    #[arg(long, value_name = "STRUCTURE")]
+    leave_out: Option<String>,
     /// Train against a changed ego: a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
     ego: Option<String>,
@@ -95,6 +99,7 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
         decisions: args.decisions,
         learner: args.learner.as_deref(),
         against: args.against,
+        leave_out: args.leave_out.as_deref(),
         ego: args.ego.as_deref(),
         plant: args.plant,
         from: from.as_ref(),

@@ -76,6 +76,15 @@ impl RunDir {
             begun.against.to_string(),
             scenario.against.to_string(),
         );
+        let left_out = |name: &Option<String>| match name {
+            Some(name) => format!("`{name}`"),
+            None => "nothing".to_owned(),
+        };
+        compare(
+            "left out",
+            left_out(&begun.left_out),
+            left_out(&scenario.left_out),
+        );
         let ego = |ego: Option<&ChangedEgo>| match ego {
             Some(ego) => format!("`{}` ({:?})", ego.name, ego.change),
             None => "nominal".to_owned(),

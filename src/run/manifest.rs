@@ -82,6 +82,9 @@ pub struct Manifest {
     /// What it was trained against.
     #[serde(default, skip_serializing_if = "Against::is_nominal")]
     pub against: Against,
+    /// The structure of its family that it never met.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<String>,
     /// Of the learner's and the family's settings, defaults included; `None`:
     /// an earlier version did not note it.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -145,6 +145,7 @@ impl RunDir {
                 counterexamples: None,
                 learner: scenario.learning.clone(),
                 against: scenario.against,
+                left_out: scenario.left_out.clone(),
                 settings_sha256: Some(settings_of(scenario)),
                 settings: serde_json::to_value(&scenario.learner).ok(),
                 told: told_names(scenario),
@@ -282,7 +283,12 @@ impl RunDir {
     fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
         let against = self.manifest.against;
         if !against.is_nominal() {
-            let world = world.training_against(against);
+            let left_out = self.manifest.left_out.as_deref();
+            let world = match left_out {
+                Some(structure) => world.leaving_out(structure),
+                None => Some(world),
+            };
+            let world = world.and_then(|world| world.training_against(against));
             let told = world.as_ref().map(told_names);
             let fits = told.is_some_and(|told| told == self.manifest.told);
             return world.filter(|_| fits).ok_or_else(|| RunError::Damaged {

@@ -125,9 +125,15 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     starts::check(&mut problems, &list, &spec, &entries);
     starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
     trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
-    let family = file
-        .train_against
-        .and_then(|family| kinship::family(&mut problems, &top.to("train_against"), family, &spec));
+    let family = file.train_against.and_then(|family| {
+        kinship::family(
+            &mut problems,
+            &top.to("train_against"),
+            family,
+            &spec,
+            &file.reuse.0,
+        )
+    });
     problems.done()?;
 
     // Bind everything to all signals there are, then publish what is used.
@@ -191,6 +197,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         learners,
         learning: None,
         against: Against::Nominal,
+        left_out: None,
         family: family.map(Arc::new),
         reuse: file.reuse.0,
         repeats: file.repeats,

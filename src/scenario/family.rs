@@ -18,6 +18,8 @@ use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::file::Change;
 use super::quantity::{Quantity, Varied, parameter};
+use super::structure::Structure;
+use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::LearnerConfig;
 use crate::scene::drive::{DriveSpec, EgoVariant};
 use crate::seed::StartKey;
@@ -73,15 +75,21 @@ pub struct Member {
     pub values: Vec<f64>,
     /// Which physics.
     pub plant: PlantKind,
+    /// A controller of another structure in place of the world's own, whose
+    /// parameters among `values` it does not have.
+    pub controller: Option<Actuated<ControllerSpec>>,
 }
 
 /// Egos, sensors, roads and plants to train against, checked.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, PartialEq)]
 pub struct Family {
     /// What varies, in the order of the file.
     pub quantities: Vec<Quantity>,
     /// The plants, each with its weight.
     pub plants: Vec<(PlantKind, u32)>,
+    /// Controllers of other structures, each met as often as the world's own. A
+    /// conditional ado meets none of them: it could not be told which.
+    pub structures: Vec<Structure>,
     /// Probability with which a quantity of a member is nominal.
     pub nominal_share: f64,
     /// How a wide ado learns.
@@ -139,6 +147,7 @@ impl Family {
         Member {
             values: self.quantities.iter().map(|q| q.nominal).collect(),
             plant,
+            controller: None,
         }
     }
 
@@ -146,8 +155,22 @@ impl Family {
     ///
     /// 15 % are nominal in every quantity; in the others each quantity is
     /// nominal with the family's probability and else uniform in its range. The plant
-    /// is drawn by the weights of all.
+    /// is drawn by the weights of all. Of `n` other structures each is met in
+    /// one episode of `n + 1`.
     pub fn draw(&self, world: &str, key: StartKey) -> Member {
+        let mut member = self.draw_own(world, key);
+        if !self.structures.is_empty() {
+            // Numbers of their own, so that a structure more changes no other.
+            let mut rng = key.generator(world, "structure");
+            let which = rng.random_range(0..=self.structures.len());
+            let met = self.structures.get(which);
+            member.controller = met.map(|structure| structure.draw(&mut rng));
+        }
+        member
+    }
+
+    /// A member of the world's own structure.
+    fn draw_own(&self, world: &str, key: StartKey) -> Member {
         let mut rng = key.generator(world, "family");
         let plant = self.draw_plant(&mut rng);
         if rng.random::<f64>() < PURE {
@@ -165,6 +188,7 @@ impl Family {
         Member {
             values: values.collect(),
             plant,
+            controller: None,
         }
     }
 
@@ -205,6 +229,7 @@ impl Family {
         Member {
             values: pairs.map(|(q, unit)| q.at(*unit)).collect(),
             plant,
+            controller: None,
         }
     }
 
@@ -223,6 +248,9 @@ impl Family {
         for (quantity, &value) in self.quantities.iter().zip(&member.values) {
             quantity.varied.set(&mut variant, value);
         }
+        if let Some(other) = &member.controller {
+            variant.controller = other.clone();
+        }
         variant
     }
 
@@ -240,6 +268,7 @@ impl Family {
         Ok(Member {
             values: values.collect::<Result<_, _>>()?,
             plant: spec.plant,
+            controller: None,
         })
     }
 
@@ -279,21 +308,20 @@ impl Family {
         Ok(Member {
             values: found.collect::<Result<_, _>>()?,
             plant,
+            controller: None,
         })
     }
 
     /// Whether a changed ego is a member: everything that the change alters is
     /// a quantity of the family and stays within its range.
     ///
-    /// Another body or another kind of controller never is.
+    /// Another body never is, another kind of controller if it is one of the
+    /// family's structures.
     pub fn covers(&self, change: &Change) -> bool {
         let base = &self.base;
         let mut altered: Vec<(Varied, f64, f64)> = Vec::new();
         let mut controller = base.controller.clone();
         if let Some(other) = &change.controller {
-            if other.controller.kind() != base.controller.controller.kind() {
-                return false;
-            }
             controller = other.clone();
         }
         for (name, value) in &change.ego.0 {
@@ -301,10 +329,14 @@ impl Family {
                 return false;
             }
         }
-        for own in controller.parameters() {
-            let nominal = parameter(&base.controller, own.name);
-            let varied = Varied::Ego(own.name.to_owned());
-            altered.push((varied, nominal.unwrap_or(f64::NAN), own.value));
+        if controller.controller.kind() == base.controller.controller.kind() {
+            for own in controller.parameters() {
+                let nominal = parameter(&base.controller, own.name);
+                let varied = Varied::Ego(own.name.to_owned());
+                altered.push((varied, nominal.unwrap_or(f64::NAN), own.value));
+            }
+        } else if !self.structures.iter().any(|s| s.covers(&controller)) {
+            return false;
         }
         let sensors = change.sensors.unwrap_or(base.sensors);
         let flaws = [
@@ -335,6 +367,14 @@ impl Family {
             && altered.iter().all(within)
     }
 
+    /// The programs among its structures, by the structure's name.
+    pub fn programs(&self) -> impl Iterator<Item = (&str, &Process)> {
+        self.structures.iter().filter_map(|structure| {
+            let program = structure.controller.controller.program()?;
+            Some((structure.name.as_str(), program))
+        })
+    }
+
     /// A member in words.
     pub fn in_words(&self, member: &Member) -> String {
         let pairs = self.quantities.iter().zip(&member.values);
@@ -342,6 +382,23 @@ impl Family {
             .map(|(q, value)| format!("{} {value:.3}", q.varied.name()))
             .collect();
         list.join(", ")
+    }
+}
+
+/// As derived; structures are left out where there are none, so that the
+/// fingerprints of runs that were trained without them stay.
+impl fmt::Debug for Family {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut shown = f.debug_struct("Family");
+        shown.field("quantities", &self.quantities);
+        shown.field("plants", &self.plants);
+        if !self.structures.is_empty() {
+            shown.field("structures", &self.structures);
+        }
+        shown.field("nominal_share", &self.nominal_share);
+        shown.field("wide", &self.wide);
+        shown.field("conditional", &self.conditional);
+        shown.field("base", &self.base).finish()
     }
 }
 

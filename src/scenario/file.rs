@@ -341,6 +341,10 @@ pub(super) struct FamilyFile {
     pub(super) speed_sd_mps: Option<(f64, f64)>,
     #[serde(default)]
     pub(super) friction: Option<(f64, f64)>,
+    /// Egos of other structures, each met as often as the world's own: names
+    /// under `reuse`, with ranges over the parameters of their controllers.
+    #[serde(default)]
+    pub(super) structures: Ordered<Ordered<(f64, f64)>>,
     /// Out of the sum of all, so many episodes are played on each plant.
     #[serde(default)]
     pub(super) plants: Option<BTreeMap<PlantName, u32>>,

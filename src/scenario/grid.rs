@@ -198,6 +198,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         learners,
         learning: None,
         against: Against::Nominal,
+        left_out: None,
         family: None,
         reuse,
         repeats: Repeats::default(),

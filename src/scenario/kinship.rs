@@ -1,14 +1,18 @@
 //! Checking `train_against`: from ranges in a world file to a family.
 
+use indexmap::IndexMap;
+
 use super::check;
 use super::error::{did_you_mean, known_names};
 use super::family::Family;
-use super::file::FamilyFile;
+use super::file::{Change, FamilyFile};
 use super::locate::Path;
+use super::ordered::Ordered;
 use super::problems::Problems;
 use super::quantity::controller;
 use super::quantity::{Quantity, Varied};
-use crate::ego::Parameter;
+use super::structure::Structure;
+use crate::ego::{Actuated, ControllerSpec, Parameter};
 use crate::scene::drive::{DriveSpec, EgoVariant};
 use crate::sim::PlantKind;
 
@@ -24,23 +28,19 @@ pub(super) fn family(
     path: &Path,
     file: FamilyFile,
     spec: &DriveSpec,
+    reuse: &IndexMap<String, Change>,
 ) -> Option<Family> {
     let Some(controller) = controller(spec) else {
         let what = "a family needs a stock controller as the ego";
         problems.add(path, what, "here", None);
         return None;
     };
-    let parameters = controller.parameters();
-    let mut quantities = Vec::new();
-    for (name, range) in &file.ego.0 {
-        let place = path.to("ego").to(name);
-        let Some(parameter) = parameters.iter().find(|p| p.name == name) else {
-            let known: Vec<&str> = parameters.iter().map(|p| p.name).collect();
-            unknown(problems, &place, name, controller.controller.kind(), &known);
-            continue;
-        };
-        quantities.extend(of_ego(problems, &place, *range, parameter));
-    }
+    let mut quantities = of_controller(problems, &path.to("ego"), &file.ego, &controller);
+    let structures = file.structures.0.iter().filter_map(|(name, ranges)| {
+        let place = path.to("structures").to(name);
+        structure(problems, &place, (name, ranges), reuse)
+    });
+    let structures: Vec<Structure> = structures.collect();
     let sample_s = spec.clock.sample_s;
     let others = [
         (Varied::Delay, file.delay_s, (0.0, MAX_DELAY_S), sample_s),
@@ -79,13 +79,14 @@ pub(super) fn family(
     check::within(problems, &path.to("nominal"), file.nominal, 0.0, 1.0);
     let wide = check::learner(problems, &path.to("wide"), &file.wide);
     let conditional = check::learner(problems, &path.to("conditional"), &file.conditional);
-    if quantities.is_empty() && problems.is_empty() {
+    if quantities.is_empty() && structures.is_empty() && problems.is_empty() {
         let what = "a family in which nothing varies";
         let help = "write `ego: { \"max_brake_mps2\": (4.0, 8.0) }`, or leave it out".to_owned();
         problems.add(path, what, "here", Some(help));
     }
     Some(Family {
         quantities,
+        structures,
         plants,
         nominal_share: file.nominal,
         wide,
@@ -97,6 +98,61 @@ pub(super) fn family(
             plant: spec.plant,
         },
     })
+}
+
+/// A controller of another structure: that of a changed ego.
+fn structure(
+    problems: &mut Problems,
+    place: &Path,
+    (name, ranges): (&str, &Ordered<(f64, f64)>),
+    reuse: &IndexMap<String, Change>,
+) -> Option<Structure> {
+    let Some(change) = reuse.get(name) else {
+        let list = known_names("known", reuse.keys().map(String::as_str));
+        let help = match did_you_mean(name, reuse.keys().map(String::as_str)) {
+            Some(guess) => format!("{guess} — {list}"),
+            None => list,
+        };
+        let what = format!("no ego `{name}` under `reuse`, where structures are described");
+        problems.add(place, what, "unknown ego", Some(help));
+        return None;
+    };
+    let Some(mut controller) = change.controller.clone() else {
+        let what = format!("`{name}` keeps the world's own controller: it is no other structure");
+        let help = "widen the ranges under `ego` of the family instead".to_owned();
+        problems.add(place, what, "the world's own structure", Some(help));
+        return None;
+    };
+    for (parameter, value) in &change.ego.0 {
+        // Invariant: whoever has no such parameter is refused under `reuse`.
+        let _ = controller.set(parameter, *value);
+    }
+    Some(Structure {
+        name: name.to_owned(),
+        quantities: of_controller(problems, place, ranges, &controller),
+        controller,
+    })
+}
+
+/// Ranges over the parameters of a controller.
+fn of_controller(
+    problems: &mut Problems,
+    path: &Path,
+    ranges: &Ordered<(f64, f64)>,
+    controller: &Actuated<ControllerSpec>,
+) -> Vec<Quantity> {
+    let parameters = controller.parameters();
+    let mut quantities = Vec::new();
+    for (name, range) in &ranges.0 {
+        let place = path.to(name);
+        let Some(parameter) = parameters.iter().find(|p| p.name == name) else {
+            let known: Vec<&str> = parameters.iter().map(|p| p.name).collect();
+            unknown(problems, &place, name, controller.controller.kind(), &known);
+            continue;
+        };
+        quantities.extend(of_ego(problems, &place, *range, parameter));
+    }
+    quantities
 }
 
 fn unknown(problems: &mut Problems, place: &Path, name: &str, kind: &str, known: &[&str]) {

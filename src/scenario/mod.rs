@@ -33,6 +33,7 @@ mod repeats;
 mod runs;
 mod shipped;
 mod starts;
+mod structure;
 mod trained;
 mod trial;
 mod vacuous;
@@ -51,6 +52,7 @@ pub use ordered::Patch;
 pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 pub use runs::{NamedRun, RunRefused, RunSource};
+pub use structure::Structure;
 pub use world::{ChangeError, RuleSpec, Scenario};
 
 impl Scenario {

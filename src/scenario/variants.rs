@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
-use super::{Against, ChangeError, LoadError, Path, Repeats, Scenario, ScenarioError};
+use super::{Against, ChangeError, Family, LoadError, Path, Repeats, Scenario, ScenarioError};
 use super::{changed, check, read};
 use crate::ego::{Command, Controller, RecordedCommands};
 use crate::rl::{ConfigError, LearnerConfig};
@@ -61,9 +61,34 @@ impl Scenario {
             (Against::Wide, family) => family?.wide.clone(),
             (Against::Conditional, family) => family?.conditional.clone(),
         };
+        // A conditional ado could not be told of a structure which it is.
+        let told = against == Against::Conditional;
+        let family = self.family().filter(|_| told).map(|family| {
+            let structures = Vec::new();
+            Arc::new(Family {
+                structures,
+                ..family.clone()
+            })
+        });
         Some(Scenario {
             learner,
             against,
+            family: family.or_else(|| self.family.clone()),
+            ..self.clone()
+        })
+    }
+
+    /// The same world, one structure of its family never met in training: to ask
+    /// what an ado does against a kind of controller that is new to it.
+    ///
+    /// `None`: its family has no such structure.
+    pub fn leaving_out(&self, structure: &str) -> Option<Scenario> {
+        let mut family = self.family()?.clone();
+        let all = family.structures.len();
+        family.structures.retain(|other| other.name != structure);
+        (family.structures.len() < all).then(|| Scenario {
+            left_out: Some(structure.to_owned()),
+            family: Some(Arc::new(family)),
             ..self.clone()
         })
     }

@@ -47,6 +47,8 @@ pub struct Scenario {
     pub(crate) learning: Option<String>,
     /// What an ado is trained against.
     pub(crate) against: Against,
+    /// The structure of the family that is not met.
+    pub(crate) left_out: Option<String>,
     /// What the same trained ado is reused on.
     pub(crate) reuse: IndexMap<String, Change>,
     /// How often each start is played, for egos that do not answer twice alike.
@@ -250,7 +252,8 @@ impl Scenario {
             let controller = change.controller.as_ref()?;
             Some((name.as_str(), controller.controller.program()?))
         });
-        own.into_iter().chain(reused).collect()
+        let met = self.family().into_iter().flat_map(Family::programs);
+        own.into_iter().chain(reused).chain(met).collect()
     }
 
     /// Whether programs that files name may be started.

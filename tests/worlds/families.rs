@@ -19,7 +19,7 @@ use super::acc;
 
 static GO: AtomicBool = AtomicBool::new(false);
 
-fn quiet() -> Watch<'static> {
+pub fn quiet() -> Watch<'static> {
     Watch::new(&|_, _| {}, &GO)
 }
 
@@ -28,7 +28,7 @@ fn identified(request: &IdentifyRequest<'_>) -> Identified {
     found.expect("not stopped")
 }
 
-fn key(index: u64) -> StartKey {
+pub fn key(index: u64) -> StartKey {
     StartKey {
         purpose: Purpose::Train,
         seed: 3,
@@ -36,7 +36,7 @@ fn key(index: u64) -> StartKey {
     }
 }
 
-fn family(world: &Scenario) -> &Family {
+pub fn family(world: &Scenario) -> &Family {
     world.family().expect("acc has a family")
 }
 

@@ -152,7 +152,7 @@ impl<P> Contest<'_, P> {
         });
         Member {
             values: values.collect(),
-            plant: self.first.plant,
+            ..self.first.clone()
         }
     }
 

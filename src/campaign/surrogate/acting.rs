@@ -4,6 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::Serialize;
 
+use super::again::Earlier;
 use super::learn::{LearnedEgo, LearnedFrom, SurrogateError};
 use super::plan::Planner;
 use crate::campaign::TestStarts;
@@ -170,16 +171,19 @@ impl LearnedEgo {
         let (mut simulations, mut physics_steps) = (0, 0);
         // As it was trained the ado acts alike every time.
         let tries = if self.from.plans() { tries.max(1) } else { 1 };
-        for attempt in 0..tries {
+        let mut earlier = Earlier::default();
+        for _ in 0..tries {
             if watch.stopped() {
                 break;
             }
             let from = (start, *noise);
             let (episode, as_trained) = match self.from.plans() {
                 true => {
-                    let run = planner.run(bench, from, Aftermath::Play, attempt as usize);
+                    let run = planner.run(bench, from, Aftermath::Play, &earlier);
                     let as_trained = run.is_as_trained();
-                    (bench.episode(start, *noise, run.so_far.actions), as_trained)
+                    let actions = run.so_far.actions.clone();
+                    earlier.add(run);
+                    (bench.episode(start, *noise, actions), as_trained)
                 }
                 false => (request.play(bench, turn.index), true),
             };

@@ -14,10 +14,21 @@ use crate::testbench::{Aftermath, Testbench};
 pub(super) type Origin<'a> = (&'a Start, u64);
 
 /// What an ego is known to have done under these actions, up to now.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SoFar {
     pub actions: Vec<usize>,
     pub motion: Vec<Moment>,
+}
+
+impl SoFar {
+    /// What was known after so many decisions.
+    pub fn up_to(&self, decisions: usize, samples_per_decision: usize) -> SoFar {
+        let moments = (decisions * samples_per_decision + 1).min(self.motion.len());
+        SoFar {
+            actions: self.actions[..decisions].to_vec(),
+            motion: self.motion[..moments].to_vec(),
+        }
+    }
 }
 
 /// Another ego that might be there instead: a member of the ensemble, made a

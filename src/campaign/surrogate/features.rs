@@ -9,16 +9,19 @@ const PAST_S: [f64; 3] = [0.25, 0.5, 0.95];
 const FAR_M: f64 = 150.0;
 /// Distances are at least this where something is divided by them.
 const NEAR_M: f64 = 0.5;
+/// A usual full braking.
+const BRAKE_MPS2: f64 = 6.0;
 
-const OWN: usize = 5 + PAST_S.len();
-const PER_OTHER: usize = 11 + 2 * PAST_S.len();
+const OWN: usize = 6 + 2 * PAST_S.len();
+const PER_OTHER: usize = 12 + 3 * PAST_S.len();
 const PER_LIGHT: usize = 5;
 
 /// Turns percepts into numbers, one row per sample.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Features {
     /// Frames of the past, one after the other, the oldest overwritten: the own
-    /// acceleration, then gap and closing speed of everybody else.
+    /// acceleration and way to a stop, then gap, closing speed and way to a stop of
+    /// everybody else.
     frames: Vec<f32>,
     /// Length of a frame.
     width: usize,
@@ -36,7 +39,7 @@ impl Features {
 
     /// Begins an episode with its first percept.
     pub fn begin(percept: &Percept) -> Features {
-        let width = 1 + 2 * percept.others.len();
+        let width = 2 + 3 * percept.others.len();
         let delays = PAST_S.map(|past_s| (past_s / percept.sample_s).round() as usize);
         let depth = delays.into_iter().max().unwrap_or(0) + 1;
         Features {
@@ -60,9 +63,11 @@ impl Features {
             self.start_mps,
             own.lateral_m,
             own.heading_rad,
+            stopping_m(own.speed_mps),
         ];
         row.extend(state.map(|value| value as f32));
         row.extend(self.delays.map(|ago| self.past(ago)[0]));
+        row.extend(self.delays.map(|ago| self.past(ago)[1]));
         for (i, seen) in percept.others.iter().enumerate() {
             self.read_other(own, seen, i, row);
         }
@@ -90,14 +95,14 @@ impl Features {
             seen.lateral_m.clamp(-20.0, 20.0),
             side_m.clamp(-2.0, 5.0),
             seen.lateral_mps,
+            stopping_m(seen.speed_mps),
         ];
         row.extend(state.map(|value| value as f32));
         for ago in self.delays {
-            let (gap_then_m, closing_then_mps) = {
-                let frame = self.past(ago);
-                (frame[1 + 2 * i], frame[2 + 2 * i])
-            };
-            row.extend([gap_then_m - gap_m as f32, closing_then_mps]);
+            // Invariant: a frame holds three numbers of everybody.
+            let mut then = [0.0; 3];
+            then.copy_from_slice(&self.past(ago)[2 + 3 * i..][..3]);
+            row.extend([then[0] - gap_m as f32, then[1], then[2]]);
         }
     }
 
@@ -116,11 +121,23 @@ impl Features {
         self.samples += 1;
         let frame = &mut self.frames[slot * self.width..][..self.width];
         frame[0] = percept.own.accel_mps2 as f32;
-        for (pair, seen) in frame[1..].chunks_exact_mut(2).zip(&percept.others) {
+        frame[1] = stopping_m(percept.own.speed_mps) as f32;
+        for (pair, seen) in frame[2..].chunks_exact_mut(3).zip(&percept.others) {
             let (gap_m, closing_mps) = approach(&percept.own, seen);
-            pair.copy_from_slice(&[gap_m as f32, closing_mps as f32]);
+            pair.copy_from_slice(&[
+                gap_m as f32,
+                closing_mps as f32,
+                stopping_m(seen.speed_mps) as f32,
+            ]);
         }
     }
+}
+
+/// The way to a stop. What models of safe driving compare with the gap is a sum of
+/// such ways, each times a braking of their own, so that a network has only to
+/// weigh them.
+fn stopping_m(speed_mps: f64) -> f64 {
+    speed_mps * speed_mps / (2.0 * BRAKE_MPS2)
 }
 
 /// Bumper to bumper along the road, negative behind, and how fast it shrinks.
@@ -192,9 +209,15 @@ mod tests {
             features.read(&percept(speed_mps, 50.0 - speed_mps), &mut row);
         }
         // 5, 10 and 19 samples ago the speed was 35, 30 and 21 m/s.
-        assert_eq!(row[5..8], [3.5, 3.0, 2.1]);
-        let past = &row[OWN + 11..];
-        assert_eq!(past, [5.0, 25.0, 10.0, 20.0, 19.0, 11.0]);
+        assert_eq!(row[6..9], [3.5, 3.0, 2.1]);
+        let stopping = [35.0_f32, 30.0, 21.0].map(|mps| mps * mps / 12.0);
+        assert_eq!(row[9..12], stopping);
+        let past = &row[OWN + 12..];
+        let other = 100.0 / 12.0;
+        assert_eq!(
+            past,
+            [5.0, 25.0, other, 10.0, 20.0, other, 19.0, 11.0, other]
+        );
     }
 
     #[test]
@@ -204,6 +227,6 @@ mod tests {
         let mut features = Features::begin(&first);
         features.read(&first, &mut row);
         features.read(&second, &mut row);
-        assert_eq!(row[5..8], [1.0, 1.0, 1.0]);
+        assert_eq!(row[6..9], [1.0, 1.0, 1.0]);
     }
 }

@@ -14,6 +14,7 @@
 //! acts where none is found.
 
 mod acting;
+mod again;
 mod bench;
 mod features;
 mod fit;

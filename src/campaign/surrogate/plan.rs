@@ -1,7 +1,9 @@
 //! Planning a start inside the surrogate, and acting on it in the real world.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
+use super::again::Earlier;
 use super::bench::{ModelBench, Origin, SoFar, VARIATIONS};
 use super::model::Surrogate;
 use super::motion::{Moment, MotionReader};
@@ -94,7 +96,9 @@ pub(super) struct Planner<'a> {
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
     policy: &'a dyn Policy,
-    /// How often the start at hand was played before.
+    /// Earlier runs from the start at hand.
+    earlier: Earlier,
+    /// By how many the leading variations are moved on.
     attempt: usize,
     watch: &'a Watch<'a>,
 }
@@ -113,6 +117,7 @@ impl<'a> Planner<'a> {
             reader: MotionReader::of(world)?,
             surrogate: Arc::clone(surrogate),
             policy,
+            earlier: Earlier::default(),
             attempt: 0,
             watch,
         })
@@ -144,6 +149,29 @@ impl<'a> Planner<'a> {
         }
     }
 
+    /// The strategy for a start that was played before: of all places where an
+    /// earlier run can be left, the one from which a plan succeeds on most
+    /// variations. Where none does, one for another variation of the surrogate.
+    fn choose_again(&mut self, from: Origin<'_>, so_far: &SoFar) -> Choice {
+        let samples = self.judge.bench.clock().samples_per_decision();
+        let mut best = self.choose(from, so_far, 1);
+        for beginning in self.earlier.beginnings(samples) {
+            if best.score == VARIATIONS.len() || self.watch.stopped() {
+                return best;
+            }
+            let other = self.choose(from, &beginning, 1);
+            // As it was trained the ado would not come by there.
+            if other.strategy != Strategy::Policy && best.score < other.score {
+                best = other;
+            }
+        }
+        if best.score == 0 {
+            self.attempt = self.earlier.count();
+            best = self.choose(from, so_far, LEADS.len());
+        }
+        best
+    }
+
     /// Looks through all sequences with so many switches for a better one.
     fn search(&mut self, from: Origin<'_>, so_far: &SoFar, switches: usize, best: &mut Choice) {
         let quiet = self.watch.quiet();
@@ -153,6 +181,7 @@ impl<'a> Planner<'a> {
             tree,
             judge,
             surrogate,
+            earlier,
             ..
         } = self;
         tree.cast(so_far, Some(surrogate), VARIATIONS[lead]);
@@ -170,6 +199,7 @@ impl<'a> Planner<'a> {
                 surrogate,
                 from,
                 so_far,
+                earlier,
                 lead,
             };
             let score = trial.score((&strategy, None), best.score);
@@ -219,6 +249,7 @@ impl<'a> Planner<'a> {
             surrogate: &self.surrogate,
             from,
             so_far,
+            earlier: &self.earlier,
             lead,
         };
         trial.score((strategy, Some(self.policy)), 0)
@@ -235,6 +266,13 @@ impl<'a> Planner<'a> {
         });
         let mut best = (f64::INFINITY, Strategy::Policy);
         for strategy in std::iter::once(Strategy::Policy).chain(constants) {
+            let is_played = match &strategy {
+                Strategy::Policy => self.earlier.is_as_trained(),
+                Strategy::Plan(actions) => self.earlier.has_played(actions),
+            };
+            if is_played {
+                continue;
+            }
             self.judge
                 .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
             go_on(&mut self.judge, so_far, (&strategy, Some(self.policy)));
@@ -252,9 +290,14 @@ impl<'a> Planner<'a> {
 
     /// How the ego would move.
     fn predict(&mut self, from: Origin<'_>, so_far: &SoFar, strategy: &Strategy) -> Vec<Moment> {
+        let samples = self.judge.bench.clock().samples_per_decision();
+        let known = match strategy {
+            Strategy::Policy => Cow::Borrowed(so_far),
+            Strategy::Plan(actions) => self.earlier.known(so_far, actions, samples),
+        };
         self.judge
-            .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
-        go_on(&mut self.judge, so_far, (strategy, Some(self.policy)));
+            .begin(from, &known, Some(&self.surrogate), VARIATIONS[0]);
+        go_on(&mut self.judge, &known, (strategy, Some(self.policy)));
         self.judge.motion()
     }
 
@@ -271,20 +314,24 @@ impl<'a> Planner<'a> {
     /// Plays a start of the real world, and chooses anew when the ego strays
     /// from what was predicted.
     ///
-    /// Every further attempt at a start is planned for another variation of the
-    /// surrogate: the one before has shown that this one is not quite the ego.
+    /// Every further attempt at a start knows what came of the earlier ones: it
+    /// leaves one of them where a plan succeeds from there.
     pub fn run(
         &mut self,
         real: &mut Testbench,
         from: Origin<'_>,
         aftermath: Aftermath,
-        attempt: usize,
+        earlier: &Earlier,
     ) -> PlannedRun {
         real.begin(from.0, from.1, aftermath);
         let mut so_far = SoFar::default();
         self.reader.follow(real, &mut so_far.motion);
-        self.attempt = attempt;
-        let mut first = self.choose(from, &so_far, LEADS.len());
+        self.earlier = earlier.clone();
+        self.attempt = 0;
+        let mut first = match earlier.count() {
+            0 => self.choose(from, &so_far, LEADS.len()),
+            _ => self.choose_again(from, &so_far),
+        };
         if first.score == 0 {
             first.strategy = self.nearest(from, &so_far);
         }
@@ -356,6 +403,7 @@ struct Trial<'a> {
     surrogate: &'a Arc<Surrogate>,
     from: Origin<'a>,
     so_far: &'a SoFar,
+    earlier: &'a Earlier,
     lead: usize,
 }
 
@@ -363,6 +411,14 @@ impl Trial<'_> {
     /// On how many variations a strategy succeeds, none if not on the leading
     /// one; less than `best` or as many, if that is not surpassed.
     fn score(&mut self, strategy: Played<'_>, best: usize) -> usize {
+        let samples = self.judge.bench.clock().samples_per_decision();
+        let known = match strategy.0 {
+            Strategy::Policy if self.so_far.actions.is_empty() && self.earlier.is_as_trained() => {
+                return 0;
+            }
+            Strategy::Policy => Cow::Borrowed(self.so_far),
+            Strategy::Plan(actions) => self.earlier.known(self.so_far, actions, samples),
+        };
         let others = (0..VARIATIONS.len()).filter(|&other| other != self.lead);
         let mut score = 0;
         for (tried, variation) in std::iter::once(self.lead).chain(others).enumerate() {
@@ -371,8 +427,8 @@ impl Trial<'_> {
             }
             let variation = VARIATIONS[variation];
             self.judge
-                .begin(self.from, self.so_far, Some(self.surrogate), variation);
-            go_on(self.judge, self.so_far, strategy);
+                .begin(self.from, &known, Some(self.surrogate), variation);
+            go_on(self.judge, &known, strategy);
             match (self.judge.is_success(), tried) {
                 (true, _) => score += 1,
                 (false, 0) => return 0,

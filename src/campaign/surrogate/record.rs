@@ -2,6 +2,7 @@
 
 use rand::RngExt;
 
+use super::again::Earlier;
 use super::bench::{ModelBench, Origin, SoFar};
 use super::fit::Samples;
 use super::motion::MotionReader;
@@ -123,9 +124,10 @@ pub(super) fn planned<'a>(
                from: &(Start, u64),
                turn: &Turn| {
         let (start, noise) = (&from.0, from.1);
-        let run = planner
-            .as_mut()?
-            .run(bench, (start, noise), Aftermath::Skip, 0);
+        let run =
+            planner
+                .as_mut()?
+                .run(bench, (start, noise), Aftermath::Skip, &Earlier::default());
         watch.faults.note(turn.index as u64, bench.fault());
         bench.fault().is_none().then(|| Run {
             start: start.clone(),
