@@ -13,6 +13,10 @@ pub mod worlds {}
 #[doc = include_str!("../docs/world-file.md")]
 pub mod world_file {}
 
+/// Oncoming traffic, roads that cross, parked cars, what hides.
+#[doc = include_str!("../docs/roads.md")]
+pub mod roads {}
+
 /// Stock egos, sensors, changed egos.
 #[doc = include_str!("../docs/egos.md")]
 pub mod egos {}

@@ -30,6 +30,8 @@ mod nested;
 mod process;
 #[path = "worlds/rivals.rs"]
 mod rivals;
+#[path = "worlds/roads.rs"]
+mod roads;
 #[path = "worlds/sealing.rs"]
 mod sealing;
 #[path = "worlds/searching.rs"]

@@ -33,7 +33,7 @@ impl Acc {
         };
         let speed_mps = percept.own.speed_mps;
         let reference_m = self.standstill_headway_m + self.time_gap_s * speed_mps;
-        self.kp_per_s2 * (lead.headway_m - reference_m)
+        self.kp_per_s2 * (lead.following_headway_m() - reference_m)
             + self.kd_per_s * (lead.speed_mps - speed_mps)
     }
 

@@ -4,6 +4,8 @@
 //! where everybody ahead will be when it gets there, but no later than its
 //! look-ahead. Whoever will then be in its corridor must be stopped for: when
 //! that takes more than the trigger's deceleration, it brakes with all it has.
+//! Of those across or against the road it counts what their bodies take up, for
+//! the time in which both would be there.
 
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Own, Percept, Seen};
@@ -30,23 +32,48 @@ parameters! {
 
 impl Aeb {
     /// Deceleration it takes not to hit somebody; 0 if they will be elsewhere.
-    fn needed_mps2(&self, own: &Own, seen: &Seen) -> f64 {
-        let clearance_m = seen.headway_m - seen.length_m - self.margin_m;
+    pub(super) fn needed_mps2(&self, own: &Own, seen: &Seen) -> f64 {
+        let clearance_m = seen.clearance_m() - self.margin_m;
         let closing_mps = own.speed_mps - seen.speed_mps;
-        if seen.headway_m <= 0.0 || closing_mps <= 0.0 {
+        if closing_mps <= 0.0 {
             return 0.0;
         }
-        let reach_s = (clearance_m.max(0.0) / closing_mps).min(self.look_ahead_s);
-        let half_m = 0.5 * (own.width_m + seen.width_m) + self.side_m;
-        let then_m = seen.lateral_m + seen.lateral_mps * reach_s;
-        let crosses = seen.lateral_m * then_m <= 0.0 && 0.0 < reach_s;
-        if half_m <= seen.lateral_m.abs() && half_m <= then_m.abs() && !crosses {
+        if !self.meets(own, seen, clearance_m, closing_mps) {
             return 0.0;
         }
         if clearance_m <= 0.0 {
             return f64::INFINITY;
         }
         closing_mps * closing_mps / (2.0 * clearance_m)
+    }
+
+    /// Whether somebody is in its corridor when it gets there.
+    fn meets(&self, own: &Own, seen: &Seen, clearance_m: f64, closing_mps: f64) -> bool {
+        if !seen.is_along() {
+            return seen.crosses_path(own, self.side_m, self.look_ahead_s);
+        }
+        if seen.headway_m <= 0.0 {
+            return false;
+        }
+        let reach_s = (clearance_m.max(0.0) / closing_mps).min(self.look_ahead_s);
+        let half_m = 0.5 * (own.width_m + seen.width_m) + self.side_m;
+        let then_m = seen.lateral_m + seen.lateral_mps * reach_s;
+        let crosses = seen.lateral_m * then_m <= 0.0 && 0.0 < reach_s;
+        seen.lateral_m.abs() < half_m || then_m.abs() < half_m || crosses
+    }
+}
+
+impl Aeb {
+    /// What it asks for: its brake, or what the cruising speed takes.
+    pub(super) fn accel_mps2(&self, percept: &Percept, cruise_mps: f64) -> f64 {
+        let needed = percept.others.iter();
+        let needed = needed.map(|seen| self.needed_mps2(&percept.own, seen));
+        if self.trigger_mps2 <= needed.fold(0.0, f64::max) {
+            return -self.max_brake_mps2;
+        }
+        let limit_mps2 = self.cruise_limit_mps2;
+        let wish_mps2 = self.cruise_gain_per_s * (cruise_mps - percept.own.speed_mps);
+        wish_mps2.clamp(-limit_mps2, limit_mps2)
     }
 }
 
@@ -72,17 +99,9 @@ impl Controller for Guarding {
     }
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let speed_mps = percept.own.speed_mps;
-        let cruise_mps = *self.cruise_mps.get_or_insert(speed_mps);
-        let needed = percept.others.iter();
-        let needed = needed.map(|seen| self.spec.needed_mps2(&percept.own, seen));
-        if self.spec.trigger_mps2 <= needed.fold(0.0, f64::max) {
-            return Ok(Command::accelerate(-self.spec.max_brake_mps2));
-        }
-        let limit_mps2 = self.spec.cruise_limit_mps2;
-        let wish_mps2 = self.spec.cruise_gain_per_s * (cruise_mps - speed_mps);
+        let cruise_mps = *self.cruise_mps.get_or_insert(percept.own.speed_mps);
         Ok(Command::accelerate(
-            wish_mps2.clamp(-limit_mps2, limit_mps2),
+            self.spec.accel_mps2(percept, cruise_mps),
         ))
     }
 

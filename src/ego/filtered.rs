@@ -6,6 +6,7 @@
 //! the margin do not fit into the clearance, it brakes with a.
 
 use super::acc::acc_in;
+use super::following::away_mps;
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Percept};
 
@@ -38,10 +39,11 @@ impl FilteredAcc {
     fn must_brake(&self, percept: &Percept) -> bool {
         percept.leader().is_some_and(|lead| {
             let speed_mps = percept.own.speed_mps;
-            let squares = speed_mps * speed_mps - lead.speed_mps * lead.speed_mps;
+            let away_mps = away_mps(lead.speed_mps);
+            let squares = speed_mps * speed_mps - away_mps * away_mps;
             let stopping_m = squares.max(0.0) / (2.0 * self.filter_brake_mps2);
             let delay_m = (speed_mps - lead.speed_mps).max(0.0) * self.filter_delay_s;
-            let clearance_m = lead.headway_m - lead.length_m;
+            let clearance_m = lead.clearance_m();
             clearance_m < stopping_m + delay_m + self.filter_margin_m
         })
     }

@@ -12,7 +12,7 @@ macro_rules! car_following {
                 percept: &$crate::ego::Percept,
             ) -> Result<$crate::ego::Command, $crate::ego::Fault> {
                 let leader = percept.leader();
-                let leader = leader.map(|lead| (lead.headway_m - lead.length_m, lead.speed_mps));
+                let leader = leader.map(|lead| (lead.clearance_m(), lead.speed_mps));
                 let accel_mps2 = self.accel_mps2(percept.own.speed_mps, leader);
                 Ok($crate::ego::Command::accelerate(accel_mps2))
             }
@@ -25,3 +25,15 @@ macro_rules! car_following {
 }
 
 pub(super) use car_following;
+
+/// No car rolls back faster while it settles: who does comes towards the ego.
+const ROLLS_BACK_MPS: f64 = 1.0;
+
+/// A leader's speed as far as it carries it away from the ego before it stands:
+/// an oncoming one leaves no room by braking.
+pub(super) fn away_mps(leader_mps: f64) -> f64 {
+    match leader_mps < -ROLLS_BACK_MPS {
+        true => 0.0,
+        false => leader_mps,
+    }
+}

@@ -5,7 +5,7 @@
 //! from which it can still stop behind a leader that brakes with b̂:
 //! −b τ + √(b² τ² + b (2 (s − s₀) − v τ + v_l²/b̂)).
 
-use super::following::car_following;
+use super::following::{away_mps, car_following};
 use super::parameters::parameters;
 
 parameters! {
@@ -36,7 +36,8 @@ impl Gipps {
         let root = (0.025 + share.max(0.0)).sqrt();
         let free_mps = speed_mps + 2.5 * self.max_accel_mps2 * tau_s * (1.0 - share) * root;
         let safe_mps = leader.map_or(f64::INFINITY, |(clearance_m, leader_mps)| {
-            let stops_m = leader_mps * leader_mps / self.leader_brake_mps2;
+            let away_mps = away_mps(leader_mps);
+            let stops_m = away_mps * away_mps / self.leader_brake_mps2;
             let room_m = 2.0 * (clearance_m - self.min_gap_m) - speed_mps * tau_s + stops_m;
             let step_mps = brake_mps2 * tau_s;
             // Without room it stops at once.

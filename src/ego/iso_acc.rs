@@ -77,7 +77,7 @@ impl Following {
             return false;
         };
         let closing_mps = percept.own.speed_mps - lead.speed_mps;
-        let clearance_m = lead.headway_m - lead.length_m;
+        let clearance_m = lead.clearance_m();
         let needed_mps2 = match 0.0 < clearance_m {
             true => closing_mps * closing_mps / (2.0 * clearance_m),
             false => f64::INFINITY,

@@ -5,7 +5,7 @@
 //! can stop behind its leader if both brake with b; within τ it drives at that
 //! speed, at its desired one, or at what it can reach.
 
-use super::following::car_following;
+use super::following::{away_mps, car_following};
 use super::parameters::parameters;
 
 parameters! {
@@ -32,7 +32,8 @@ impl Krauss {
         let safe_mps = leader.map_or(f64::INFINITY, |(clearance_m, leader_mps)| {
             let step_mps = self.plan_brake_mps2 * self.reaction_s;
             let room_m = (clearance_m - self.min_gap_m).max(0.0);
-            let squares = step_mps * step_mps + leader_mps * leader_mps;
+            let away_mps = away_mps(leader_mps);
+            let squares = step_mps * step_mps + away_mps * away_mps;
             (squares + 2.0 * self.plan_brake_mps2 * room_m).sqrt() - step_mps
         });
         let wish_mps2 = (safe_mps.min(self.desired_speed_mps) - speed_mps) / self.reaction_s;

@@ -46,8 +46,10 @@ mod merge;
 mod parameters;
 mod polite;
 mod process;
+mod pursuit;
 mod recorded;
 pub mod reference;
+mod room;
 mod stock;
 mod takeover;
 mod yellow;
@@ -59,6 +61,7 @@ pub use fault::{Fault, FaultKind, PLAUSIBLE_ACCEL_MPS2, PLAUSIBLE_LATERAL_MPS};
 pub use parameters::{Parameter, UnknownParameter};
 pub use process::{DOCUMENT, Exercise, Finding, Hello, PROTOCOL, ProcessController, exercise};
 pub use recorded::RecordedCommands;
+pub use room::Room;
 pub use stock::*;
 pub use takeover::{FullBrake, Takeover};
 
@@ -108,6 +111,10 @@ pub struct Seen {
     pub y_m: f64,
     /// Its heading relative to the ego's, counter-clockwise.
     pub heading_rad: f64,
+    /// Its heading relative to the road's beside it, −π to π; programs are not
+    /// told.
+    #[serde(skip)]
+    pub road_heading_rad: f64,
     /// Its velocity over ground, along the ego's x.
     pub vx_mps: f64,
     /// The same, along the ego's y.
@@ -177,12 +184,18 @@ pub struct Percept {
 
 impl Percept {
     /// The nearest road user ahead whose body overlaps the ego's path laterally.
+    ///
+    /// So does one that stands across the path or comes along it; and one that
+    /// crosses it, if it will be there within 2 s and when the ego is. Where its
+    /// nearest face is says [`Seen::clearance_m`], whichever way it faces.
     pub fn leader(&self) -> Option<&Seen> {
         self.others
             .iter()
-            .filter(|seen| 0.0 < seen.headway_m)
-            .filter(|seen| seen.lateral_m.abs() < (seen.width_m + self.own.width_m) / 2.0)
-            .min_by(|a, b| a.headway_m.total_cmp(&b.headway_m))
+            .filter(|seen| seen.is_ahead_of(&self.own))
+            .min_by(|a, b| {
+                let headway_m = Seen::following_headway_m;
+                headway_m(a).total_cmp(&headway_m(b))
+            })
     }
 
     /// The nearest road user behind whose body overlaps the ego's path laterally.

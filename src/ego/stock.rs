@@ -164,6 +164,8 @@ egos! {
     iso_acc::IsoAcc by build;
     /// Cruises, and brakes for whoever crosses its path.
     aeb::Aeb by build;
+    /// The same, keeps its lane by pure pursuit and steers around what braking leaves.
+    pursuit::PurePursuit by build;
     /// The switching merge controller, Sec. V-C.
     merge::Merge by build;
     /// Follows, and stops for lights by the paper's d(t), Sec. V-D.

@@ -90,7 +90,7 @@ impl Crash<'_> {
             let world = self.scenario.name().to_owned();
             return Err(OpenXError::Grid { world });
         };
-        let stretch = Stretch::around(world, &[self.recorded, self.ghostly]);
+        let stretch = |road| Stretch::around(world, road, &[self.recorded, self.ghostly]);
         let road = road::document(self.name, world, stretch);
         Ok(OpenX {
             road: road.document()?,

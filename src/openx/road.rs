@@ -1,9 +1,10 @@
-//! The road as OpenDRIVE: one road, as long as the episode needs it.
+//! The roads as OpenDRIVE, each as long as the episode needs it.
 //!
 //! Its reference line is the course of lane 0, which is the world frame of the
 //! trace on a straight road: so t is `lateral`, and s is `s` plus a constant.
 //! OpenDRIVE numbers lanes from the reference line to the right, so the line is
-//! shifted to the left edge: brakecheck's lane k of n is lane −(n − k).
+//! shifted to the left edge: brakecheck's lane k of n is lane −(n − k). Roads
+//! that cross do so without a junction: nobody turns from one into another.
 
 use super::lights;
 use super::origin::{AUTHOR, DATE};
@@ -13,7 +14,11 @@ use crate::ego::RoadPiece;
 use crate::scene::drive::{Course, DriveWorld, Road};
 
 /// The whole file.
-pub(super) fn document(name: &str, world: &DriveWorld, stretch: Stretch) -> Element {
+pub(super) fn document(
+    name: &str,
+    world: &DriveWorld,
+    stretch: impl Fn(usize) -> Stretch,
+) -> Element {
     let spec = world.spec();
     let header = Element::new("header")
         .text("revMajor", "1")
@@ -22,22 +27,37 @@ pub(super) fn document(name: &str, world: &DriveWorld, stretch: Stretch) -> Elem
         .text("version", "1.00")
         .text("date", DATE)
         .text("vendor", AUTHOR);
+    let own = std::iter::once((&spec.world, &spec.road));
+    let named = spec.roads.iter().map(|(name, placed)| (name, &placed.road));
+    let roads = own.chain(named).zip(world.courses()).enumerate();
+    let roads = roads.map(|(number, ((name, road), course))| {
+        let laid = element((number, name), road, course, stretch(number));
+        match number == 0 && !spec.lights.is_empty() {
+            true => laid.child(lights::signals(spec, stretch(number))),
+            false => laid,
+        }
+    });
+    Element::new("OpenDRIVE").child(header).children(roads)
+}
+
+/// One road; the world's own has number 0.
+fn element(
+    (number, name): (usize, &str),
+    lanes_of: &Road,
+    course: &Course,
+    stretch: Stretch,
+) -> Element {
     let mut road = Element::new("road")
-        .text("name", &spec.world)
+        .text("name", name)
         .number("length", stretch.to_s_m - stretch.from_s_m)
-        .text("id", "1")
+        .text("id", (number + 1).to_string())
         .text("junction", "-1")
         .text("rule", "RHT");
-    if let Some(limit_mps) = spec.road.speed_limit_mps() {
+    if let Some(limit_mps) = lanes_of.speed_limit_mps() {
         road = road.child(speed_limit(limit_mps));
     }
-    road = road
-        .child(plan_view(world.course(), stretch))
-        .child(lanes(&spec.road));
-    if !spec.lights.is_empty() {
-        road = road.child(lights::signals(spec, stretch));
-    }
-    Element::new("OpenDRIVE").child(header).child(road)
+    road.child(plan_view(course, stretch))
+        .child(lanes(lanes_of))
 }
 
 fn speed_limit(limit_mps: f64) -> Element {

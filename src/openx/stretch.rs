@@ -18,9 +18,10 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// What holds everybody in some passages, every piece and stop line.
-    pub fn around(world: &DriveWorld, passages: &[&Passage]) -> Stretch {
-        let (spec, course) = (world.spec(), world.course());
+    /// What of a road holds who is on it in some passages, every piece and, of
+    /// the world's own, every stop line and everybody.
+    pub fn around(world: &DriveWorld, road: usize, passages: &[&Passage]) -> Stretch {
+        let (spec, course) = (world.spec(), &world.courses()[road]);
         let pieces = course.pieces();
         let mut least_m = 0.0_f64;
         let mut most_m = pieces
@@ -30,12 +31,13 @@ impl Stretch {
             least_m = least_m.min(s_m - reach_m);
             most_m = most_m.max(s_m + reach_m);
         };
-        for light in &spec.lights {
+        for light in spec.lights.iter().filter(|_| road == 0) {
             hold(light.line_m, 0.0);
         }
         for passage in passages {
             for sample in 0..passage.motion.len() {
-                for (agent, body) in spec.agents.iter().zip(passage.motion.at(sample)) {
+                let bodies = spec.agents.iter().zip(passage.motion.at(sample));
+                for (agent, body) in bodies.filter(|(agent, _)| road == 0 || agent.road == road) {
                     // Whichever way it faces, its box is this near its front.
                     hold(course.locate(&body.state.pose).s_m, agent.body.length_m);
                 }

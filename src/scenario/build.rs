@@ -13,7 +13,7 @@ use super::locate::Path;
 use super::problems::Problems;
 use super::runs::{Assembled, Origin, RunSource};
 use super::warnings::Warnings;
-use super::{counting, kinship, read, starts, trained, trial, vacuous};
+use super::{counting, kinship, read, roads, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 
@@ -69,6 +69,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     let top = Path::top();
     check::clock(&mut problems, &top.to("clock"), &file.clock);
     check::road(&mut problems, &top.to("road"), &file.road);
+    let roads = roads::placed(&mut problems, &top.to("roads"), &file.road, &file.roads);
     check::reward(&mut problems, &top.to("reward"), &file.reward);
     counting::check(&mut problems, &top, &file);
     check::repeats(&mut problems, &top.to("repeats"), file.repeats);
@@ -86,7 +87,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         &file.sensors,
         &file.clock,
     );
-    let cast = Cast::read(&mut problems, origin, &file);
+    let cast = Cast::read(&mut problems, origin, &file, &roads);
     problems.done()?;
     let Cast {
         agents,
@@ -111,6 +112,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         clock: file.clock,
         plant: file.plant,
         road: file.road.clone(),
+        roads,
         bodies: file.bodies.0.clone(),
         agents,
         ego,

@@ -10,13 +10,18 @@ use super::file::{
 use super::language::formula;
 use super::locate::Path;
 use super::problems::Problems;
+use super::roads;
 use super::runs::Origin;
 use super::trained;
 use super::trained::run::TrainedFile;
 use crate::scene::drive::{
-    Agent, Drive, EgoController, EgoDrive, Light, LightDrive, Range, StartPlace, TrainedAdo,
+    Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, PlacedRoads, Range,
+    Script, StartPlace, TrainedAdo,
 };
 use crate::sim::Body;
+
+/// Farthest a vehicle may start from the middle of its lane.
+const MAX_OFFSET_M: f64 = 20.0;
 
 /// Everybody in a world file, with what their ados observe and obey.
 pub(super) struct Cast<'a> {
@@ -39,6 +44,7 @@ pub(super) struct Cast<'a> {
     pub(super) written_out: Vec<(Path, String)>,
     /// Names of the road users read so far, broken ones included.
     declared: Vec<String>,
+    roads: &'a PlacedRoads,
     origin: Origin<'a>,
 }
 
@@ -48,6 +54,7 @@ impl Cast<'_> {
         problems: &mut Problems,
         origin: Origin<'a>,
         file: &ScenarioFile,
+        roads: &'a PlacedRoads,
     ) -> Cast<'a> {
         let list = Path::top().to("agents");
         let mut cast = Cast {
@@ -62,6 +69,7 @@ impl Cast<'_> {
             rules: Vec::new(),
             written_out: Vec::new(),
             declared: Vec::new(),
+            roads,
             origin,
         };
         for (name, body) in &file.bodies.0 {
@@ -135,28 +143,51 @@ impl Cast<'_> {
         file: &ScenarioFile,
         entry: &AgentFile,
     ) -> Option<Agent> {
-        let (name, body, lateral_m, facing_rad, start, drive) = match entry {
+        let number = roads::number(problems, path, file, entry)?;
+        if let AgentFile::Obstacle { .. } = entry {
+            return obstacle(problems, path, file, (entry, number));
+        }
+        let road = match number.checked_sub(1).and_then(|i| self.roads.get_index(i)) {
+            Some((_, placed)) => &placed.road,
+            None => &file.road,
+        };
+        let (name, body, lateral_m, (direction, facing_rad), start, drive) = match entry {
             AgentFile::Vehicle {
                 name,
                 body,
+                road: _,
                 lane,
+                direction,
+                offset_m,
                 start,
                 drive,
             } => {
-                if file.road.lanes() <= *lane {
-                    let what = match file.road.lanes() {
+                if road.lanes() <= *lane {
+                    let what = match road.lanes() {
                         1 => format!("lane {lane} on a road of 1 lane"),
                         lanes => format!("lane {lane} on a road of {lanes} lanes"),
                     };
                     let help = "lanes count from the right, from 0".to_owned();
                     problems.add(&path.to("lane"), what, "no such lane", Some(help));
                 }
-                let lateral_m = Range::fixed(file.road.lane_middle_m(*lane));
-                (name, body, lateral_m, 0.0, start, drive)
+                let lateral_m = beside(problems, path, road.lane_middle_m(*lane), *offset_m);
+                let facing_rad = match direction {
+                    Direction::With => 0.0,
+                    Direction::Against => PI,
+                };
+                (
+                    name,
+                    body,
+                    lateral_m,
+                    (*direction, facing_rad),
+                    start,
+                    drive,
+                )
             }
             AgentFile::Pedestrian {
                 name,
                 body,
+                road: _,
                 lateral_m,
                 facing,
                 start,
@@ -169,11 +200,15 @@ impl Cast<'_> {
                     Facing::Ahead => 0.0,
                     Facing::Back => PI,
                 };
-                (name, body, lateral_m.0, facing_rad, start, drive)
+                let facing = (Direction::With, facing_rad);
+                (name, body, lateral_m.0, facing, start, drive)
             }
-            AgentFile::Light { .. } => return None,
+            AgentFile::Obstacle { .. } | AgentFile::Light { .. } => return None,
         };
-        let place = self.place(problems, &path.to("start"), start);
+        if let DriveFile::Ego(_) = drive {
+            roads::ego_on_its_own(problems, path, entry);
+        }
+        let place = self.place(problems, &path.to("start"), start, number);
         let body = find_body(problems, &path.to("body"), file, body)?;
         let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
         let acts_as = ActsAs::from(body.control());
@@ -189,6 +224,8 @@ impl Cast<'_> {
         Some(Agent {
             name: name.clone(),
             body,
+            road: number,
+            direction,
             lateral_m,
             facing_rad,
             place: place?,
@@ -312,7 +349,13 @@ impl Cast<'_> {
         }
     }
 
-    fn place(&self, problems: &mut Problems, path: &Path, start: &StartFile) -> Option<StartPlace> {
+    fn place(
+        &self,
+        problems: &mut Problems,
+        path: &Path,
+        start: &StartFile,
+        road: usize,
+    ) -> Option<StartPlace> {
         let range = |problems: &mut Problems, field: &str, value: &NumberOrRange| -> Range {
             check::range(problems, &path.to(field), value.0);
             value.0
@@ -338,6 +381,11 @@ impl Cast<'_> {
                     }
                     return None;
                 };
+                if self.agents[position].road != road {
+                    let what = format!("`{of}` is on another road");
+                    let help = "write `At(x_m: …, speed_mps: …)`, along its own road".to_owned();
+                    problems.add(&path.to("of"), what, "not on this road", Some(help));
+                }
                 Some(StartPlace::Ahead {
                     of: position,
                     headway_m,
@@ -346,6 +394,69 @@ impl Cast<'_> {
             }
         }
     }
+}
+
+/// The range of lateral positions of who starts beside the middle of a lane.
+fn beside(
+    problems: &mut Problems,
+    path: &Path,
+    middle_m: f64,
+    NumberOrRange(offset): NumberOrRange,
+) -> Range {
+    let place = path.to("offset_m");
+    check::range(problems, &place, offset);
+    for value in [offset.lo, offset.hi] {
+        check::within(problems, &place, value, -MAX_OFFSET_M, MAX_OFFSET_M);
+    }
+    match offset.is_fixed() && offset.lo == 0.0 {
+        true => Range::fixed(middle_m),
+        false => Range {
+            lo: middle_m + offset.lo,
+            hi: middle_m + offset.hi,
+        },
+    }
+}
+
+/// Something that stands on a road.
+fn obstacle(
+    problems: &mut Problems,
+    path: &Path,
+    file: &ScenarioFile,
+    (entry, number): (&AgentFile, usize),
+) -> Option<Agent> {
+    let AgentFile::Obstacle {
+        name,
+        body,
+        s_m,
+        lateral_m,
+        heading_rad,
+        ..
+    } = entry
+    else {
+        return None;
+    };
+    check::range(problems, &path.to("s_m"), s_m.0);
+    check::range(problems, &path.to("lateral_m"), lateral_m.0);
+    check::within(problems, &path.to("heading_rad"), *heading_rad, -PI, PI);
+    let body = find_body(problems, &path.to("body"), file, body)?;
+    if body.is_on_foot() {
+        let what = format!("`{}` is no body on wheels", body.name);
+        let help = "who stands on foot is a `Pedestrian(…)` with `Scripted(Walk([]))`".to_owned();
+        problems.add(&path.to("body"), what, "here", Some(help));
+    }
+    Some(Agent {
+        name: name.clone(),
+        body,
+        road: number,
+        direction: Direction::With,
+        lateral_m: lateral_m.0,
+        facing_rad: *heading_rad,
+        place: StartPlace::At {
+            x_m: s_m.0,
+            speed_mps: Range::fixed(0.0),
+        },
+        drive: Drive::Scripted(Script::Stand),
+    })
 }
 
 /// What to do about a field whose bounds follow from others.

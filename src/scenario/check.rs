@@ -87,7 +87,8 @@ fn tidy(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }
 
-pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
+/// What every road must be.
+pub(super) fn lanes(problems: &mut Problems, path: &Path, road: &Road) {
     if !(1..=MAX_LANES).contains(&road.lanes()) {
         problems.add(
             &path.to("lanes"),
@@ -103,6 +104,10 @@ pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
         1.0,
         20.0,
     );
+}
+
+pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
+    lanes(problems, path, road);
     within(problems, &path.to("friction"), road.friction(), 0.01, 2.0);
     if let Some(limit_mps) = road.speed_limit_mps() {
         within(problems, &path.to("speed_limit_mps"), limit_mps, 0.1, 150.0);
@@ -370,7 +375,7 @@ pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
 /// A script: times that rise from 0 on, and sound parameters.
 pub(super) fn script(problems: &mut Problems, path: &Path, script: &Script) {
     let times: Vec<f64> = match script {
-        Script::ConstantSpeed => Vec::new(),
+        Script::ConstantSpeed | Script::Stand => Vec::new(),
         Script::Profile(points) => points.iter().map(|point| point.0).collect(),
         Script::Walk(points) => points.iter().map(|point| point.0).collect(),
         Script::Idm(idm) => {
@@ -401,6 +406,7 @@ pub(super) fn sensor_flaw(
         delay_s,
         position_sd_m,
         speed_sd_mps,
+        line_of_sight: _,
     } = *sensors;
     let fields = [
         ("delay_s", delay_s, 5.0),

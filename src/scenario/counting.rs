@@ -56,7 +56,7 @@ fn is_ado_with_a_body(agent: &AgentFile) -> bool {
         AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => {
             matches!(drive, DriveFile::Ado(_))
         }
-        AgentFile::Light { .. } => false,
+        AgentFile::Obstacle { .. } | AgentFile::Light { .. } => false,
     }
 }
 

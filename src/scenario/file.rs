@@ -13,7 +13,9 @@ use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::{DqnSettings, LearnerSettings};
 use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::Clock;
-use crate::scene::drive::{Actions, Range, Road, Schedule, Script, Sensors};
+use crate::scene::drive::{
+    Actions, Direction, Piece, Place, Priority, Range, Road, Schedule, Script, Sensors,
+};
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};
 
@@ -32,6 +34,8 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) counts: Counts,
     pub(super) road: Road,
+    #[serde(default)]
+    pub(super) roads: Ordered<RoadFile>,
     #[serde(default)]
     pub(super) bodies: Ordered<Body>,
     pub(super) agents: Vec<AgentFile>,
@@ -68,14 +72,43 @@ fn rigid() -> PlantKind {
     PlantKind::Rigid
 }
 
+/// A road placed in the plane.
+#[derive(Deserialize)]
+#[serde(rename = "Road", deny_unknown_fields)]
+pub(super) struct RoadFile {
+    /// Where the middle of its lane 0 begins.
+    pub(super) at: Place,
+    #[serde(default = "one_lane")]
+    pub(super) lanes: usize,
+    /// Left out: that of the world's own road.
+    #[serde(default)]
+    pub(super) lane_width_m: Option<f64>,
+    #[serde(default)]
+    pub(super) pieces: Vec<Piece>,
+    #[serde(default)]
+    pub(super) priority: Priority,
+}
+
+fn one_lane() -> usize {
+    1
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) enum AgentFile {
     Vehicle {
         name: String,
         body: String,
+        /// Left out: the world's own road.
+        #[serde(default)]
+        road: Option<String>,
         #[serde(default)]
         lane: usize,
+        #[serde(default)]
+        direction: Direction,
+        /// To the left of the lane's middle.
+        #[serde(default = "nothing")]
+        offset_m: NumberOrRange,
         start: StartFile,
         drive: DriveFile,
     },
@@ -83,12 +116,28 @@ pub(super) enum AgentFile {
         name: String,
         #[serde(default = "pedestrian")]
         body: String,
+        #[serde(default)]
+        road: Option<String>,
         /// To the left of lane 0's middle.
         lateral_m: NumberOrRange,
         #[serde(default)]
         facing: Facing,
         start: StartFile,
         drive: DriveFile,
+    },
+    /// Something that stands: a parked car.
+    Obstacle {
+        name: String,
+        body: String,
+        #[serde(default)]
+        road: Option<String>,
+        /// Where its front is, along the road.
+        s_m: NumberOrRange,
+        /// To the left of lane 0's middle.
+        lateral_m: NumberOrRange,
+        /// Counter-clockwise from the road's direction.
+        #[serde(default)]
+        heading_rad: f64,
     },
     Light {
         name: String,
@@ -97,6 +146,10 @@ pub(super) enum AgentFile {
         phase: Phase,
         drive: LightFile,
     },
+}
+
+fn nothing() -> NumberOrRange {
+    NumberOrRange(Range::fixed(0.0))
 }
 
 fn pedestrian() -> String {
@@ -108,7 +161,20 @@ impl AgentFile {
         match self {
             AgentFile::Vehicle { name, .. }
             | AgentFile::Pedestrian { name, .. }
+            | AgentFile::Obstacle { name, .. }
             | AgentFile::Light { name, .. } => name,
+        }
+    }
+}
+
+impl AgentFile {
+    /// The named road on which it is, if it names one.
+    pub(super) fn road(&self) -> Option<&str> {
+        match self {
+            AgentFile::Vehicle { road, .. }
+            | AgentFile::Pedestrian { road, .. }
+            | AgentFile::Obstacle { road, .. } => road.as_deref(),
+            AgentFile::Light { .. } => None,
         }
     }
 }

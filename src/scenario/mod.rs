@@ -30,6 +30,7 @@ mod problems;
 mod quantity;
 mod read;
 mod repeats;
+mod roads;
 mod runs;
 mod shipped;
 mod starts;

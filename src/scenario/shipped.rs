@@ -9,13 +9,14 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 22] = [
+const WORLDS: [(&str, &str); 26] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_paper"),
     world!("acc_plain"),
     world!("acc_structures"),
     world!("bend"),
+    world!("crossroads"),
     world!("cut_in"),
     world!("cut_in_clear"),
     world!("grid"),
@@ -26,9 +27,12 @@ const WORLDS: [(&str, &str); 22] = [
     world!("merge_paper"),
     world!("merge_plain"),
     world!("merge_r157"),
+    world!("oncoming"),
+    world!("parked_cars"),
     world!("pedestrian"),
     world!("pedestrian_hit"),
     world!("sandwich"),
+    world!("turn_across"),
     world!("yellow_light"),
     world!("yellow_light_fixed"),
     world!("yellow_light_plain"),

@@ -2,7 +2,7 @@
 
 use super::locate::Path;
 use super::problems::Problems;
-use crate::scene::drive::{Agent, DriveSpec, Range, StartPlace};
+use crate::scene::drive::{Agent, Direction, Drive, DriveSpec, Range, Script, StartPlace};
 
 /// Highest speed anybody may start with.
 const MAX_SPEED_MPS: f64 = 100.0;
@@ -30,23 +30,26 @@ pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entr
         }
         for j in 0..i {
             let other = &spec.agents[j];
+            // Who is on different roads, or stands at an angle, is looked at as a box
+            // when the world is tried.
+            if agent.road != other.road || is_turned(agent) || is_turned(other) {
+                continue;
+            }
             let apart_m = (agent.lateral_m.lo - other.lateral_m.hi)
                 .max(other.lateral_m.lo - agent.lateral_m.hi);
             if (width_m(agent) + width_m(other)) / 2.0 <= apart_m {
                 continue;
             }
             let ahead = headway(spec, j, i);
-            if ahead.lo <= length_m(agent) && -length_m(other) <= ahead.hi {
+            let clear_m = rear_m(agent) + front_m(other);
+            if ahead.lo <= clear_m && -(rear_m(other) + front_m(agent)) <= ahead.hi {
                 let what = format!(
                     "`{}` and `{}` may start inside each other",
                     other.name, agent.name
                 );
                 let help = Some(format!(
-                    "the headway ranges over {} to {} m; ahead it must exceed {} m, the length of `{}`",
-                    ahead.lo,
-                    ahead.hi,
-                    length_m(agent),
-                    agent.name
+                    "the headway ranges over {} to {} m; ahead it must exceed {clear_m} m, the length of `{}`",
+                    ahead.lo, ahead.hi, agent.name
                 ));
                 problems.add(&start, what, "overlapping starts", help);
             }
@@ -63,11 +66,11 @@ pub(super) fn on_the_road(
     spec: &DriveSpec,
     entries: (&[usize], &[usize]),
 ) {
-    let borders: Vec<f64> = spec.road.borders_m().collect();
-    let (Some(right_m), Some(left_m)) = (borders.first(), borders.last()) else {
-        return;
-    };
-    for (agent, entry) in spec.agents.iter().zip(entries.0) {
+    for ((number, agent), entry) in spec.agents.iter().enumerate().zip(entries.0) {
+        let borders: Vec<f64> = spec.road_of(number).borders_m().collect();
+        let (Some(right_m), Some(left_m)) = (borders.first(), borders.last()) else {
+            continue;
+        };
         let Range { lo, hi } = agent.lateral_m;
         if lo < right_m - MAX_ASIDE_M || left_m + MAX_ASIDE_M < hi {
             let what = format!(
@@ -90,9 +93,22 @@ pub(super) fn on_the_road(
     }
 }
 
-/// Extent along the road.
-fn length_m(agent: &Agent) -> f64 {
-    agent.body.room_m().0
+/// Whether it is an obstacle that is not along the road.
+fn is_turned(agent: &Agent) -> bool {
+    matches!(agent.drive, Drive::Scripted(Script::Stand)) && agent.facing_rad != 0.0
+}
+
+/// Extent behind the front bumper along the road.
+fn rear_m(agent: &Agent) -> f64 {
+    match agent.direction {
+        Direction::With => agent.body.room_m().0,
+        Direction::Against => 0.0,
+    }
+}
+
+/// Extent ahead of the front bumper along the road: of who comes against it.
+fn front_m(agent: &Agent) -> f64 {
+    agent.body.room_m().0 - rear_m(agent)
 }
 
 /// Extent across the road.

@@ -186,6 +186,7 @@ impl Warnings {
                     self.start(&path.to("start"), start);
                     self.drive(&path.to("drive"), drive);
                 }
+                AgentFile::Obstacle { .. } => {}
                 AgentFile::Light { drive, .. } => {
                     if let LightFile::Ado(ado) = drive {
                         self.driven_ado(&path.to("drive"), ado);

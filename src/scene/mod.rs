@@ -160,6 +160,8 @@ pub struct Stage {
     pub cast: Vec<Cast>,
     /// Lane borders as polylines on the ground.
     pub lane_borders_m: Vec<Vec<[f64; 3]>>,
+    /// The same of other roads, one after the other.
+    pub side_roads_m: Vec<Vec<Vec<[f64; 3]>>>,
     /// The traffic lights, in file order.
     pub lights: Vec<LightPost>,
 }

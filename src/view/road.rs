@@ -13,19 +13,43 @@ use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 const MARGIN_M: f64 = 150.0;
 /// How far the ground reaches beside the road.
 const VERGE_M: f64 = 60.0;
+/// How far side roads lie below each other, and the ground below the road.
+const SUNK_M: f64 = 0.005;
+const GROUND_M: f64 = -0.03;
 /// How far the posts stand beside the road.
 const POST_M: f64 = 0.6;
 
 /// Logs the part of the road on which something happens.
 pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
-    let borders = near(&story.stage.lane_borders_m, &reach(&story.frames, MARGIN_M));
+    let reach = reach(&story.frames, MARGIN_M);
+    for (number, side) in story.stage.side_roads_m.iter().enumerate() {
+        // A little lower each, so that the surfaces do not flicker where they
+        // cross, the world's own on top.
+        let sunk_m = SUNK_M * (number + 1) as f64;
+        let name = format!("world/road/side_{}", number + 1);
+        one_road(&near(side, &reach), (&name, sunk_m), journal)?;
+    }
+    let own = near(&story.stage.lane_borders_m, &reach);
+    one_road(&own, ("world/road", 0.0), journal)
+}
+
+fn one_road(
+    borders: &[Vec<GroundPoint>],
+    (name, sunk_m): (&str, f64),
+    journal: &mut Journal,
+) -> Result<(), ViewError> {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return Ok(());
     };
     let verge = (beside(right, left, -VERGE_M), beside(left, right, -VERGE_M));
     let surface = ribbons([
-        (&verge.0[..], &verge.1[..], -0.03, palette::GROUND),
-        (&right[..], &left[..], 0.0, palette::ROAD),
+        (
+            &verge.0[..],
+            &verge.1[..],
+            GROUND_M - sunk_m,
+            palette::GROUND,
+        ),
+        (&right[..], &left[..], -sunk_m, palette::ROAD),
     ]);
     let (mut strips, mut colours, mut radii_m) = (Vec::new(), Vec::new(), Vec::new());
     let mut draw = |strip: Vec<[f32; 3]>, colour: Rgb, radius_m: f32| {
@@ -35,10 +59,13 @@ pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewEr
     };
     for (i, border) in borders.iter().enumerate() {
         if i == 0 || i + 1 == borders.len() {
-            let strip = border.iter().map(|point| lifted(*point, 0.02)).collect();
+            let strip = border
+                .iter()
+                .map(|point| lifted(*point, 0.02 - sunk_m))
+                .collect();
             draw(strip, palette::MARKING, 0.07);
         } else {
-            for dash in dashes(border, 3.0, 6.0) {
+            for dash in dashes(border, 0.02 - sunk_m) {
                 draw(dash, palette::MARKING, 0.07);
             }
         }
@@ -53,7 +80,7 @@ pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewEr
     let lines = LineStrips3D::new(strips)
         .with_colors(colours)
         .with_radii(radii_m);
-    journal.always("world/road", &[&surface, &lines])
+    journal.always(name, &[&surface, &lines])
 }
 
 type Ribbon<'a> = (&'a [GroundPoint], &'a [GroundPoint], f64, Rgb);
@@ -78,13 +105,14 @@ fn ribbons<'a>(ribbons: impl IntoIterator<Item = Ribbon<'a>>) -> Mesh3D {
         .with_vertex_colors(colours)
 }
 
-/// Lane markings: `on_m` drawn, `off_m` not.
-fn dashes(line: &[GroundPoint], on_m: f64, off_m: f64) -> Vec<Vec<[f32; 3]>> {
+/// Lane markings: 3 m drawn, 6 m not.
+fn dashes(line: &[GroundPoint], lift_m: f64) -> Vec<Vec<[f32; 3]>> {
+    let (on_m, off_m) = (3.0, 6.0);
     let points = along(line, 0.5 * on_m);
     let (on, period) = (2, 2 + (2.0 * off_m / on_m).round() as usize);
     points
         .chunks(period)
         .filter(|chunk| on < chunk.len())
-        .map(|chunk| chunk[..=on].iter().map(|at| lifted(*at, 0.02)).collect())
+        .map(|chunk| chunk[..=on].iter().map(|at| lifted(*at, lift_m)).collect())
         .collect()
 }

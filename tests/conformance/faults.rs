@@ -365,6 +365,7 @@ impl Scene for Line {
         Stage {
             cast: Vec::new(),
             lane_borders_m: Vec::new(),
+            side_roads_m: Vec::new(),
             lights: Vec::new(),
         }
     }

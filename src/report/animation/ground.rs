@@ -16,9 +16,16 @@ const POSTS_APART_M: f64 = 10.0;
 /// Size of a light's housing, across and along the road.
 const LAMP_M: f64 = 0.42;
 
-/// The road on which something happens.
+/// The roads on which something happens, the world's own on top.
 pub(super) fn road(stage: &Stage, frames: &[Frame]) -> Markup {
-    let borders = near(&stage.lane_borders_m, &reach(frames, MARGIN_M));
+    let reach = reach(frames, MARGIN_M);
+    html! {
+        @for side in &stage.side_roads_m { (one_road(&near(side, &reach))) }
+        (one_road(&near(&stage.lane_borders_m, &reach)))
+    }
+}
+
+fn one_road(borders: &[Vec<GroundPoint>]) -> Markup {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return html! {};
     };

@@ -79,6 +79,7 @@ fn trained(agent: &AgentFile) -> Option<&TrainedFile> {
             DriveFile::Trained(file) => Some(file),
             _ => None,
         },
+        AgentFile::Obstacle { .. } => None,
         AgentFile::Light { drive, .. } => match drive {
             LightFile::Trained(file) => Some(file),
             _ => None,

@@ -40,6 +40,18 @@ pub struct OnRoad {
     pub curvature_per_m: f64,
 }
 
+impl OnRoad {
+    /// The same place to somebody who drives against the road.
+    pub(super) fn reversed(&self) -> OnRoad {
+        OnRoad {
+            s_m: -self.s_m,
+            lateral_m: -self.lateral_m,
+            heading_rad: wrapped(self.heading_rad + PI),
+            curvature_per_m: -self.curvature_per_m,
+        }
+    }
+}
+
 /// A road whose course cannot be laid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{what}")]
@@ -92,7 +104,22 @@ impl Course {
                 index: None,
             });
         }
-        let mut course = Course::begin(0.0, 0.0, 0.0);
+        Course::begin(0.0, 0.0, 0.0).laid(pieces, reach_m)
+    }
+
+    /// A road that begins at a place; without pieces it is straight.
+    pub(super) fn placed(
+        (x_m, y_m): (f64, f64),
+        heading_rad: f64,
+        pieces: &[Piece],
+        reach_m: f64,
+    ) -> Result<Course, CourseError> {
+        Course::begin(x_m, y_m, heading_rad).laid(pieces, reach_m)
+    }
+
+    /// With pieces behind what there is, and the straight run-out.
+    fn laid(self, pieces: &[Piece], reach_m: f64) -> Result<Course, CourseError> {
+        let mut course = self;
         for (i, piece) in pieces.iter().enumerate() {
             let (length_m, curvature_per_m) = match *piece {
                 Piece::Line { length_m } => (length_m, 0.0),
@@ -239,6 +266,11 @@ impl Course {
         }
     }
 
+    /// Where the pieces end, along the course; 0 without any.
+    pub fn end_s_m(&self) -> f64 {
+        self.legs.last().map_or(0.0, |last| last.from_s_m)
+    }
+
     /// The pose of somebody who drives along the course.
     pub fn pose(&self, s_m: f64, lateral_m: f64) -> Pose {
         let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
@@ -326,7 +358,7 @@ impl Leg {
 }
 
 /// An angle in −π ..= π.
-fn wrapped(angle_rad: f64) -> f64 {
+pub(super) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
 }
 

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::course::{Course, CourseError};
+use super::course::CourseError;
 use super::frozen::{Frozen, TrainedError};
+use super::network::RoadNetwork;
 use super::observing::Observation;
 use super::signals::{Source, schema_of};
 use super::spec::DriveSpec;
@@ -57,7 +58,7 @@ pub enum SceneError {
 #[derive(Clone)]
 pub(super) struct Layout {
     pub spec: Arc<DriveSpec>,
-    pub course: Course,
+    pub network: Arc<RoadNetwork>,
     pub ego: usize,
     pub schema: Arc<Schema>,
     pub sources: Vec<Source>,
@@ -101,7 +102,7 @@ impl Layout {
         let frozen = frozen(&spec)?;
         Ok(Layout {
             frozen,
-            course: spec.road.course()?,
+            network: Arc::new(RoadNetwork::new(&spec)?),
             ego,
             schema: Arc::new(schema),
             sources: spec
@@ -146,7 +147,7 @@ impl Layout {
             road: RoadGeometry {
                 lanes: road.lanes(),
                 lane_width_m: road.lane_width_m(),
-                pieces: self.course.pieces(),
+                pieces: self.network.main().pieces(),
             },
         }
     }

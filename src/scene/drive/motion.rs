@@ -5,9 +5,11 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::actions::Choice;
+use super::course::wrapped;
 use super::layout::Layout;
 use super::light::LightDrive;
 use super::names::Who;
+use super::placed::Direction;
 use super::sensors::Sensing;
 use super::spec::{Agent, Drive, Range, StartPlace};
 use super::state::SceneState;
@@ -54,7 +56,7 @@ impl DriveScene {
         let mut controller = spec.ego.controller.build();
         controller.brief(&layout.briefing());
         DriveScene {
-            state: SceneState::new(Arc::clone(spec)),
+            state: SceneState::new(Arc::clone(spec), Arc::clone(&layout.network)),
             controller,
             commands: Vec::new(),
             sensing: Sensing::new(spec.sensors, spec.clock.sample_s),
@@ -68,15 +70,19 @@ impl DriveScene {
     }
 
     fn spawn(&mut self, agent: &Agent, s_m: f64, lateral_m: f64, speed_mps: f64) {
-        let pose = self.layout.course.pose(s_m, lateral_m);
+        let pose = self.layout.network.courses()[agent.road].pose(s_m, lateral_m);
+        let heading_rad = pose.heading_rad + agent.facing_rad;
         let pose = Pose {
-            heading_rad: pose.heading_rad + agent.facing_rad,
+            heading_rad: match agent.is_with_road() {
+                true => heading_rad,
+                false => wrapped(heading_rad),
+            },
             ..pose
         };
         self.spawn_at(agent, pose, lateral_m, speed_mps);
     }
 
-    /// Puts an agent on the ground; it keeps `lateral_m`.
+    /// Puts an agent on the ground; it keeps `lateral_m` of its road.
     pub(super) fn spawn_at(&mut self, agent: &Agent, pose: Pose, lateral_m: f64, speed_mps: f64) {
         self.state.spawn(&agent.body, pose, speed_mps);
         let (lag_s, lateral_lag_s) = match &agent.drive {
@@ -90,9 +96,13 @@ impl DriveScene {
         };
         let sample_s = self.layout.spec.clock.sample_s;
         self.actuators.push(Actuator::new(lag_s, sample_s));
+        let kept_m = match agent.direction {
+            Direction::With => lateral_m,
+            Direction::Against => -lateral_m,
+        };
         self.keepers.push(LaneKeeper::new(
             &agent.body,
-            lateral_m,
+            kept_m,
             lateral_lag_s,
             sample_s,
         ));
@@ -168,6 +178,14 @@ impl DriveScene {
 
     fn command(&mut self, agent: usize, wish: Choice) {
         let (state, at) = (&self.state.states[agent], &self.state.on_road[agent]);
+        let reversed;
+        let driven = match self.layout.spec.agents[agent].direction {
+            Direction::With => at,
+            Direction::Against => {
+                reversed = at.reversed();
+                &reversed
+            }
+        };
         let command = match wish {
             Choice::Drive {
                 accel_mps2,
@@ -175,7 +193,7 @@ impl DriveScene {
             } => BodyCommand::Drive {
                 accel_mps2: self.actuators[agent].step(accel_mps2),
                 curvature_per_m: self.keepers[agent].curvature(
-                    at,
+                    driven,
                     state.speed_mps,
                     lateral_mps,
                     self.layout.spec.clock.sample_s,
@@ -202,7 +220,7 @@ impl DriveScene {
 
     /// One sample of physics under the commands that everybody has.
     pub(super) fn move_on(&mut self) -> Flow {
-        self.state.advance(&self.layout.course);
+        self.state.advance();
         if !self.state.plant.sound() {
             return Flow::Fault(Fault::new(
                 FaultKind::Physics,
@@ -292,7 +310,7 @@ impl Scene for DriveScene {
             let speed_mps = value(agent.place.speed_mps());
             self.spawn(agent, front_m, lateral_m, speed_mps);
         }
-        self.state.read(&layout.course);
+        self.state.read();
         self.percept = perceiving::blank(&layout.spec, layout.ego);
         self.sensing.reset(noise);
         self.commands.clear();

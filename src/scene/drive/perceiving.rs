@@ -2,6 +2,7 @@
 
 use core::f64::consts::{PI, TAU};
 
+use super::sight;
 use super::spec::DriveSpec;
 use super::state::SceneState;
 use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
@@ -52,15 +53,25 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
         width_m: body.width_m,
     };
     let others = (0..spec.agents.len()).filter(|&i| i != ego);
-    for (seen, i) in percept.others.iter_mut().zip(others) {
-        let other = &scene.on_road[i];
-        let (along, across) = scene.velocity_mps(i);
+    if spec.sensors.line_of_sight {
+        // Whoever was hidden before may be there again.
+        percept.others = blank(spec, ego).others;
+    }
+    for (seen, i) in percept.others.iter_mut().zip(others.clone()) {
+        let other = scene.on_road_of(ego, i);
+        let (along, across) = scene.velocity_along(i, &other);
         seen.headway_m = other.s_m - at.s_m;
         seen.lateral_m = other.lateral_m - at.lateral_m;
         seen.speed_mps = along;
         seen.lateral_mps = across;
         seen.lane = spec.road.lane_at(other.lateral_m);
+        seen.road_heading_rad = other.heading_rad;
         in_ego_frame(seen, state, &scene.states[i]);
+    }
+    if spec.sensors.line_of_sight {
+        let visible = sight::visible(scene, ego);
+        let mut sees = others.map(|i| visible[i]);
+        percept.others.retain(|_| sees.next().unwrap_or(true));
     }
     for (i, seen) in percept.lights.iter_mut().enumerate() {
         seen.line_m = scene.line_m(ego, i);

@@ -37,7 +37,7 @@ impl DriveWorld {
 
     /// Where on the road an agent's body is, and how it moves along it.
     pub fn lane_body(&self, agent: usize, state: &BodyState) -> LaneBody {
-        let at = self.0.course.locate(&state.pose);
+        let at = self.0.network.main().locate(&state.pose);
         in_lane(state, &at, &self.0.spec.agents[agent].body)
     }
 
@@ -69,7 +69,8 @@ impl DriveWorld {
         let ends: Vec<Onward> = ends
             .map(|(agent, body)| {
                 let on_foot = spec.agents[agent].body.is_on_foot();
-                Onward::new(&body.state, &self.0.course, &spec.road, on_foot)
+                let course = self.0.network.course_of(agent);
+                Onward::new(&body.state, course, spec.road_of(agent), on_foot)
             })
             .collect();
         let mut row = motion.at(last).to_vec();
@@ -79,7 +80,7 @@ impl DriveWorld {
                 continue;
             }
             for (agent, (body, end)) in row.iter_mut().zip(&ends).enumerate() {
-                let state = end.state(after_s, &self.0.course);
+                let state = end.state(after_s, self.0.network.course_of(agent));
                 let recorded = &motion.at(last)[agent];
                 let command = match sample == last && by_commands(recorded) {
                     true => recorded.command,
@@ -209,12 +210,13 @@ impl DriveScene {
         }
         let layout = Arc::clone(&self.layout);
         self.clear();
-        for (agent, body) in layout.spec.agents.iter().zip(motion.at(sample)) {
-            let lateral_m = layout.course.locate(&body.state.pose).lateral_m;
+        let agents = layout.spec.agents.iter().enumerate();
+        for ((i, agent), body) in agents.zip(motion.at(sample)) {
+            let lateral_m = layout.network.locate(i, &body.state.pose).lateral_m;
             self.spawn_at(agent, body.state.pose, lateral_m, body.state.speed_mps);
         }
         self.state.sample = sample;
-        self.state.read(&layout.course);
+        self.state.read();
         let recorded = motion.at(sample).iter().map(|body| body.state);
         self.state.states.clear();
         self.state.states.extend(recorded);
@@ -257,7 +259,8 @@ impl DriveScene {
     /// An agent in lane coordinates.
     pub fn lane_body(&self, agent: usize) -> LaneBody {
         let body = &self.layout.spec.agents[agent].body;
-        in_lane(&self.state.states[agent], &self.state.on_road[agent], body)
+        let at = self.state.on_road_of(self.layout.ego, agent);
+        in_lane(&self.state.states[agent], &at, body)
     }
 
     /// Curvature of the road beside the ego, positive to the left.

@@ -4,12 +4,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::ego::{Actuated, Idm};
 
+/// Deceleration by which who stands is held.
+const HELD_MPS2: f64 = 3.0;
+
 /// A background road user's plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Script {
     /// Keeps its initial speed.
     ConstantSpeed,
+    /// Stands with its brakes on, as parked cars do.
+    Stand,
     /// Net accelerations, each from its time on: `[(at_s, accel_mps2), …]`.
     Profile(Vec<(f64, f64)>),
     /// Follows whoever is ahead in its lane, by the intelligent driver model.
@@ -35,6 +40,7 @@ impl Script {
     ) -> f64 {
         match self {
             Script::ConstantSpeed | Script::Walk(_) => 0.0,
+            Script::Stand => -HELD_MPS2,
             Script::Idm(idm) => idm.controller.accel_mps2(speed_mps, leader()),
             Script::Profile(points) => points
                 .iter()

@@ -1,5 +1,6 @@
 //! What ados see unless a world says otherwise, and of what they see nothing.
 
+use super::script::Script;
 use super::signals::{Declared, Of, Source, declared};
 use super::spec::{Drive, DriveSpec};
 
@@ -14,10 +15,13 @@ impl DriveSpec {
         let name = |i: usize| self.agents[i].name.as_str();
         let sideways = |i: usize| {
             let agent = &self.agents[i];
-            1 < self.road.lanes() || agent.body.is_on_foot() || agent.facing_rad != 0.0
+            let aside = agent.road != 0 || agent.facing_rad != 0.0;
+            1 < self.road.lanes() || agent.body.is_on_foot() || aside
         };
         let mut seen = Vec::new();
-        let others: Vec<usize> = (0..self.agents.len()).filter(|&i| i != ego).collect();
+        let stands = |i: usize| matches!(self.agents[i].drive, Drive::Scripted(Script::Stand));
+        let others = (0..self.agents.len()).filter(|&i| i != ego && !stands(i));
+        let others: Vec<usize> = others.collect();
         for &other in &others {
             let pair = format!("{}.{}", name(ego), name(other));
             seen.push(format!("{pair}.headway"));

@@ -19,6 +19,13 @@ pub struct Sensors {
     pub position_sd_m: f64,
     /// Standard deviation of others' speeds, along and across the road.
     pub speed_sd_mps: f64,
+    /// Whether who is behind others on wheels is hidden.
+    #[serde(skip_serializing_if = "is_off")]
+    pub line_of_sight: bool,
+}
+
+fn is_off(it: &bool) -> bool {
+    !it
 }
 
 impl Sensors {

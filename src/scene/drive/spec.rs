@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::actions::Actions;
 use super::light::{Light, LightDrive};
 use super::names::AgentNames;
+use super::placed::{Direction, PlacedRoads};
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
@@ -157,6 +158,10 @@ pub struct Agent {
     pub name: String,
     /// Its body.
     pub body: Body,
+    /// Its road: 0 is the world's own, the named ones follow.
+    pub road: usize,
+    /// Which way it drives there.
+    pub direction: Direction,
     /// Where it starts, to the left of lane 0's middle.
     pub lateral_m: Range,
     /// Its heading at the start, counter-clockwise from the road's.
@@ -176,8 +181,10 @@ pub struct DriveSpec {
     pub clock: Clock,
     /// Which physics.
     pub plant: PlantKind,
-    /// The road.
+    /// The world's own road, on which the ego drives.
     pub road: Road,
+    /// Other roads, by name.
+    pub roads: PlacedRoads,
     /// The world's own bodies by name; a change may put the ego into one.
     pub bodies: IndexMap<String, Body>,
     /// The agents, in file order; exactly one is the ego.
@@ -198,7 +205,24 @@ pub struct DriveSpec {
     pub observe: Vec<Observed>,
 }
 
+impl Agent {
+    /// Whether it drives with the world's own road, or goes about on foot there:
+    /// then its place and heading are read as those of traffic in lanes.
+    pub fn is_with_road(&self) -> bool {
+        let stands = matches!(self.drive, Drive::Scripted(Script::Stand));
+        self.road == 0 && self.direction == Direction::With && !stands
+    }
+}
+
 impl DriveSpec {
+    /// The road on which an agent is.
+    pub fn road_of(&self, agent: usize) -> &Road {
+        match self.agents[agent].road {
+            0 => &self.road,
+            road => &self.roads[road - 1].road,
+        }
+    }
+
     /// Positions of the agents that the system under test drives.
     pub fn egos(&self) -> impl Iterator<Item = usize> {
         let agents = self.agents.iter().enumerate();

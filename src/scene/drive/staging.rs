@@ -26,7 +26,7 @@ pub(super) fn stage(layout: &Layout) -> Stage {
             (spec.road.lanes() as f64 - 0.5) * spec.road.lane_width_m(),
         );
         let point = |lateral_m: f64| {
-            let pose = layout.course.pose(light.line_m, lateral_m);
+            let pose = layout.network.main().pose(light.line_m, lateral_m);
             [pose.x_m, pose.y_m, 0.0]
         };
         LightPost {
@@ -34,11 +34,19 @@ pub(super) fn stage(layout: &Layout) -> Stage {
             stop_line_m: [point(right_m), point(left_m)],
         }
     });
+    let named = spec.roads.values().zip(&layout.network.courses()[1..]);
+    let side_roads = named.map(|(placed, course)| {
+        let borders = placed.road.borders_m();
+        borders
+            .map(|lateral_m| course.polyline_m(lateral_m))
+            .collect()
+    });
     Stage {
         cast: cast.collect(),
         lane_borders_m: borders
-            .map(|lateral_m| layout.course.polyline_m(lateral_m))
+            .map(|lateral_m| layout.network.main().polyline_m(lateral_m))
             .collect(),
+        side_roads_m: side_roads.collect(),
         lights: lights.collect(),
     }
 }

@@ -6,20 +6,24 @@
 use std::sync::Arc;
 
 use super::actions::Turn;
-use super::course::{Course, OnRoad};
+use super::course::OnRoad;
 use super::light::Shown;
-use super::spec::DriveSpec;
+use super::network::RoadNetwork;
+use super::placed::Direction;
+use super::spec::{Agent, DriveSpec};
+use crate::ego::Room;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
 
 /// A driving scene at one sample.
 pub(super) struct SceneState {
     pub spec: Arc<DriveSpec>,
+    pub network: Arc<RoadNetwork>,
     pub plant: Box<dyn Plant>,
     /// The agents' bodies in the plant, in file order.
     pub bodies: Vec<BodyId>,
     /// What each body does, as of this sample.
     pub states: Vec<BodyState>,
-    /// Where on the road each agent is.
+    /// Where on its road each agent is.
     pub on_road: Vec<OnRoad>,
     pub lights: Vec<Shown>,
     /// The contact during the last sample.
@@ -30,7 +34,7 @@ pub(super) struct SceneState {
 
 impl SceneState {
     /// An empty road.
-    pub fn new(spec: Arc<DriveSpec>) -> SceneState {
+    pub fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
             plant: sim::plant(spec.plant, ground(&spec)),
@@ -40,6 +44,7 @@ impl SceneState {
             lights: Vec::with_capacity(spec.lights.len()),
             touch: None,
             sample: 0,
+            network,
             spec,
         }
     }
@@ -61,11 +66,11 @@ impl SceneState {
     }
 
     /// Moves the bodies on by one sample, and the scheduled lights with them.
-    pub fn advance(&mut self, course: &Course) {
+    pub fn advance(&mut self) {
         let clock = self.spec.clock;
         self.touch = self.plant.advance(clock.sample_s, clock.substeps);
         self.sample += 1;
-        self.read(course);
+        self.read();
         let time_s = self.time_s();
         for (shown, light) in self.lights.iter_mut().zip(&self.spec.lights) {
             shown.keep_time(light, time_s, self.sample);
@@ -78,12 +83,12 @@ impl SceneState {
     }
 
     /// Reads where everybody is off the plant.
-    pub fn read(&mut self, course: &Course) {
+    pub fn read(&mut self) {
         self.states.clear();
         self.on_road.clear();
-        for &body in &self.bodies {
+        for (agent, &body) in self.bodies.iter().enumerate() {
             let state = self.plant.state(body);
-            self.on_road.push(course.locate(&state.pose));
+            self.on_road.push(self.network.locate(agent, &state.pose));
             self.states.push(state);
         }
     }
@@ -92,6 +97,7 @@ impl SceneState {
     pub fn fork(&self) -> SceneState {
         SceneState {
             spec: Arc::clone(&self.spec),
+            network: Arc::clone(&self.network),
             plant: self.plant.fork(),
             bodies: self.bodies.clone(),
             states: self.states.clone(),
@@ -112,14 +118,32 @@ impl SceneState {
         (self.sample - self.lights[light].since) as f64 * self.spec.clock.sample_s
     }
 
-    /// From an agent's front to a stop line along the road; positive before it.
+    /// From an agent's front to a stop line along the world's own road; positive
+    /// before it.
     pub fn line_m(&self, agent: usize, light: usize) -> f64 {
-        self.spec.lights[light].line_m - self.on_road[agent].s_m
+        let at = match self.spec.agents[agent].road {
+            0 => self.on_road[agent],
+            _ => self.network.main().locate(&self.states[agent].pose),
+        };
+        self.spec.lights[light].line_m - at.s_m
     }
 
-    /// Velocity of an agent along and across the road.
+    /// Where on the road of `viewer` an agent is.
+    pub fn on_road_of(&self, viewer: usize, agent: usize) -> OnRoad {
+        match self.network.share_road(viewer, agent) {
+            true => self.on_road[agent],
+            false => self.network.locate(viewer, &self.states[agent].pose),
+        }
+    }
+
+    /// Velocity of an agent along and across its road.
     pub fn velocity_mps(&self, agent: usize) -> (f64, f64) {
-        let (state, at) = (&self.states[agent], &self.on_road[agent]);
+        self.velocity_along(agent, &self.on_road[agent])
+    }
+
+    /// Velocity of an agent along and across the road on which it is `at`.
+    pub fn velocity_along(&self, agent: usize, at: &OnRoad) -> (f64, f64) {
+        let state = &self.states[agent];
         let (sin, cos) = libm::sincos(at.heading_rad);
         (
             state.speed_mps * cos - state.lateral_mps * sin,
@@ -128,8 +152,14 @@ impl SceneState {
     }
 
     /// Clearance to and speed of the next one ahead in an agent's path.
+    ///
+    /// Where all go along the world's own road that is one whose front is ahead;
+    /// else whatever the path of the agent leads to, whichever way it faces.
     pub fn leader_of(&self, agent: usize) -> Option<(f64, f64)> {
         let agents = &self.spec.agents;
+        if !agents.iter().all(Agent::is_with_road) {
+            return self.nearest_ahead(agent);
+        }
         let own = &self.on_road[agent];
         let ahead = (0..agents.len()).filter_map(|i| {
             let other = &self.on_road[i];
@@ -143,6 +173,63 @@ impl SceneState {
             let clearance_m = headway_m - agents[i].body.length_m;
             (clearance_m, self.velocity_mps(i).0)
         })
+    }
+}
+
+impl SceneState {
+    /// Where somebody on a road is to who drives there.
+    fn as_driven(&self, driver: usize, at: OnRoad) -> OnRoad {
+        match self.spec.agents[driver].direction {
+            Direction::With => at,
+            Direction::Against => at.reversed(),
+        }
+    }
+
+    /// What a body takes up of the road of `driver`, from the middle of the
+    /// driver's front and as it drives, and how fast it moves away along it.
+    fn room_before(&self, driver: usize, agent: usize) -> (Room, f64) {
+        let own = self.as_driven(driver, self.on_road[driver]);
+        let at = self.as_driven(driver, self.on_road_of(driver, agent));
+        let body = &self.spec.agents[agent].body;
+        let front_m = (at.s_m - own.s_m, at.lateral_m - own.lateral_m);
+        let room = Room::of(front_m, at.heading_rad, (body.length_m, body.width_m));
+        (room, self.velocity_along(agent, &at).0)
+    }
+
+    fn nearest_ahead(&self, agent: usize) -> Option<(f64, f64)> {
+        let agents = &self.spec.agents;
+        let half_m = 0.5 * agents[agent].body.width_m;
+        let others = (0..agents.len()).filter(|&i| i != agent);
+        let rooms = others.map(|i| self.room_before(agent, i));
+        let ahead = rooms.filter(|(room, _)| 0.0 < room.far_m && room.is_within(half_m));
+        let ahead = ahead.map(|(room, away_mps)| (room.near_m, away_mps));
+        ahead.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    /// Clearance of two bodies along the road of the first, 0 if neither is
+    /// behind the other, and how fast it shrinks.
+    pub fn closing_along(&self, [a, b]: [usize; 2]) -> (f64, f64) {
+        let ((of_a, a_mps), (of_b, b_mps)) = (self.room_before(a, a), self.room_before(a, b));
+        let is_ahead = of_a.near_m + of_a.far_m < of_b.near_m + of_b.far_m;
+        match is_ahead {
+            true => ((of_b.near_m - of_a.far_m).max(0.0), a_mps - b_mps),
+            false => ((of_a.near_m - of_b.far_m).max(0.0), b_mps - a_mps),
+        }
+    }
+
+    /// From an agent's front to where the way of another crosses its own: the
+    /// next of these places that it has not left behind, else the last one.
+    pub fn conflict_m(&self, [a, b]: [usize; 2]) -> Option<f64> {
+        let own_m = self.as_driven(a, self.on_road[a]).s_m;
+        let sign = match self.spec.agents[a].direction {
+            Direction::With => 1.0,
+            Direction::Against => -1.0,
+        };
+        let crossings = self.network.crossings(a, b);
+        let mut ways = crossings.iter().map(|it| sign * it.s_m - own_m);
+        let length_m = self.spec.agents[a].body.length_m;
+        let next_m = ways.clone().find(|way_m| -length_m <= *way_m);
+        next_m.or_else(|| ways.next_back())
     }
 }
 

@@ -26,9 +26,14 @@ impl DriveWorld {
         &self.0.spec
     }
 
-    /// The course of lane 0.
+    /// The course of lane 0 of the world's own road.
     pub fn course(&self) -> &Course {
-        &self.0.course
+        self.0.network.main()
+    }
+
+    /// The courses of all roads, the world's own first, then the named ones.
+    pub fn courses(&self) -> &[Course] {
+        self.0.network.courses()
     }
 
     /// The published signals.

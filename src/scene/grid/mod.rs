@@ -294,6 +294,7 @@ impl Scene for GridScene {
         Stage {
             cast: vec![cast("ego", Role::Ego), cast("ado", Role::Ado)],
             lane_borders_m: lines.collect(),
+            side_roads_m: Vec::new(),
             lights: Vec::new(),
         }
     }

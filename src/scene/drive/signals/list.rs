@@ -9,6 +9,8 @@
 //! among those of its owner, and is not `always` recorded, so that what earlier
 //! versions recorded keeps its columns.
 
+use super::super::network::goes_first;
+use super::super::spec::DriveSpec;
 use super::super::state::SceneState;
 use super::quantity::{Of, SignalQuantity, between, zero_to};
 use crate::ego::Phase;
@@ -17,6 +19,8 @@ use Of::{Agent, AgentAndLight, Clock, Light, Pair, Scene};
 
 /// Time to collision is capped here, so that it is finite when not closing.
 pub const TTC_CAP_S: f64 = 100.0;
+/// Ways that never cross do so this far away.
+const NEVER_M: f64 = 1000.0;
 /// Vehicles do not reverse, but may roll back while they settle.
 const SLOWEST_MPS: f64 = -1.0;
 /// Nobody starts faster than 100 m/s.
@@ -92,9 +96,12 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         .seen_in(-3.0, 3.0),
     Agent
         .signal("lane", "")
-        .is(|state, [a, _]| state.spec.road.lane_at(state.on_road[a].lateral_m) as f64)
+        .is(|state, [a, _]| {
+            let road = state.spec.road_of(a);
+            road.lane_at(state.on_road[a].lateral_m) as f64
+        })
         .about("lane of the front bumper, 0 is the rightmost")
-        .within(|spec, _| zero_to(spec.road.lanes() as f64 - 1.0))
+        .within(|spec, [a, _]| zero_to(spec.road_of(a).lanes() as f64 - 1.0))
         .seen_in(0.0, 3.0),
     Agent
         .signal("yaw_rate", "rad/s")
@@ -109,11 +116,11 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         .within(|_, _| zero_to(2.0 * FASTEST_MPS))
         .seen_in(0.0, 60.0),
     Pair.signal("headway", "m")
-        .is(|state, [a, b]| state.on_road[b].s_m - state.on_road[a].s_m)
+        .is(|state, [a, b]| state.on_road_of(a, b).s_m - state.on_road[a].s_m)
         .about("distance along the road from {a} to {b}, front to front")
         .seen_in(-100.0, 100.0),
     Pair.signal("lateral", "m")
-        .is(|state, [a, b]| state.on_road[b].lateral_m - state.on_road[a].lateral_m)
+        .is(|state, [a, b]| state.on_road_of(a, b).lateral_m - state.on_road[a].lateral_m)
         .about("lateral offset of {b} from {a}, to the left")
         .seen_in(-10.0, 10.0),
     Pair.signal("distance", "m")
@@ -141,6 +148,21 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
             state.touch.is_some_and(|contact| contact.pair == pair)
         })
         .about("whether {a} and {b} touched"),
+    Pair.signal("conflict", "m")
+        .is(|state, pair| state.conflict_m(pair).unwrap_or(NEVER_M))
+        .about("distance along its road from {a} to where the way of {b} crosses, positive before it")
+        .only_if(on_two_roads)
+        .seen_in(-20.0, 80.0),
+    Pair.signal("conflict_time", "s")
+        .is(time_to_conflict_s)
+        .about("time until {a} is there at its present speed, 0 to 100 s; 100 once its rear has passed")
+        .only_if(on_two_roads)
+        .within(|_, _| zero_to(TTC_CAP_S))
+        .seen_in(0.0, 20.0),
+    Pair.signal("priority", "")
+        .holds_if(|state, pair| goes_first(&state.spec, state.network.crossings(pair[0], pair[1]), pair))
+        .about("whether {a} goes before {b} where their ways cross")
+        .only_if(on_two_roads),
     Light
         .signal("green", "")
         .holds_if(|state, [l, _]| state.lights[l].phase == Phase::Green)
@@ -178,12 +200,37 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
 
 /// Clearance along the road over closing speed; the cap when not closing.
 fn time_to_collision_s(state: &SceneState, [a, b]: [usize; 2]) -> f64 {
+    let agents = &state.spec.agents;
+    if !(agents[a].is_with_road() && agents[b].is_with_road()) {
+        let (clearance_m, closing_mps) = state.closing_along([a, b]);
+        return capped_s(clearance_m, closing_mps);
+    }
     let ahead_m = state.on_road[b].s_m - state.on_road[a].s_m;
     let front = if 0.0 < ahead_m { b } else { a };
     let clearance_m = ahead_m.abs() - state.spec.agents[front].body.length_m;
     let closing_mps = (state.velocity_mps(a).0 - state.velocity_mps(b).0) * ahead_m.signum();
-    if closing_mps <= 0.0 {
+    capped_s(clearance_m, closing_mps)
+}
+
+/// A way at a speed; the cap when there is no speed.
+fn capped_s(way_m: f64, speed_mps: f64) -> f64 {
+    if speed_mps <= 0.0 {
         return TTC_CAP_S;
     }
-    (clearance_m.max(0.0) / closing_mps).min(TTC_CAP_S)
+    (way_m.max(0.0) / speed_mps).min(TTC_CAP_S)
+}
+
+/// Time to the conflict point; the cap once it is left behind or never reached.
+fn time_to_conflict_s(state: &SceneState, pair: [usize; 2]) -> f64 {
+    let [a, _] = pair;
+    match state.conflict_m(pair) {
+        Some(way_m) if -state.spec.agents[a].body.length_m <= way_m => {
+            capped_s(way_m, state.states[a].speed_mps)
+        }
+        _ => TTC_CAP_S,
+    }
+}
+
+fn on_two_roads(spec: &DriveSpec, [a, b]: [usize; 2]) -> bool {
+    spec.agents[a].road != spec.agents[b].road
 }

@@ -187,7 +187,12 @@ impl DriveSpec {
                 source,
             }
         };
-        declared(&self.names()).into_iter().map(offer).collect()
+        let exists = |declared: &Declared| {
+            let Source { quantity, whose } = declared.source;
+            (quantity.exists)(self, whose)
+        };
+        let all = declared(&self.names()).into_iter();
+        all.filter(exists).map(offer).collect()
     }
 
     /// The signals a trace of this scene holds, derived ones excepted.

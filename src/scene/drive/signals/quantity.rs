@@ -31,6 +31,8 @@ pub struct SignalQuantity {
     pub(super) unit: &'static str,
     pub(super) about: &'static str,
     pub(super) value: Value,
+    /// In which worlds, of whom, there is such a signal.
+    pub(super) exists: fn(&DriveSpec, [usize; 2]) -> bool,
     pub(super) bounds: fn(&DriveSpec, [usize; 2]) -> Interval,
     pub(super) usual: Option<(f64, f64)>,
     pub(super) always: bool,
@@ -62,6 +64,7 @@ impl Named {
             unit: self.2,
             about: "",
             value: Value::Real(value),
+            exists: |_, _| true,
             bounds: |_, _| Interval::ANY,
             usual: None,
             always: false,
@@ -92,6 +95,14 @@ impl SignalQuantity {
         bounds: fn(&DriveSpec, [usize; 2]) -> Interval,
     ) -> SignalQuantity {
         SignalQuantity { bounds, ..self }
+    }
+
+    /// In which worlds, of whom, there is such a signal; else in all.
+    pub(super) const fn only_if(
+        self,
+        exists: fn(&DriveSpec, [usize; 2]) -> bool,
+    ) -> SignalQuantity {
+        SignalQuantity { exists, ..self }
     }
 
     /// By what range it is observed, where that is not all it can be.

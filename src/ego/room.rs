@@ -1,0 +1,231 @@
+//! What of the ego's road somebody takes up, whichever way they face.
+//!
+//! A follower reads of the one ahead where its rear is and how fast it drives.
+//! That says nothing of a car that stands across the lane or comes towards the
+//! ego: of those the nearest face is another, and the front bumper's middle may
+//! lie in a lane of which the rest of the body takes nothing, or the other way
+//! round. Here a body is its box in road coordinates, and a way that crosses
+//! the ego's is two spans of time that overlap.
+
+use super::{Own, Seen};
+
+/// Angle to the road up to which a body counts as along it.
+const ALONG_RAD: f64 = core::f64::consts::FRAC_PI_6;
+/// A body that is not longer than this many widths takes up about the same
+/// whichever way it faces, as people do: it is taken to be along the road.
+const COMPACT: f64 = 1.5;
+/// How far ahead followers expect those who cross their way to go on, s.
+const EXPECTED_S: f64 = 2.0;
+
+/// A rectangle on the straightened road, from the middle of the ego's front.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Room {
+    /// Nearest and farthest face along the road.
+    pub near_m: f64,
+    /// The farthest of it.
+    pub far_m: f64,
+    /// Its right edge, positive to the left.
+    pub right_m: f64,
+    /// Its left edge, positive to the left.
+    pub left_m: f64,
+}
+
+/// A stretch of time from now on; empty where the end is before the beginning.
+type Span = (f64, f64);
+
+impl Room {
+    /// The box of a body whose front's middle is (`ahead_m`, `left_m`), turned
+    /// counter-clockwise from the road.
+    pub fn of(front_m: (f64, f64), heading_rad: f64, size_m: (f64, f64)) -> Room {
+        let (sin, cos) = libm::sincos(heading_rad);
+        let (half_length_m, half_width_m) = (0.5 * size_m.0, 0.5 * size_m.1);
+        let middle = (
+            front_m.0 - half_length_m * cos,
+            front_m.1 - half_length_m * sin,
+        );
+        let along_m = half_length_m * cos.abs() + half_width_m * sin.abs();
+        let across_m = half_length_m * sin.abs() + half_width_m * cos.abs();
+        Room {
+            near_m: middle.0 - along_m,
+            far_m: middle.0 + along_m,
+            right_m: middle.1 - across_m,
+            left_m: middle.1 + across_m,
+        }
+    }
+
+    /// Whether it reaches into a corridor around the ego's middle.
+    pub fn is_within(&self, half_m: f64) -> bool {
+        self.right_m < half_m && -half_m < self.left_m
+    }
+
+    /// When it is in the corridor, at a constant speed to the left.
+    fn inside_s(&self, half_m: f64, lateral_mps: f64) -> Span {
+        match lateral_mps == 0.0 {
+            true if self.is_within(half_m) => (0.0, f64::INFINITY),
+            true => (0.0, -1.0),
+            false => {
+                let (enters_m, leaves_m) = match 0.0 < lateral_mps {
+                    true => (-half_m - self.left_m, half_m - self.right_m),
+                    false => (half_m - self.right_m, -half_m - self.left_m),
+                };
+                (enters_m / lateral_mps, leaves_m / lateral_mps)
+            }
+        }
+    }
+
+    /// When the ego is beside it, closing in at a constant speed above 0.
+    fn beside_s(&self, own: &Own, closing_mps: f64) -> Span {
+        let (first_m, last_m) = (self.near_m, self.far_m + own.length_m);
+        (first_m / closing_mps, last_m / closing_mps)
+    }
+}
+
+impl Seen {
+    /// Whether it is along the road, as those are whom one follows; people are.
+    pub fn is_along(&self) -> bool {
+        self.road_heading_rad.abs() <= ALONG_RAD || self.length_m <= COMPACT * self.width_m
+    }
+
+    /// What it takes up of the road.
+    pub fn room(&self) -> Room {
+        match self.is_along() {
+            true => Room {
+                near_m: self.headway_m - self.length_m,
+                far_m: self.headway_m,
+                right_m: self.lateral_m - 0.5 * self.width_m,
+                left_m: self.lateral_m + 0.5 * self.width_m,
+            },
+            false => Room::of(
+                (self.headway_m, self.lateral_m),
+                self.road_heading_rad,
+                (self.length_m, self.width_m),
+            ),
+        }
+    }
+
+    /// Clear way from the ego's front to its nearest face.
+    pub fn clearance_m(&self) -> f64 {
+        self.room().near_m
+    }
+
+    /// The headway at which a body of its length along the road would leave as
+    /// much clear way.
+    pub fn following_headway_m(&self) -> f64 {
+        match self.is_along() {
+            true => self.headway_m,
+            false => self.clearance_m() + self.length_m,
+        }
+    }
+
+    /// Whether it is in the ego's path, or will be within `look_ahead_s` when
+    /// the ego gets there, if both go on as they do. Of those across or against
+    /// the road only: where others will be is a matter of each controller.
+    pub(super) fn crosses_path(&self, own: &Own, side_m: f64, look_ahead_s: f64) -> bool {
+        let room = self.room();
+        let half_m = 0.5 * own.width_m + side_m;
+        if room.far_m <= 0.0 {
+            return false;
+        }
+        if room.is_within(half_m) {
+            return true;
+        }
+        let closing_mps = own.speed_mps - self.speed_mps;
+        if closing_mps <= 0.0 {
+            return false;
+        }
+        let (enters_s, leaves_s) = room.inside_s(half_m, self.lateral_mps);
+        let (first_s, last_s) = room.beside_s(own, closing_mps);
+        let (begins_s, ends_s) = (enters_s.max(first_s).max(0.0), leaves_s.min(last_s));
+        enters_s <= leaves_s && begins_s <= ends_s && enters_s <= look_ahead_s
+    }
+
+    /// Whether a follower has it ahead: in its path, or about to cross it.
+    pub(super) fn is_ahead_of(&self, own: &Own) -> bool {
+        match self.is_along() {
+            true => {
+                0.0 < self.headway_m && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0
+            }
+            false => self.crosses_path(own, 0.0, EXPECTED_S),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::{FRAC_PI_2, PI};
+
+    use super::*;
+
+    const OWN: Own = Own {
+        speed_mps: 10.0,
+        accel_mps2: 0.0,
+        s_m: 0.0,
+        lateral_m: 0.0,
+        lane: 0,
+        heading_rad: 0.0,
+        length_m: 4.5,
+        width_m: 1.8,
+    };
+
+    fn car(headway_m: f64, lateral_m: f64, road_heading_rad: f64) -> Seen {
+        Seen {
+            headway_m,
+            lateral_m,
+            road_heading_rad,
+            length_m: 4.5,
+            width_m: 1.8,
+            ..Seen::default()
+        }
+    }
+
+    #[test]
+    fn what_a_car_takes_up_turns_with_it() {
+        for (heading_rad, room) in [
+            (0.0, [25.5, 30.0, -0.9, 0.9]),
+            (FRAC_PI_2, [29.1, 30.9, -4.5, 0.0]),
+            (-FRAC_PI_2, [29.1, 30.9, 0.0, 4.5]),
+            (PI, [30.0, 34.5, -0.9, 0.9]),
+        ] {
+            let it = car(30.0, 0.0, heading_rad).room();
+            let found = [it.near_m, it.far_m, it.right_m, it.left_m];
+            let mut pairs = found.iter().zip(&room);
+            assert!(pairs.all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn who_stands_across_the_path_is_ahead_wherever_its_front_is() {
+        for (front_m, heading_rad, ahead) in [
+            (2.0, FRAC_PI_2, true),
+            (-1.0, FRAC_PI_2, false),
+            (6.0, FRAC_PI_2, false),
+            (-2.0, -FRAC_PI_2, true),
+            (1.0, -FRAC_PI_2, false),
+            (3.5, PI, false),
+            (1.5, PI, true),
+        ] {
+            let seen = car(30.0, front_m, heading_rad);
+            assert_eq!(seen.is_ahead_of(&OWN), ahead, "{front_m} {heading_rad}");
+        }
+    }
+
+    #[test]
+    fn who_crosses_is_ahead_if_both_would_be_there_at_one_time() {
+        // The ego is beside a car 15 m ahead from 1.4 to 2.1 s on; a body of
+        // 4.5 m that moves at 5 m/s is in its path for 1.3 s.
+        for (front_m, lateral_mps, ahead) in [
+            (-6.0, 5.0, true),
+            (-2.0, 5.0, true),
+            (-13.0, 5.0, false),
+            (3.0, 5.0, false),
+            (-6.0, 0.0, false),
+            (-6.0, -5.0, false),
+        ] {
+            let seen = Seen {
+                lateral_mps,
+                ..car(15.0, front_m, FRAC_PI_2)
+            };
+            assert_eq!(seen.is_ahead_of(&OWN), ahead, "{front_m} {lateral_mps}");
+        }
+    }
+}

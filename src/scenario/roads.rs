@@ -1,0 +1,112 @@
+//! The roads of a world file: the named ones placed, and who is on which.
+
+use super::check;
+use super::file::{AgentFile, RoadFile, ScenarioFile};
+use super::locate::Path;
+use super::ordered::Ordered;
+use super::problems::Problems;
+use crate::scene::drive::{Direction, PlacedRoad, PlacedRoads, Road};
+
+/// Farthest a road may begin from the origin.
+const MAX_AWAY_M: f64 = 5_000.0;
+
+/// The named roads, checked; on the surface and, unless they say otherwise, with
+/// the lanes' width of the world's own.
+pub(super) fn placed(
+    problems: &mut Problems,
+    path: &Path,
+    own: &Road,
+    file: &Ordered<RoadFile>,
+) -> PlacedRoads {
+    let mut all = PlacedRoads::new();
+    for (name, road) in &file.0 {
+        let path = path.to(name);
+        check::agent_name(problems, &path, name);
+        let at = path.to("at");
+        for (field, value) in [("x_m", road.at.x_m), ("y_m", road.at.y_m)] {
+            check::within(problems, &at.to(field), value, -MAX_AWAY_M, MAX_AWAY_M);
+        }
+        let turn = core::f64::consts::TAU;
+        check::within(
+            problems,
+            &at.to("heading_rad"),
+            road.at.heading_rad,
+            -turn,
+            turn,
+        );
+        let placed = PlacedRoad {
+            at: road.at,
+            road: Road::Straight {
+                lanes: road.lanes,
+                lane_width_m: road.lane_width_m.unwrap_or(own.lane_width_m()),
+                friction: own.friction(),
+                speed_limit_mps: None,
+            },
+            pieces: road.pieces.clone(),
+            priority: road.priority,
+        };
+        check::lanes(problems, &path, &placed.road);
+        if let Err(error) = placed.course() {
+            let list = path.to("pieces");
+            let place = error.index.map_or(list.clone(), |index| list.at(index));
+            problems.add(&place, error.what, "here", Some(error.help));
+        }
+        all.insert(name.clone(), placed);
+    }
+    all
+}
+
+/// The number of the road that an agent names: 0 is the world's own.
+pub(super) fn number(
+    problems: &mut Problems,
+    path: &Path,
+    file: &ScenarioFile,
+    entry: &AgentFile,
+) -> Option<usize> {
+    let Some(name) = entry.road() else {
+        return Some(0);
+    };
+    let number = file.roads.0.get_index_of(name);
+    if number.is_none() {
+        let known: Vec<&str> = file.roads.0.keys().map(String::as_str).collect();
+        match known.is_empty() {
+            true => {
+                let what = format!("no road `{name}`: this world has only its own");
+                let help = "leave `road` out, or place one: \
+                            roads: { \"side\": (at: (x_m: 60.0, y_m: 0.0, heading_rad: 1.5708)) }";
+                problems.add(&path.to("road"), what, "unknown", Some(help.to_owned()));
+            }
+            false => problems.unknown(&path.to("road"), "road", name, &known),
+        }
+    }
+    number.map(|number| number + 1)
+}
+
+/// Refuses an ego that is not on the world's own road, or goes against it: what
+/// it perceives is told along that road.
+pub(super) fn ego_on_its_own(problems: &mut Problems, path: &Path, entry: &AgentFile) {
+    if entry.road().is_some() {
+        let what = "the ego drives on the world's own `road`, not on a named one";
+        let help = "write its road as `road`, and place the others relative to it";
+        problems.add(
+            &path.to("road"),
+            what,
+            "not the ego's",
+            Some(help.to_owned()),
+        );
+    }
+    if let AgentFile::Vehicle {
+        direction: Direction::Against,
+        ..
+    } = entry
+    {
+        let what = "the ego drives with the world's own `road`";
+        let help = "turn the road round: who comes towards the ego has `direction: Against`";
+        problems.add(
+            &path.to("direction"),
+            what,
+            "not the ego's",
+            Some(help.to_owned()),
+        );
+    }
+}

@@ -1,0 +1,133 @@
+//! Whom the ego can see: whoever is not hidden behind somebody on wheels.
+//!
+//! It looks from the middle of its front bumper. Somebody is seen if the corner
+//! of its body's box or its middle is, of five points one; a point is hidden if
+//! the straight line to it passes through the box of a third body on wheels,
+//! parked or driving, however high it is. People hide nobody.
+
+use super::state::SceneState;
+use crate::sim::{Body, Pose};
+
+/// A body seen from above.
+struct Footprint {
+    middle: (f64, f64),
+    cos: f64,
+    sin: f64,
+    half_length_m: f64,
+    half_width_m: f64,
+}
+
+impl Footprint {
+    fn of(body: &Body, front: &Pose) -> Footprint {
+        let (sin, cos) = libm::sincos(front.heading_rad);
+        let half_length_m = 0.5 * body.length_m;
+        Footprint {
+            middle: (
+                front.x_m - half_length_m * cos,
+                front.y_m - half_length_m * sin,
+            ),
+            cos,
+            sin,
+            half_length_m,
+            half_width_m: 0.5 * body.width_m,
+        }
+    }
+
+    /// Its corners and its middle.
+    fn points(&self) -> [(f64, f64); 5] {
+        let at = |ahead: f64, left: f64| {
+            let (ahead_m, left_m) = (ahead * self.half_length_m, left * self.half_width_m);
+            (
+                self.middle.0 + ahead_m * self.cos - left_m * self.sin,
+                self.middle.1 + ahead_m * self.sin + left_m * self.cos,
+            )
+        };
+        [
+            at(0.0, 0.0),
+            at(1.0, 1.0),
+            at(1.0, -1.0),
+            at(-1.0, 1.0),
+            at(-1.0, -1.0),
+        ]
+    }
+
+    /// Whether the line between two points passes through it.
+    ///
+    /// In its own frame it is |ahead| ≤ a and |left| ≤ b: the shares of the line
+    /// within each of the two strips must overlap (Kay, Kajiya 1986).
+    fn hides(&self, from: (f64, f64), to: (f64, f64)) -> bool {
+        let own = |(x, y): (f64, f64)| {
+            let (dx, dy) = (x - self.middle.0, y - self.middle.1);
+            [dx * self.cos + dy * self.sin, dy * self.cos - dx * self.sin]
+        };
+        let (from, to) = (own(from), own(to));
+        let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
+        for (axis, half_m) in [self.half_length_m, self.half_width_m]
+            .into_iter()
+            .enumerate()
+        {
+            let step_m = to[axis] - from[axis];
+            if step_m == 0.0 {
+                if half_m <= from[axis].abs() {
+                    return false;
+                }
+                continue;
+            }
+            let (one, other) = (
+                (-half_m - from[axis]) / step_m,
+                (half_m - from[axis]) / step_m,
+            );
+            enters = enters.max(one.min(other));
+            leaves = leaves.min(one.max(other));
+        }
+        enters < leaves
+    }
+}
+
+/// Whether the ego sees each of the agents.
+pub(super) fn visible(scene: &SceneState, ego: usize) -> Vec<bool> {
+    let bodies = scene.spec.agents.iter().map(|agent| &agent.body);
+    let boxes = bodies.zip(&scene.states);
+    let boxes: Vec<Footprint> = boxes
+        .map(|(body, state)| Footprint::of(body, &state.pose))
+        .collect();
+    let eye = (scene.states[ego].pose.x_m, scene.states[ego].pose.y_m);
+    let on_wheels = |i: &usize| !scene.spec.agents[*i].body.is_on_foot();
+    let sees = |seen: usize| {
+        let points = boxes[seen].points();
+        points.into_iter().any(|point| {
+            let mut third = (0..boxes.len()).filter(|&i| i != ego && i != seen);
+            !third.any(|i| on_wheels(&i) && boxes[i].hides(eye, point))
+        })
+    };
+    (0..boxes.len()).map(sees).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_hidden_where_it_passes_through_the_box() {
+        let sedan = Body::shipped("sedan").expect("shipped").expect("sound");
+        let front = Pose {
+            x_m: 10.0,
+            y_m: 0.0,
+            heading_rad: core::f64::consts::FRAC_PI_2,
+        };
+        // Across: 0.9 m to either side of x = 10, from y = 0 back to −4.54.
+        let parked = Footprint::of(&sedan, &front);
+        for (from, to, hidden) in [
+            ((0.0, 0.0), (20.0, -2.0), true),
+            ((0.0, 0.0), (20.0, 0.2), false),
+            ((0.0, 0.0), (9.0, -2.0), false),
+            ((10.0, 5.0), (10.0, -10.0), true),
+            ((11.0, 5.0), (11.0, -10.0), false),
+            ((0.0, -4.4), (20.0, -4.4), true),
+            ((0.0, -4.6), (20.0, -4.6), false),
+        ] {
+            assert_eq!(parked.hides(from, to), hidden, "{from:?} {to:?}");
+            assert_eq!(parked.hides(to, from), hidden, "{to:?} {from:?}");
+        }
+    }
+}
