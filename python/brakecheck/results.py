@@ -234,5 +234,5 @@ class Replayed:
 
     def __repr__(self) -> str:
         state = "still fails" if self.still_fails else "does not fail"
-        bits = "bit-identical" if self.identical else "not as recorded"
-        return f"<Replayed {self.path!r}: {self.about['verdict']}, {state}, {bits}>"
+        bits = "" if self.identical else ", not as recorded"
+        return f"<Replayed {self.path!r}: {self.about['verdict']}, {state}{bits}>"

@@ -124,10 +124,12 @@ def test_kept_counterexamples_are_a_regression_test(tmp_path):
     rows = brakecheck.search("acc", ego=sleepy, starts=6, switches=1, keep=tmp_path, keep_most=2)
     assert rows[0]["successes"] > 0
     kept = brakecheck.replay(tmp_path)
-    assert kept and all(one.identical and one.still_fails for one in kept)
+    assert len(kept) == 2 and all(one.identical and one.still_fails for one in kept)
     assert all(one.still_fails for one in brakecheck.replay(tmp_path, ego=sleepy))
-    assert not any(one.still_fails for one in brakecheck.replay(tmp_path, ego=careful))
-    assert "bit-identical" in repr(kept[0])
+    # From one of the two starts nobody could have stopped in time.
+    fixed = [not one.still_fails for one in brakecheck.replay(tmp_path, ego=careful)]
+    assert sorted(fixed) == [False, True]
+    assert "counterexample, still fails" in repr(kept[0])
 
 
 def test_a_training_against_python_says_so(tmp_path):
@@ -170,7 +172,8 @@ def test_progress_and_remarks_come_while_it_runs(tmp_path):
     brakecheck.train(
         "acc", tmp_path / "run", decisions=4_000, starts=50, progress=lambda *told: heard.append(told)
     )
-    assert heard[-1][1] == heard[-1][2] > 0
+    assert all(done <= total for _, done, total, _ in heard)
+    assert {total for _, _, total, _ in heard if total} == {4_000, 50}
 
 
 def test_ctrl_c_stops_a_training_that_can_be_gone_on_with(tmp_path):
@@ -201,9 +204,11 @@ def test_other_threads_run_meanwhile():
 
 def test_an_invalid_share_may_be_allowed():
     def moody(percept):
-        if percept.own.speed_mps > 27:
+        if percept.time_s == 0 and percept.own.speed_mps > 20:
             raise RuntimeError("too fast for me")
         return 0.0
 
     with pytest.raises(FaultError, match="too fast for me"):
-        brakecheck.eval("acc", ego=moody, starts=30)
+        brakecheck.eval("acc", ado=lambda obs: 0, ego=moody, starts=30)
+    row = brakecheck.eval("acc", ado=lambda obs: 0, ego=moody, starts=30, allow_invalid=0.6)[0]
+    assert 0 < row["invalid"] < 18 and row["faults"][0]["kind"] == "error"

@@ -34,7 +34,7 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
     [
         (["eval", "nowhere"], 2, "nowhere"),
         (["fly"], 2, "unrecognized subcommand"),
-        (["stl", "always (x > 1", "--trace", "-"], 2, "always (x > 1"),
+        (["check", "acc.rn"], 2, "acc.rn"),
     ],
 )
 def test_mistakes_end_with_the_documented_code(arguments, code, says):
@@ -44,6 +44,6 @@ def test_mistakes_end_with_the_documented_code(arguments, code, says):
 
 def test_recordings_are_in_the_program(kept, tmp_path):
     file = tmp_path / "crash.rrd"
-    done = program("view", str(kept), "--episode", "acc-nominal-0001", "-o", str(file), "--json")
+    done = program("view", str(kept), "acc-nominal-0001", "-o", str(file), "--json")
     assert done.returncode == 0, done.stderr
     assert file.stat().st_size == json.loads(done.stdout)["bytes"]
