@@ -155,10 +155,10 @@ def eval(
             "allow_programs": allow_programs,
         }
         rows = raw.eval_run(asked, _running(jobs, progress, allow_invalid, ego))
-        return Rows(rows, what if isinstance(what, Run) else Run(what))
+        return Rows(rows, what if isinstance(what, Run) else Run(os.fspath(what)))  # type: ignore[arg-type]
     if params is not None or tries != 1 or runs != 0:
         raise InputError("`params`, `tries` and `runs` are about the ado of a run: evaluate one")
-    of = World.of(what, plant=plant, allow_programs=allow_programs)  # type: ignore[arg-type]
+    of = World.of(what, plant=plant, allow_programs=allow_programs)
     ego = of.ego if ego is None else ego
     met = {
         "ado": _acting(ado),

@@ -67,7 +67,9 @@ class Env(gymnasium.Env[Observation, np.int64]):
         self._bench = RawBench(self.world._raw)
         self._stream = ("train", seed, 0)
         self.render_mode = None
-        self.observation_space, self.action_space = spaces_of(self.world)
+        box, actions = spaces_of(self.world)
+        self.observation_space: spaces.Box = box  # type: ignore[assignment]
+        self.action_space = actions
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -21,7 +21,7 @@ except ImportError as error:  # pragma: no cover
 __all__ = ["ParallelEnv"]
 
 
-class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):
+class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type: ignore[misc]
     """A world whose ados act at the same time, each with actions of its own.
 
     All ados observe what `Env` observes and are paid what it pays: the rulebook

@@ -186,7 +186,9 @@ class Ado:
         """Writes what another program needs to play it; the files.
 
         `policy.safetensors` holds the weights, `observation.json` what is
-        observed in which order and range, and the actions in words.
+        observed in which order and range, and the actions in words. A policy that
+        is a network is written as `policy.onnx`, too: `observation` [batch,
+        observed] to `values` [batch, actions] and the greedy `action` [batch].
         """
         from brakecheck.exporting import export_ado
 

@@ -81,9 +81,10 @@ class Formula:
         rho_max: float | None = None,
     ) -> None:
         self.text = text
-        self._given = (dict(constants or {}), dict(formulas or {}), until, end, rho_max)
-        named, others = (list(given.items()) for given in self._given[:2])
-        self._raw = RawFormula(text, named, others, until, end, rho_max)
+        numbers, others = dict(constants or {}), dict(formulas or {})
+        self._given = (numbers, others, until, end, rho_max)
+        named = (list(numbers.items()), list(others.items()))
+        self._raw = RawFormula(text, *named, until, end, rho_max)
 
     def robustness(self, signals: Any, *, dt: float = 1.0) -> float:
         """The robustness at the first sample: above 0 it holds, below it does not.

@@ -100,10 +100,11 @@ class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any])
         buffers = (self._obs, self._rewards, self._terminated, self._truncated)
         ended = self._raw.step(chosen, buffers)
         info = self._ended(ended) if ended else {}
+        obs, rewards, terminated, truncated = buffers
         if self._copy:
-            obs, rewards, terminated, truncated = (buffer.copy() for buffer in buffers)
-            return obs, rewards, terminated, truncated, info
-        return (*buffers, info)
+            obs, rewards = obs.copy(), rewards.copy()
+            terminated, truncated = terminated.copy(), truncated.copy()
+        return obs, rewards, terminated, truncated, info
 
     def _ended(self, ended: list[int]) -> dict[str, Any]:
         mask = np.zeros(self.num_envs, np.bool_)

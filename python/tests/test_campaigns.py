@@ -9,7 +9,9 @@ import time
 
 import brakecheck
 import numpy as np
+import onnx
 import pytest
+from onnx.reference import ReferenceEvaluator
 from brakecheck import Ado, Env, FaultError, InputError, Run
 
 
@@ -105,13 +107,25 @@ def test_an_ado_decides_by_signals_as_by_observations(run):
 
 
 def test_an_exported_ado_is_weights_and_what_it_observes(run, tmp_path):
-    weights, spec = Ado(run).export(tmp_path / "out")
+    weights, spec, _ = Ado(run).export(tmp_path / "out")
     described = json.loads(open(spec, encoding="utf-8").read())
     assert described["policy_sha256"] == run.manifest["policy_sha256"]
     assert [one["name"] for one in described["observation"]] == [
         one["name"] for one in run.world().observation
     ]
     assert open(weights, "rb").read() == open(f"{run.path}/policy.safetensors", "rb").read()
+
+
+def test_the_exported_network_decides_as_the_ado(run, tmp_path):
+    ado = Ado(run)
+    *_, network = ado.export(tmp_path / "out")
+    onnx.checker.check_model(onnx.load(network), full_check=True)
+    played = ReferenceEvaluator(network)
+    obs = np.random.default_rng(0).uniform(-1, 1, (500, len(ado.observation))).astype(np.float32)
+    values, actions = played.run(None, {"observation": obs})
+    assert actions.tolist() == [ado(one) for one in obs]
+    assert len(set(actions.tolist())) > 1
+    assert np.allclose(values.max(axis=1), [ado.value(one) for one in obs], atol=1e-5)
 
 
 def test_kept_counterexamples_are_a_regression_test(tmp_path):
