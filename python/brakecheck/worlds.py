@@ -36,6 +36,7 @@ class World:
         allow_programs: bool = False,
     ) -> None:
         self.file = os.fspath(file)
+        self._given = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
         #: The file's own world, from which test starts and egos are taken.
         self._nominal = RawWorld.load(self.file, allow_programs)
         if plant is not None:
@@ -53,9 +54,8 @@ class World:
     def of(cls, world: World | str | os.PathLike[str], **changes: Any) -> World:
         """A world as it is, or the one of a file or name."""
         if isinstance(world, World):
-            if any(change not in (None, False) for change in changes.values()):
-                return cls(world.file, **changes)
-            return world
+            asked = {name: value for name, value in changes.items() if value not in (None, False)}
+            return cls(world.file, **{**world._given, **asked}) if asked else world
         return cls(world, **changes)
 
     @property

@@ -93,6 +93,14 @@ def test_mistakes_are_refused_with_their_cure(play, says):
         play(Env("acc"))
 
 
+def test_a_world_keeps_its_ego_where_something_else_is_changed():
+    def timid(percept):
+        return -1.0
+
+    env = Env(World("acc", ego=timid), plant="kinematic")
+    assert env.world.about["plant"] == "Kinematic" and "timid" in env.world.about["own_ego"]
+
+
 def test_an_unknown_world_is_refused():
     with pytest.raises(InputError, match="no_such_world"):
         Env("no_such_world")
