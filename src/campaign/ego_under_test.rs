@@ -9,6 +9,7 @@ use super::starts::TestStarts;
 use crate::ego::Process;
 use crate::run::{ChangedEgo, RunDir};
 use crate::scenario::{Against, Change, Scenario, guessed};
+use crate::scene::drive::ControllerFactory;
 
 /// An ego under test: its name in rows, how it differs from the world's own
 /// ego, and the world with it.
@@ -68,6 +69,31 @@ impl EgoUnderTest {
                 guessed(asked, "known", known)
             ),
         ))
+    }
+
+    /// The user's own controller; `name` is what rows and files call it.
+    ///
+    /// # Errors
+    /// The world is not driven.
+    pub fn own(
+        world: &Scenario,
+        name: &str,
+        factory: ControllerFactory,
+    ) -> Result<EgoUnderTest, CampaignError> {
+        if world.drive().is_none() {
+            return Err(CampaignError::request(
+                format!(
+                    "nobody drives in `{}`: `{name}` cannot be its ego",
+                    world.name
+                ),
+                "a controller drives the ego of a driving world",
+            ));
+        }
+        Ok(EgoUnderTest {
+            name: name.to_owned(),
+            change: Change::default(),
+            scenario: world.with_ego(name, factory),
+        })
     }
 
     /// A program as the ego; whoever names one here consents to start it.
@@ -139,6 +165,11 @@ impl EgoUnderTest {
         }
     }
 
+    /// Whether it is the user's own controller, of which files hold a name only.
+    pub fn is_own(&self) -> bool {
+        self.scenario.own_ego().is_some()
+    }
+
     /// What rows call it.
     pub fn name(&self) -> &str {
         &self.name
@@ -174,7 +205,15 @@ impl EgoUnderTest {
 
     /// What it was to the ado of a run; `nominal` is the run's world.
     pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
-        let trained = run.manifest().ego.as_ref().map(|ego| &ego.change);
+        let trained = run.manifest().ego.as_ref();
+        if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {
+            // Of such an ego nothing is known but its name.
+            return match self.is_own() && trained.is_some_and(|ego| ego.name == self.name) {
+                true => Relation::Trained,
+                false => Relation::ZeroShot,
+            };
+        }
+        let trained = trained.map(|ego| &ego.change);
         if self.change == trained.cloned().unwrap_or_default() {
             return Relation::Trained;
         }

@@ -12,7 +12,7 @@ use super::train::{TrainError, TrainingOutcome, train};
 use super::watch::Watch;
 use crate::rl::{LearnerConfig, Policy};
 use crate::run::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
-use crate::scenario::{Against, Scenario, guessed};
+use crate::scenario::{Against, Change, Scenario, guessed};
 use crate::sim::PlantKind;
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
@@ -108,6 +108,14 @@ impl TrainSession {
             0 => begun.seed,
             seed => seed,
         };
+        let own = ego.as_ref().filter(|ego| ego.is_own());
+        if own.is_some_and(|ego| world.own_ego() != Some(&ego.name)) {
+            let name = own.map_or("", |ego| &ego.name);
+            return Err(CampaignError::request(
+                format!("the run was begun against `{name}`, which is in no file"),
+                "go on with it from where it was begun, with that controller as the ego",
+            ));
+        }
         run.must_be_of(Asked {
             scenario: &world,
             seed,
@@ -304,7 +312,10 @@ impl TrainRequest<'_> {
     /// The changed ego that is asked for; `None`: the nominal one.
     fn ego(&self, world: &Scenario) -> Result<Option<ChangedEgo>, CampaignError> {
         match self.ego {
-            None => Ok(None),
+            None => Ok(world.own_ego().map(|name| ChangedEgo {
+                name: name.to_owned(),
+                change: Change::default(),
+            })),
             Some("all") => Err(CampaignError::request(
                 "`--ego all` names many egos, and an ado is trained against one",
                 "name one of them; `--against wide` trains against a family",

@@ -24,6 +24,7 @@ mod theorems;
 mod train;
 mod view;
 
+use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -146,17 +147,23 @@ impl Verb {
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    ExitCode::from(main_of(std::env::args_os()) as u8)
+}
+
+/// Runs the program on `arguments`, its own name first, once per process.
+///
+/// Help, and what is no command line, ends the process.
+pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
+    let cli = Cli::parse_from(arguments);
     if cli.verb.saves_when_interrupted() {
         talk::listen_for_interrupts();
     }
     talk::allow_faults(cli.verb.common().allow_invalid);
     let result = carry_out(cli.verb);
-    let exit = result.and_then(settled).unwrap_or_else(|failure| {
+    result.and_then(settled).unwrap_or_else(|failure| {
         talk::say(failure.render(talk::theme(), talk::width()).trim_end());
         failure.exit
-    });
-    ExitCode::from(exit as u8)
+    })
 }
 
 fn carry_out(verb: Verb) -> Result<Exit, Failure> {

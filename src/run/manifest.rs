@@ -255,3 +255,10 @@ pub struct ChangedEgo {
     /// How it differs from the world's own.
     pub change: Change,
 }
+
+impl ChangedEgo {
+    /// Whether it is the user's own controller, of which a name is all there is.
+    pub fn is_own(&self) -> bool {
+        self.change == Change::default()
+    }
+}

@@ -245,6 +245,14 @@ impl Scenario {
         }
     }
 
+    /// The name of the user's own controller, if that is the ego.
+    pub fn own_ego(&self) -> Option<&str> {
+        match &self.drive()?.ego.controller {
+            EgoController::Stock(_) => None,
+            EgoController::Own { name, .. } => Some(name),
+        }
+    }
+
     /// Every program that the world's file names, with the ego's name.
     pub fn programs(&self) -> Vec<(&str, &Process)> {
         let own = self.program().map(|program| ("nominal", program));

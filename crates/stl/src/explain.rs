@@ -11,10 +11,11 @@ use serde::{Serialize, Serializer};
 
 use crate::apply::Bound;
 use crate::kernel::{Tail, Window};
-use crate::leaf::Question;
+use crate::leaf::{Columns, Question};
 use crate::monitor::Monitor;
 use crate::offline::{Evaluation, Scratch};
 use crate::program::{Edge, Gate, Id, Op, Side};
+use crate::samples::Samples;
 use crate::settings::Until;
 use crate::trace::Trace;
 
@@ -140,28 +141,39 @@ impl Monitor {
     /// # Panics
     /// As [`Monitor::robustness`].
     pub fn explain(&self, trace: &Trace) -> Explanation {
-        self.check(trace);
-        explain(self, trace)
+        self.check(trace.schema());
+        explain(self, trace, trace.len())
+    }
+
+    /// As [`Monitor::explain`], of borrowed samples.
+    ///
+    /// # Panics
+    /// As [`Monitor::robustness`].
+    pub fn explain_of(&self, samples: &Samples<'_>) -> Explanation {
+        self.check(samples.schema());
+        explain(self, samples, samples.len())
     }
 }
 
-fn explain(monitor: &Monitor, trace: &Trace) -> Explanation {
+/// The explanation of `len` samples of the signals that the monitor is bound to.
+fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation {
     let mut scratch = Scratch::new();
-    let robustness = monitor.robustness(trace, &mut scratch);
+    let value = monitor.value(columns, len, Question::Margin, &mut scratch);
+    let robustness = monitor.clamp(value);
     let mut explanation = Explanation {
         robustness,
         reason: Reason::EmptyTrace,
         path: Vec::new(),
         signals: Vec::new(),
     };
-    if trace.is_empty() {
+    if len == 0 {
         return explanation;
     }
     let program = &monitor.program;
-    let reading = monitor.reading(trace.len());
+    let reading = monitor.reading(len);
     let mut search = Search {
         closed: reading.until == Until::Closed,
-        evaluation: monitor.evaluation(trace, trace.len(), reading, Question::Margin, &mut scratch),
+        evaluation: monitor.evaluation(columns, len, reading, Question::Margin, &mut scratch),
     };
     let mut place = Place {
         id: program.root(),
@@ -178,7 +190,7 @@ fn explain(monitor: &Monitor, trace: &Trace) -> Explanation {
             explanation.path.push(ExplanationStep {
                 formula: instruction.source.to_string(),
                 sample: place.sample,
-                time_s: place.sample as f64 * trace.dt_s(),
+                time_s: place.sample as f64 * program.schema.dt_s(),
                 value: monitor.clamp(value),
             });
         }
@@ -192,16 +204,16 @@ fn explain(monitor: &Monitor, trace: &Trace) -> Explanation {
         }
     }
     if let Op::Leaf(leaf) = &program.get(place.id).op {
-        let row = place.sample.min(trace.len() - 1);
-        if leaf.is_undefined(trace, row) {
+        let row = place.sample.min(len - 1);
+        if leaf.is_undefined(columns, row) {
             explanation.reason = Reason::Undefined;
         }
         leaf.signals(&mut |signal| {
-            let name = &trace.schema().signals()[signal].name;
+            let name = &program.schema.signals()[signal].name;
             if explanation.signals.iter().all(|(known, _)| known != name) {
                 explanation
                     .signals
-                    .push((name.clone(), trace.column(signal)[row]));
+                    .push((name.clone(), columns.column(signal)[row]));
             }
         });
     }
@@ -221,12 +233,12 @@ enum Next {
     Stop(Reason),
 }
 
-struct Search<'a> {
+struct Search<'a, C> {
     closed: bool,
-    evaluation: Evaluation<'a, Trace>,
+    evaluation: Evaluation<'a, C>,
 }
 
-impl Search<'_> {
+impl<C: Columns> Search<'_, C> {
     fn value(&mut self, place: Place) -> f64 {
         self.values(place, place.sample, place.sample)[0]
     }

@@ -39,7 +39,7 @@ impl Monitor {
     /// When the trace has other signals than the bound schema, by name or by
     /// order, or another sampling period. Units and kinds are not compared.
     pub fn robustness(&self, trace: &Trace, scratch: &mut Scratch) -> f64 {
-        self.check(trace);
+        self.check(trace.schema());
         self.clamp(self.value(trace, trace.len(), Question::Margin, scratch))
     }
 
@@ -51,7 +51,7 @@ impl Monitor {
     /// # Panics
     /// As [`Monitor::robustness`].
     pub fn satisfied(&self, trace: &Trace, scratch: &mut Scratch) -> bool {
-        self.check(trace);
+        self.check(trace.schema());
         0.0 < self.value(trace, trace.len(), Question::Truth, scratch)
     }
 
@@ -70,14 +70,24 @@ impl Monitor {
     /// # Panics
     /// As [`Monitor::robustness`].
     pub fn robustness_into(&self, trace: &Trace, scratch: &mut Scratch, all: &mut Vec<f64>) {
-        self.check(trace);
-        if trace.is_empty() {
+        self.check(trace.schema());
+        self.all_values(trace, trace.len(), scratch, all);
+    }
+
+    /// The robustness at every sample of `len`.
+    pub(crate) fn all_values(
+        &self,
+        columns: &impl Columns,
+        len: usize,
+        scratch: &mut Scratch,
+        all: &mut Vec<f64>,
+    ) {
+        if len == 0 {
             return all.clear();
         }
-        let reading = self.reading(trace.len());
-        let mut evaluation =
-            self.evaluation(trace, trace.len(), reading, Question::Margin, scratch);
-        let mut stretch = evaluation.run(self.program.root(), 0, trace.len());
+        let reading = self.reading(len);
+        let mut evaluation = self.evaluation(columns, len, reading, Question::Margin, scratch);
+        let mut stretch = evaluation.run(self.program.root(), 0, len);
         std::mem::swap(all, &mut stretch.lower);
         evaluation.give_back(stretch);
         if self.settings.rho_max.is_some() {
@@ -91,19 +101,28 @@ impl Monitor {
     /// # Panics
     /// As [`Monitor::robustness`].
     pub fn interval(&self, trace: &Trace, scratch: &mut Scratch) -> Interval {
-        self.check(trace);
-        if trace.is_empty() {
+        self.check(trace.schema());
+        self.still_possible(trace, trace.len(), scratch)
+    }
+
+    /// What is possible at sample 0 after the `len` first samples of a run.
+    pub(crate) fn still_possible(
+        &self,
+        columns: &impl Columns,
+        len: usize,
+        scratch: &mut Scratch,
+    ) -> Interval {
+        if len == 0 {
             return Interval::ANY.map(|value| self.clamp(value));
         }
         let reading = Reading {
-            known: trace.len(),
+            known: len,
             bounded_len: usize::MAX,
             unbounded_len: usize::MAX,
             tail: Tail::Cut,
             until: self.settings.until,
         };
-        let mut evaluation =
-            self.evaluation(trace, trace.len(), reading, Question::Margin, scratch);
+        let mut evaluation = self.evaluation(columns, len, reading, Question::Margin, scratch);
         let stretch = evaluation.run(self.program.root(), 0, 1);
         let lo = stretch.lower[0];
         let hi = stretch.upper.as_ref().map_or(lo, |upper| upper[0]);
@@ -216,13 +235,13 @@ impl Monitor {
         }
     }
 
-    pub(crate) fn check(&self, trace: &Trace) {
+    pub(crate) fn check(&self, met: &Schema) {
         let bound = &self.program.schema;
         assert!(
-            bound.has_rows_of(trace.schema()),
+            bound.has_rows_of(met),
             "a monitor for {} met a trace of {}",
             Rows(bound),
-            Rows(trace.schema()),
+            Rows(met),
         );
     }
 }

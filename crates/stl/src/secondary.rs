@@ -19,7 +19,7 @@ impl Monitor {
     /// # Panics
     /// As [`Monitor::robustness`].
     pub fn secondary(&self, trace: &Trace) -> Vec<Vec<f64>> {
-        self.check(trace);
+        self.check(trace.schema());
         if trace.is_empty() {
             return Vec::new();
         }
@@ -37,7 +37,7 @@ impl Monitor {
     /// # Panics
     /// As [`Monitor::robustness`].
     pub fn invariant(&self, trace: &Trace) -> Option<Vec<f64>> {
-        self.check(trace);
+        self.check(trace.schema());
         let root = self.program.root();
         let (sign, side, ahead) = match self.program.get(root).op {
             Op::Not(inner) => (-1.0, Side::Max, inner),

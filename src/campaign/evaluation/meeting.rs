@@ -10,7 +10,7 @@ use crate::campaign::eval::{Ado, EvalRequest, Evaluated, best_constant, eval, ex
 use crate::campaign::retrained::retrained;
 use crate::campaign::search::{SearchRequest, Switches, search};
 use crate::campaign::starts::TestStarts;
-use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learned};
+use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learn_ego, learned};
 use crate::campaign::watch::Watch;
 use crate::run::Row;
 
@@ -124,7 +124,12 @@ impl<'a> Meeting<'a> {
         };
         self.watch.phase(&format!("learning: {}", self.ego.name()));
         let quiet = self.watch.quiet();
-        let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
+        // What is in no file may be another controller the next time.
+        let ego = match self.ego.is_own() {
+            true => learn_ego(&request, &quiet),
+            false => learned(asked.run, self.ego, &request, &quiet)?,
+        };
+        let Some(ego) = ego else {
             return Ok(None);
         };
         self.watch.phase(&format!("planning: {}", self.ego.name()));

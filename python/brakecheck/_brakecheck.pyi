@@ -1,0 +1,228 @@
+"""What the package is built on; use `brakecheck` instead."""
+
+import os
+from collections.abc import Callable
+from typing import Any, SupportsInt
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Path = str | os.PathLike[str]
+_Column = tuple[str, bool, NDArray[np.float64]]
+_Buffers = tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]
+
+def run_program(arguments: list[str]) -> int: ...
+def train_ado(world: RawWorld, asked: dict[str, Any], running: dict[str, Any]) -> dict[str, Any]: ...
+def eval_run(asked: dict[str, Any], running: dict[str, Any]) -> list[dict[str, Any]]: ...
+def eval_world(
+    world: RawWorld, asked: dict[str, Any], running: dict[str, Any]
+) -> list[dict[str, Any]]: ...
+def search_world(
+    world: RawWorld, asked: dict[str, Any], running: dict[str, Any]
+) -> list[dict[str, Any]]: ...
+def identify_ego(
+    world: RawWorld, asked: dict[str, Any], running: dict[str, Any]
+) -> dict[str, Any]: ...
+def report_run(
+    run: _Path, output: _Path | None, starts: tuple[int, int], running: dict[str, Any]
+) -> tuple[_Path, _Path]: ...
+def replay_kept(asked: dict[str, Any], running: dict[str, Any]) -> list[RawReplayed]: ...
+def export_kept(path: _Path, directory: _Path) -> list[_Path]: ...
+
+class RawWorld:
+    @staticmethod
+    def load(file: _Path, allow_programs: bool) -> RawWorld: ...
+    @staticmethod
+    def parse(name: str, text: str) -> RawWorld: ...
+    @staticmethod
+    def shipped() -> list[str]: ...
+    def with_parts(self, plant: str | None, ego: Any) -> RawWorld: ...
+    @property
+    def text(self) -> str: ...
+    def about(self) -> dict[str, Any]: ...
+
+class RawBench:
+    def __new__(cls, world: RawWorld) -> RawBench: ...
+    def reset(self, key: tuple[str, int, int], aftermath: bool) -> NDArray[np.float32]: ...
+    def reset_at(self, start: list[float], noise: int, aftermath: bool) -> NDArray[np.float32]: ...
+    def step(self, action: SupportsInt) -> tuple[NDArray[np.float32], float, bool, bool]: ...
+    def info(self) -> dict[str, Any]: ...
+    def trace(self) -> dict[str, NDArray[np.float64]]: ...
+    def played(self) -> tuple[list[float], int, list[int]]: ...
+
+class RawVector:
+    def __new__(cls, world: RawWorld, count: int, jobs: int) -> RawVector: ...
+    def reset(self, purpose: str, seeds: list[int] | None, obs: NDArray[np.float32]) -> None: ...
+    def step(self, actions: NDArray[np.int64], buffers: _Buffers) -> list[int]: ...
+    def info(self, at: int) -> dict[str, Any]: ...
+    def trace(self, at: int) -> dict[str, NDArray[np.float64]]: ...
+
+class RawFormula:
+    def __new__(
+        cls,
+        text: str,
+        constants: list[tuple[str, float]],
+        formulas: list[tuple[str, str]],
+        until: str,
+        end: str,
+        rho_max: float | None,
+    ) -> RawFormula: ...
+    def robustness(self, columns: list[_Column], dt_s: float) -> float: ...
+    def satisfied(self, columns: list[_Column], dt_s: float) -> bool: ...
+    def robustness_all(self, columns: list[_Column], dt_s: float) -> NDArray[np.float64]: ...
+    def explain(self, columns: list[_Column], dt_s: float) -> tuple[dict[str, Any], float, str]: ...
+    def monitor(
+        self, signals: list[tuple[str, bool]], dt_s: float, samples: int | None
+    ) -> RawMonitor: ...
+
+class RawMonitor:
+    def push(self, row: list[float]) -> tuple[float, float]: ...
+    def finish(self) -> float: ...
+    def reset(self) -> None: ...
+    def __len__(self) -> int: ...
+
+class RawPolicy:
+    def act(self, obs: NDArray[np.float32]) -> int: ...
+    def value(self, obs: NDArray[np.float32]) -> float: ...
+
+class RawRun:
+    def __new__(cls, path: _Path) -> RawRun: ...
+    def manifest(self) -> dict[str, Any]: ...
+    def rows(self) -> list[dict[str, Any]]: ...
+    def progress(self) -> list[dict[str, Any]]: ...
+    def world(self, allow_programs: bool) -> RawWorld: ...
+    def policy(self, told: list[tuple[str, float]]) -> RawPolicy: ...
+
+class RawReplayed:
+    def about(self) -> dict[str, Any]: ...
+    def trace(self) -> dict[str, NDArray[np.float64]]: ...
+    def view(self, output: _Path) -> int: ...
+
+class Own:
+    """Speed, acceleration and place of the ego itself, as it knows them."""
+
+    @property
+    def speed_mps(self) -> float:
+        """Speed along its heading, m/s."""
+    @property
+    def accel_mps2(self) -> float:
+        """Acceleration along its heading over the last sample, m/s²."""
+    @property
+    def s_m(self) -> float:
+        """Distance along the road of the front bumper, m."""
+    @property
+    def lateral_m(self) -> float:
+        """Offset to the left of the middle of lane 0, m."""
+    @property
+    def lane(self) -> int:
+        """Lane, counted from the right, 0 first."""
+    @property
+    def heading_rad(self) -> float:
+        """Heading relative to the road's, counter-clockwise, rad."""
+    @property
+    def length_m(self) -> float:
+        """Length of the own body, m."""
+    @property
+    def width_m(self) -> float:
+        """Width of the own body, m."""
+
+class Seen:
+    """Another road user, as the ego's sensors see it."""
+
+    @property
+    def name(self) -> str:
+        """Name in the world file."""
+    @property
+    def headway_m(self) -> float:
+        """Distance along the road, front bumper to front bumper; positive is ahead, m."""
+    @property
+    def lateral_m(self) -> float:
+        """Lateral offset relative to the ego, positive to the left, m."""
+    @property
+    def speed_mps(self) -> float:
+        """Its speed along the road, m/s."""
+    @property
+    def lateral_mps(self) -> float:
+        """Its speed across the road, positive to the left, m/s."""
+    @property
+    def lane(self) -> int:
+        """Lane of its front bumper; 0 is the rightmost."""
+    @property
+    def x_m(self) -> float:
+        """Position of the middle of its front, ahead in the ego's frame, m."""
+    @property
+    def y_m(self) -> float:
+        """The same, to the left, m."""
+    @property
+    def heading_rad(self) -> float:
+        """Its heading relative to the ego's, counter-clockwise, rad."""
+    @property
+    def vx_mps(self) -> float:
+        """Its velocity over ground, along the ego's x, m/s."""
+    @property
+    def vy_mps(self) -> float:
+        """The same, along the ego's y, m/s."""
+    @property
+    def ax_mps2(self) -> float:
+        """Its acceleration along its own heading, along the ego's x, m/s²."""
+    @property
+    def ay_mps2(self) -> float:
+        """The same, along the ego's y, m/s²."""
+    @property
+    def length_m(self) -> float:
+        """Its length, m."""
+    @property
+    def width_m(self) -> float:
+        """Its width, m."""
+
+class SeenLight:
+    """A traffic light, as the ego sees it."""
+
+    @property
+    def name(self) -> str:
+        """Name in the world file."""
+    @property
+    def line_m(self) -> float:
+        """Distance from the front bumper to its stop line; positive before it, m."""
+    @property
+    def phase(self) -> str:
+        """What it shows: "green", "yellow" or "red"."""
+    @property
+    def phase_s(self) -> float:
+        """For how long it has shown it, s."""
+
+class Percept:
+    """What the ego perceives at one sample."""
+
+    @property
+    def time_s(self) -> float:
+        """Time since the start of the episode, s."""
+    @property
+    def sample_s(self) -> float:
+        """Time to the next percept, s."""
+    @property
+    def own(self) -> Own:
+        """The ego itself."""
+    @property
+    def others(self) -> list[Seen]:
+        """Everybody else, in the order of the world file."""
+    @property
+    def lights(self) -> list[SeenLight]:
+        """All traffic lights, in the order of the world file."""
+    def leader(self) -> Seen | None:
+        """The nearest road user ahead whose body overlaps the ego's path."""
+    def follower(self) -> Seen | None:
+        """The nearest road user behind whose body overlaps the ego's path."""
+    def light(self, past_m: float = 0.0) -> SeenLight | None:
+        """The nearest light whose stop line is less than `past_m` behind."""
+
+class Command:
+    """What the ego asks its vehicle to do until the next sample."""
+
+    def __new__(cls, accel_mps2: float, lateral_mps: float = 0.0) -> Command: ...
+    @property
+    def accel_mps2(self) -> float:
+        """Net acceleration along the heading, m/s²."""
+    @property
+    def lateral_mps(self) -> float:
+        """Speed across the road, positive to the left, m/s; 0 keeps the lane."""

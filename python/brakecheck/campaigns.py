@@ -1,0 +1,360 @@
+"""Train, evaluate, search, identify, replay: what the command line does, as functions.
+
+All of them run in Rust on every core, without the interpreter's lock; Ctrl-C
+stops them. Whatever is an ego may be Python: a function of a percept, or a class
+or an object with `reset(seed)`, `control(percept)` and, so that searches share
+prefixes, `fork()`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from brakecheck import _brakecheck as raw
+from brakecheck.errors import InputError
+from brakecheck.results import Ado, Replayed, Rows, Run
+from brakecheck.worlds import World
+
+__all__ = ["eval", "export", "identify", "replay", "report", "search", "train", "view"]
+
+Path = str | os.PathLike[str]
+Worldly = World | str | os.PathLike[str]
+Progress = Callable[[str, int, int, list[str]], None]
+
+
+def train(
+    world: Worldly,
+    output: Path | None = None,
+    *,
+    ego: Any = None,
+    seed: int = 0,
+    decisions: int | None = None,
+    learner: str | None = None,
+    against: str = "nominal",
+    plant: str | None = None,
+    from_run: Path | None = None,
+    resume: bool = False,
+    starts: int = 300,
+    jobs: int | None = None,
+    progress: Progress | bool | None = None,
+    allow_programs: bool = False,
+    allow_invalid: float = 0.0,
+) -> Run:
+    """Trains an ado and keeps it in a run directory, evaluated beside baselines.
+
+    Args:
+        world: a world, a `.ron` file, or the name of a shipped world.
+        output: the run directory to make; `runs/WORLD-SEED` without it.
+        ego: whom to train against: a name under the world's `reuse`, a RON file
+            with a `Change`, or Python.
+        seed: of the training, and of its test starts.
+        decisions: how long to train, instead of the world's number.
+        learner: one of the world's `learners`.
+        against: `"nominal"`, or the world's family: `"wide"`, `"conditional"`.
+        plant: the physics to train in.
+        from_run: a run whose policy is fine-tuned.
+        resume: go on with an interrupted training in `output`.
+        starts: test starts of the closing evaluation.
+        jobs: threads; one per core without it, 1 where Python plays.
+        progress: called now and then with (phase, done, total, remarks); True
+            writes a line on stderr, False nothing, None a line on terminals and
+            in notebooks.
+        allow_programs: start the programs that files name as egos.
+        allow_invalid: largest share of invalid episodes in a row that is no fault.
+
+    Raises:
+        InputError: what is asked for does not fit.
+        FaultError: the ego does not run; the message ends with its traceback.
+        KeyboardInterrupt: Ctrl-C; what was trained is kept, see `resume`.
+    """
+    of = World.of(world, allow_programs=allow_programs)
+    ego = of.ego if ego is None else ego
+    asked = {
+        "output": os.fspath(output or os.path.join("runs", f"{of.name}-{seed}")),
+        "ego": ego,
+        "seed": seed,
+        "decisions": decisions,
+        "learner": learner,
+        "against": against,
+        "plant": plant,
+        "from_run": None if from_run is None else os.fspath(from_run),
+        "resume": resume,
+        "starts": starts,
+    }
+    running = _running(jobs, progress, allow_invalid, ego)
+    return Run(raw.train_ado(of._nominal, asked, running)["run"])
+
+
+def eval(
+    what: Run | Worldly,
+    *,
+    ado: Any = None,
+    ego: Any = None,
+    starts: int = 500,
+    seed: int = 0,
+    plant: str | None = None,
+    search: int | None = None,
+    params: str | None = None,
+    tries: int = 1,
+    runs: int = 0,
+    keep: Path | None = None,
+    keep_most: int | None = 10,
+    as_found: bool = False,
+    name: str | None = None,
+    jobs: int | None = None,
+    progress: Progress | bool | None = None,
+    allow_programs: bool = False,
+    allow_invalid: float = 0.0,
+) -> Rows:
+    """Measures an ado on test starts and egos, beside baselines.
+
+    Args:
+        what: a run (its trained ado plays), or a world.
+        ado: of a run: one word or several of trained, hold, random, constant,
+            ..., all. Of a world: a callable from observations (float32) to joint
+            actions, a policy of Stable-Baselines3, or None for the baselines.
+        ego: who is tested: a name under the world's `reuse`, "all", a RON file
+            with a `Change`, the words of a program as a list, or Python.
+        starts: test starts to draw.
+        seed: of the test starts.
+        plant: the physics to test in.
+        search: also search with so many switches, and fill in `recall`.
+        params: what a conditional ado is told: nominal, true, identified,
+            adapted, or a RON file that `brakecheck identify` wrote.
+        tries: runs of the trained ado per start.
+        runs: runs of the ego that the ado may learn it from.
+        keep: a directory for counterexamples.
+        keep_most: how many of each ego; None keeps all.
+        as_found: keep them as they were found, not as small as they get.
+        name: what rows call an ado that is Python.
+        jobs, progress, allow_programs, allow_invalid: as for `train`.
+    """
+    keeping = None
+    if keep is not None:
+        keeping = {"directory": os.fspath(keep), "most": keep_most, "as_found": as_found}
+    is_run = isinstance(what, Run) or (not isinstance(what, World) and os.path.isdir(what))
+    if is_run:
+        if callable(ado) or hasattr(ado, "predict"):
+            raise InputError("a run has an ado of its own: evaluate another one in a world")
+        words = ["trained"] if ado is None else [ado] if isinstance(ado, str) else list(ado)
+        asked = {
+            "run": os.fspath(what),  # type: ignore[arg-type]
+            "ego": ego,
+            "ados": words,
+            "starts": starts,
+            "seed": seed,
+            "plant": plant,
+            "search": search,
+            "params": params,
+            "tries": tries,
+            "runs": runs,
+            "keep": keeping,
+            "allow_programs": allow_programs,
+        }
+        rows = raw.eval_run(asked, _running(jobs, progress, allow_invalid, ego))
+        return Rows(rows, what if isinstance(what, Run) else Run(os.fspath(what)))  # type: ignore[arg-type]
+    if params is not None or tries != 1 or runs != 0:
+        raise InputError("`params`, `tries` and `runs` are about the ado of a run: evaluate one")
+    of = World.of(what, plant=plant, allow_programs=allow_programs)
+    ego = of.ego if ego is None else ego
+    met = {
+        "ado": _acting(ado),
+        "name": name or _named(ado),
+        "ego": ego,
+        "starts": starts,
+        "seed": seed,
+        "switches": search,
+        "keep": keeping,
+    }
+    played = ado if ado is not None else ego
+    return Rows(raw.eval_world(of._nominal, met, _running(jobs, progress, allow_invalid, played)))
+
+
+def search(
+    world: Worldly,
+    *,
+    ego: Any = None,
+    method: str = "switches",
+    switches: int | None = None,
+    budget: int | None = None,
+    starts: int = 300,
+    seed: int = 0,
+    plant: str | None = None,
+    keep: Path | None = None,
+    keep_most: int | None = 10,
+    as_found: bool = False,
+    jobs: int | None = None,
+    progress: Progress | bool | None = None,
+    allow_programs: bool = False,
+    allow_invalid: float = 0.0,
+) -> Rows:
+    """Searches action sequences per start: what an adversary can do at all.
+
+    Args:
+        world: a world, a `.ron` file, or the name of a shipped world.
+        method: how sequences are chosen: switches, uniform, hold, cem.
+        switches: of the method switches: how often the action changes.
+        budget: of the others: simulations per start.
+        ego, starts, seed, plant, keep, keep_most, as_found: as for `eval`.
+        jobs, progress, allow_programs, allow_invalid: as for `train`.
+    """
+    of = World.of(world, plant=plant, allow_programs=allow_programs)
+    ego = of.ego if ego is None else ego
+    keeping = None
+    if keep is not None:
+        keeping = {"directory": os.fspath(keep), "most": keep_most, "as_found": as_found}
+    asked = {
+        "ego": ego,
+        "method": method,
+        "switches": switches,
+        "budget": budget,
+        "starts": starts,
+        "seed": seed,
+        "keep": keeping,
+    }
+    return Rows(raw.search_world(of._nominal, asked, _running(jobs, progress, allow_invalid, ego)))
+
+
+def identify(
+    world: Worldly,
+    ego: Any,
+    *,
+    runs: int = 10,
+    seed: int = 0,
+    plant: str | None = None,
+    jobs: int | None = None,
+    progress: Progress | bool | None = None,
+) -> dict[str, Any]:
+    """The member of the world's family of egos that drives most like an ego.
+
+    The result has `parameters` with their `spread`, `residual_m` (how far it stays
+    from the ego) and `explains` (whether that is about as close as noise allows).
+    """
+    of = World.of(world, plant=plant)
+    asked = {"ego": ego, "runs": runs, "seed": seed}
+    return raw.identify_ego(of._nominal, asked, _running(jobs, progress, 0.0, ego))
+
+
+def replay(
+    path: Run | Path,
+    *,
+    ego: Any = None,
+    episode: str | int | None = None,
+    allow_programs: bool = False,
+    allow_invalid: float = 0.0,
+) -> list[Replayed]:
+    """Plays kept counterexamples again: as recorded, or against another ego.
+
+    A regression test is three lines:
+
+        def test_my_controller_survives_what_broke_it():
+            replayed = brakecheck.replay("regressions", ego=MyController)
+            assert not [one.path for one in replayed if one.still_fails]
+
+    Args:
+        path: a kept file, a directory of them, or a run.
+        ego: whom to put in the ego's place; without one the recorded one.
+        episode: one of them: its number, from 0, or the name of its file.
+        allow_programs, allow_invalid: as for `train`.
+    """
+    asked = {
+        "path": os.fspath(path),
+        "episode": None if episode is None else str(episode),
+        "ego": ego,
+        "allow_programs": allow_programs,
+    }
+    running = _running(None, False, allow_invalid, ego)
+    return [Replayed(one) for one in raw.replay_kept(asked, running)]
+
+
+def view(
+    what: Replayed | Run | Path, output: Path | None = None, *, episode: str | int = 0, ego: Any = None
+) -> str:
+    """Writes a kept counterexample as a recording for the rerun viewer; the file.
+
+    Args:
+        what: a replayed counterexample, a kept file, a directory of them, or a run.
+        output: the file to write; named after the counterexample without it.
+        episode: which one of several.
+        ego: whom to put in the ego's place.
+    """
+    if isinstance(what, Replayed):
+        return what.view(output)
+    single = os.path.isfile(what)
+    found = replay(what, ego=ego, episode=None if single else episode)
+    if not found:
+        raise InputError(f"`{os.fspath(what)}` holds no kept counterexample")
+    return found[0].view(output)
+
+
+def report(
+    run: Run | Path,
+    output: Path | None = None,
+    *,
+    starts: int = 100,
+    seed: int = 0,
+    jobs: int | None = None,
+    progress: Progress | bool | None = None,
+) -> str:
+    """Writes one HTML page about a run, and JUnit XML beside it; the page's file."""
+    out = None if output is None else os.fspath(output)
+    running = _running(jobs, progress, 0.0, None)
+    page, _ = raw.report_run(os.fspath(run), out, (starts, seed), running)
+    return os.fspath(page)
+
+
+def export(path: Run | Path, directory: Path) -> list[str]:
+    """Writes kept counterexamples as OpenSCENARIO and OpenDRIVE; the files."""
+    return [os.fspath(file) for file in raw.export_kept(os.fspath(path), os.fspath(directory))]
+
+
+def _acting(ado: Any) -> Callable[..., Any] | None:
+    """From observations to actions, whatever made the policy."""
+    if ado is None:
+        return None
+    if isinstance(ado, Ado) or not hasattr(ado, "predict"):
+        if not callable(ado):
+            raise InputError(f"{ado!r} is no ado: give a callable from observations to actions")
+        return ado  # type: ignore[no-any-return]
+    return lambda obs: ado.predict(obs, deterministic=True)[0]
+
+
+def _named(ado: Any) -> str:
+    return getattr(ado, "__name__", None) or type(ado).__name__
+
+
+def _running(
+    jobs: int | None, progress: Progress | bool | None, allow_invalid: float, played: Any
+) -> dict[str, Any]:
+    if jobs is None:
+        # Threads would only wait for the interpreter's lock.
+        jobs = 0 if played is None or isinstance(played, str | list) else 1
+    if jobs < 0:
+        raise InputError("`jobs` is a number of threads: 1 or more, or None for one per core")
+    if progress is None:
+        progress = sys.stderr is not None and (sys.stderr.isatty() or "ipykernel" in sys.modules)
+    shown: Progress | None = _Line() if progress is True else progress or None
+    return {"jobs": jobs, "progress": shown, "allow_invalid": allow_invalid}
+
+
+class _Line:
+    """Progress as one line on stderr that writes over itself."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def __call__(self, phase: str, done: int, total: int, remarks: list[str]) -> None:
+        for remark in remarks:
+            self._write(remark, "\n")
+        share = f" {done:,} of {total:,}" if total else ""
+        text = f"{phase}{share}".strip()
+        if text != self._last:
+            self._write(text, "\n" if total and done >= total else "")
+            self._last = text
+
+    def _write(self, text: str, end: str) -> None:
+        sys.stderr.write(f"\r{text:<{len(self._last)}}{end}")
+        sys.stderr.flush()

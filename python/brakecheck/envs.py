@@ -1,0 +1,139 @@
+"""Environments for Gymnasium: the ados learn, the ego is tested."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any, SupportsInt
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from brakecheck._brakecheck import RawBench
+from brakecheck.worlds import World
+
+__all__ = ["Env"]
+
+Observation = NDArray[np.float32]
+
+#: What `Env.reset` takes as options.
+OPTIONS = {"purpose", "index", "start", "noise", "aftermath"}
+
+
+class Env(gymnasium.Env[Observation, np.int64]):
+    """One world under its rulebook, decision by decision.
+
+    An action is the joint action of all ados (`world.actions` has the words),
+    an observation holds the signals of `world.observation`, each scaled so that
+    its declared range is −1 .. 1. The reward is paid with the verdict: Definition
+    4, above 0 only where the ego failed with every rule kept.
+
+    `terminated` is the end of an episode, the horizon included, which is part of
+    the problem; `truncated` says that the ego or the physics failed, so that the
+    episode counts for nobody. The last `info` holds
+
+    - `verdict`: counterexample, uncounted, held, foul or invalid;
+    - `is_success`, `robustness` (ρ of the ego's specification), `rules` (ρ of
+      each rule), `broken_rule`;
+    - `contact`: who, when, how fast, or None; `fault`: why it is invalid, or None;
+    - `decisions` and `time_s`.
+
+    Args:
+        world: a world, the path of a `.ron` file, or the name of a shipped one.
+        plant: `"kinematic"` or `"rigid"`, instead of the file's.
+        ego: who is tested, as `World` takes it.
+        seed: of the stream of starts, where `reset` is given none.
+        allow_programs: start the programs that the file names as egos.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}
+
+    def __init__(
+        self,
+        world: World | str | os.PathLike[str],
+        *,
+        plant: str | None = None,
+        ego: Any = None,
+        seed: int = 0,
+        allow_programs: bool = False,
+        render_mode: None = None,
+    ) -> None:
+        if render_mode is not None:
+            raise ValueError("keep an episode and `brakecheck.view` it: no mode renders while playing")
+        changes = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
+        self.world = World.of(world, **changes)
+        self._bench = RawBench(self.world._raw)
+        self._stream = ("train", seed, 0)
+        self.render_mode = None
+        box, actions = spaces_of(self.world)
+        self.observation_space: spaces.Box = box  # type: ignore[assignment]
+        self.action_space = actions
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begins an episode.
+
+        Args:
+            seed: begins the stream of starts of this seed; without one the
+                stream goes on.
+            options: `purpose` ("train", "calibration" or "test": the starts on
+                which `eval` reports), `index` (position in the stream), `start`
+                (a value per axis of `world.about["axes"]`, by name or in their
+                order) with `noise` (its seed), `aftermath` (play on after a success, to contact or the
+                horizon).
+        """
+        super().reset(seed=seed)
+        options = options or {}
+        unknown = set(options) - OPTIONS
+        if unknown:
+            raise ValueError(f"no option of `reset`: {', '.join(sorted(unknown))}")
+        aftermath = bool(options.get("aftermath", False))
+        if "start" in options:
+            start = self._start(options["start"])
+            obs = self._bench.reset_at(start, int(options.get("noise", 0)), aftermath)
+            return obs, self._bench.info()
+        purpose, of, index = self._stream
+        if seed is not None:
+            of, index = seed, 0
+        purpose = options.get("purpose", purpose)
+        index = int(options.get("index", index))
+        obs = self._bench.reset((purpose, of, index), aftermath)
+        self._stream = (purpose, of, index + 1)
+        return obs, self._bench.info()
+
+    def _start(self, given: Mapping[str, float] | Iterable[float]) -> list[float]:
+        if not isinstance(given, Mapping):
+            return [float(value) for value in given]
+        names = [axis["name"] for axis in self.world.about["axes"]]
+        if set(given) != set(names):
+            raise ValueError(f"a start of this world has a value for each of: {', '.join(names)}")
+        return [float(given[name]) for name in names]
+
+    def step(
+        self, action: SupportsInt
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Takes one joint action and plays to the next decision or the verdict."""
+        obs, reward, terminated, truncated = self._bench.step(action)
+        info = self._bench.info() if terminated or truncated else {}
+        return obs, reward, terminated, truncated, info
+
+    def trace(self) -> dict[str, NDArray[np.float64]]:
+        """The samples of the episode so far: `time` in seconds, and every signal."""
+        return self._bench.trace()
+
+    def __repr__(self) -> str:
+        return f"<brakecheck.Env {self.world.name!r}: {self.action_space}, {self.observation_space}>"
+
+
+def spaces_of(world: World) -> tuple[spaces.Box, spaces.Discrete]:
+    """Of the joint observation, `[observed signals]`, and the joint action.
+
+    Observations are scaled, not clipped: what leaves its declared range leaves
+    −1 .. 1 as well.
+    """
+    shape = (len(world.observation),)
+    box = spaces.Box(-np.inf, np.inf, shape, np.float32)
+    return box, spaces.Discrete(len(world.actions))

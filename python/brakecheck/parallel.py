@@ -1,0 +1,116 @@
+"""Worlds with several ados as PettingZoo environments: one policy per ado."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from brakecheck.envs import OPTIONS, Env
+from brakecheck.worlds import World
+
+try:
+    from pettingzoo import ParallelEnv as PettingZooParallelEnv
+except ImportError as error:  # pragma: no cover
+    raise ImportError("`brakecheck.ParallelEnv` needs PettingZoo: pip install pettingzoo") from error
+
+__all__ = ["ParallelEnv"]
+
+
+class ParallelEnv(PettingZooParallelEnv[str, NDArray[np.float32], int]):  # type: ignore[misc]
+    """A world whose ados act at the same time, each with actions of its own.
+
+    All ados observe what `Env` observes and are paid what it pays: the rulebook
+    judges what they do together. The joint action counts the first ado fastest,
+    as `Env` does.
+
+    Args:
+        world, plant, ego, seed, allow_programs: as for `brakecheck.Env`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "name": "brakecheck_v0"}
+
+    def __init__(
+        self, world: World | str | os.PathLike[str], *, render_mode: None = None, **kwargs: Any
+    ) -> None:
+        self._env = Env(world, render_mode=render_mode, **kwargs)
+        self.world = self._env.world
+        self.render_mode = None
+        ados = self.world.about["ados"]
+        self.possible_agents = [ado["name"] for ado in ados]
+        self.agents: list[str] = []
+        self.observation_spaces = {
+            name: self._env.observation_space for name in self.possible_agents
+        }
+        self.action_spaces = {ado["name"]: spaces.Discrete(len(ado["actions"])) for ado in ados}
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Of an ado; the same for all."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Of an ado."""
+        return self.action_spaces[agent]
+
+    def joint(self, actions: dict[str, int]) -> int:
+        """The joint action of `Env` that is made of these."""
+        joint, weight = 0, 1
+        for name in self.possible_agents:
+            joint += weight * int(actions[name])
+            weight *= int(self.action_spaces[name].n)
+        return joint
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[np.float32]], dict[str, dict[str, Any]]]:
+        """Begins an episode; seed and options as for `Env.reset`.
+
+        Other options are left out with a warning: PettingZoo's own check passes one.
+        """
+        unknown = set(options or {}) - OPTIONS
+        if options and unknown:
+            warnings.warn(f"no option of `reset`: {', '.join(sorted(unknown))}", stacklevel=2)
+            options = {name: value for name, value in options.items() if name in OPTIONS}
+        obs, info = self._env.reset(seed=seed, options=options)
+        self.agents = list(self.possible_agents)
+        return {name: obs.copy() for name in self.agents}, {name: dict(info) for name in self.agents}
+
+    def step(self, actions: dict[str, int]) -> tuple[
+        dict[str, NDArray[np.float32]],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Takes one action of every ado."""
+        missing = [name for name in self.agents if name not in actions]
+        if missing:
+            raise ValueError(f"no action of: {', '.join(missing)}")
+        obs, reward, terminated, truncated, info = self._env.step(self.joint(actions))
+        agents = self.agents
+        if terminated or truncated:
+            self.agents = []
+        return (
+            {name: obs.copy() for name in agents},
+            dict.fromkeys(agents, reward),
+            dict.fromkeys(agents, terminated),
+            dict.fromkeys(agents, truncated),
+            {name: dict(info) for name in agents},
+        )
+
+    def trace(self) -> dict[str, NDArray[np.float64]]:
+        """The samples of the episode so far."""
+        return self._env.trace()
+
+    def render(self) -> None:
+        """Nothing is shown while playing: keep an episode and view it."""
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+    def __repr__(self) -> str:
+        return f"<brakecheck.ParallelEnv {self.world.name!r}: {', '.join(self.possible_agents)}>"

@@ -1,0 +1,240 @@
+"""Rows, runs, trained ados and replayed counterexamples."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brakecheck._brakecheck import RawReplayed, RawRun
+from brakecheck.errors import InputError
+from brakecheck.worlds import World
+
+__all__ = ["Ado", "Replayed", "Rows", "Run"]
+
+
+class Rows(list[dict[str, Any]]):
+    """What an evaluation or a search came to: a row per ego and ado.
+
+    The keys are those of `brakecheck eval --json`: `success_rate` with `ci95`,
+    `starts`, `recall`, `foul_rate`, `contact_rate`, `solved` per start, and so on.
+    """
+
+    def __init__(self, rows: Iterable[dict[str, Any]] = (), run: Run | None = None) -> None:
+        super().__init__(rows)
+        #: The run whose ado it is, if it is one's.
+        self.run = run
+
+    def row(self, ado: str = "trained", ego: str | None = None) -> dict[str, Any]:
+        """The first row of an ado, and of an ego if one is named."""
+        for row in self:
+            if row["ado"] == ado and ego in (None, row["ego"]):
+                return row
+        known = ", ".join(sorted({row["ado"] for row in self}))
+        raise InputError(f"there is no row of the ado `{ado}`; there are: {known}")
+
+    def to_pandas(self) -> Any:
+        """As a pandas data frame, a line per row."""
+        import pandas
+
+        return pandas.DataFrame(list(self))
+
+    def to_polars(self) -> Any:
+        """As a polars data frame, a line per row; what nests is left out."""
+        import polars
+
+        flat = [
+            {key: value for key, value in row.items() if not isinstance(value, dict | list)}
+            for row in self
+        ]
+        return polars.DataFrame(flat)
+
+    def _table(self) -> list[list[str]]:
+        table = [["ego", "ado", "method", "starts", "success", "95 %", "recall", "foul"]]
+        for row in self:
+            low, high = row["ci95"]
+            recall = row.get("recall")
+            table.append(
+                [
+                    row["ego"],
+                    row["ado"],
+                    row["method"],
+                    str(row["starts"]),
+                    f"{100 * row['success_rate']:.1f} %",
+                    f"{100 * low:.1f}-{100 * high:.1f}",
+                    "-" if recall is None else f"{100 * recall:.1f} %",
+                    f"{100 * row['foul_rate']:.1f} %",
+                ]
+            )
+        return table
+
+    def __repr__(self) -> str:
+        table = self._table()
+        widths = [max(map(len, column)) for column in zip(*table)]
+        lines = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in table)
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head, *body = self._table()
+
+        def line(tag: str, cells: list[str]) -> str:
+            return "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
+
+        rows = "".join(f"<tr>{line('td', cells)}</tr>" for cells in body)
+        return f"<table><tr>{line('th', head)}</tr>{rows}</table>"
+
+
+class Run:
+    """A run directory, as `train` makes it.
+
+    Args:
+        path: of the directory.
+
+    Raises:
+        InputError: there is no run.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = os.fspath(path)
+        self._raw = RawRun(self.path)
+
+    @property
+    def manifest(self) -> dict[str, Any]:
+        """What it was: world, seed, learner, decisions, hashes."""
+        return self._raw.manifest()
+
+    @property
+    def rows(self) -> Rows:
+        """The rows of its closing evaluation."""
+        return Rows(self._raw.rows(), self)
+
+    @property
+    def progress(self) -> list[dict[str, Any]]:
+        """How training went, line by line."""
+        return self._raw.progress()
+
+    def world(self) -> World:
+        """The world it was trained in, on the plant it was trained on."""
+        plant = str(self.manifest["plant"]).lower()
+        file = os.path.join(self.path, "world.ron")
+        return World(file, plant=None if plant == "cells" else plant)
+
+    def __fspath__(self) -> str:
+        return self.path
+
+    def __repr__(self) -> str:
+        manifest = self.manifest
+        return f"<Run {self.path!r}: world {manifest['world']!r}, seed {manifest['seed']}>"
+
+
+class Ado:
+    """A trained ado, wherever it is to drive.
+
+    It is called with an observation as an environment gives it. `decide` takes
+    the signals instead, by name and in their units, so that it can be put into
+    other simulators; `label` says what an action is in words.
+
+    Args:
+        run: the run, or its path.
+        told: what a conditional ado is told of the ego; the nominal values
+            without it.
+    """
+
+    def __init__(
+        self, run: Run | str | os.PathLike[str], *, told: Mapping[str, float] | None = None
+    ) -> None:
+        self.run = run if isinstance(run, Run) else Run(run)
+        self._raw = self.run._raw.policy(list((told or {}).items()))
+        self.world = self.run.world()
+        #: What it observes: name, unit, and the range that is scaled to −1 .. 1.
+        self.observation = self.world.observation
+        #: Its actions in words.
+        self.actions = self.world.actions
+
+    def __call__(self, obs: ArrayLike) -> int:
+        return self._raw.act(np.ascontiguousarray(obs, np.float32))
+
+    def value(self, obs: ArrayLike) -> float:
+        """The return it expects from here."""
+        return self._raw.value(np.ascontiguousarray(obs, np.float32))
+
+    def observe(self, signals: Mapping[str, float]) -> NDArray[np.float32]:
+        """The observation of signals given by name, in their units."""
+        missing = [one["name"] for one in self.observation if one["name"] not in signals]
+        if missing:
+            raise InputError(f"the ado also observes: {', '.join(missing)}")
+        scaled = []
+        for one in self.observation:
+            half = (one["high"] - one["low"]) / 2
+            middle = (one["high"] + one["low"]) / 2
+            scaled.append((float(signals[one["name"]]) - middle) / half)
+        return np.array(scaled, np.float32)
+
+    def decide(self, signals: Mapping[str, float]) -> int:
+        """The action it takes where these are the signals."""
+        return self(self.observe(signals))
+
+    def label(self, action: int) -> str:
+        """An action in words."""
+        return self.actions[action]
+
+    def export(self, directory: str | os.PathLike[str]) -> list[str]:
+        """Writes what another program needs to play it; the files.
+
+        `policy.safetensors` holds the weights, `observation.json` what is
+        observed in which order and range, and the actions in words. A policy that
+        is a network is written as `policy.onnx`, too: `observation` [batch,
+        observed] to `values` [batch, actions] and the greedy `action` [batch].
+        """
+        from brakecheck.exporting import export_ado
+
+        return export_ado(self, os.fspath(directory))
+
+    def __repr__(self) -> str:
+        names = ", ".join(one["name"] for one in self.observation)
+        return f"<Ado of {self.run.path!r}: sees {names}; {len(self.actions)} actions>"
+
+
+class Replayed:
+    """A kept counterexample, played again."""
+
+    def __init__(self, raw: RawReplayed) -> None:
+        self._raw = raw
+        #: Everything there is to say: verdict, robustness, contact, start, actions.
+        self.about: dict[str, Any] = raw.about()
+
+    @property
+    def path(self) -> str:
+        """Where it is kept."""
+        return str(self.about["path"])
+
+    @property
+    def still_fails(self) -> bool:
+        """Whether the ego still fails."""
+        return bool(self.about["still_fails"])
+
+    @property
+    def identical(self) -> bool:
+        """Whether every sample is as recorded, to the bit."""
+        return bool(self.about["identical"])
+
+    def trace(self) -> dict[str, NDArray[np.float64]]:
+        """Its samples: `time` in seconds, and every signal."""
+        return self._raw.trace()
+
+    def view(self, output: str | os.PathLike[str] | None = None) -> str:
+        """Writes it as a recording for the rerun viewer; the file."""
+        if output is None:
+            stem = os.path.splitext(os.path.basename(self.path))[0]
+            output = f"{stem}.rrd"
+        self._raw.view(os.fspath(output))
+        return os.fspath(output)
+
+    def __repr__(self) -> str:
+        state = "still fails" if self.still_fails else "does not fail"
+        bits = "" if self.identical else ", not as recorded"
+        return f"<Replayed {self.path!r}: {self.about['verdict']}, {state}{bits}>"

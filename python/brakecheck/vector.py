@@ -1,0 +1,133 @@
+"""Many environments at once, stepped in Rust on buffers that numpy owns."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv as GymnasiumVectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from brakecheck._brakecheck import RawVector
+from brakecheck.envs import spaces_of
+from brakecheck.worlds import World
+
+__all__ = ["VectorEnv"]
+
+
+class VectorEnv(GymnasiumVectorEnv[NDArray[np.float32], NDArray[np.int64], Any]):
+    """`num_envs` times `brakecheck.Env`, each with a stream of starts of its own.
+
+    An environment whose episode is over begins its next one at the next step,
+    whatever the action is, and is paid nothing for it (Gymnasium's next-step
+    autoreset). Where episodes ended, `info` has `verdict`, `is_success`,
+    `robustness`, `decisions` and `episode` (what `Env` says), each beside a mask
+    (`_verdict`, ...).
+
+    Args:
+        world, plant, ego, allow_programs: as for `brakecheck.Env`.
+        num_envs: how many.
+        seed: `reset` without a seed begins as with this one.
+        jobs: threads; 1 steps them in the thread that calls, 0 takes one per core.
+        copy: whether `step` gives arrays of its own; without, it gives the same
+            buffers every time, written anew.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
+
+    def __init__(
+        self,
+        world: World | str | os.PathLike[str],
+        num_envs: int = 1,
+        *,
+        plant: str | None = None,
+        ego: Any = None,
+        seed: int = 0,
+        jobs: int = 1,
+        copy: bool = True,
+        allow_programs: bool = False,
+    ) -> None:
+        if num_envs < 1:
+            raise ValueError("a vector environment has one environment at least")
+        changes = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
+        self.world = World.of(world, **changes)
+        self.num_envs = num_envs
+        self._raw = RawVector(self.world._raw, num_envs, jobs)
+        self._copy = copy
+        self._seed: int | None = seed
+        box, actions = spaces_of(self.world)
+        self.single_observation_space, self.single_action_space = box, actions
+        self.observation_space = batch_space(box, num_envs)
+        self.action_space = batch_space(actions, num_envs)
+        self._obs = np.zeros((num_envs, *box.shape), np.float32)
+        self._rewards = np.zeros(num_envs, np.float64)
+        self._terminated = np.zeros(num_envs, np.bool_)
+        self._truncated = np.zeros(num_envs, np.bool_)
+
+    def reset(
+        self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begins an episode in each environment.
+
+        Args:
+            seed: the i-th environment takes the stream of `seed + i`, or of the
+                i-th seed of a list; without one every stream goes on.
+            options: `purpose` of the streams, as for `Env.reset`.
+        """
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        seed = self._seed if seed is None else seed
+        self._seed = None
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        if seeds is not None and len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        purpose = (options or {}).get("purpose", "train")
+        self._raw.reset(purpose, seeds, self._obs)
+        return (self._obs.copy() if self._copy else self._obs), {}
+
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[
+        NDArray[np.float32],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        dict[str, Any],
+    ]:
+        """Takes one joint action in each environment, `[num_envs]`."""
+        chosen = np.ascontiguousarray(actions, np.int64)
+        buffers = (self._obs, self._rewards, self._terminated, self._truncated)
+        ended = self._raw.step(chosen, buffers)
+        info = self._ended(ended) if ended else {}
+        obs, rewards, terminated, truncated = buffers
+        if self._copy:
+            obs, rewards = obs.copy(), rewards.copy()
+            terminated, truncated = terminated.copy(), truncated.copy()
+        return obs, rewards, terminated, truncated, info
+
+    def _ended(self, ended: list[int]) -> dict[str, Any]:
+        mask = np.zeros(self.num_envs, np.bool_)
+        mask[ended] = True
+        info: dict[str, Any] = {
+            "verdict": np.full(self.num_envs, None, object),
+            "is_success": np.zeros(self.num_envs, np.bool_),
+            "robustness": np.full(self.num_envs, np.nan),
+            "decisions": np.zeros(self.num_envs, np.int64),
+            "episode": np.full(self.num_envs, None, object),
+        }
+        names = list(info)
+        for at in ended:
+            episode = self._raw.info(at)
+            for name in names[:-1]:
+                info[name][at] = episode[name]
+            info["episode"][at] = episode
+        info.update({f"_{name}": mask for name in names})
+        return info
+
+    def trace(self, at: int) -> dict[str, NDArray[np.float64]]:
+        """The samples of the episode in the `at`-th environment."""
+        return self._raw.trace(at)
+
+    def __repr__(self) -> str:
+        return f"<brakecheck.VectorEnv {self.world.name!r} × {self.num_envs}>"

@@ -1,0 +1,102 @@
+"""Worlds: a road, an ego, its ados, what the ego must never do, and the rules."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from brakecheck._brakecheck import RawWorld
+
+__all__ = ["World"]
+
+
+class World:
+    """A world file, checked.
+
+    Args:
+        file: the path of a `.ron` file, or the name of a shipped world
+            (`World.shipped()`).
+        plant: `"kinematic"` or `"rigid"`, instead of the file's.
+        ego: who is tested: a name under the file's `reuse`, a RON file with a
+            `Change`, the words of a program as a list, or Python: a function of
+            a percept, or a class or an object with `reset(seed)` and
+            `control(percept)`.
+        allow_programs: start the programs that the file names as egos.
+
+    Raises:
+        InputError: the file is no world; the message says where and why.
+    """
+
+    def __init__(
+        self,
+        file: str | os.PathLike[str],
+        *,
+        plant: str | None = None,
+        ego: Any = None,
+        allow_programs: bool = False,
+    ) -> None:
+        self.file = os.fspath(file)
+        self._given = {"plant": plant, "ego": ego, "allow_programs": allow_programs}
+        #: The file's own world, from which test starts and egos are taken.
+        self._nominal = RawWorld.load(self.file, allow_programs)
+        if plant is not None:
+            self._nominal = self._nominal.with_parts(plant, None)
+        self._raw = self._nominal if ego is None else self._nominal.with_parts(None, ego)
+        self.ego = ego
+        self._about: dict[str, Any] = self._raw.about()
+
+    @staticmethod
+    def shipped() -> list[str]:
+        """Names of the worlds that come with brakecheck."""
+        return RawWorld.shipped()
+
+    @classmethod
+    def of(cls, world: World | str | os.PathLike[str], **changes: Any) -> World:
+        """A world as it is, or the one of a file or name."""
+        if isinstance(world, World):
+            asked = {name: value for name, value in changes.items() if value not in (None, False)}
+            return cls(world.file, **{**world._given, **asked}) if asked else world
+        return cls(world, **changes)
+
+    @property
+    def name(self) -> str:
+        """Its name; part of every start's key."""
+        return str(self._about["name"])
+
+    @property
+    def question(self) -> str:
+        """The question it asks."""
+        return str(self._about["question"])
+
+    @property
+    def text(self) -> str:
+        """The text of the file."""
+        return self._raw.text
+
+    @property
+    def egos(self) -> list[str]:
+        """Names of the changed egos under the file's `reuse`."""
+        return list(self._about["egos"])
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """Signals, rules, actions, observation, axes, clocks: as `check --json`."""
+        return self._about
+
+    @property
+    def actions(self) -> list[str]:
+        """The joint actions in words."""
+        return list(self._about["actions"])
+
+    @property
+    def observation(self) -> list[dict[str, Any]]:
+        """What ados observe: name, unit, and the range that is scaled to −1 .. 1."""
+        return list(self._about["observation"])
+
+    def __repr__(self) -> str:
+        about = self._about
+        ego = about["own_ego"] or "nominal"
+        return (
+            f"<World {self.name!r}: {self.question} {len(about['actions'])} actions, "
+            f"{len(about['rules'])} rules, {about['plant']}, ego {ego}>"
+        )

@@ -1,0 +1,104 @@
+//! Anything callable as an ado, and trained policies as something callable.
+
+use std::sync::{Mutex, PoisonError};
+
+use brakecheck::rl::Policy;
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use crate::error::wrong;
+
+/// A Python callable from observations to joint actions.
+pub(crate) struct PythonPolicy {
+    act: Py<PyAny>,
+    actions: usize,
+    neutral: usize,
+    /// The first exception; whoever evaluates raises it.
+    failed: Mutex<Option<PyErr>>,
+}
+
+impl PythonPolicy {
+    /// `act` takes an observation as float32 and answers below `actions`.
+    pub(crate) fn new(act: &Bound<'_, PyAny>, actions: usize, neutral: usize) -> PythonPolicy {
+        PythonPolicy {
+            act: act.clone().unbind(),
+            actions,
+            neutral,
+            failed: Mutex::new(None),
+        }
+    }
+
+    /// Raises what it raised.
+    pub(crate) fn check(&self) -> PyResult<()> {
+        let mut slot = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+        slot.take().map_or(Ok(()), Err)
+    }
+
+    fn ask(&self, obs: &[f32]) -> PyResult<usize> {
+        Python::attach(|py| {
+            let answer = self.act.bind(py).call1((PyArray1::from_slice(py, obs),))?;
+            let action = answer
+                .call_method0("__index__")
+                .or_else(|_| answer.call_method0("item"));
+            let action = action.and_then(|action| action.extract::<usize>());
+            match action {
+                Ok(action) if action < self.actions => Ok(action),
+                _ => Err(wrong(
+                    format!("the ado answered {}", answer.repr()?),
+                    format!("an action is a whole number from 0 to {}", self.actions - 1),
+                )),
+            }
+        })
+    }
+}
+
+impl Policy for PythonPolicy {
+    fn act(&self, obs: &[f32]) -> usize {
+        let failed = || self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+        if failed().is_some() {
+            return self.neutral;
+        }
+        self.ask(obs).unwrap_or_else(|error| {
+            failed().get_or_insert(error);
+            self.neutral
+        })
+    }
+
+    /// Nobody knows.
+    fn value(&self, _obs: &[f32]) -> f32 {
+        0.0
+    }
+}
+
+/// A trained policy.
+#[pyclass(frozen, module = "brakecheck._brakecheck")]
+pub(crate) struct RawPolicy {
+    pub(crate) policy: Box<dyn Policy>,
+    pub(crate) observation: usize,
+}
+
+#[pymethods]
+impl RawPolicy {
+    /// The greedy action; ties go to the lowest index.
+    fn act(&self, obs: PyReadonlyArray1<'_, f32>) -> PyResult<usize> {
+        Ok(self.policy.act(self.checked(&obs)?))
+    }
+
+    /// The expected return from here.
+    fn value(&self, obs: PyReadonlyArray1<'_, f32>) -> PyResult<f32> {
+        Ok(self.policy.value(self.checked(&obs)?))
+    }
+}
+
+impl RawPolicy {
+    fn checked<'a>(&self, obs: &'a PyReadonlyArray1<'_, f32>) -> PyResult<&'a [f32]> {
+        let slice = obs.as_slice()?;
+        match slice.len() == self.observation {
+            true => Ok(slice),
+            false => Err(wrong(
+                format!("an observation of {} numbers", slice.len()),
+                format!("this ado observes {}", self.observation),
+            )),
+        }
+    }
+}

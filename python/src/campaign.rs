@@ -1,0 +1,447 @@
+//! Campaigns: what Python asks for, and the rows it gets.
+
+use std::path::PathBuf;
+
+use brakecheck::campaign::{
+    Ado, AdoKind, BUDGET, Choice, ContextSource, EgoUnderTest, Evaluation, Form, GivenRows,
+    IdentifyRequest, Keeper, Method, MethodSettings, ReportRequest, SearchCampaign, SearchRequest,
+    Switches, TestStarts, TrainRequest, TrainSession, Watch, best_constant, consent, eval,
+    identify, on_plant, search, test_starts, untrained,
+};
+use brakecheck::run::{Row, RunDir};
+use brakecheck::scenario::Scenario;
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use serde_json::json;
+
+use crate::ado::PythonPolicy;
+use crate::convert::objects;
+use crate::ego::{egos, is_python};
+use crate::error::{failed, wrong};
+use crate::watch::{Running, something};
+use crate::world::{RawWorld, plant_of};
+
+/// Which counterexamples are written where.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Keeping {
+    directory: PathBuf,
+    /// At most so many per ego; None: all.
+    most: Option<usize>,
+    as_found: bool,
+}
+
+impl Keeping {
+    fn choice(&self) -> Choice {
+        self.most.map_or(Choice::All, Choice::Worst)
+    }
+
+    fn form(&self) -> Form {
+        match self.as_found {
+            true => Form::AsFound,
+            false => Form::Shrunk,
+        }
+    }
+}
+
+/// What `train` takes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct TrainAsked {
+    output: PathBuf,
+    ego: Option<Py<PyAny>>,
+    seed: u64,
+    decisions: Option<u64>,
+    learner: Option<String>,
+    against: String,
+    plant: Option<String>,
+    from_run: Option<PathBuf>,
+    resume: bool,
+    starts: usize,
+}
+
+/// Trains an ado and evaluates it; what came of it.
+#[pyfunction]
+pub(crate) fn train_ado<'py>(
+    py: Python<'py>,
+    world: &RawWorld,
+    asked: TrainAsked,
+    running: Running,
+) -> PyResult<Bound<'py, PyAny>> {
+    let mut world = world.0.clone();
+    let mut name = None;
+    if let Some(ego) = asked.ego.as_ref().map(|ego| ego.bind(py)) {
+        match ego.cast::<PyString>() {
+            Ok(named) => name = Some(named.to_cow()?.into_owned()),
+            Err(_) if !is_python(Some(ego)) && !ego.is_none() => {
+                return Err(wrong(
+                    "an ado is trained against an ego that its world can name",
+                    "write the program into a RON file with a `Change`, and give its path",
+                ));
+            }
+            Err(_) => world = egos(&world, Some(ego))?[0].scenario().clone(),
+        }
+    }
+    let plant = asked.plant.as_deref().map(plant_of).transpose()?;
+    let against = asked.against.parse().map_err(|_| {
+        let what = format!("`against={:?}` is not known", asked.against);
+        wrong(what, "known: nominal, wide, conditional")
+    })?;
+    let from = asked.from_run.as_deref().map(RunDir::open).transpose();
+    let from = from.map_err(failed)?;
+    let request = TrainRequest {
+        seed: asked.seed,
+        decisions: asked.decisions,
+        learner: asked.learner.as_deref(),
+        against,
+        ego: name.as_deref(),
+        plant,
+        from: from.as_ref(),
+    };
+    let found = running.watched(py, |watch| {
+        let mut session = match asked.resume {
+            true => TrainSession::resume(&world, &asked.output, &request)?,
+            false => TrainSession::begin(&world, &asked.output, &request)?,
+        };
+        let trained = session.train(watch)?;
+        if trained.interrupted {
+            return Ok(None);
+        }
+        let Some(closing) = session.evaluate(asked.starts, watch)? else {
+            return Ok(None);
+        };
+        session.keep(&closing)?;
+        Ok(Some(json!({
+            "run": session.run().path(), "decisions": trained.done.decisions,
+            "episodes": trained.done.episodes, "cpu_s": trained.done.cpu_s,
+            "aborted": trained.aborted, "rows": closing.rows,
+        })))
+    })?;
+    objects(py, &something(found)?)
+}
+
+/// What `eval` of a run takes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct EvalAsked {
+    run: PathBuf,
+    ego: Option<Py<PyAny>>,
+    ados: Vec<String>,
+    starts: usize,
+    seed: u64,
+    plant: Option<String>,
+    search: Option<usize>,
+    params: Option<String>,
+    tries: u64,
+    runs: u64,
+    keep: Option<Keeping>,
+    allow_programs: bool,
+}
+
+/// A trained ado and its rivals on egos: rows.
+#[pyfunction]
+pub(crate) fn eval_run<'py>(
+    py: Python<'py>,
+    asked: EvalAsked,
+    running: Running,
+) -> PyResult<Bound<'py, PyAny>> {
+    let mut run = RunDir::open(&asked.run).map_err(failed)?;
+    run.allow_programs(asked.allow_programs);
+    let nominal = placed(&run.scenario().map_err(failed)?, asked.plant.as_deref())?;
+    let ego = asked.ego.as_ref().map(|ego| ego.bind(py));
+    let egos = egos(&nominal, ego)?;
+    let ados = asked.ados.iter().map(|word| {
+        let known = || "known: trained, all, and those of `brakecheck eval --help`";
+        let kind = word.parse::<AdoKind>();
+        kind.map_err(|_| wrong(format!("there is no ado `{word}`"), known()))
+    });
+    let ados = ados.collect::<PyResult<Vec<_>>>()?;
+    let rows = running.watched(py, |watch| {
+        let context = ContextSource::find(&run, asked.params.as_deref(), watch)?;
+        let evaluation = Evaluation {
+            run: &run,
+            nominal: &nominal,
+            egos: &egos,
+            ados: &ados,
+            context: context.as_ref(),
+            starts: (asked.starts, asked.seed),
+            search: asked.search,
+            tries: asked.tries,
+            runs: asked.runs,
+            keeps: asked.keep.is_some(),
+        };
+        let Some(table) = evaluation.run(watch)? else {
+            return Ok(None);
+        };
+        if let Some(keep) = &asked.keep {
+            table.keep(&keep.directory, keep.choice(), keep.form(), watch)?;
+        }
+        let rows = table.rows();
+        match table.failure {
+            Some(failure) => Err(failure.into()),
+            None => Ok(Some(rows)),
+        }
+    })?;
+    objects(py, &something(rows)?)
+}
+
+/// What an evaluation without a run takes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct MeetAsked {
+    /// From observations to joint actions; None: baselines and search only.
+    ado: Option<Py<PyAny>>,
+    name: String,
+    ego: Option<Py<PyAny>>,
+    starts: usize,
+    seed: u64,
+    switches: Option<usize>,
+    keep: Option<Keeping>,
+}
+
+/// Any ado, or none, on egos of a world, beside the baselines: rows.
+#[pyfunction]
+pub(crate) fn eval_world<'py>(
+    py: Python<'py>,
+    world: &RawWorld,
+    asked: MeetAsked,
+    running: Running,
+) -> PyResult<Bound<'py, PyAny>> {
+    let nominal = &world.0;
+    let egos = egos(nominal, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let drawn = (asked.starts, asked.seed);
+    let Some(act) = &asked.ado else {
+        let switches = asked.switches.unwrap_or(1);
+        let rows = running.watched(py, |watch| {
+            Ok(untrained(nominal, &egos, drawn, switches, watch)?)
+        })?;
+        return objects(py, &something(rows)?);
+    };
+    let spaces = nominal.world().spaces();
+    let policy = PythonPolicy::new(act.bind(py), spaces.actions, spaces.neutral);
+    let rows = running.watched(py, |watch| {
+        consent(nominal, &egos)?;
+        let Some(starts) = test_starts(nominal, drawn.1, drawn.0, watch) else {
+            return Ok(None);
+        };
+        let mut rows = Vec::new();
+        for ego in &egos {
+            let mut met = meet(ego, &policy, &starts, watch);
+            if let Some(keep) = &asked.keep {
+                let request = ego.met_by(played_by(&policy), &starts);
+                let solved = met.solved.clone();
+                let mut keeper = Keeper::of(&request, ego.change(), keep.choice(), keep.form());
+                keeper.ado = &asked.name;
+                let again = |bench: &mut _, at| request.play(bench, at);
+                keeper.keep(&solved, &again, &keep.directory, watch)?;
+            }
+            if let Some(switches) = asked.switches {
+                met.compare(ego, &starts, switches, watch);
+            }
+            met.rows[0].method.clone_from(&asked.name);
+            rows.append(&mut met.rows);
+        }
+        Ok(Some(rows))
+    });
+    // An exception of the ado says more than what came of it.
+    policy.check()?;
+    objects(py, &something(rows?)?)
+}
+
+fn played_by(policy: &PythonPolicy) -> Ado<'_> {
+    Ado::Rule(policy, "python", "python")
+}
+
+/// The rows of one ego, the ado's first, and the starts that it solved.
+struct Met {
+    rows: Vec<Row>,
+    solved: Vec<usize>,
+}
+
+fn meet(ego: &EgoUnderTest, policy: &PythonPolicy, starts: &TestStarts, watch: &Watch<'_>) -> Met {
+    let met = |ado| eval(&ego.met_by(ado, starts), watch);
+    let evaluated = met(played_by(policy));
+    let solved = evaluated.outcomes.iter().enumerate();
+    let solved = solved.filter(|(_, outcome)| outcome.is_some_and(|it| it.verdict.is_success()));
+    let solved = solved.map(|(at, _)| at).collect();
+    let constant = best_constant(ego.scenario(), ego.name(), starts, watch).row;
+    let rows = vec![
+        evaluated.row,
+        met(Ado::Held).row,
+        met(Ado::Random).row,
+        constant,
+    ];
+    Met { rows, solved }
+}
+
+impl Met {
+    /// Adds a search's row, and the recall of the others.
+    fn compare(
+        &mut self,
+        ego: &EgoUnderTest,
+        starts: &TestStarts,
+        switches: usize,
+        watch: &Watch<'_>,
+    ) {
+        let request = SearchRequest {
+            scenario: ego.scenario(),
+            ego: ego.name(),
+            method: Switches(switches).into(),
+            budget: 0,
+            starts,
+        };
+        let found = search(&request, watch).row;
+        for row in &mut self.rows {
+            row.compare_with_search(&found.solved);
+        }
+        self.rows.push(found);
+    }
+}
+
+/// What `search` takes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct SearchAsked {
+    ego: Option<Py<PyAny>>,
+    method: String,
+    switches: Option<usize>,
+    budget: Option<u64>,
+    starts: usize,
+    seed: u64,
+    keep: Option<Keeping>,
+}
+
+/// Searches action sequences, start by start: rows.
+#[pyfunction]
+pub(crate) fn search_world<'py>(
+    py: Python<'py>,
+    world: &RawWorld,
+    asked: SearchAsked,
+    running: Running,
+) -> PyResult<Bound<'py, PyAny>> {
+    let egos = egos(&world.0, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let settings = MethodSettings {
+        switches: asked.switches,
+        stored: None,
+    };
+    let campaign = SearchCampaign {
+        world: &world.0,
+        egos: &egos,
+        run: None,
+        method: Method::named(&asked.method, &settings).map_err(failed)?,
+        budget: asked.budget.unwrap_or(BUDGET),
+        starts: (asked.starts, asked.seed),
+    };
+    let rows = running.watched(py, |watch| {
+        let Some(table) = campaign.run(watch)? else {
+            return Ok(None);
+        };
+        if let Some(keep) = &asked.keep {
+            table.keep(&keep.directory, keep.choice(), keep.form(), watch)?;
+        }
+        Ok(Some(table.rows))
+    })?;
+    objects(py, &something(rows)?)
+}
+
+/// What `identify` takes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct IdentifyAsked {
+    ego: Option<Py<PyAny>>,
+    runs: usize,
+    seed: u64,
+}
+
+/// The member of the world's family that is nearest to an ego.
+#[pyfunction]
+pub(crate) fn identify_ego<'py>(
+    py: Python<'py>,
+    world: &RawWorld,
+    asked: IdentifyAsked,
+    running: Running,
+) -> PyResult<Bound<'py, PyAny>> {
+    let egos = egos(&world.0, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let [ego] = &egos[..] else {
+        return Err(wrong("`all` is more than one ego", "name one of them"));
+    };
+    let found = running.watched(py, |watch| {
+        consent(&world.0, &egos)?;
+        let request = IdentifyRequest {
+            world: &world.0,
+            ego: ego.scenario(),
+            runs: asked.runs,
+            seed: asked.seed,
+            fixed: &[],
+        };
+        Ok(identify(&request, watch)?)
+    })?;
+    let found = something(found)?;
+    let names = world.0.family().map(|family| family.quantities.iter());
+    let names: Vec<&str> = names
+        .into_iter()
+        .flatten()
+        .map(|q| q.varied.name())
+        .collect();
+    let named = |values: &[f64]| -> serde_json::Map<String, serde_json::Value> {
+        let pairs = names.iter().zip(values);
+        pairs
+            .map(|(name, value)| ((*name).to_owned(), json!(value)))
+            .collect()
+    };
+    let hidden = names
+        .iter()
+        .zip(&found.hidden)
+        .filter(|(_, hidden)| **hidden);
+    objects(
+        py,
+        &json!({
+            "ego": ego.name(), "parameters": named(&found.member.values),
+            "spread": named(&found.spread), "explains": found.explains(),
+            "hidden": hidden.map(|(name, _)| *name).collect::<Vec<_>>(),
+            "residual_m": found.residual_m, "nominal_residual_m": found.nominal_residual_m,
+            "recorded": found.recorded, "simulations": found.simulations,
+        }),
+    )
+}
+
+/// Writes one page about a run, and JUnit XML beside it; the two files.
+#[pyfunction]
+pub(crate) fn report_run(
+    py: Python<'_>,
+    run: PathBuf,
+    output: Option<PathBuf>,
+    starts: (usize, u64),
+    running: Running,
+) -> PyResult<(PathBuf, PathBuf)> {
+    let html = output.unwrap_or_else(|| run.join("report.html"));
+    let junit = html.with_extension("junit.xml");
+    let run = RunDir::open(&run).map_err(failed)?;
+    let scenario = run.scenario().map_err(failed)?;
+    let done = running.watched(py, |watch| {
+        let request = ReportRequest {
+            run: &run,
+            scenario: &scenario,
+            with: &[],
+            given: &GivenRows::default(),
+            starts,
+            reuse_starts: None,
+        };
+        let Some(report) = request.report(watch)? else {
+            return Ok(None);
+        };
+        brakecheck::run::write_file(&html, report.html().as_bytes())?;
+        brakecheck::run::write_file(&junit, report.junit().as_bytes())?;
+        Ok(Some(()))
+    })?;
+    something(done)?;
+    Ok((html, junit))
+}
+
+/// The world on the plant asked for.
+fn placed(world: &Scenario, plant: Option<&str>) -> PyResult<Scenario> {
+    match plant {
+        Some(plant) => on_plant(world, plant_of(plant)?).map_err(failed),
+        None => Ok(world.clone()),
+    }
+}

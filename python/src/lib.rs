@@ -1,0 +1,46 @@
+//! brakecheck from Python: the extension module `brakecheck._brakecheck`.
+//!
+//! Thin on purpose: it converts arguments and results, and calls the library.
+//! What users see, with its documentation, is in `brakecheck/*.py`.
+
+mod ado;
+mod bench;
+mod campaign;
+mod cli;
+mod convert;
+mod ego;
+mod error;
+mod kept;
+mod percept;
+mod run;
+mod stl;
+mod vector;
+mod watch;
+mod world;
+
+/// What the Python package is built on.
+#[pyo3::pymodule]
+mod _brakecheck {
+    #[pymodule_export]
+    use super::ado::RawPolicy;
+    #[pymodule_export]
+    use super::bench::RawBench;
+    #[pymodule_export]
+    use super::campaign::{
+        eval_run, eval_world, identify_ego, report_run, search_world, train_ado,
+    };
+    #[pymodule_export]
+    use super::cli::run_program;
+    #[pymodule_export]
+    use super::kept::{RawReplayed, export_kept, replay_kept};
+    #[pymodule_export]
+    use super::percept::{Command, Own, Percept, Seen, SeenLight};
+    #[pymodule_export]
+    use super::run::RawRun;
+    #[pymodule_export]
+    use super::stl::{RawFormula, RawMonitor};
+    #[pymodule_export]
+    use super::vector::RawVector;
+    #[pymodule_export]
+    use super::world::RawWorld;
+}

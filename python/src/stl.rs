@@ -1,0 +1,241 @@
+//! Signal Temporal Logic over arrays that Python owns.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use brakecheck::stl::{
+    Formula, Interval, Monitor, Names, OnlineMonitor, Samples, Scratch, Settings, StlError,
+    TraceEnd, Until,
+};
+use brakecheck::trace::{Schema, Signal};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+use crate::convert::objects;
+use crate::error::{raised, wrong};
+
+/// A column: its name, whether it is Boolean, and its samples.
+type Column<'py> = (String, bool, PyReadonlyArray1<'py, f64>);
+
+/// A formula; `brakecheck.stl.Formula` is built on it.
+#[pyclass(frozen, module = "brakecheck._brakecheck")]
+pub(crate) struct RawFormula {
+    text: String,
+    formula: Formula,
+    names: Names,
+    settings: Settings,
+}
+
+/// Draws a mistake as terminals show it.
+fn refused(text: &str, error: &StlError) -> PyErr {
+    let place = error.formula().map_or(text, |_| "");
+    let drawn = match place.is_empty() && !text.is_empty() {
+        true => error.to_string(),
+        false => error.render(text),
+    };
+    raised("FormulaError", drawn)
+}
+
+fn parsed(text: &str) -> PyResult<Formula> {
+    text.parse().map_err(|error| refused(text, &error))
+}
+
+#[pymethods]
+impl RawFormula {
+    #[new]
+    fn new(
+        text: String,
+        constants: Vec<(String, f64)>,
+        formulas: Vec<(String, String)>,
+        until: &str,
+        end: &str,
+        rho_max: Option<f64>,
+    ) -> PyResult<RawFormula> {
+        let formula = parsed(&text)?;
+        let formulas = formulas.into_iter();
+        let formulas = formulas.map(|(name, text)| Ok((name, parsed(&text)?)));
+        if let Some((name, value)) = constants.iter().find(|(_, value)| !value.is_finite()) {
+            let what = format!("the constant `{name}` is {value}");
+            return Err(wrong(what, "constants are finite numbers"));
+        }
+        let settings = Settings {
+            until: match until {
+                "half-open" => Until::HalfOpen,
+                "closed" => Until::Closed,
+                other => return Err(unknown("until", other, "half-open, closed")),
+            },
+            end: match end {
+                "truncate" => TraceEnd::Truncate,
+                "hold" => TraceEnd::Hold,
+                "strict" => TraceEnd::Strict,
+                other => return Err(unknown("end", other, "truncate, hold, strict")),
+            },
+            rho_max,
+            ..Settings::default()
+        };
+        Ok(RawFormula {
+            text,
+            formula,
+            names: Names {
+                constants: constants.into_iter().collect(),
+                formulas: formulas.collect::<PyResult<_>>()?,
+            },
+            settings,
+        })
+    }
+
+    fn __str__(&self) -> String {
+        self.formula.to_string()
+    }
+
+    /// The robustness at the first sample.
+    fn robustness(&self, py: Python<'_>, columns: Vec<Column<'_>>, dt_s: f64) -> PyResult<f64> {
+        self.over(&columns, dt_s, |monitor, samples| {
+            py.detach(|| monitor.robustness_of(samples, &mut Scratch::new()))
+        })
+    }
+
+    /// Whether the formula holds at the first sample, ties included.
+    fn satisfied(&self, py: Python<'_>, columns: Vec<Column<'_>>, dt_s: f64) -> PyResult<bool> {
+        self.over(&columns, dt_s, |monitor, samples| {
+            py.detach(|| monitor.satisfied_of(samples, &mut Scratch::new()))
+        })
+    }
+
+    /// The robustness at every sample.
+    fn robustness_all<'py>(
+        &self,
+        py: Python<'py>,
+        columns: Vec<Column<'_>>,
+        dt_s: f64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let all = self.over(&columns, dt_s, |monitor, samples| {
+            py.detach(|| {
+                let mut all = Vec::new();
+                monitor.robustness_of_all(samples, &mut all);
+                all
+            })
+        })?;
+        Ok(all.into_pyarray(py))
+    }
+
+    /// Which leaf decides: the fields of an explanation, and its text.
+    fn explain<'py>(
+        &self,
+        py: Python<'py>,
+        columns: Vec<Column<'_>>,
+        dt_s: f64,
+    ) -> PyResult<(Bound<'py, PyAny>, f64, String)> {
+        let found = self.over(&columns, dt_s, |monitor, samples| {
+            py.detach(|| monitor.explain_of(samples))
+        })?;
+        Ok((objects(py, &found)?, found.robustness, found.to_string()))
+    }
+
+    /// A monitor that is fed row by row.
+    fn monitor(
+        &self,
+        signals: Vec<(String, bool)>,
+        dt_s: f64,
+        samples: Option<usize>,
+    ) -> PyResult<RawMonitor> {
+        let schema = schema(signals.into_iter(), dt_s)?;
+        let monitor = self.bind(&schema)?;
+        let online = match samples {
+            Some(samples) => monitor.online_for(samples),
+            None => monitor.online(),
+        };
+        Ok(RawMonitor(Mutex::new(online)))
+    }
+}
+
+impl RawFormula {
+    fn bind(&self, schema: &Schema) -> PyResult<Monitor> {
+        let bound = self.formula.bind_with(schema, &self.names, &self.settings);
+        bound.map_err(|error| refused(&self.text, &error))
+    }
+
+    /// Looks at the columns that the formula reads, where they lie.
+    fn over<T>(
+        &self,
+        columns: &[Column<'_>],
+        dt_s: f64,
+        look: impl FnOnce(&Monitor, &Samples<'_>) -> T,
+    ) -> PyResult<T> {
+        let named = |(name, boolean, _): &Column<'_>| (name.clone(), *boolean);
+        let whole = schema(columns.iter().map(named), dt_s)?;
+        // What the formula does not read may be of any length, and hold a NaN.
+        let read = self.bind(&whole)?.signals();
+        let read: Vec<&Column<'_>> = read.into_iter().map(|at| &columns[at]).collect();
+        // A formula that reads nothing still needs to know how many samples.
+        let read = match read.is_empty() {
+            true => columns.iter().collect(),
+            false => read,
+        };
+        let schema = Arc::new(schema(read.iter().map(|column| named(column)), dt_s)?);
+        let monitor = self.bind(&schema)?;
+        let slices = read.iter().map(|(_, _, values)| Ok(values.as_slice()?));
+        let samples = Samples::new(schema, slices.collect::<PyResult<_>>()?);
+        let samples = samples.map_err(|error| {
+            wrong(
+                error.to_string(),
+                "a run has one finite number per signal and sample",
+            )
+        })?;
+        Ok(look(&monitor, &samples))
+    }
+}
+
+fn unknown(what: &str, given: &str, known: &str) -> PyErr {
+    wrong(
+        format!("`{what}={given:?}` is not known"),
+        format!("known: {known}"),
+    )
+}
+
+fn schema(signals: impl Iterator<Item = (String, bool)>, dt_s: f64) -> PyResult<Schema> {
+    let signals = signals.map(|(name, boolean)| match boolean {
+        true => Signal::boolean(name, "from Python"),
+        false => Signal::real(name, "", "from Python"),
+    });
+    Schema::new(dt_s, signals).map_err(|error| {
+        let help = "name every signal once, and give `dt` in seconds, above 0";
+        wrong(error.to_string(), help)
+    })
+}
+
+/// A monitor that is fed row by row; `brakecheck.stl.Monitor` is built on it.
+#[pyclass(frozen, module = "brakecheck._brakecheck")]
+pub(crate) struct RawMonitor(Mutex<OnlineMonitor>);
+
+#[pymethods]
+impl RawMonitor {
+    /// Takes the next sample; what is still possible.
+    fn push(&self, row: Vec<f64>) -> PyResult<(f64, f64)> {
+        let pushed = self.lock().push(&row);
+        let Interval { lo, hi } = pushed.map_err(|error| {
+            let help = "the monitor is as it was before: push a whole row of finite numbers";
+            wrong(error.to_string(), help)
+        })?;
+        Ok((lo, hi))
+    }
+
+    /// Ends the run here; its robustness.
+    fn finish(&self) -> f64 {
+        self.lock().finish()
+    }
+
+    /// Forgets all samples.
+    fn reset(&self) {
+        self.lock().reset();
+    }
+
+    fn __len__(&self) -> usize {
+        self.lock().len()
+    }
+}
+
+impl RawMonitor {
+    fn lock(&self) -> std::sync::MutexGuard<'_, OnlineMonitor> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

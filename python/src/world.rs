@@ -1,0 +1,149 @@
+//! Worlds: what is in them, and the egos they may have.
+
+use std::path::{Path, PathBuf};
+
+use brakecheck::campaign::on_plant;
+use brakecheck::scenario::Scenario;
+use brakecheck::scene::World;
+use brakecheck::sim::PlantKind;
+use pyo3::prelude::*;
+use serde_json::json;
+
+use crate::convert::objects;
+use crate::ego::egos;
+use crate::error::{failed, wrong};
+
+/// A checked world; `brakecheck.World` is built on it.
+#[pyclass(frozen, module = "brakecheck._brakecheck")]
+#[derive(Clone)]
+pub(crate) struct RawWorld(pub(crate) Scenario);
+
+/// Whether bodies are 3D and rigid or 2D in closed form.
+pub(crate) fn plant_of(word: &str) -> PyResult<PlantKind> {
+    word.parse().map_err(|_| {
+        wrong(
+            format!("`plant={word:?}` is not known"),
+            "known: kinematic, rigid",
+        )
+    })
+}
+
+#[pymethods]
+impl RawWorld {
+    /// Reads a world file, or takes a shipped world by its name.
+    #[staticmethod]
+    fn load(file: PathBuf, allow_programs: bool) -> PyResult<RawWorld> {
+        let shipped = file.to_str().filter(|_| !Path::new(&file).exists());
+        let shipped = shipped.and_then(Scenario::shipped);
+        let world = match shipped {
+            Some(world) => world.map_err(failed)?,
+            None => Scenario::load(&file).map_err(failed)?,
+        };
+        Ok(RawWorld(world.allow_programs(allow_programs)))
+    }
+
+    /// Checks the text of a world file.
+    #[staticmethod]
+    fn parse(name: &str, text: &str) -> PyResult<RawWorld> {
+        Ok(RawWorld(Scenario::parse(name, text).map_err(failed)?))
+    }
+
+    /// Names of the shipped worlds.
+    #[staticmethod]
+    fn shipped() -> Vec<&'static str> {
+        Scenario::shipped_names().collect()
+    }
+
+    /// The same world on another plant, or with one other ego.
+    fn with_parts(
+        &self,
+        plant: Option<&str>,
+        ego: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<RawWorld> {
+        let mut world = self.0.clone();
+        if let Some(plant) = plant {
+            world = on_plant(&world, plant_of(plant)?).map_err(failed)?;
+        }
+        match &egos(&world, ego)?[..] {
+            [one] => Ok(RawWorld(one.scenario().clone())),
+            _ => Err(wrong("`all` is more than one ego", "name one of them")),
+        }
+    }
+
+    /// The text of the file.
+    #[getter]
+    fn text(&self) -> &str {
+        self.0.text()
+    }
+
+    /// Everything that can be said of it, as `check --json` would.
+    fn about<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let world = &self.0;
+        let clock = world.world().clock();
+        let signals: Vec<_> = world.signals();
+        let unit = |name: &str| {
+            let found = signals.iter().find(|(signal, _)| signal.name == name);
+            found.map_or(String::new(), |(signal, _)| signal.unit.to_string())
+        };
+        let observed = world.world().observed().iter().map(|observed| {
+            json!({
+                "name": observed.name, "unit": unit(&observed.name),
+                "low": observed.mid - observed.half, "high": observed.mid + observed.half,
+            })
+        });
+        let axes = world.axes();
+        let axes = axes.iter().map(
+            |axis| json!({ "name": axis.name, "unit": axis.unit, "low": axis.lo, "high": axis.hi }),
+        );
+        let spaces = world.world().spaces();
+        let listed = signals.iter().map(|(signal, held)| {
+            json!({
+                "name": signal.name, "unit": signal.unit, "about": signal.about,
+                "kind": signal.kind, "held": held.word(),
+            })
+        });
+        let rules = world.rules().iter().map(|rule| {
+            json!({
+                "name": rule.name, "ado": rule.ado, "priority": rule.priority,
+                "formula": rule.formula.to_string(), "requirement": rule.requirement,
+            })
+        });
+        let warnings = world.warnings().iter().map(|warning| &warning.what);
+        objects(
+            py,
+            &json!({
+                "name": world.name(), "question": world.question(), "source": world.source(),
+                "plant": world.plant(), "ego_spec": world.ego_spec().to_string(),
+                "rules": rules.collect::<Vec<_>>(), "egos": world.reuse().keys().collect::<Vec<_>>(),
+                "learners": world.learners().keys().collect::<Vec<_>>(),
+                "observation": observed.collect::<Vec<_>>(),
+                "actions": (0..spaces.actions).map(|a| world.action_label(a)).collect::<Vec<_>>(),
+                "neutral": spaces.neutral, "ados": ados(world), "axes": axes.collect::<Vec<_>>(),
+                "signals": listed.collect::<Vec<_>>(), "warnings": warnings.collect::<Vec<_>>(),
+                "horizon_s": clock.horizon_s, "decision_s": clock.decision_s,
+                "sample_s": clock.sample_s, "decisions": clock.decisions(),
+                "own_ego": world.own_ego(),
+            }),
+        )
+    }
+}
+
+/// Every ado with its own actions, in the order in which a joint action counts
+/// them: the first ado's counts fastest.
+fn ados(world: &Scenario) -> Vec<serde_json::Value> {
+    match world.world() {
+        World::Drive(drive) => {
+            let sets = drive.spec().action_sets();
+            let sets = sets.map(|(name, actions, neutral)| {
+                let labels: Vec<_> = (0..actions.len()).map(|a| actions.label(a)).collect();
+                json!({ "name": name, "actions": labels, "neutral": neutral })
+            });
+            sets.collect()
+        }
+        World::Grid(grid) => {
+            let spaces = grid.spaces();
+            let labels: Vec<_> = (0..spaces.actions).map(|a| world.action_label(a)).collect();
+            vec![json!({ "name": "ado", "actions": labels, "neutral": spaces.neutral })]
+        }
+    }
+}

@@ -1,0 +1,149 @@
+"""Environments: what Gymnasium and PettingZoo ask of them, and equal bits."""
+
+import gymnasium
+import numpy as np
+import pytest
+from brakecheck import Env, InputError, ParallelEnv, VectorEnv, World, replay
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test
+
+WORLDS = ["acc", "merge", "grid", "pedestrian", "yellow_light"]
+
+
+@pytest.mark.filterwarnings("ignore:.*(infinity|not within|bounds).*")
+@pytest.mark.parametrize("world", WORLDS)
+def test_gymnasium_s_checks_pass(world):
+    check_env(gymnasium.make(f"brakecheck/{world}-v0").unwrapped)
+
+
+def test_every_shipped_world_has_an_id():
+    ids = {f"brakecheck/{world}-v0" for world in World.shipped()}
+    assert ids <= set(gymnasium.registry)
+
+
+@pytest.mark.filterwarnings("ignore:no option of")
+def test_pettingzoo_s_checks_pass_where_there_are_several_ados():
+    env = ParallelEnv("sandwich")
+    assert len(env.possible_agents) == 2
+    parallel_api_test(env, num_cycles=200)
+
+
+def test_the_actions_of_all_ados_make_the_joint_one():
+    env = ParallelEnv("sandwich")
+    labels = {ado["name"]: ado["actions"] for ado in env.world.about["ados"]}
+    for each in np.ndindex(*(len(labels[name]) for name in env.possible_agents)):
+        actions = dict(zip(env.possible_agents, each))
+        words = " | ".join(labels[name][action] for name, action in actions.items())
+        assert env.world.actions[env.joint(actions)] == words
+
+
+def episode(env, actions, **reset):
+    env.reset(**reset)
+    for action in actions:
+        obs, reward, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            return obs, reward, terminated, truncated, info
+    raise AssertionError("the episode did not end")
+
+
+def test_a_kept_crash_is_played_again_to_the_bit(kept):
+    recorded = replay(kept, episode="acc-nominal-0001")[0]
+    assert recorded.identical
+    about = recorded.about
+    env = Env("acc")
+    options = {"start": about["start"], "noise": about["noise"], "aftermath": True}
+    *_, info = episode(env, about["actions"], options=options)
+    assert (info["verdict"], info["contact"]) == (about["verdict"], about["contact"])
+    mine, theirs = env.trace(), recorded.trace()
+    assert list(mine) == list(theirs)
+    for name in mine:
+        assert np.array_equal(mine[name], theirs[name]), name
+
+
+def test_info_says_how_it_ended():
+    env = Env("acc")
+    _, reward, terminated, truncated, info = episode(env, [0] * 200, seed=1)
+    assert (terminated, truncated) == (True, False)
+    assert info["verdict"] == "foul" and info["broken_rule"] in info["rules"]
+    assert info["rules"][info["broken_rule"]] <= 0 and reward <= -1
+    assert info["fault"] is None and info["decisions"] > 0 and info["time_s"] > 0
+
+
+def test_the_same_seed_begins_the_same_stream():
+    env = Env("acc")
+    first, second = env.reset(seed=3)[0], env.reset()[0]
+    assert not np.array_equal(first, second)
+    assert np.array_equal(env.reset(seed=3)[0], first)
+    assert np.array_equal(env.reset(options={"index": 1})[0], second)
+    assert not np.array_equal(env.reset(seed=3, options={"purpose": "test"})[0], first)
+
+
+@pytest.mark.parametrize(
+    ("play", "says"),
+    [
+        (lambda env: env.step(0), "call `reset`"),
+        (lambda env: (env.reset(), env.step(99)), "99 is no action of"),
+        (lambda env: env.reset(options={"start": [1.0]}), "are no start of"),
+        (lambda env: env.reset(options={"strat": [1.0]}), "no option of `reset`: strat"),
+        (lambda env: env.reset(options={"purpose": "fun"}), "known: train, calibration, test"),
+    ],
+)
+def test_mistakes_are_refused_with_their_cure(play, says):
+    with pytest.raises(ValueError, match=says):
+        play(Env("acc"))
+
+
+def test_a_world_keeps_its_ego_where_something_else_is_changed():
+    def timid(percept):
+        return -1.0
+
+    env = Env(World("acc", ego=timid), plant="kinematic")
+    assert env.world.about["plant"] == "Kinematic" and "timid" in env.world.about["own_ego"]
+
+
+def test_an_unknown_world_is_refused():
+    with pytest.raises(InputError, match="no_such_world"):
+        Env("no_such_world")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_vector_environment_is_many_single_ones(jobs):
+    count, steps = 70, 60
+    vector = VectorEnv("acc", count, jobs=jobs)
+    singles = [Env("acc") for _ in range(count)]
+    obs, _ = vector.reset(seed=5)
+    over, ended = [False] * count, 0
+    for i, env in enumerate(singles):
+        assert np.array_equal(env.reset(seed=5 + i)[0], obs[i])
+    rng = np.random.default_rng(0)
+    for _ in range(steps):
+        actions = rng.integers(vector.single_action_space.n, size=count)
+        obs, rewards, terminated, truncated, infos = vector.step(actions)
+        for i, env in enumerate(singles):
+            if over[i]:
+                want = (env.reset()[0], 0.0, False, False)
+            else:
+                *want, info = env.step(actions[i])
+                if want[2] or want[3]:
+                    assert infos["_verdict"][i] and infos["episode"][i] == info
+            assert np.array_equal(obs[i], want[0])
+            assert (rewards[i], terminated[i], truncated[i]) == tuple(want[1:])
+            over[i] = bool(want[2] or want[3])
+            ended += over[i]
+    assert ended > count
+
+
+def test_without_copies_the_buffers_are_always_the_same():
+    vector = VectorEnv("acc", 3, copy=False)
+    obs, _ = vector.reset(seed=0)
+    again, *_ = vector.step([0, 0, 0])
+    assert again is obs
+    copied = VectorEnv("acc", 3)
+    assert copied.step is not None and copied.reset(seed=0)[0] is not copied.reset()[0]
+
+
+def test_gymnasium_makes_the_vector_environment():
+    env = gymnasium.make_vec(
+        "brakecheck/acc-v0", num_envs=4, vectorization_mode="vector_entry_point"
+    )
+    assert isinstance(env.unwrapped, VectorEnv) and env.num_envs == 4
