@@ -14,7 +14,7 @@ use crate::rl::{DqnSettings, LearnerSettings};
 use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{
-    Actions, Direction, Piece, Place, Priority, Range, Road, Schedule, Script, Sensors,
+    Actions, Direction, Piece, Priority, Range, Road, RoadPlace, Schedule, Script, Sensors,
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};
@@ -77,7 +77,7 @@ fn rigid() -> PlantKind {
 #[serde(rename = "Road", deny_unknown_fields)]
 pub(super) struct RoadFile {
     /// Where the middle of its lane 0 begins.
-    pub(super) at: Place,
+    pub(super) at: RoadPlace,
     #[serde(default = "one_lane")]
     pub(super) lanes: usize,
     /// Left out: that of the world's own road.

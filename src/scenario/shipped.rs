@@ -9,7 +9,7 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 26] = [
+const WORLDS: [(&str, &str); 25] = [
     world!("acc"),
     world!("acc_iso"),
     world!("acc_paper"),
@@ -28,7 +28,6 @@ const WORLDS: [(&str, &str); 26] = [
     world!("merge_plain"),
     world!("merge_r157"),
     world!("oncoming"),
-    world!("parked_cars"),
     world!("pedestrian"),
     world!("pedestrian_hit"),
     world!("sandwich"),

@@ -39,7 +39,7 @@ pub use layout::SceneError;
 pub use light::{Light, LightDrive, Schedule};
 pub use motion::DriveScene;
 pub use names::AgentNames;
-pub use placed::{Direction, Place, PlacedRoad, PlacedRoads, Priority};
+pub use placed::{Direction, PlacedRoad, PlacedRoads, Priority, RoadPlace};
 pub use road::Road;
 pub use script::Script;
 pub use sensors::Sensors;

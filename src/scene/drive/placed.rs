@@ -13,7 +13,7 @@ pub type PlacedRoads = IndexMap<String, PlacedRoad>;
 /// world's own road.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Place {
+pub struct RoadPlace {
     /// Along world x.
     pub x_m: f64,
     /// Along world y.
@@ -49,7 +49,7 @@ pub enum Direction {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedRoad {
     /// Where it begins.
-    pub at: Place,
+    pub at: RoadPlace,
     /// Its lanes, on the surface of the world's own road.
     pub road: Road,
     /// The course of its lane 0; before, after and without pieces it is straight.
@@ -64,7 +64,7 @@ impl PlacedRoad {
     /// # Errors
     /// What is wrong with the pieces, with the number of the one.
     pub fn course(&self) -> Result<Course, CourseError> {
-        let Place {
+        let RoadPlace {
             x_m,
             y_m,
             heading_rad,
