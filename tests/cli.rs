@@ -12,6 +12,8 @@ mod first;
 mod gate;
 #[path = "cli/learned.rs"]
 mod learned;
+#[path = "cli/picture.rs"]
+mod picture;
 #[path = "cli/report.rs"]
 mod report;
 #[path = "cli/reproduce.rs"]

@@ -105,7 +105,7 @@ enum Verb {
     /// Make the paper's tables and figures again, from nothing.
     #[command(hide = true)]
     Reproduce(reproduce::ReproduceArgs),
-    /// Write an episode as a recording for the rerun viewer.
+    /// Write an episode as a recording for the rerun viewer, or as a picture.
     #[command(after_help = examples::VIEW)]
     View(view::ViewArgs),
     /// Write kept counterexamples as OpenSCENARIO and OpenDRIVE files.

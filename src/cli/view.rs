@@ -1,12 +1,17 @@
-//! `brakecheck view`: an episode as a recording for the rerun viewer.
+//! `brakecheck view`: an episode as a recording for the rerun viewer, or as a
+//! picture that plays by itself.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use serde_json::json;
+use strum::VariantArray;
 
 use super::{Common, Exit, Failure, print_json, talk};
-use crate::campaign::{Regressions, Replayed};
+use crate::campaign::{Regressions, Replayed, picture};
+use crate::ego::reference::ReferenceDriver;
+use crate::run::write_file;
 
 #[derive(Args, Debug)]
 pub(super) struct ViewArgs {
@@ -19,9 +24,14 @@ pub(super) struct ViewArgs {
     /// Replay against this ego first: a name under `reuse`, or a RON file.
     #[arg(long, value_name = "NAME|FILE.ron")]
     ego: Option<String>,
-    /// The recording to write [default: the episode's name with .rrd].
-    #[arg(short, long, value_name = "OUT.rrd")]
+    /// The recording to write, or a picture from above that plays in any
+    /// browser [default: the episode's name with .rrd].
+    #[arg(short, long, value_name = "OUT.rrd|OUT.svg")]
     output: Option<PathBuf>,
+    /// Beside it in the picture, what this reference driver does in the ego's
+    /// place (docs/preventability.md).
+    #[arg(long, value_name = "DRIVER", value_parser = drivers())]
+    beside: Option<String>,
     /// Print one JSON object on stdout instead of talking.
     #[arg(long)]
     json: bool,
@@ -40,13 +50,25 @@ impl ViewArgs {
     }
 }
 
+fn drivers() -> PossibleValuesParser {
+    PossibleValuesParser::new(ReferenceDriver::VARIANTS.iter().map(|it| it.name()))
+}
+
 pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
-    if !cfg!(feature = "rerun") {
+    let is_picture = args.output.as_deref().is_some_and(is_picture);
+    if args.beside.is_some() && !is_picture {
+        return Err(Failure::input(
+            "`--beside` is for pictures",
+            "name one to write: `-o crash.svg`",
+        ));
+    }
+    if !is_picture && !cfg!(feature = "rerun") {
         return Err(without_viewer());
     }
     let single = args.what.is_file();
     let episode = (!single).then_some(args.episode.as_str());
     let regressions = Regressions::find(&args.what, episode)?.allow_programs(args.allow_programs);
+    let ego = ego(args, &regressions);
     let replayed = match args.ego.as_deref() {
         Some(ego) => regressions.against(Some(ego), &[])?.replay()?,
         None => regressions.replay_recorded()?,
@@ -57,13 +79,59 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
             "name one, or a directory of them",
         ));
     };
-    let name = replayed.path.with_extension("rrd");
-    let name = name.file_name().map(PathBuf::from).unwrap_or(name);
-    let output = args.output.clone().unwrap_or(name);
     if let Some(fault) = replayed.fault() {
         let message = format!("there is nothing to see: {fault}");
         return Err(Failure::fault(message, None));
     }
+    match &args.output {
+        Some(output) if is_picture => draw(args, (replayed, ego), output),
+        _ => recording(args, replayed),
+    }?;
+    Ok(Exit::Done)
+}
+
+fn is_picture(output: &Path) -> bool {
+    output
+        .extension()
+        .is_some_and(|it| it.eq_ignore_ascii_case("svg"))
+}
+
+/// Who is under test: the ego that is asked for, else the one of the file.
+fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
+    let recorded = regressions.kept().first();
+    let recorded = recorded.map(|kept| kept.counterexample.ego.clone());
+    let ego = args.ego.clone().or(recorded).unwrap_or_default();
+    match ego.strip_suffix(".ron") {
+        Some(file) => file.rsplit('/').next().unwrap_or(file).to_owned(),
+        None => ego,
+    }
+}
+
+/// Writes the picture.
+fn draw(
+    args: &ViewArgs,
+    (replayed, ego): (&Replayed, String),
+    output: &Path,
+) -> Result<(), Failure> {
+    let mut drivers = ReferenceDriver::VARIANTS.iter().copied();
+    let beside = drivers.find(|it| Some(it.name()) == args.beside.as_deref());
+    let svg = picture(replayed, &ego, beside)?;
+    write_file(output, svg.as_bytes())?;
+    let file = output.display().to_string();
+    match args.json {
+        true => print_json(&json!({ "file": file, "bytes": svg.len() })),
+        false => talk::data(&format!(
+            "{file}: {} kB; any browser plays it",
+            svg.len().div_ceil(1000)
+        )),
+    }
+}
+
+/// Writes the recording and says where it is.
+fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
+    let name = replayed.path.with_extension("rrd");
+    let name = name.file_name().map(PathBuf::from).unwrap_or(name);
+    let output = args.output.clone().unwrap_or(name);
     let (file, bytes, samples) = record(replayed, &output)?;
     match args.json {
         true => print_json(&json!({ "file": file, "bytes": bytes, "samples": samples })),
@@ -71,13 +139,12 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
             "{file}: {samples} samples, {} kB; open it with `rerun {file}`",
             bytes.div_ceil(1000)
         )),
-    }?;
-    Ok(Exit::Done)
+    }
 }
 
 /// Writes the recording; its name, bytes and samples.
 #[cfg(feature = "rerun")]
-fn record(replayed: &Replayed, output: &std::path::Path) -> Result<(String, u64, usize), Failure> {
+fn record(replayed: &Replayed, output: &Path) -> Result<(String, u64, usize), Failure> {
     let caption = replayed.path.display().to_string();
     let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, output)
         .map_err(|error| Failure::fault(error.to_string(), Some(error.help().to_owned())))?;
@@ -86,7 +153,7 @@ fn record(replayed: &Replayed, output: &std::path::Path) -> Result<(String, u64,
 }
 
 #[cfg(not(feature = "rerun"))]
-fn record(_: &Replayed, _: &std::path::Path) -> Result<(String, u64, usize), Failure> {
+fn record(_: &Replayed, _: &Path) -> Result<(String, u64, usize), Failure> {
     Err(without_viewer())
 }
 
@@ -94,7 +161,8 @@ fn record(_: &Replayed, _: &std::path::Path) -> Result<(String, u64, usize), Fai
 fn without_viewer() -> Failure {
     Failure::input(
         "this brakecheck was built without the viewer's recordings",
-        "install it with its default features (`--features rerun`); `brakecheck replay` and \
-         `brakecheck report RUN` say in words and pictures what happened",
+        "install it with its default features (`--features rerun`); `-o crash.svg` writes a \
+         picture that any browser plays, and `brakecheck replay` and `brakecheck report RUN` say \
+         in words and pictures what happened",
     )
 }

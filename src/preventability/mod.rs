@@ -34,7 +34,7 @@ pub use moments::CutIn;
 pub use outcome::{
     Band, DriverOutcome, Exoneration, Label, NotApplicable, Preventability, ReplayContact, Struck,
 };
-pub use replayer::{Case, Replayer, Seat};
+pub use replayer::{Case, FilmedDriver, Replayer, Seat};
 
 use crate::ego::reference::ReferenceDriver;
 

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use super::contact::{STANDING_MPS, between, struck};
 use super::moments::Lanes;
 use super::outcome::{DriverOutcome, NotApplicable, Preventability, ReplayContact};
-use super::stint::{AtWheel, Rows};
+use super::stint::{AtWheel, Notes, Rows};
 use super::{Label, PANEL};
 use crate::ego::reference::{LaneBody, NOMINAL_MPS2, ReferenceDriver, Response};
 use crate::rulebook::Rulebook;
 use crate::scene::drive::{DriveScene, DriveWorld};
-use crate::scene::{Flow, Motion, Scene, Touch};
+use crate::scene::{Flow, Frame, Motion, Scene, Touch};
 use crate::sim::{BodyCommand, GRAVITY_MPS2, PlantKind};
 use crate::trace::Trace;
 
@@ -43,6 +43,19 @@ pub struct Case {
     pub handover: Option<usize>,
     /// The first sample at which the ideal driver brakes.
     pub danger: Option<usize>,
+}
+
+/// A replay to look at.
+#[derive(Clone, Debug)]
+pub struct FilmedDriver {
+    /// The sample of the episode at which the driver takes over.
+    pub from: usize,
+    /// Where everybody is at each sample from there on.
+    pub frames: Vec<Frame>,
+    /// The contact that it does not avoid, if so.
+    pub contact: Option<Touch>,
+    /// How it fares.
+    pub outcome: DriverOutcome,
 }
 
 /// Replays episodes of one world; keeps what they share.
@@ -201,32 +214,55 @@ impl Replayer {
         driver: ReferenceDriver,
         trace: Option<&Trace>,
     ) -> Option<DriverOutcome> {
-        let (from, seat) = match driver {
-            ReferenceDriver::Ideal => (case.danger?, Seat::FullBrakes),
-            _ => (case.handover?, Seat::Driver(driver)),
+        let (stint, seat) = case.handed_over_to(driver)?;
+        let mut notes = self.notes(trace, stint.from);
+        Some(self.drive(case, seat, stint, &mut notes))
+    }
+
+    /// A driver from the handover on, with where everybody is meanwhile.
+    ///
+    /// `None`: there is nothing to say of the contact, as for
+    /// [`Replayer::assess`], or nobody was ahead to be answered.
+    pub fn film(&mut self, motion: &Motion, driver: ReferenceDriver) -> Option<FilmedDriver> {
+        if self.reason_against(motion).is_some() {
+            return None;
+        }
+        let case = self.case(motion);
+        let (stint, seat) = case.handed_over_to(driver)?;
+        let mut notes = Notes {
+            frames: Some(Vec::new()),
+            ..Notes::default()
         };
-        let nominal = Nominal::Recorded;
-        Some(self.drive(case, seat, Stint { from, nominal }, trace))
+        let outcome = self.drive(&case, seat, stint, &mut notes);
+        Some(FilmedDriver {
+            from: stint.from,
+            frames: notes.frames.unwrap_or_default(),
+            contact: notes.contact,
+            outcome,
+        })
     }
 
     /// Somebody in the ego's place from the start on, whose nominal speed is
     /// the initial one.
     pub fn from_start(&mut self, case: &Case, seat: Seat, trace: Option<&Trace>) -> DriverOutcome {
         let nominal = Nominal::Initial;
-        self.drive(case, seat, Stint { from: 0, nominal }, trace)
+        let mut notes = self.notes(trace, 0);
+        self.drive(case, seat, Stint { from: 0, nominal }, &mut notes)
     }
 
-    fn drive(
-        &mut self,
-        case: &Case,
-        seat: Seat,
-        stint: Stint,
-        trace: Option<&Trace>,
-    ) -> DriverOutcome {
+    /// Notes of a stint from a sample on, with the rows of its trace if there is one.
+    fn notes(&self, trace: Option<&Trace>, from: usize) -> Notes {
+        Notes {
+            rows: trace.map(|trace| Rows::begin(trace, from, self.scene.clock().samples())),
+            ..Notes::default()
+        }
+    }
+
+    fn drive(&mut self, case: &Case, seat: Seat, stint: Stint, notes: &mut Notes) -> DriverOutcome {
         let Stint { from, .. } = stint;
-        let mut judged = trace.map(|trace| Rows::begin(trace, from, self.scene.clock().samples()));
         let mut at_wheel = AtWheel::new(self, case, seat, from);
         self.scene.take_up(&case.whole, from);
+        notes.begin(&self.scene);
         let mut least_m: Option<f64> = None;
         let mut contact = None;
         for sample in from + 1..case.whole.len() {
@@ -240,10 +276,9 @@ impl Replayer {
                 }
             };
             let flow = self.scene.advance_along(command, case.whole.at(sample));
-            if let Some(rows) = &mut judged {
-                rows.push(&self.scene);
-            }
+            notes.push(&self.scene);
             if let Flow::Contact(touch) = flow {
+                notes.contact = Some(touch.clone());
                 self.look(&case.traffic, &mut least_m);
                 contact = self.contact_of(touch);
                 break;
@@ -254,7 +289,7 @@ impl Replayer {
             contact,
             least_m,
             at_wheel.reacted(from, self.sample_s),
-            judged,
+            notes.rows.take(),
         )
     }
 
@@ -348,6 +383,17 @@ impl Replayer {
 }
 
 impl Case {
+    /// From when a driver drives, and who that is; `None`: there is nothing to
+    /// answer.
+    fn handed_over_to(&self, driver: ReferenceDriver) -> Option<(Stint, Seat)> {
+        let (from, seat) = match driver {
+            ReferenceDriver::Ideal => (self.danger?, Seat::FullBrakes),
+            _ => (self.handover?, Seat::Driver(driver)),
+        };
+        let nominal = Nominal::Recorded;
+        Some((Stint { from, nominal }, seat))
+    }
+
     /// The speed that the ego has at a sample unless in danger.
     fn nominal_mps(&self, nominal: Nominal, sample: usize, ego: usize) -> f64 {
         let sample = match nominal {

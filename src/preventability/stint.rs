@@ -4,8 +4,8 @@ use super::replayer::{Case, Replayer, Seat};
 use crate::ego::Actuator;
 use crate::ego::reference::{ReferenceDriver, Reflexes};
 use crate::rulebook::Rulebook;
-use crate::scene::Scene;
 use crate::scene::drive::DriveScene;
+use crate::scene::{Frame, Scene, Touch};
 use crate::stl::Scratch;
 use crate::trace::Trace;
 
@@ -49,6 +49,34 @@ impl AtWheel {
 
     pub fn reacted(&self, from: usize, sample_s: f64) -> Option<f64> {
         self.reacted.map(|after| (from + after) as f64 * sample_s)
+    }
+}
+
+/// What is noted of a replay, besides how it ends.
+#[derive(Default)]
+pub(super) struct Notes {
+    /// The trace, if somebody judges it.
+    pub rows: Option<Rows>,
+    /// Where everybody is at each sample, if somebody looks at it.
+    pub frames: Option<Vec<Frame>>,
+    /// The contact with which it ends.
+    pub contact: Option<Touch>,
+}
+
+impl Notes {
+    /// Notes the sample at which the driver takes over; the trace has its row.
+    pub fn begin(&mut self, scene: &DriveScene) {
+        if let Some(frames) = &mut self.frames {
+            frames.push(scene.frame());
+        }
+    }
+
+    /// Notes a sample.
+    pub fn push(&mut self, scene: &DriveScene) {
+        if let Some(rows) = &mut self.rows {
+            rows.push(scene);
+        }
+        self.begin(scene);
     }
 }
 

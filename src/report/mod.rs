@@ -23,6 +23,7 @@ use crate::scenario::Scenario;
 use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount};
 
+pub use animation::{Beside, looping_picture};
 pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
 
 /// Everything a report shows.

@@ -203,7 +203,8 @@ fn blame(known: Option<&Preventability>) -> (&'static str, &'static str) {
     }
 }
 
-fn capital(words: &str) -> String {
+/// A text that begins with a capital.
+pub(super) fn capital(words: &str) -> String {
     let mut letters = words.chars();
     let first = letters
         .next()

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use super::Scenario;
-use crate::preventability::{NotApplicable, Preventability, Replayer};
+use crate::ego::reference::ReferenceDriver;
+use crate::preventability::{FilmedDriver, NotApplicable, Preventability, Replayer};
 use crate::scene::World;
-use crate::testbench::{Episode, motion_of};
+use crate::testbench::{Episode, film, motion_of};
 
 impl Scenario {
     /// Puts reference drivers into the ego's place in recorded motions of this
@@ -31,5 +32,26 @@ impl Scenario {
             (Some(motion), Some(mut replayer)) => replayer.assess(&motion, Some(&episode.trace)),
             _ => Preventability::not_applicable(NotApplicable::NotDriven),
         }
+    }
+
+    /// What a reference driver in the ego's place would have done: the recorded
+    /// way up to the handover, its own from there on.
+    ///
+    /// `None`: the drivers do not apply to how the episode ended; the label of
+    /// [`Scenario::preventability`] says why.
+    pub fn filmed_driver(
+        &self,
+        episode: &Episode,
+        driver: ReferenceDriver,
+    ) -> Option<FilmedDriver> {
+        episode.contact.as_ref()?;
+        let mut bench = self.repeating(episode).bench();
+        let motion = motion_of(&mut bench, episode).filter(|motion| !motion.is_empty())?;
+        let mut filmed = self.replayer()?.film(&motion, driver)?;
+        let mut frames = film(&mut bench, episode);
+        frames.truncate(filmed.from);
+        frames.append(&mut filmed.frames);
+        filmed.frames = frames;
+        Some(filmed)
     }
 }

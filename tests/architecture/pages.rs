@@ -147,18 +147,29 @@ fn a_guide_is_read_in_one_sitting() {
 }
 
 #[test]
-fn the_index_has_every_page() {
+fn the_index_and_the_site_have_every_page() {
     let docs = root().join("docs");
-    let listed = links(&read(&docs.join("README.md")));
-    for page in below(&docs, "md") {
-        let name = page
-            .strip_prefix(&docs)
-            .expect("below")
-            .display()
-            .to_string();
-        assert!(
-            name == "README.md" || listed.contains(&name),
-            "docs/README.md lacks {name}"
-        );
+    for list in ["README.md", "SUMMARY.md"] {
+        let listed = links(&read(&docs.join(list)));
+        for page in below(&docs, "md") {
+            let name = page
+                .strip_prefix(&docs)
+                .expect("below")
+                .display()
+                .to_string();
+            assert!(
+                ["README.md", "SUMMARY.md"].contains(&name.as_str()) || listed.contains(&name),
+                "docs/{list} lacks {name}"
+            );
+        }
     }
+}
+
+#[test]
+fn the_readme_is_read_at_once() {
+    let lines = read(&root().join("README.md")).lines().count();
+    assert!(
+        lines <= 150,
+        "README.md has {lines} lines: tables belong to docs/"
+    );
 }

@@ -69,6 +69,19 @@ impl ReferenceDriver {
         self.into()
     }
 
+    /// Who it is, in a few words.
+    pub fn words(self) -> &'static str {
+        match self {
+            ReferenceDriver::Cc => "the competent driver of UN R157 (CC)",
+            ReferenceDriver::CcLane => "the competent driver of UN R157 (CC_LANE)",
+            ReferenceDriver::CcLatched => "the competent driver of UN R157 (CC_LATCHED)",
+            ReferenceDriver::Reg => "the cut-in formula of UN R157 (REG)",
+            ReferenceDriver::Rss => "responsibility-sensitive safety (RSS)",
+            ReferenceDriver::Fsm => "the careful driver of UN R157 (FSM)",
+            ReferenceDriver::Ideal => "a driver without delay (Ideal)",
+        }
+    }
+
     /// Whether it is a model of a driver, not a bound on all of them.
     pub fn is_human(self) -> bool {
         self != ReferenceDriver::Ideal

@@ -16,6 +16,13 @@ pub(super) struct Canvas {
     pub least_height_m: f64,
 }
 
+impl Canvas {
+    /// Width and height without what is written over.
+    fn room_px(&self) -> [f64; 2] {
+        [self.size_px[0], self.size_px[1] - self.foot_px]
+    }
+}
+
 /// The picture in the page: play.js uses the same numbers.
 pub(super) const SCREEN: Canvas = Canvas {
     size_px: [1190.0, 340.0],
@@ -51,34 +58,50 @@ impl<'a> Camera<'a> {
     /// `ego` is who that is and how long; `None`: everything fits, whatever size
     /// it gets.
     pub fn of(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &'a Canvas) -> Camera<'a> {
+        let scale = Camera::fitting(film, i, ego, canvas);
+        Camera::at_scale(film, i, (ego, scale), canvas)
+    }
+
+    /// Pixels per metre at which everybody who matters at a sample is in the
+    /// picture, as long as the ego stays large enough.
+    pub fn fitting(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &Canvas) -> f64 {
         let focus = film.focus[i];
-        let [width_px, height_px] = canvas.size_px;
-        let height_px = height_px - canvas.foot_px;
-        let room_px = [width_px, height_px];
+        let room_px = canvas.room_px();
         let fits = [0, 1].map(|axis| {
             (room_px[axis] - 2.0 * canvas.margin_px[axis]) / focus.size_m[axis].max(0.1)
         });
         let scale = fits[0].min(fits[1]);
-        let Some((ego, ego_m)) = ego else {
-            return Camera {
-                canvas,
-                scale,
-                centre_m: focus.centre_m,
-                turn_rad: film.turn_rad,
-            };
+        match ego {
+            Some((_, ego_m)) => scale
+                .min(room_px[1] / canvas.least_height_m)
+                .max(canvas.ego_px / ego_m),
+            None => scale,
+        }
+    }
+
+    /// The camera at a sample, with a scale of pixels per metre.
+    pub fn at_scale(
+        film: &Film,
+        i: usize,
+        (ego, scale): (Option<(usize, f64)>, f64),
+        canvas: &'a Canvas,
+    ) -> Camera<'a> {
+        let focus = film.focus[i];
+        let room_px = canvas.room_px();
+        let centre_m = match ego {
+            None => focus.centre_m,
+            Some((ego, ego_m)) => {
+                let track = &film.tracks[ego];
+                let own_m = film.turned(track.x_m[i], track.y_m[i]);
+                [0, 1].map(|axis| {
+                    // So far from the middle the ego may be.
+                    let margin_px = canvas.margin_px[axis].min(40.0);
+                    let reach_m = (0.5 * room_px[axis] - margin_px) / scale - 0.5 * ego_m;
+                    let reach_m = reach_m.max(0.0);
+                    focus.centre_m[axis].clamp(own_m[axis] - reach_m, own_m[axis] + reach_m)
+                })
+            }
         };
-        let scale = scale
-            .min(height_px / canvas.least_height_m)
-            .max(canvas.ego_px / ego_m);
-        let track = &film.tracks[ego];
-        let own_m = film.turned(track.x_m[i], track.y_m[i]);
-        let centre_m = [0, 1].map(|axis| {
-            // So far from the middle the ego may be.
-            let margin_px = canvas.margin_px[axis].min(40.0);
-            let reach_m = (0.5 * room_px[axis] - margin_px) / scale - 0.5 * ego_m;
-            let reach_m = reach_m.max(0.0);
-            focus.centre_m[axis].clamp(own_m[axis] - reach_m, own_m[axis] + reach_m)
-        });
         Camera {
             canvas,
             scale,
@@ -88,7 +111,7 @@ impl<'a> Camera<'a> {
     }
 
     /// Where the middle of the picture is.
-    fn middle_px(&self) -> [f64; 2] {
+    pub fn middle_px(&self) -> [f64; 2] {
         let [width_px, height_px] = self.canvas.size_px;
         [0.5 * width_px, 0.5 * (height_px - self.canvas.foot_px)]
     }

@@ -1,8 +1,9 @@
 //! An episode as numbers to be shown: where every body is, and what to look at.
 
 use crate::ego::Phase;
-use crate::scene::{Frame, Role, Stage};
+use crate::scene::{Frame, Role, Stage, Touch};
 use crate::testbench::Episode;
+use crate::trace::Trace;
 
 /// Samples that are nearer to each other in time than this are not all shown.
 const APART_S: f64 = 0.05;
@@ -17,6 +18,36 @@ const ACCEL_S: f64 = 0.1;
 /// Turns of the road that are smaller than this do not turn the picture.
 const STRAIGHT_RAD: f64 = 0.2;
 
+/// What a film must know of what it shows, besides the frames.
+#[derive(Clone, Copy)]
+pub(super) struct Course<'a> {
+    /// Time between two frames.
+    pub dt_s: f64,
+    /// Samples up to the verdict.
+    pub judged: usize,
+    /// The contact with which it ends.
+    pub contact: Option<&'a Touch>,
+    /// The trace, for speeds; without one they follow from the places.
+    pub trace: Option<&'a Trace>,
+}
+
+impl<'a> Course<'a> {
+    /// That of an episode.
+    pub fn of(episode: &'a Episode) -> Course<'a> {
+        Course {
+            dt_s: episode.trace.dt_s(),
+            judged: episode.judged,
+            contact: episode.contact.as_ref(),
+            trace: Some(&episode.trace),
+        }
+    }
+
+    /// When the verdict falls.
+    fn judged_s(&self) -> f64 {
+        self.judged.saturating_sub(1) as f64 * self.dt_s
+    }
+}
+
 /// An episode, sample by sample, in the order of the cast.
 pub(super) struct Film {
     /// When the samples are; the last one is the end.
@@ -29,6 +60,9 @@ pub(super) struct Film {
     pub focus: Vec<Focus>,
     /// Which direction of the world is to the right in the picture.
     pub turn_rad: f64,
+    /// Whom the ego has to do with: who touches it, else who is nearest to it
+    /// when the verdict falls.
+    pub met: Option<usize>,
 }
 
 /// The centre of one body over time.
@@ -53,19 +87,19 @@ impl Film {
     ///
     /// A contact ends the motion between two samples: the last frame is of that
     /// instant, not of the sample's time.
-    pub fn of(stage: &Stage, frames: &[Frame], episode: &Episode) -> Film {
-        let dt_s = episode.trace.dt_s();
-        let end_s = episode.contact.as_ref().map(|touch| touch.time_s);
+    pub fn of(stage: &Stage, frames: &[Frame], course: &Course<'_>) -> Film {
+        let dt_s = course.dt_s;
+        let end_s = course.contact.map(|touch| touch.time_s);
         let time_s = |i: usize| (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY));
         let every = ((APART_S / dt_s).round() as usize).max(1);
         let last = frames.len().saturating_sub(1);
-        let special = [episode.judged.saturating_sub(1), last];
+        let special = [course.judged.saturating_sub(1), last];
         let shown = |i: &usize| i.is_multiple_of(every) || special.contains(i);
         let kept: Vec<usize> = (0..frames.len()).filter(shown).collect();
         let times_s: Vec<f64> = kept.iter().map(|i| time_s(*i)).collect();
         let column = |who: usize| {
             let name = format!("{}.speed", stage.cast[who].name);
-            episode.trace.signal(&name).map(<[f64]>::to_vec)
+            course.trace?.signal(&name).map(<[f64]>::to_vec)
         };
         let track = |who| Track::of(who, frames, (&kept, &times_s), column(who));
         let tracks: Vec<Track> = (0..stage.cast.len()).map(track).collect();
@@ -77,11 +111,13 @@ impl Film {
             times_s,
             tracks,
             turn_rad: 0.0,
+            met: None,
         };
-        film.turn_rad = film.turn(stage, episode);
+        film.turn_rad = film.turn(stage, course);
+        film.met = film.met(stage, course);
         film.focus = match is_on_cells(stage) {
             true => film.whole_map(stage),
-            false => film.steady(film.looked_at(stage, episode)),
+            false => film.steady(film.looked_at(stage)),
         };
         film
     }
@@ -115,9 +151,9 @@ impl Film {
 
     /// The picture's direction: the ego's when the verdict falls, unless it is
     /// nearly along x.
-    fn turn(&self, stage: &Stage, episode: &Episode) -> f64 {
+    fn turn(&self, stage: &Stage, course: &Course<'_>) -> f64 {
         let headings = &self.tracks[ego_of(stage)].heading_rad;
-        let heading_rad = headings.get(self.at(judged_s(episode))).copied();
+        let heading_rad = headings.get(self.at(course.judged_s())).copied();
         match heading_rad {
             Some(heading_rad) if STRAIGHT_RAD <= heading_rad.abs() => heading_rad,
             _ => 0.0,
@@ -136,31 +172,32 @@ impl Film {
     }
 
     /// How far the middles of two are apart at a sample.
-    fn apart_m(&self, one: usize, other: usize, i: usize) -> f64 {
+    pub fn apart_m(&self, one: usize, other: usize, i: usize) -> f64 {
         let (one, other) = (&self.tracks[one], &self.tracks[other]);
         libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
     }
 
-    /// Whom the ego has to do with: who touches it, else who is nearest to it
-    /// when the verdict falls.
-    pub fn met(&self, stage: &Stage, episode: &Episode) -> Option<usize> {
+    fn met(&self, stage: &Stage, course: &Course<'_>) -> Option<usize> {
         let ego = ego_of(stage);
-        let i = self.at(judged_s(episode));
+        let i = self.at(course.judged_s());
         let others = (0..self.tracks.len()).filter(|who| *who != ego);
         let nearest = others.min_by(|a, b| {
             let apart_m = |who: &usize| self.apart_m(ego, *who, i);
             apart_m(a).total_cmp(&apart_m(b))
         });
-        met_by_ego(stage, episode).or(nearest)
+        met_by_ego(stage, course.contact).or(nearest)
     }
 
     /// Everything that matters at each sample: the ego, who it meets in the end,
     /// and who else is near.
-    fn looked_at(&self, stage: &Stage, episode: &Episode) -> Vec<Focus> {
+    fn looked_at(&self, stage: &Stage) -> Vec<Focus> {
         let ego = ego_of(stage);
-        let met = self.met(stage, episode);
         let near = |who: usize, i: usize| {
-            let far_m = if Some(who) == met { MET_FAR_M } else { FAR_M };
+            let far_m = if Some(who) == self.met {
+                MET_FAR_M
+            } else {
+                FAR_M
+            };
             who == ego || self.apart_m(ego, who, i) <= far_m
         };
         let at = |i: usize| {
@@ -234,11 +271,6 @@ impl Track {
     }
 }
 
-/// When the verdict falls.
-fn judged_s(episode: &Episode) -> f64 {
-    episode.judged.saturating_sub(1) as f64 * episode.trace.dt_s()
-}
-
 /// The ego's place in the cast.
 pub(super) fn ego_of(stage: &Stage) -> usize {
     let is_ego = |cast: &crate::scene::Cast| cast.role == Role::Ego;
@@ -246,8 +278,8 @@ pub(super) fn ego_of(stage: &Stage) -> usize {
 }
 
 /// Whom the ego touches.
-pub(super) fn met_by_ego(stage: &Stage, episode: &Episode) -> Option<usize> {
-    let touch = episode.contact.as_ref()?;
+fn met_by_ego(stage: &Stage, contact: Option<&Touch>) -> Option<usize> {
+    let touch = contact?;
     let named = |name: &String| stage.cast.iter().position(|cast| cast.name == *name);
     let ego = ego_of(stage);
     let both = [named(&touch.between.0)?, named(&touch.between.1)?];

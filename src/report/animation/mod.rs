@@ -6,7 +6,8 @@
 //! moves the same shapes; without the script the stills tell the story.
 //!
 //! `bodies`, `ground`: shapes in metres. `moves`, `moments`: what is told of the
-//! episode. `labels`: words beside bodies. `play.js`: the only script of a page.
+//! episode. `labels`: words beside bodies. `play.js`: the only script of a page. `looping`: the same
+//! shapes as one SVG that plays without it.
 
 mod bodies;
 mod camera;
@@ -15,6 +16,7 @@ mod film;
 mod ground;
 mod labels;
 mod lanes;
+mod looping;
 mod moments;
 mod moves;
 mod picture;
@@ -23,6 +25,7 @@ mod tests;
 mod write;
 
 pub(super) use bodies::colour_class;
+pub use looping::{Beside, looping_picture};
 use maud::{Markup, html};
 
 use super::Example;

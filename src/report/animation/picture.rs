@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::bodies::{body, colour_class};
 use super::camera::{Camera, Canvas, SCREEN, THUMB};
-use super::film::{Film, ego_of, is_on_cells};
+use super::film::{Course, Film, ego_of, is_on_cells};
 use super::ground::{cells, lights, road, trails};
 use super::labels::{drawn, labels};
 use super::moments::{Moment, moments, violated_s};
@@ -42,7 +42,7 @@ impl<'a> Picture<'a> {
     /// What is shown of an example that has frames.
     pub fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
         let stage = scenario.bench().stage();
-        let film = Film::of(&stage, &example.frames, &example.episode);
+        let film = Film::of(&stage, &example.frames, &Course::of(&example.episode));
         let why = example.about.why.as_ref();
         let moves = moves(scenario, &example.episode, film.end_s());
         Picture {
@@ -89,7 +89,7 @@ impl<'a> Picture<'a> {
                 defs {
                     g id=(self.part("ground")) { @if self.on_cells { (cells(&self.stage)) } @else { (road(&self.stage, &self.example.frames)) } }
                     @for (who, cast) in self.stage.cast.iter().enumerate() {
-                        g id=(self.part(&format!("body{who}"))) class=(self.classes[who]) { (body(cast)) }
+                        g id=(self.body(who)) class=(self.classes[who]) { (body(cast)) }
                     }
                 }
                 g class="world" transform=(camera.transform()) {
@@ -159,14 +159,15 @@ impl<'a> Picture<'a> {
     fn placed(&self, who: usize, i: usize) -> Markup {
         let brakes = self.film.tracks[who].accel_mps2[i] < -BRAKES_MPS2;
         html! {
-            g class=(if brakes { "body braking" } else { "body" }) transform=(self.pose(who, i)) {
-                use href={ "#" (self.part(&format!("body{who}"))) } {}
+            g class=(if brakes { "body braking" } else { "body" }) transform=(self.pose(&self.film, who, i)) {
+                use href={ "#" (self.body(who)) } {}
             }
         }
     }
 
-    fn pose(&self, who: usize, i: usize) -> String {
-        let track = &self.film.tracks[who];
+    /// Where a body of a film is at a sample.
+    pub fn pose(&self, film: &Film, who: usize, i: usize) -> String {
+        let track = &film.tracks[who];
         let turn_deg = track.heading_rad[i].to_degrees();
         let (x, y) = (n(track.x_m[i], 3), n(track.y_m[i], 3));
         format!("translate({x} {y}) rotate({})", n(turn_deg, 2))
@@ -176,24 +177,29 @@ impl<'a> Picture<'a> {
     fn ghosts(&self) -> Markup {
         let i = self.film.at(self.violated_s);
         let (ego, _) = self.ego();
-        let met = self.film.met(&self.stage, &self.example.episode);
         html! {
-            @for who in std::iter::once(ego).chain(met).filter(|_| !self.on_cells) {
+            @for who in std::iter::once(ego).chain(self.film.met).filter(|_| !self.on_cells) {
                 @let [length_m, width_m, _] = self.stage.cast[who].size_m;
-                g transform=(self.pose(who, i)) {
+                g transform=(self.pose(&self.film, who, i)) {
                     rect class="ghost" x=(n(-0.5 * length_m, 3)) y=(n(-0.5 * width_m, 3)) width=(n(length_m, 3)) height=(n(width_m, 3)) rx="0.3" {}
                 }
             }
         }
     }
 
-    fn part(&self, name: &str) -> String {
+    /// What the part of the picture is called that is drawn once.
+    pub fn part(&self, name: &str) -> String {
         format!("film{}-{name}", self.id)
+    }
+
+    /// What the shape of a body is called.
+    pub fn body(&self, who: usize) -> String {
+        self.part(&format!("body{who}"))
     }
 }
 
 /// A star where two touch, of one size at any scale.
-fn burst(x: f64, y: f64) -> Markup {
+pub(super) fn burst(x: f64, y: f64) -> Markup {
     let points = (0..16).map(|nth| {
         let turn_rad = f64::from(nth) * std::f64::consts::TAU / 16.0;
         let reach_px = if nth % 2 == 0 { 15.0 } else { 6.5 };

@@ -1,0 +1,199 @@
+//! A kept crash as one SVG that plays by itself: what the ego did and, beside
+//! it, what somebody else would have done in its place.
+//!
+//! For pages that run no script, such as a README: CSS keyframes move the shapes
+//! that reports draw, up to the contact, over and over. Both halves have one
+//! clock and one scale, so that what differs is the driver. A reader who wants
+//! no motion sees the end.
+
+mod keyframes;
+mod panel;
+mod words;
+
+use maud::{Markup, PreEscaped, html};
+
+use super::bodies::body;
+use super::camera::Canvas;
+use super::film::{Course, Film};
+use super::ground::{cells, road};
+use super::moves::{Kind, Move};
+use super::picture::Picture;
+use super::write::n;
+use crate::preventability::FilmedDriver;
+use crate::report::Example;
+use crate::report::page::STYLE;
+use crate::scenario::Scenario;
+use keyframes::{Keyframes, Period};
+use panel::Panel;
+use words::{ending_of, facts, outcome_of, wrapped};
+
+/// What is shown of the time before a contact or violation, and after it.
+const BEFORE_S: f64 = 5.0;
+const AFTER_S: f64 = 1.0;
+/// Width of the whole, the gap between its halves, and the height of a line.
+const WIDTH_PX: f64 = 900.0;
+const GAP_PX: f64 = 8.0;
+const LINE_PX: f64 = 18.0;
+const HEIGHT_PX: f64 = 250.0;
+
+/// What is written on a picture that loops.
+const OWN_STYLE: &str = "\
+.card{fill:var(--card)}.ground{fill:var(--verge)}.plate{fill:#0c0f13;fill-opacity:.82}\
+.fine{fill:#2f7d4d}.poor{fill:#c2273d}.bar{fill:var(--held)}.head2{fill:var(--ink)}\
+svg .title,svg .result{fill:#fff;font-size:13px;font-weight:600}\
+svg .said{font-size:13px;fill:var(--ink)}svg .told{font-weight:700}.instant{fill:var(--key)}\
+.k-start{--key:var(--dim)}.k-decisive{--key:var(--ado)}.k-chance{--key:var(--good)}.k-broken{--key:#b26a00}.k-contact{--key:#c2273d}";
+
+/// Somebody else in the ego's place.
+pub struct Beside {
+    /// Who that is, in a few words.
+    pub who: String,
+    /// What it would have done.
+    pub filmed: FilmedDriver,
+}
+
+/// A crash as one SVG that plays over and over.
+///
+/// `ego` says who is under test; without `beside` the picture has one half. The
+/// example must have frames.
+pub fn looping_picture(
+    scenario: &Scenario,
+    example: &Example,
+    ego: &str,
+    beside: Option<&Beside>,
+) -> String {
+    let picture = Picture::of(scenario, example, 0);
+    let other = beside.map(|it| {
+        let course = Course {
+            dt_s: example.episode.trace.dt_s(),
+            judged: example.episode.judged,
+            contact: it.filmed.contact.as_ref(),
+            trace: None,
+        };
+        (it, Film::of(&picture.stage, &it.filmed.frames, &course))
+    });
+    let mut panels = vec![Panel {
+        nth: 0,
+        film: &picture.film,
+        moves: picture.moves.clone(),
+        contact_m: picture.contact_m(),
+        ending: ending_of(&picture, AFTER_S),
+        title: format!("The ego: {ego}"),
+        picture: &picture,
+    }];
+    panels.extend(
+        other
+            .as_ref()
+            .map(|(it, film)| beside_it(&picture, it, film)),
+    );
+    let ends = panels.iter().map(|panel| panel.ending.0);
+    let from_s = (panels[0].ending.0 - BEFORE_S).max(0.0);
+    let period = Period {
+        // At a sample that both films have.
+        from_s: picture.film.times_s[picture.film.at(from_s)],
+        until_s: ends.fold(0.0, f64::max),
+    };
+    let said = facts(scenario, &picture, beside);
+    whole(&panels, period, &said, example)
+}
+
+/// The half of somebody else.
+fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a Film) -> Panel<'a> {
+    let recorded_s = picture.film.end_s();
+    let mut moves = picture.moves.clone();
+    for (_, moves) in &mut moves {
+        // After the record nobody acts any more.
+        moves.push(Move {
+            from_s: recorded_s,
+            until_s: film.end_s(),
+            words: "goes on".to_owned(),
+            kind: Kind::Neutral,
+        });
+    }
+    let contact = it.filmed.contact.as_ref();
+    Panel {
+        nth: 1,
+        film,
+        moves,
+        contact_m: contact.map(|touch| film.turned(touch.point_m[0], touch.point_m[1])),
+        ending: outcome_of(picture, film, (&it.filmed, AFTER_S)),
+        title: format!("In its place: {}", it.who),
+        picture,
+    }
+}
+
+/// Halves, clock and words as one picture.
+fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Example) -> String {
+    let mut keyframes = Keyframes::new(period);
+    let count = panels.len() as f64;
+    let canvas = Canvas {
+        size_px: [(WIDTH_PX - (count - 1.0) * GAP_PX) / count, HEIGHT_PX],
+        margin_px: [46.0, 62.0],
+        foot_px: 28.0,
+        ego_px: 44.0,
+        least_height_m: 9.0,
+    };
+    let scales = panels.iter().map(|it| it.scale(&canvas, period.from_s));
+    let scale = scales.fold(f64::INFINITY, f64::min);
+    let [width_px, _] = canvas.size_px;
+    let halves: Vec<Markup> = panels
+        .iter()
+        .map(|panel| {
+            let x = panel.nth as f64 * (width_px + GAP_PX);
+            html! {
+                g transform=(format!("translate({} 0)", n(x, 1))) clip-path="url(#half)" {
+                    rect class="ground" width=(n(width_px, 1)) height=(HEIGHT_PX) {}
+                    (panel.drawn(&mut keyframes, (&canvas, scale)))
+                }
+            }
+        })
+        .collect();
+    let clock = clock(panels[0].picture, &mut keyframes);
+    // The first says what came of it.
+    let lines = said.iter().enumerate().flat_map(|(nth, it)| {
+        let lines = wrapped(it).into_iter();
+        lines.map(move |line| (if nth == 0 { "said told" } else { "said" }, line))
+    });
+    let lines: Vec<(&str, String)> = lines.collect();
+    let top_px = HEIGHT_PX + 30.0;
+    let height_px = top_px + LINE_PX * lines.len() as f64;
+    let picture = panels[0].picture;
+    let drawn = html! {
+        svg xmlns="http://www.w3.org/2000/svg" class="loop" viewBox=(format!("0 0 {WIDTH_PX} {height_px}")) width=(WIDTH_PX) height=(height_px) role="img" {
+            title { (said.join(" ")) }
+            style { (PreEscaped(STYLE)) (PreEscaped(super::STYLE)) (PreEscaped(OWN_STYLE)) (PreEscaped(format!("svg.loop{{width:{WIDTH_PX}px;height:{height_px}px}}"))) (PreEscaped(keyframes.into_css())) }
+            defs {
+                clipPath id="half" { rect width=(n(width_px, 1)) height=(HEIGHT_PX) rx="8" {} }
+                g id=(picture.part("ground")) { @if picture.on_cells { (cells(&picture.stage)) } @else { (road(&picture.stage, &example.frames)) } }
+                @for (who, cast) in picture.stage.cast.iter().enumerate() {
+                    g id=(picture.body(who)) class=(picture.classes[who]) { (body(cast)) }
+                }
+            }
+            rect class="card" width=(WIDTH_PX) height=(height_px) rx="8" {}
+            @for half in &halves { (half) }
+            (clock)
+            @for (nth, (class, line)) in lines.iter().enumerate() {
+                text class=(class) x="4" y=(n(top_px + LINE_PX * nth as f64, 1)) { (line) }
+            }
+        }
+    };
+    drawn.into_string()
+}
+
+/// The time as a bar with the moments of the crash on it, and a hand.
+fn clock(picture: &Picture<'_>, keyframes: &mut Keyframes) -> Markup {
+    let Period { from_s, until_s } = keyframes.period;
+    let x = |time_s: f64| WIDTH_PX * (time_s - from_s) / (until_s - from_s);
+    let moved = [(from_s, 0.0), (until_s, WIDTH_PX - 3.0)];
+    let moved = moved.map(|(at_s, x)| (at_s, format!("translate({}px,0px)", n(x, 1))));
+    let moved = keyframes.moving(&moved);
+    let moments = picture.moments.iter();
+    let moments = moments.filter(|it| from_s < it.time_s && it.time_s <= until_s);
+    html! {
+        g transform=(format!("translate(0 {})", HEIGHT_PX + 5.0)) {
+            rect class="bar" width=(WIDTH_PX) height="6" rx="3" {}
+            @for moment in moments { rect class={ "instant " (moment.class) } x=(n(x(moment.time_s) - 2.0, 1)) width="4" height="6" { title { (moment.words) } } }
+            rect class={ "head2 " (moved) } y="-1" width="3" height="8" transform=(format!("translate({} 0)", WIDTH_PX - 3.0)) {}
+        }
+    }
+}

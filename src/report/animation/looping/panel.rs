@@ -1,0 +1,228 @@
+//! One half of a looping picture: a drive from above, and what comes of it.
+
+use maud::{Markup, html};
+
+use super::keyframes::Keyframes;
+use crate::report::animation::camera::{Camera, Canvas};
+use crate::report::animation::film::Film;
+use crate::report::animation::ground::lights;
+use crate::report::animation::labels::{Label, labels};
+use crate::report::animation::moves::Move;
+use crate::report::animation::picture::{BRAKES_MPS2, Picture, burst};
+use crate::report::animation::write::n;
+
+/// Samples are shown so far apart, straight lines between; words stand so long.
+const EVERY_S: f64 = 0.1;
+const WORDS_S: f64 = 0.5;
+
+/// What one half shows.
+pub(super) struct Panel<'a> {
+    /// Its number, which tells its parts from the other's.
+    pub nth: usize,
+    pub picture: &'a Picture<'a>,
+    pub film: &'a Film,
+    /// What the ados do, while somebody else drives too.
+    pub moves: Vec<(String, Vec<Move>)>,
+    /// Where and when two touch, in the picture's directions.
+    pub contact_m: Option<[f64; 2]>,
+    /// When it ends; what came of it then, and whether that is good.
+    pub ending: (f64, String, bool),
+    /// Who drives.
+    pub title: String,
+}
+
+/// Samples of a film within a period: those that are shown.
+fn shown(film: &Film, (from_s, until_s): (f64, f64)) -> Vec<usize> {
+    let (first, last) = (film.at(from_s), film.at(until_s));
+    let mut shown = vec![first];
+    for i in first + 1..last {
+        let before_s = film.times_s[shown[shown.len() - 1]];
+        if EVERY_S - 1e-6 <= film.times_s[i] - before_s {
+            shown.push(i);
+        }
+    }
+    shown.push(last);
+    shown
+}
+
+impl Panel<'_> {
+    /// Pixels per metre at which everybody fits all the time.
+    pub fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
+        let shown = shown(self.film, (from_s, self.ending.0));
+        let scales = shown
+            .iter()
+            .map(|i| Camera::fitting(self.film, *i, self.ego(), canvas));
+        scales.fold(f64::INFINITY, f64::min)
+    }
+
+    fn ego(&self) -> Option<(usize, f64)> {
+        (!self.picture.on_cells).then(|| self.picture.ego())
+    }
+
+    /// The picture, at this scale.
+    pub fn drawn(&self, keyframes: &mut Keyframes, (canvas, scale): (&Canvas, f64)) -> Markup {
+        let shown = shown(self.film, (keyframes.period.from_s, self.ending.0));
+        let camera = |i: usize| Camera::at_scale(self.film, i, (self.ego(), scale), canvas);
+        let cameras: Vec<Camera<'_>> = shown.iter().map(|i| camera(*i)).collect();
+        let times = || shown.iter().map(|i| self.film.times_s[*i]);
+        let centres = cameras.iter().map(|camera| {
+            let [u, v] = camera.centre_m;
+            format!("translate({}px,{}px)", n(-u, 2), n(-v, 2))
+        });
+        let moved = keyframes.moving(&times().zip(centres).collect::<Vec<_>>());
+        let last = &cameras[cameras.len() - 1];
+        let [[x, y], [u, v]] = [last.middle_px(), last.centre_m];
+        let turn_deg = n(-self.film.turn_rad.to_degrees(), 3);
+        let everybody = 0..self.picture.stage.cast.len();
+        html! {
+            g transform=(format!("translate({x} {y}) scale({} {})", n(scale, 3), n(-scale, 3))) {
+                g class=(moved) transform=(format!("translate({} {})", n(-u, 2), n(-v, 2))) {
+                    g transform=(format!("rotate({turn_deg})")) {
+                        use href={ "#" (self.picture.part("ground")) } {}
+                        (self.lights(keyframes))
+                        @for who in everybody.clone() { (self.body(keyframes, who, &shown)) }
+                    }
+                }
+            }
+            (self.star(keyframes, last))
+            @for who in everybody { (self.label(keyframes, who, (&shown, &cameras))) }
+            (self.result(keyframes, canvas))
+        }
+    }
+
+    /// A body on its way; whoever brakes shows it.
+    fn body(&self, keyframes: &mut Keyframes, who: usize, shown: &[usize]) -> Markup {
+        let track = &self.film.tracks[who];
+        let time_s = |i: usize| self.film.times_s[i];
+        let poses = shown.iter().map(|&i| {
+            let (x, y, turn_deg) = (
+                track.x_m[i],
+                track.y_m[i],
+                track.heading_rad[i].to_degrees(),
+            );
+            let pose = format!(
+                "translate({}px,{}px) rotate({}deg)",
+                n(x, 2),
+                n(y, 2),
+                n(turn_deg, 1)
+            );
+            (time_s(i), pose)
+        });
+        let moved = keyframes.moving(&poses.collect::<Vec<_>>());
+        let brakes = |i: usize| track.accel_mps2[i] < -BRAKES_MPS2;
+        let braking: Vec<(f64, bool)> = shown.iter().map(|&i| (time_s(i), brakes(i))).collect();
+        let lit = braking.iter().any(|(_, brakes)| *brakes);
+        let end = shown[shown.len() - 1];
+        html! {
+            g class={ "body " (moved) } transform=(self.picture.pose(self.film, who, end)) {
+                use href={ "#" (self.picture.body(who)) } {}
+                @if lit {
+                    g class={ "braking " (keyframes.seen(&braking)) } visibility=(if brakes(end) { "visible" } else { "hidden" }) {
+                        use href={ "#" (self.picture.body(who)) } {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// Lights, a group for each stretch in which they show the same.
+    fn lights(&self, keyframes: &mut Keyframes) -> Markup {
+        let (from, until) = (
+            self.film.at(keyframes.period.from_s),
+            self.film.at(self.ending.0),
+        );
+        let showing = |i: usize| -> Vec<_> { self.film.phases.iter().map(|it| it[i]).collect() };
+        let mut turns = vec![from];
+        turns.extend((from + 1..=until).filter(|i| showing(*i) != showing(i - 1)));
+        html! {
+            @for (nth, &i) in turns.iter().enumerate().filter(|_| !self.film.phases.is_empty()) {
+                @let next = turns.get(nth + 1).map(|next| (self.film.times_s[*next], false));
+                @let before = (0 < nth).then_some((keyframes.period.from_s, false));
+                @let turns: Vec<(f64, bool)> = before.into_iter().chain([(self.film.times_s[i], true)]).chain(next).collect();
+                g class=(keyframes.seen(&turns)) visibility=(if next.is_none() { "visible" } else { "hidden" }) { (lights(&self.picture.stage, &showing(i))) }
+            }
+        }
+    }
+
+    /// The star of a contact.
+    fn star(&self, keyframes: &mut Keyframes, camera: &Camera<'_>) -> Markup {
+        let Some([x, y]) = self.contact_m.map(|at| camera.at(at)) else {
+            return html! {};
+        };
+        let turns = [(keyframes.period.from_s, false), (self.ending.0, true)];
+        html! { g class=(keyframes.seen(&turns)) { (burst(x, y)) } }
+    }
+
+    /// Name, speed and action of a body: a group that goes with it, in which the
+    /// words of each half second come and go.
+    fn label(
+        &self,
+        keyframes: &mut Keyframes,
+        who: usize,
+        (shown, cameras): (&[usize], &[Camera<'_>]),
+    ) -> Markup {
+        let at = |nth: usize| {
+            let beside = (&cameras[nth], &*self.moves);
+            labels(&self.picture.stage, self.film, shown[nth], beside).swap_remove(who)
+        };
+        let all: Vec<Label> = (0..shown.len()).map(at).collect();
+        let middle = |label: &Label| [label.at_px[0] + 0.5 * label.size_px[0], label.at_px[1]];
+        let time_s = |nth: usize| self.film.times_s[shown[nth]];
+        let places = all.iter().enumerate().map(|(nth, label)| {
+            let [x, y] = middle(label);
+            (
+                time_s(nth),
+                format!("translate({}px,{}px)", n(x, 1), n(y, 1)),
+            )
+        });
+        let moved = keyframes.moving(&places.collect::<Vec<_>>());
+        let last = all.len() - 1;
+        let from_s = keyframes.period.from_s;
+        let mut words: Vec<(f64, &Label)> = Vec::new();
+        for (nth, label) in all.iter().enumerate() {
+            let is_due = words.last().is_none_or(|(then_s, said)| {
+                WORDS_S - 1e-6 <= time_s(nth) - then_s || said.lines[1..] != label.lines[1..]
+            });
+            if is_due || nth == last {
+                words.push((time_s(nth), label));
+            }
+        }
+        let [x, y] = middle(&all[last]);
+        html! {
+            g class=(moved) transform=(format!("translate({} {})", n(x, 1), n(y, 1))) {
+                @for (nth, (since_s, label)) in words.iter().enumerate() {
+                    @let next = words.get(nth + 1).map(|(next_s, _)| (*next_s, false));
+                    @let before = (0 < nth).then_some((from_s, false));
+                    @let turns: Vec<(f64, bool)> = before.into_iter().chain([(*since_s, true)]).chain(next).collect();
+                    g class={ (keyframes.seen(&turns)) " label " (self.picture.classes[who]) } visibility=(if next.is_none() { "visible" } else { "hidden" }) { (words_of(label)) }
+                }
+            }
+        }
+    }
+
+    /// Who drives, and in the end what came of it.
+    fn result(&self, keyframes: &mut Keyframes, canvas: &Canvas) -> Markup {
+        let (at_s, words, good) = &self.ending;
+        let [width_px, height_px] = canvas.size_px;
+        let turns = [(keyframes.period.from_s, false), (*at_s, true)];
+        html! {
+            rect class="plate" width=(width_px) height="25" {}
+            text class="title" x="10" y="17.5" { (self.title) }
+            g class=(keyframes.seen(&turns)) {
+                rect class=(if *good { "fine" } else { "poor" }) y=(n(height_px - 28.0, 1)) width=(width_px) height="28" {}
+                text class="result" x="10" y=(n(height_px - 9.0, 1)) { (words) }
+            }
+        }
+    }
+}
+
+/// A label around the middle of its upper side.
+fn words_of(label: &Label) -> Markup {
+    let [w, h] = label.size_px;
+    html! {
+        rect x=(n(-0.5 * w, 1)) width=(n(w, 1)) height=(n(h, 1)) rx="5" {}
+        @for (nth, line) in label.lines.iter().enumerate() {
+            text class=[(nth == 0).then_some("who")] x="0" y=(n(14.5 + 15.0 * nth as f64, 1)) text-anchor="middle" { (line) }
+        }
+    }
+}

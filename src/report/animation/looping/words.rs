@@ -1,0 +1,130 @@
+//! The words of a looping picture: what came of each drive, and the facts.
+
+use super::Beside;
+use crate::preventability::FilmedDriver;
+use crate::report::animation::film::Film;
+use crate::report::animation::picture::Picture;
+use crate::report::verdict::{VerdictWords, capital};
+use crate::rulebook::RulesUntilContact;
+use crate::scenario::Scenario;
+
+/// So many letters fit into a line.
+const LETTERS: usize = 132;
+
+/// When the recorded drive ends, and how: a contact, or `after_s` beyond what
+/// the ego broke.
+pub(super) fn ending_of(picture: &Picture<'_>, after_s: f64) -> (f64, String, bool) {
+    match &picture.example.episode.contact {
+        Some(touch) if picture.on_cells => (touch.time_s, "Caught".to_owned(), false),
+        Some(touch) => {
+            let words = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
+            (touch.time_s, words, false)
+        }
+        None => {
+            let end_s = (picture.violated_s + after_s).min(picture.film.end_s());
+            (end_s, format!("Broken: {}", picture.broken), false)
+        }
+    }
+}
+
+/// When somebody else's drive ends, and how: a contact, or `after_s` beyond the
+/// time at which it is nearest.
+pub(super) fn outcome_of(
+    picture: &Picture<'_>,
+    film: &Film,
+    (filmed, after_s): (&FilmedDriver, f64),
+) -> (f64, String, bool) {
+    if let Some(touch) = &filmed.contact {
+        let words = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
+        return (touch.time_s, words, false);
+    }
+    let (ego, _) = picture.ego();
+    let recorded_s = picture.film.end_s();
+    let apart_m = |i: usize| {
+        picture
+            .film
+            .met
+            .map_or(0.0, |met| film.apart_m(ego, met, i))
+    };
+    let later = film.at(recorded_s)..film.times_s.len();
+    let nearest = later.min_by(|a, b| apart_m(*a).total_cmp(&apart_m(*b)));
+    let nearest_s = nearest.map_or(recorded_s, |i| film.times_s[i]);
+    let words = match filmed.outcome.margin {
+        Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
+        None => "No contact: nobody was in its way".to_owned(),
+    };
+    ((nearest_s + after_s).min(film.end_s()), words, true)
+}
+
+/// What is known of the crash: what came of it, then number by number.
+pub(super) fn facts(
+    scenario: &Scenario,
+    picture: &Picture<'_>,
+    beside: Option<&Beside>,
+) -> Vec<String> {
+    let example = picture.example;
+    let about = &example.about;
+    let verdict = VerdictWords::of(scenario, example).sentence();
+    let speed = about.severity.as_ref().map(|severity| {
+        let delta_mps = severity.impact.ego_delta_v_mps;
+        let closing_mps = severity.closing_speed_mps;
+        format!("closing speed {closing_mps:.1} m/s, Δv of the ego {delta_mps:.1} m/s")
+    });
+    let rules = scenario.rulebook().rules.len();
+    let rules = match &example.episode.rules_until_contact {
+        Some(RulesUntilContact::Broken { rule, .. }) => {
+            format!("“{rule}” broken before the contact")
+        }
+        _ => format!("rules kept: {rules} of {rules}"),
+    };
+    let chance = about.why.as_ref().and_then(|why| why.last_chance.as_ref());
+    let chance = chance.map(|chance| match chance.at_s {
+        Some(at_s) => format!(
+            "last chance: {} {:.2} s before the failure",
+            chance.driver,
+            (chance.violated_s - at_s).max(0.0)
+        ),
+        None => format!("last chance: none by {}", chance.driver),
+    });
+    let persistence = about.persistence.as_ref().map(ToString::to_string);
+    let known: Vec<String> = [speed, Some(rules), chance, persistence]
+        .into_iter()
+        .flatten()
+        .collect();
+    let mut said = vec![verdict, capital(&format!("{}.", known.join("; ")))];
+    said.extend(beside.map(|it| other(&it.who, &it.filmed, picture)));
+    said
+}
+
+/// What somebody else did.
+fn other(who: &str, filmed: &FilmedDriver, picture: &Picture<'_>) -> String {
+    let from_s = filmed.from as f64 * picture.example.episode.trace.dt_s();
+    let reacted = filmed
+        .outcome
+        .reacted_s
+        .map(|at_s| format!(", sees danger at {at_s:.2} s"));
+    let then = match (&filmed.contact, filmed.outcome.margin) {
+        (Some(touch), _) => format!("hits at {:.1} m/s", touch.closing_speed_mps),
+        (None, Some(gap_m)) => format!("misses by {gap_m:.1} m"),
+        (None, None) => "meets nobody".to_owned(),
+    };
+    let reacted = reacted.unwrap_or_default();
+    format!(
+        "In its place {who} takes over at {from_s:.2} s{reacted} and {then}; the others move as recorded."
+    )
+}
+
+/// A text in lines that fit.
+pub(super) fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + word.chars().count() < LETTERS => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
