@@ -17,6 +17,6 @@ fi
 recording=$(mktemp --suffix .rrd)
 trap 'rm -f "$recording"' EXIT
 "$brakecheck" view tests/regressions/cut_in_clear-idm-0074.ron -o "$recording"
-"$rerun" --headless --port 0 --bind 127.0.0.1 --hide-welcome-screen --window-size 1280x720 \
+RUST_LOG=error "$rerun" --headless --port 0 --bind 127.0.0.1 --hide-welcome-screen --window-size 1600x900 \
   --screenshot-to docs/img/viewer.png "$recording"
 echo docs/img/viewer.png

@@ -49,6 +49,11 @@ pub(super) struct Around {
 impl Around {
     /// Beyond this nobody is worth a look from farther away.
     const FAR_M: f64 = 60.0;
+    /// Who is farther behind is not seen from behind the ego.
+    const BEHIND_M: f32 = -5.5;
+    /// How wide the scene's view is, by the camera's distance: 690 × 420 pixels,
+    /// 55° from its top to its foot.
+    const WIDE: f32 = 1.6;
 
     /// At the sample of the verdict, or at the last one.
     pub fn of(story: &Story<'_>) -> Around {
@@ -75,6 +80,27 @@ impl Around {
         around
     }
 
+    /// A camera that sees all of them from behind the ego, or from its right if
+    /// somebody is behind it, and what it looks at.
+    pub fn seen_aslant(&self) -> ([f32; 3], [f32; 3]) {
+        let (rear_m, front_m) = self.ahead_m;
+        if Around::BEHIND_M <= rear_m {
+            let back_m = self.behind_m.clamp(0.0, 25.0);
+            let eye_m = [-10.0 - back_m, 3.6 + 0.2 * back_m, 4.6 + 0.2 * back_m];
+            return (eye_m, [3.0, 0.0, 0.4]);
+        }
+        // Everybody between those who are nearest before and behind; the ego
+        // stays large enough.
+        let (rear_m, front_m) = (rear_m.max(-26.0), front_m.min(26.0));
+        let far_m = ((front_m - rear_m + 9.0) / Around::WIDE).clamp(14.0, 27.0);
+        let middle_m = 0.5 * (rear_m + front_m);
+        // Never so far ahead or behind that the ego is not in the picture.
+        let reach_m = (0.5 * Around::WIDE * far_m - 5.0).max(0.0);
+        let at_m = [middle_m.clamp(-reach_m, reach_m), 0.0, 0.4];
+        let eye_m = [at_m[0] - 0.22 * far_m, -0.8 * far_m, 0.55 * far_m];
+        (eye_m, at_m)
+    }
+
     /// A camera that sees all of them from above, and what it looks at.
     pub fn seen_from_above(&self) -> ([f32; 3], [f32; 3]) {
         let ((rear_m, front_m), (right_m, left_m)) = (self.ahead_m, self.left_m);
@@ -94,4 +120,71 @@ impl Around {
 fn grown((least, greatest): (f32, f32), by: f64) -> (f32, f32) {
     // The one cast from places to cameras.
     (least.min(by as f32), greatest.max(by as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where a place is in the scene's view, in pixels from its middle, and how
+    /// many of them a metre is there.
+    fn seen(([eye, at], place): ([[f32; 3]; 2], [f32; 3])) -> ([f32; 2], f32) {
+        let minus = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let cross = |a: [f32; 3], b: [f32; 3]| {
+            [
+                a[1] * b[2] - a[2] * b[1],
+                a[2] * b[0] - a[0] * b[2],
+                a[0] * b[1] - a[1] * b[0],
+            ]
+        };
+        let unit = |a: [f32; 3]| a.map(|it| it / dot(a, a).sqrt());
+        let ahead = unit(minus(at, eye));
+        let right = unit(cross(ahead, [0.0, 0.0, 1.0]));
+        let up = cross(right, ahead);
+        let from_eye = minus(place, eye);
+        let far = dot(from_eye, ahead);
+        let px = 210.0 / (27.5_f32.to_radians().tan() * far);
+        ([dot(from_eye, right) * px, dot(from_eye, up) * px], px)
+    }
+
+    #[test]
+    fn everybody_is_in_the_picture_and_the_ego_is_large_enough() {
+        let car = (4.5_f32, 1.8_f32);
+        let cases = [
+            (0.0, 5.0),
+            (0.0, 40.0),
+            (-4.6, 0.0),
+            (-12.0, 5.0),
+            (-17.0, 8.0),
+            (-20.0, 12.0),
+        ];
+        for (rear_m, front_m) in cases {
+            let around = Around {
+                ahead_m: (rear_m, front_m),
+                left_m: (-3.5, 3.5),
+                behind_m: 0.0,
+            };
+            let (eye_m, at_m) = around.seen_aslant();
+            let camera = [eye_m, at_m];
+            for (x, y) in [
+                (rear_m, 3.5),
+                (rear_m, -3.5),
+                (front_m, 3.5),
+                (front_m, -3.5),
+                (0.0, 0.0),
+            ] {
+                let ([across, up], _) = seen((camera, [x, y, 0.7]));
+                assert!(
+                    across.abs() <= 345.0 && up.abs() <= 210.0,
+                    "{x}, {y}: {across}, {up}"
+                );
+            }
+            let corners = [(0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5)];
+            let corners = corners.map(|(x, y)| seen((camera, [x * car.0, y * car.1, 0.0])).0[0]);
+            let most = corners.iter().copied().fold(f32::MIN, f32::max);
+            let least = corners.iter().copied().fold(f32::MAX, f32::min);
+            assert!(60.0 <= most - least, "{} px", most - least);
+        }
+    }
 }

@@ -29,7 +29,15 @@ pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Resul
         Figure::Car => cast.name.clone(),
         _ => format!("{} ({})", cast.name, cast.body),
     };
-    let name = Points3D::new([[0.0, 0.0, 0.5 * scale.height_m + 0.7]])
+    // The ego's name to its right, those of others to their left: seen from
+    // above, names of two that touch stand apart.
+    let aside_m = 0.5 * scale.width_m + 0.9;
+    let aside_m = if who == story.ego() {
+        -aside_m
+    } else {
+        aside_m
+    };
+    let name = Points3D::new([[0.0, aside_m, 0.5 * scale.height_m + 0.2]])
         .with_radii([0.03])
         .with_colors([colour])
         .with_labels([label]);

@@ -17,11 +17,15 @@ use super::error::ViewError;
 
 /// Names the application under which the viewer keeps the user's layout.
 const APPLICATION: &str = "brakecheck";
+/// The timeline that ends with the verdict, where the episode goes on.
+pub(super) const UNTIL_VERDICT: &str = "until_verdict";
 
 /// The messages of one store: a recording, or a blueprint.
 pub(super) struct Journal {
     store: StoreId,
     messages: Vec<LogMsg>,
+    /// When the timeline ends that ends before the others, in nanoseconds.
+    until: Option<i64>,
 }
 
 impl Journal {
@@ -36,7 +40,18 @@ impl Journal {
         Journal {
             store,
             messages: vec![opening],
+            until: None,
         }
+    }
+
+    /// From here on, what is not later than a time stands on one more timeline.
+    ///
+    /// A viewer that follows a timeline opens at its end, and blueprints have no
+    /// other way to say at which time it shall open.
+    pub fn ending_at(mut self, time_s: Option<f64>) -> Journal {
+        // Marks reach a microsecond beyond their instant.
+        self.until = time_s.map(|time_s| nanos(time_s + 2e-6));
+        self
     }
 
     /// The store it writes.
@@ -68,6 +83,12 @@ impl Journal {
         let instant = TimePoint::default()
             .with(Timeline::new_sequence("step"), sample as i64)
             .with(Timeline::new_duration("sim_time"), nanos(time_s));
+        let instant = match self.until {
+            Some(until) if nanos(time_s) <= until => {
+                instant.with(Timeline::new_duration(UNTIL_VERDICT), nanos(time_s))
+            }
+            _ => instant,
+        };
         self.row(entity.into(), instant, parts)
     }
 
@@ -84,6 +105,7 @@ impl Journal {
         clock: [TimeColumn; 2],
         columns: Result<impl Iterator<Item = SerializedComponentColumn>, SerializationError>,
     ) -> Result<(), ViewError> {
+        let times: Vec<i64> = clock[0].times_raw().to_vec();
         let clock = clock.map(|times| (*times.timeline().name(), times));
         let columns = columns.map_err(RecordingStreamError::from)?;
         let chunk = Chunk::from_auto_row_ids(
@@ -94,7 +116,23 @@ impl Journal {
                 .map(|column| (column.descriptor, column.list_array))
                 .collect(),
         );
-        self.push(chunk.map_err(RecordingStreamError::from)?)
+        let chunk = chunk.map_err(RecordingStreamError::from)?;
+        let until = self.until.unwrap_or(i64::MIN);
+        let early = times.partition_point(|time| *time <= until);
+        if early == 0 {
+            return self.push(chunk);
+        }
+        let mut first = chunk.row_sliced_shallow(0, early);
+        let times_s = times[..early].iter().map(|time| 1e-9 * *time as f64);
+        let column = TimeColumn::new_duration_secs(UNTIL_VERDICT, times_s);
+        first
+            .add_timeline(column)
+            .map_err(RecordingStreamError::from)?;
+        self.push(first)?;
+        match times.len() - early {
+            0 => Ok(()),
+            late => self.push(chunk.row_sliced_shallow(early, late)),
+        }
     }
 
     fn row(

@@ -14,9 +14,27 @@ use rerun::external::re_sdk_types::blueprint::archetypes::{
 use rerun::external::re_sdk_types::datatypes::{self, Range1D};
 
 use super::error::ViewError;
-use super::journal::{Journal, nanos};
+use super::journal::{Journal, UNTIL_VERDICT, nanos};
 use super::lines;
 use super::story::Story;
+
+/// What a plot is high, of which so much is its legend's: a line, and around it.
+const PLOT_PX: f32 = 140.0;
+const LEGEND_LINE_PX: f32 = 27.0;
+const LEGEND_ROOM_PX: f32 = 62.0;
+
+/// The share of a column that a plot takes: as much as its legend needs, of
+/// `curves` and the marks of the story; without a legend less.
+pub(super) fn height_of(story: &Story<'_>, curves: usize) -> f32 {
+    let marks = usize::from(story.decided.is_some()) + usize::from(story.episode.contact.is_some());
+    match curves {
+        0 => 0.75,
+        _ => {
+            let lines = (curves + marks) as f32;
+            ((LEGEND_ROOM_PX + LEGEND_LINE_PX * lines) / PLOT_PX).max(0.9)
+        }
+    }
+}
 
 /// How much longer than the episode the time axis of plots is.
 const LEGEND_ROOM: f64 = 1.45;
@@ -67,7 +85,7 @@ impl<'a> Layout<'a> {
     }
 
     /// The window around the root: no panels of the viewer's own, and time at the end.
-    pub fn window(&mut self, root: &Node) -> Result<(), ViewError> {
+    pub fn window(&mut self, story: &Story<'_>, root: &Node) -> Result<(), ViewError> {
         let viewport = ViewportBlueprint::new()
             .with_root_container(datatypes::Uuid {
                 bytes: root.id.to_be_bytes(),
@@ -79,11 +97,12 @@ impl<'a> Layout<'a> {
             let hidden = PanelBlueprint::new().with_state(PanelState::Collapsed);
             self.journal.layout(panel.into(), &hidden)?;
         }
-        // Following opens at the last sample, where most episodes have their
-        // crash; playing from there starts over at the speed of life.
+        // Following opens at the end of a timeline, where the verdict falls;
+        // playing from there starts over at the speed of life.
+        let timeline = story.opens_s().map_or("sim_time", |_| UNTIL_VERDICT);
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)
-            .with_timeline("sim_time")
+            .with_timeline(timeline)
             .with_playback_speed(1.0)
             .with_play_state(PlayState::Following);
         self.journal.layout("time_panel".into(), &time)

@@ -2,7 +2,8 @@
 //!
 //! A recording holds the cars in 3D, every signal, the running robustness of
 //! the ego's specification and of every rule, the contact, and the verdict in
-//! words, on the timelines `sim_time` and `step`:
+//! words, on the timelines `sim_time` and `step`, and up to the verdict on
+//! `until_verdict` where the episode goes on after it:
 //!
 //! | panel | of | entity | what it is |
 //! | --- | --- | --- | --- |
@@ -33,8 +34,9 @@
 //! The panel `from above` shows the scene once more, and a grid world is a map in
 //! the plane instead.
 //!
-//! It opens at its last sample, where most episodes have their crash; playing
-//! from there starts over.
+//! It opens at the verdict: at its last sample, where most episodes have their
+//! crash, or else at the end of `until_verdict`; playing from there starts over,
+//! and `sim_time` has the whole episode.
 //!
 //! Running robustness is the end of the interval of values still possible that
 //! says something: for `always` the running minimum. It crosses zero at the
@@ -168,7 +170,7 @@ impl<'a> Recording<'a> {
     /// The viewer's library refuses the data.
     pub fn messages(&self) -> Result<Messages, ViewError> {
         let story = &self.0;
-        let mut journal = Journal::new(StoreKind::Recording);
+        let mut journal = Journal::new(StoreKind::Recording).ending_at(story.opens_s());
         let about = RecordingInfo::update_fields().with_name(story.scenario.name.as_str());
         journal.always(EntityPath::properties(), &[&about])?;
         panels::log(story, &mut journal)?;

@@ -40,10 +40,18 @@ const SCRIPTED: [Rgb; 3] = [[170, 178, 190], [140, 150, 165], [196, 202, 210]];
 const NEUTRAL: [Rgb; 6] = [
     [126, 211, 133],
     [190, 147, 255],
-    [240, 220, 120],
     [96, 214, 214],
     [230, 150, 200],
-    [180, 190, 110],
+    [170, 186, 92],
+    [150, 176, 214],
+];
+const RULES: [Rgb; 6] = [
+    [70, 170, 90],
+    [150, 110, 230],
+    [40, 160, 170],
+    [200, 100, 170],
+    [140, 130, 60],
+    [176, 140, 120],
 ];
 
 /// The colour of the `nth` agent in a role.
@@ -58,6 +66,11 @@ pub(super) fn of_role(role: Role, nth: usize) -> Rgb {
 /// The colour of the `nth` curve that belongs to nobody in particular.
 pub(super) fn neutral(nth: usize) -> Rgb {
     NEUTRAL[nth % NEUTRAL.len()]
+}
+
+/// The colour of the robustness of the `nth` rule.
+pub(super) fn of_rule(nth: usize) -> Rgb {
+    RULES[nth % RULES.len()]
 }
 
 /// The colour of a light.

@@ -7,6 +7,9 @@ use crate::scene::{Frame, Role, Stage};
 use crate::stl::{Interval, Monitor};
 use crate::testbench::{Episode, film};
 
+/// Who opens a recording later than this after the verdict does not see it.
+const GOES_ON_S: f64 = 0.3;
+
 /// An episode with everything derived from it that a viewer shows.
 pub(super) struct Story<'a> {
     pub scenario: &'a Scenario,
@@ -95,6 +98,12 @@ impl<'a> Story<'a> {
     /// The time of the last sample.
     pub fn end_s(&self) -> f64 {
         self.time_s(self.samples().saturating_sub(1))
+    }
+
+    /// When the viewer opens, if the episode goes on for long after the verdict.
+    pub fn opens_s(&self) -> Option<f64> {
+        let decided_s = self.time_s(self.decided?);
+        (decided_s + GOES_ON_S < self.end_s()).then_some(decided_s)
     }
 
     /// The position of the ego in the cast.

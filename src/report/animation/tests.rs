@@ -17,7 +17,10 @@ fn world(text: &str) -> Scenario {
 /// The first counterexample with a contact that one action, held, gives.
 fn crash(scenario: &Scenario) -> Example {
     let mut bench = scenario.bench();
-    let tried = (0..200).flat_map(|index| [(index, 0), (index, 2)]);
+    let spaces = scenario.world().spaces();
+    let held = (0..spaces.actions).filter(|action| *action != spaces.neutral);
+    let held: Vec<usize> = held.collect();
+    let tried = (0..200).flat_map(|index| held.iter().map(move |action| (index, *action)));
     let found = tried.map(|(index, action)| {
         let start = bench.draw(StartKey {
             purpose: Purpose::Train,
@@ -71,26 +74,143 @@ fn numbers(values: &Value) -> Vec<f64> {
     values.iter().filter_map(Value::as_f64).collect()
 }
 
+/// A cut-in: somebody moves sideways, with a heading and a y that change.
+fn cut_in() -> Scenario {
+    world(include_str!("../../../worlds/cut_in.ron"))
+}
+
+/// The numbers in the brackets after a name, of a `transform`.
+fn arguments(transform: &str, name: &str) -> Vec<f64> {
+    let (_, rest) = transform.split_once(&format!("{name}(")).expect(name);
+    let inside = rest.split(')').next().expect("brackets");
+    let numbers = inside.split([' ', ',']);
+    numbers.map(|it| it.parse().expect("a number")).collect()
+}
+
 #[test]
-fn the_animation_shows_the_poses_of_the_trace() {
+fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
+    for scenario in [acc(), cut_in()] {
+        let example = crash(&scenario);
+        let data = json(&Picture::of(&scenario, &example, 0));
+        let data: Value = serde_json::from_str(&data).expect("JSON");
+        let times = numbers(&data["t"]);
+        let trace = &example.episode.trace;
+        let end_s = example.episode.contact.as_ref().expect("a contact").time_s;
+        let mut turned = 0.0_f64;
+        for (who, cast) in scenario.bench().stage().cast.iter().enumerate() {
+            let body = &data["bodies"][who];
+            let column = |field: &str| {
+                let name = format!("{}.{field}", cast.name);
+                trace.signal(&name).expect("a signal").to_vec()
+            };
+            let (x_m, y_m) = (column("x"), column("y"));
+            let (headings_rad, speeds_mps) = (column("heading"), column("speed"));
+            for sample in 0..trace.len() {
+                let time_s = (sample as f64 * trace.dt_s()).min(end_s);
+                let heading_rad = at(&times, &body["h"], time_s);
+                let half_m = 0.5 * cast.size_m[0];
+                let shown = [
+                    at(&times, &body["x"], time_s) + half_m * heading_rad.cos() - x_m[sample],
+                    at(&times, &body["y"], time_s) + half_m * heading_rad.sin() - y_m[sample],
+                    heading_rad - headings_rad[sample],
+                    at(&times, &body["v"], time_s) - speeds_mps[sample],
+                ];
+                for (off, most) in shown.iter().zip([0.01, 0.01, 0.002, 0.01]) {
+                    assert!(off.abs() <= most, "{} at {time_s} s: {shown:?}", cast.name);
+                }
+                turned = turned.max(heading_rad.abs());
+            }
+        }
+        assert!(scenario.name == "acc" || 0.02 < turned, "{turned} rad");
+    }
+}
+
+#[test]
+fn left_is_up_forward_is_right_and_bodies_are_turned_in_degrees() {
+    let scenario = cut_in();
+    let example = crash(&scenario);
+    let picture = Picture::of(&scenario, &example, 0);
+    let film = &picture.film;
+    let i = film.at(0.5 * film.end_s());
+    let camera = Camera::of(film, i, Some(picture.ego()), &SCREEN);
+    let shown = camera.at([camera.centre_m[0] + 1.0, camera.centre_m[1] + 1.0]);
+    let middle = camera.middle_px();
+    assert!(middle[0] < shown[0] && shown[1] < middle[1], "{shown:?}");
+    // What places labels and stars is what moves the bodies.
+    let transform = camera.transform();
+    let scale = arguments(&transform, "scale");
+    assert!((scale[0] - camera.scale).abs() < 1e-3 && (scale[1] + camera.scale).abs() < 1e-3);
+    for (who, track) in film.tracks.iter().enumerate() {
+        let pose = picture.pose(film, who, i);
+        let turn_deg = arguments(&pose, "rotate")[0];
+        assert!(
+            (turn_deg.to_radians() - track.heading_rad[i]).abs() < 1e-3,
+            "{pose}"
+        );
+        let at = arguments(&pose, "translate");
+        assert!((at[0] - track.x_m[i]).abs() < 1e-2 && (at[1] - track.y_m[i]).abs() < 1e-2);
+    }
+}
+
+#[test]
+fn the_violation_is_when_what_is_asked_is_lost() {
+    for (scenario, least_m) in [(acc(), 4.7), (cut_in(), 0.2)] {
+        let example = crash(&scenario);
+        let trace = &example.episode.trace;
+        let name = if least_m < 1.0 {
+            "ego.ado.gap"
+        } else {
+            "headway"
+        };
+        let distance_m = trace.signal(name).expect("a distance");
+        let lost = distance_m.iter().position(|it| *it < least_m);
+        let touch_s = example.episode.contact.as_ref().expect("a contact").time_s;
+        let lost_s = (lost.expect("a violation") as f64 * trace.dt_s()).min(touch_s);
+        let picture = Picture::of(&scenario, &example, 0);
+        assert!((picture.violated_s - lost_s).abs() < 1e-9, "{lost_s} s");
+        let told = picture
+            .moments
+            .iter()
+            .find(|it| it.words.contains("requirement broken"));
+        assert!((told.expect("the moment").time_s - lost_s).abs() <= 0.02);
+        let data: Value = serde_json::from_str(&json(&picture)).expect("JSON");
+        assert!((data["broken"].as_f64().expect("a time") - lost_s).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn labels_say_the_speeds_and_actions_of_the_moment() {
     let scenario = acc();
     let example = crash(&scenario);
-    let data = json(&Picture::of(&scenario, &example, 0));
-    let data: Value = serde_json::from_str(&data).expect("JSON");
-    let times = numbers(&data["t"]);
+    let picture = Picture::of(&scenario, &example, 0);
+    let film = &picture.film;
     let trace = &example.episode.trace;
-    let end_s = example.episode.contact.as_ref().expect("a contact").time_s;
-    for (who, cast) in scenario.bench().stage().cast.iter().enumerate() {
-        let body = &data["bodies"][who];
-        let front_m = trace.signal(&format!("{}.x", cast.name)).expect("a place");
-        for (sample, front_m) in front_m.iter().enumerate() {
-            let time_s = (sample as f64 * trace.dt_s()).min(end_s);
-            let heading_rad = at(&times, &body["h"], time_s);
-            let shown_m = at(&times, &body["x"], time_s) + 0.5 * cast.size_m[0] * heading_rad.cos();
-            let off_m = (shown_m - front_m).abs();
-            assert!(off_m <= 0.01, "{} at {time_s} s: {off_m} m", cast.name);
-        }
+    let sample = 20;
+    let i = film.at(sample as f64 * trace.dt_s());
+    let camera = Camera::of(film, i, Some(picture.ego()), &SCREEN);
+    let labels = labels::labels(&picture.stage, film, i, (&camera, &picture.moves));
+    for (cast, label) in picture.stage.cast.iter().zip(&labels) {
+        let speeds_mps = trace.signal(&format!("{}.speed", cast.name));
+        let speed_mps = speeds_mps.expect("a speed")[sample];
+        assert_eq!(label.lines[0], format!("{} {speed_mps:.1} m/s", cast.name));
     }
+    let clock = *scenario.bench().clock();
+    let decision = sample / clock.samples_per_decision();
+    let action = scenario.action_label(example.episode.actions[decision]);
+    let number = action
+        .trim_start_matches(['+', '-'])
+        .split(' ')
+        .next()
+        .expect("a number");
+    let ado = labels
+        .iter()
+        .find(|it| it.lines[0].starts_with("ado"))
+        .expect("the ado");
+    let said = ado.lines.get(1).expect("an action");
+    assert!(
+        said.contains(number) || number == "0",
+        "{said} for {action}"
+    );
 }
 
 #[test]
@@ -109,7 +229,22 @@ fn the_contact_is_marked_when_and_where_it_is() {
     assert!((at[0] - touch.point_m[0]).abs() < 0.01 && (at[1] - touch.point_m[1]).abs() < 0.01);
     let verdict = VerdictWords::of(&scenario, &example);
     let page = animation(&scenario, &example, (0, &verdict)).into_string();
-    assert!(page.contains("class=\"burst\""));
+    // In the large still and in that of the contact.
+    assert_eq!(page.matches("class=\"burst\"").count(), 2);
+    let camera = Camera::of(
+        &picture.film,
+        picture.film.times_s.len() - 1,
+        Some(picture.ego()),
+        &SCREEN,
+    );
+    let star = picture.screen("").into_string();
+    let star = star.split("class=\"burst\"").nth(1).expect("a star");
+    let [x, y] = camera.at(picture.contact_m().expect("a contact"));
+    let shown = arguments(star, "translate");
+    assert!(
+        (shown[0] - x).abs() < 0.1 && (shown[1] - y).abs() < 0.1,
+        "{shown:?}"
+    );
     let sentence = format!(
         "The ego hit the rear of ado at {:.1} m/s",
         touch.closing_speed_mps
@@ -183,5 +318,58 @@ fn the_camera_keeps_the_conflict_in_the_picture() {
             let [x, _] = camera.at(picture.film.turned(track.x_m[last], track.y_m[last]));
             assert!((0.0..=width_px).contains(&x), "{x}");
         }
+    }
+}
+
+/// The values of every list of keyframes, with their percents.
+fn keyframes(svg: &str) -> Vec<Vec<(f64, String)>> {
+    let lists = svg.split("@keyframes ").skip(1);
+    let list = |text: &str| -> Vec<(f64, String)> {
+        let frames = text.split_once("{").expect("a list").1;
+        let frames = frames.split("}}").next().expect("its end").split('}');
+        let frame = |it: &str| {
+            let (percent, value) = it.split_once("%{").expect("a frame");
+            (percent.parse().expect("a percent"), value.to_owned())
+        };
+        frames.map(frame).collect()
+    };
+    lists.map(list).collect()
+}
+
+#[test]
+fn a_looping_picture_moves_everybody_from_the_first_to_the_last_pose() {
+    for scenario in [acc(), cut_in()] {
+        let example = crash(&scenario);
+        let picture = Picture::of(&scenario, &example, 0);
+        let svg = looping_picture(&scenario, &example, "mine", None);
+        assert!(svg.contains("prefers-reduced-motion") && !svg.contains("<script"));
+        for frames in keyframes(&svg) {
+            let percents: Vec<f64> = frames.iter().map(|(percent, _)| *percent).collect();
+            assert!(percents.is_sorted() && percents[0] == 0.0, "{percents:?}");
+            assert_eq!(percents.last(), Some(&100.0));
+        }
+        let film = &picture.film;
+        let from_s = (film.end_s() - looping::BEFORE_S).max(0.0);
+        let (first, last) = (film.at(from_s), film.times_s.len() - 1);
+        for track in &film.tracks {
+            let pose = |i: usize| {
+                let turn_deg = write::n(track.heading_rad[i].to_degrees(), 1);
+                let [x, y] = [track.x_m[i], track.y_m[i]].map(|it| write::n(it, 2));
+                format!("transform:translate({x}px,{y}px) rotate({turn_deg}deg)")
+            };
+            let all = keyframes(&svg);
+            let of = |frames: &&Vec<(f64, String)>| {
+                frames[0].1 == pose(first) && frames[frames.len() - 1].1 == pose(last)
+            };
+            assert!(
+                all.iter().any(|it| of(&it)),
+                "{} to {}",
+                pose(first),
+                pose(last)
+            );
+        }
+        let touch = example.episode.contact.as_ref().expect("a contact");
+        let ending = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
+        assert!(svg.contains(&ending) && svg.matches("class=\"burst\"").count() == 1);
     }
 }

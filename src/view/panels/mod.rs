@@ -73,7 +73,7 @@ pub(super) fn lay_out(story: &Story<'_>, journal: &mut Journal) -> Result<(), Vi
     }
     let title = story.scenario.name.as_str();
     let root = layout.container(ContainerKind::Horizontal, title, &columns, &widths)?;
-    layout.window(&root)
+    layout.window(story, &root)
 }
 
 #[cfg(test)]

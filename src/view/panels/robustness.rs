@@ -6,7 +6,7 @@ use rerun::blueprint::components::Corner2D;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
 use crate::view::journal::{Journal, clock};
-use crate::view::layout::{Layout, Views};
+use crate::view::layout::{Layout, Views, height_of};
 use crate::view::lines::{every_sample, log_lines, log_marks, roomy, span, union};
 use crate::view::palette;
 use crate::view::panel::{Column, Panel, Shown};
@@ -37,7 +37,8 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     let legend = Some(Corner2D::RightTop);
     let axis = roomy(robustness_span(story));
     let plot = layout.plot(story, "running robustness ρ", "/robustness", axis, legend)?;
-    Ok(vec![(plot, 1.6)])
+    // ψ_ego, the rules, and zero.
+    Ok(vec![(plot, height_of(story, 2 + story.rules.len()))])
 }
 
 fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
@@ -74,7 +75,7 @@ fn log_robustness(
     );
     let rules = story.rules.iter().enumerate().map(|(i, running)| {
         let entity = path(["robustness", "rule", &running.name]);
-        (entity, running, (palette::neutral(i), 1.6))
+        (entity, running, (palette::of_rule(i), 1.6))
     });
     for (entity, running, (rgb, width)) in std::iter::once(spec).chain(rules) {
         let pen = (running.name.as_str(), rgb, width);

@@ -54,9 +54,8 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     let sky =
         Background::new(BackgroundKind::SolidColor).with_color(rerun::Color::from_rgb(17, 20, 26));
     layout.property(&view, "Background", &sky)?;
-    let back_m = (-around.ahead_m.0).max(around.behind_m).clamp(0.0, 25.0);
-    let eye_m = [-10.0 - back_m, 3.6 + 0.2 * back_m, 4.6 + 0.2 * back_m];
-    look(layout, &view, eye_m, [3.0, 0.0, 0.4], [0.0, 0.0, 1.0])?;
+    let (eye_m, at_m) = around.seen_aslant();
+    look(layout, &view, eye_m, at_m, [0.0, 0.0, 1.0])?;
     Ok(vec![(view, 5.0)])
 }
 
@@ -167,7 +166,7 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
             format!("closing {closing:.1} m/s"),
         ])
         .with_show_labels(false);
-    let point = Points3D::new([[pin[0], pin[1] - 1.8, 3.4]])
+    let point = Points3D::new([[pin[0], pin[1] - 3.4, 2.6]])
         .with_radii([0.12])
         .with_colors([palette::CONTACT])
         .with_labels([format!("contact, closing at {closing:.1} m/s")]);
@@ -187,7 +186,7 @@ fn log_verdict_mark(story: &Story<'_>, journal: &mut Journal) -> Result<(), View
         Verdict::Invalid => "fault",
     };
     let [x, y, _] = story.frames[sample].placements[story.ego()].centre_m;
-    let top = lifted([x, y + 1.8, 0.0], 4.6);
+    let top = lifted([x, y + 3.4, 0.0], 5.2);
     let mark = Points3D::new([top])
         .with_radii([0.12])
         .with_colors([palette::DECIDED])

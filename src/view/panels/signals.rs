@@ -7,7 +7,7 @@ use crate::scene::drive::Road;
 use crate::view::entity::path;
 use crate::view::error::ViewError;
 use crate::view::journal::Journal;
-use crate::view::layout::{Layout, Node, Views};
+use crate::view::layout::{Layout, Node, Views, height_of};
 use crate::view::lines::{Pen, every_sample, log_lines, roomy, span, union};
 use crate::view::palette::{self, Rgb};
 use crate::view::panel::{Column, Panel, Shown};
@@ -33,15 +33,29 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
         let entity = plot.entity.to_string();
         rest.push(format!("- {entity}/**"));
         let axis = roomy(plot.span);
-        column.push((layout.plot(story, &plot.title, &entity, axis, legend)?, 1.0));
+        let curves = if plot.needs_legend() {
+            plot.names.len()
+        } else {
+            0
+        };
+        let height = height_of(story, curves);
+        column.push((
+            layout.plot(story, &plot.title, &entity, axis, legend)?,
+            height,
+        ));
     }
     // What is less telling waits behind the last prominent plot.
     let rest: Vec<&str> = rest.iter().map(String::as_str).collect();
     let rest = layout.view("TimeSeries", "other signals", "/signals", &rest)?;
-    let last = column.pop().map(|(node, _)| node);
-    let tabs: Vec<Node> = last.into_iter().chain([rest]).collect();
+    let last = column.pop();
+    let height = last.as_ref().map_or(1.0, |(_, height)| *height);
+    let tabs: Vec<Node> = last
+        .into_iter()
+        .map(|(node, _)| node)
+        .chain([rest])
+        .collect();
     let more = layout.container(ContainerKind::Tabs, "more", &tabs, &[])?;
-    column.push((more, 1.0));
+    column.push((more, height));
     Ok(column)
 }
 
@@ -159,6 +173,7 @@ fn plots(story: &Story<'_>) -> Vec<Plot> {
     let schema = story.episode.trace.schema();
     let lanes = Lanes::of(story);
     let mut plots: Vec<Plot> = GROUPS.map(Plot::empty).into();
+    let mut nobodys = 0;
     for (i, signal) in schema.signals().iter().enumerate() {
         let owner = owner_of(story, &signal.name);
         let group = group_of(&signal.name, &signal.unit, owner, lanes);
@@ -168,8 +183,10 @@ fn plots(story: &Story<'_>) -> Vec<Plot> {
         let plot = &mut plots[at];
         plot.colours.push(match owner {
             Some(who) => story.colour(who),
-            None => palette::neutral(plot.nobodys),
+            // Of its own in all plots: colours tell quantities.
+            None => palette::neutral(nobodys),
         });
+        nobodys += usize::from(owner.is_none());
         plot.nobodys += usize::from(owner.is_none());
         plot.signals.push(i);
         plot.names.push(signal.name.clone());

@@ -28,7 +28,7 @@ use panel::Panel;
 use words::{ending_of, facts, outcome_of, wrapped};
 
 /// What is shown of the time before a contact or violation, and after it.
-const BEFORE_S: f64 = 5.0;
+pub(super) const BEFORE_S: f64 = 5.0;
 const AFTER_S: f64 = 1.0;
 /// Width of the whole, the gap between its halves, and the height of a line.
 const WIDTH_PX: f64 = 900.0;
