@@ -182,7 +182,7 @@ impl LearnedEgo {
                     let run = planner.run(bench, from, Aftermath::Play, &earlier);
                     let as_trained = run.is_as_trained();
                     let actions = run.so_far.actions.clone();
-                    earlier.add(run);
+                    earlier.add(run.so_far, as_trained);
                     (bench.episode(start, *noise, actions), as_trained)
                 }
                 false => (request.play(bench, turn.index), true),

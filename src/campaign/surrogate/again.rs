@@ -7,7 +7,6 @@
 use std::borrow::Cow;
 
 use super::bench::SoFar;
-use super::plan::PlannedRun;
 
 /// Every so many-th decision of an earlier run is a place to leave it.
 const EVERY: usize = 2;
@@ -22,9 +21,9 @@ pub(super) struct Earlier {
 
 impl Earlier {
     /// One more run that did not succeed.
-    pub fn add(&mut self, run: PlannedRun) {
-        self.as_trained |= run.is_as_trained();
-        self.runs.push(run.so_far);
+    pub fn add(&mut self, run: SoFar, as_trained: bool) {
+        self.as_trained |= as_trained;
+        self.runs.push(run);
     }
 
     /// How many there are.
