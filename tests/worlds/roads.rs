@@ -54,7 +54,6 @@ fn parsed(text: &str) -> Result<Scenario, String> {
 }
 
 fn world(text: &str) -> Scenario {
-    let text = text;
     parsed(text).unwrap_or_else(|error| panic!("{error}"))
 }
 
