@@ -34,6 +34,7 @@ def train(
     decisions: int | None = None,
     learner: str | None = None,
     against: str = "nominal",
+    leave_out: str | None = None,
     plant: str | None = None,
     from_run: Path | None = None,
     resume: bool = False,
@@ -54,6 +55,7 @@ def train(
         decisions: how long to train, instead of the world's number.
         learner: one of the world's `learners`.
         against: `"nominal"`, or the world's family: `"wide"`, `"conditional"`.
+        leave_out: a structure of the family that a wide ado never meets.
         plant: the physics to train in.
         from_run: a run whose policy is fine-tuned.
         resume: go on with an interrupted training in `output`.
@@ -79,6 +81,7 @@ def train(
         "decisions": decisions,
         "learner": learner,
         "against": against,
+        "leave_out": leave_out,
         "plant": plant,
         "from_run": None if from_run is None else os.fspath(from_run),
         "resume": resume,
