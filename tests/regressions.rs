@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use brakecheck::campaign::{Kept, Regressions};
+use brakecheck::rulebook::JudgeKind;
 use brakecheck::run::{digests_of, trace_of_csv};
 use brakecheck::scenario::Scenario;
 use brakecheck::stl::Scratch;
@@ -80,7 +81,10 @@ fn every_one_violates_the_specification_with_every_rule_kept_until_then() {
             let margin = rule.monitor.robustness(&trace, &mut scratch);
             assert!(0.0 < margin, "{name}: `{}` {margin}", rule.name);
         }
-        // No sample earlier the verdict was open.
+        // No sample earlier the verdict was open, unless it waits for the contact.
+        if world.rulebook().judge == JudgeKind::UntilContact {
+            continue;
+        }
         trace.truncate(file.judged - 1);
         let before = book.judge_whole(&trace, &mut scratch);
         assert!(!before.is_success(), "{name}: {before:?}");
@@ -97,6 +101,7 @@ bend-3D-plant-0001: no contact
 bend-nominal-0001: no contact
 cut_in-nominal-0000: kept
 cut_in-nominal-0001: kept
+cut_in_clear-idm-0074: kept
 grid-hard-nominal-cells-0-0000: kept
 grid-hard-nominal-cells-0-0001: kept
 light_ado-nominal-0000: no contact

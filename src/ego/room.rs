@@ -212,12 +212,14 @@ mod tests {
     #[test]
     fn who_crosses_is_ahead_if_both_would_be_there_at_one_time() {
         // The ego is beside a car 15 m ahead from 1.4 to 2.1 s on; a body of
-        // 4.5 m that moves at 5 m/s is in its path for 1.3 s.
+        // 4.5 m that moves at 5 m/s is in its path for 1.3 s. Who is in it now is
+        // ahead, however soon he will have left.
         for (front_m, lateral_mps, ahead) in [
             (-6.0, 5.0, true),
             (-2.0, 5.0, true),
             (-13.0, 5.0, false),
-            (3.0, 5.0, false),
+            (3.0, 5.0, true),
+            (6.0, 5.0, false),
             (-6.0, 0.0, false),
             (-6.0, -5.0, false),
         ] {
