@@ -302,7 +302,7 @@ impl TrainRequest<'_> {
             let known: Vec<&str> = structures.map(|other| other.name.as_str()).collect();
             let help = match known.is_empty() {
                 true => "name some under `structures` of `train_against`: docs/reuse.md".to_owned(),
-                false => guessed(name, "known", known.into_iter()),
+                false => guessed(name, "known", known),
             };
             let what = format!("the family of `{}` has no structure `{name}`", world.name);
             CampaignError::request(what, help)
