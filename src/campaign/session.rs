@@ -301,7 +301,9 @@ impl TrainRequest<'_> {
             let structures = world.family().into_iter().flat_map(|f| &f.structures);
             let known: Vec<&str> = structures.map(|other| other.name.as_str()).collect();
             let help = match known.is_empty() {
-                true => "name some under `structures` of `train_against`: docs/reuse.md".to_owned(),
+                true => {
+                    "name some under `structures` of `train_against`: docs/adapting.md".to_owned()
+                }
                 false => guessed(name, "known", known),
             };
             let what = format!("the family of `{}` has no structure `{name}`", world.name);

@@ -3,7 +3,7 @@
 use indexmap::IndexMap;
 
 use super::check;
-use super::error::{did_you_mean, known_names};
+use super::error::{did_you_mean, guessed, known_names};
 use super::family::Family;
 use super::file::{Change, FamilyFile};
 use super::locate::Path;
@@ -108,11 +108,7 @@ fn structure(
     reuse: &IndexMap<String, Change>,
 ) -> Option<Structure> {
     let Some(change) = reuse.get(name) else {
-        let list = known_names("known", reuse.keys().map(String::as_str));
-        let help = match did_you_mean(name, reuse.keys().map(String::as_str)) {
-            Some(guess) => format!("{guess} — {list}"),
-            None => list,
-        };
+        let help = guessed(name, "known", reuse.keys().map(String::as_str));
         let what = format!("no ego `{name}` under `reuse`, where structures are described");
         problems.add(place, what, "unknown ego", Some(help));
         return None;
