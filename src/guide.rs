@@ -45,6 +45,10 @@ pub mod adapting {}
 #[doc = include_str!("../docs/search.md")]
 pub mod search {}
 
+/// Many worlds, egos, ados and starts in pieces that can die.
+#[doc = include_str!("../docs/campaigns.md")]
+pub mod campaigns {}
+
 /// Every hyperparameter with its reason.
 #[doc = include_str!("../docs/learners.md")]
 pub mod learners {}

@@ -38,6 +38,7 @@ pub mod conformance;
 pub mod ego;
 pub mod guide;
 pub mod openx;
+pub mod pieces;
 pub mod preventability;
 pub mod report;
 pub mod rl;

@@ -1,5 +1,7 @@
 //! The program as a user runs it: exit codes, rows, files, and what it says.
 
+#[path = "cli/campaign.rs"]
+mod campaign;
 #[path = "cli/export.rs"]
 mod export;
 #[path = "cli/family.rs"]

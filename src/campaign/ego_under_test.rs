@@ -137,7 +137,7 @@ impl EgoUnderTest {
         }
     }
 
-    pub(super) fn changed(
+    pub(crate) fn changed(
         world: &Scenario,
         name: &str,
         change: &Change,
@@ -147,7 +147,10 @@ impl EgoUnderTest {
         Ok(EgoUnderTest {
             name: name.to_owned(),
             change: change.clone(),
-            scenario: scenario.map_err(|error| CampaignError::request(error.to_string(), help))?,
+            scenario: scenario.map_err(|error| {
+                let what = error.to_string();
+                CampaignError::request(what, error.help.unwrap_or_else(|| help.to_owned()))
+            })?,
         })
     }
 

@@ -7,6 +7,7 @@ use super::train::TrainError;
 use crate::rl::ConfigError;
 use crate::run::{IdentifiedError, KeptError, RunError};
 use crate::scenario::LoadError;
+use crate::testbench::Complaint;
 
 /// A campaign could not be carried out.
 #[derive(Debug, thiserror::Error)]
@@ -54,6 +55,14 @@ pub enum CampaignError {
     /// A theorem does not apply.
     #[error(transparent)]
     Theorems(#[from] TheoremsError),
+    /// More episodes of a piece are invalid than allowed: it was not kept.
+    #[error("{complaint}")]
+    Faults {
+        /// The number of the piece.
+        piece: usize,
+        /// What failed.
+        complaint: Complaint,
+    },
     /// A fault of this program.
     #[error("{0}")]
     Fault(String),

@@ -17,7 +17,7 @@ use crate::scenario::{Against, Repeats, Scenario};
 use crate::severity::Impact;
 use crate::stl::Explanation;
 use crate::testbench::{
-    Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random,
+    Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay,
     Testbench, count_faults, play,
 };
 
@@ -34,6 +34,8 @@ pub enum Ado<'a> {
     Constant(usize),
     /// A rule that nobody trained: its word and its method in rows.
     Rule(&'a dyn Policy, &'static str, &'static str),
+    /// These actions, one per decision; the last one is held.
+    Script(&'a [usize]),
     /// A hand-made rule, tuned once.
     Heuristic(&'a Heuristic),
     /// So many of the nearest stored counterexamples, until one succeeds.
@@ -49,6 +51,7 @@ impl Ado<'_> {
             Ado::Held => "hold",
             Ado::Constant(_) => "constant",
             Ado::Rule(_, word, _) => word,
+            Ado::Script(_) => "script",
             Ado::Heuristic(_) => "heuristic",
             Ado::Replays(_, 1) => "replay",
             Ado::Replays(..) => "replays",
@@ -65,6 +68,7 @@ impl Ado<'_> {
             Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
             Ado::Constant(action) => scenario.action_label(*action),
             Ado::Rule(_, _, method) => (*method).to_owned(),
+            Ado::Script(_) => "actions as given".to_owned(),
             Ado::Heuristic(heuristic) => heuristic.text.clone(),
             Ado::Replays(_, nearest) => format!("open loop, the {nearest} nearest"),
         }
@@ -77,6 +81,7 @@ impl Ado<'_> {
             Ado::Random => Box::new(Random::new(actions)),
             Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
             Ado::Constant(action) => Box::new(Constant(action)),
+            Ado::Script(actions) => Box::new(Replay::holding(actions)),
             Ado::Heuristic(heuristic) => Box::new(PolicyActor(heuristic)),
             Ado::Replays(stored, _) => Box::new(NearestReplay::new(stored, 0)),
         }
@@ -189,7 +194,7 @@ impl Evaluated {
     }
 
     /// Plays a success again, as it was.
-    pub(super) fn again(
+    pub(crate) fn again(
         &self,
         request: &EvalRequest<'_>,
         bench: &mut Testbench,

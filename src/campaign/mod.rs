@@ -85,7 +85,7 @@ pub use search::{
 pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{CLOSING, effort, shrink};
-pub use starts::{TestStarts, test_starts};
+pub use starts::{TestStarts, drawn_starts, test_noise, test_starts};
 pub use surrogate::{
     AdaptedRow, AdaptedTo, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError,
     learn_ego,
@@ -100,4 +100,5 @@ pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};
 pub use untrained::untrained;
 pub use watch::{Remark, Watch};
+pub(crate) use why::leaf;
 pub use why::{Driver, decisive, last_chance, why};

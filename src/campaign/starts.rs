@@ -1,5 +1,7 @@
 //! Test starts: drawn once, and the same for every ego, ado and method.
 
+use std::ops::Range;
+
 use super::Watch;
 use super::episodes::{EpisodeLoop, Turn};
 use crate::scenario::Scenario;
@@ -33,46 +35,74 @@ pub fn test_starts(
     count: usize,
     watch: &Watch<'_>,
 ) -> Option<TestStarts> {
+    let listed = scenario.starts().filter(|all| all.len() <= count);
+    let starts = match listed {
+        Some(all) => with_noise(scenario, seed, all),
+        None => drawn_starts(scenario, seed, 0..count),
+    };
+    TestStarts::tried(scenario, seed, starts, watch)
+}
+
+/// Some of the test starts of a stream, with the seed of their noise.
+pub fn drawn_starts(scenario: &Scenario, seed: u64, which: Range<usize>) -> Vec<(Start, u64)> {
     let bench = scenario.bench();
-    let key = |index: usize| StartKey {
+    let draw = |index| {
+        let key = test_key(seed, index);
+        (bench.draw(key), bench.noise_of(key))
+    };
+    which.map(draw).collect()
+}
+
+/// The noise of the `index`th test start, wherever that is.
+pub fn test_noise(bench: &Testbench, seed: u64, index: usize) -> u64 {
+    bench.noise_of(test_key(seed, index))
+}
+
+fn test_key(seed: u64, index: usize) -> StartKey {
+    StartKey {
         purpose: Purpose::Test,
         seed,
         index: index as u64,
-    };
-    let listed = scenario.starts().filter(|all| all.len() <= count);
-    let starts: Vec<(Start, u64)> = match listed {
-        Some(all) => {
-            let starts = all.into_iter().enumerate();
-            starts
-                .map(|(i, start)| (start, bench.noise_of(key(i))))
-                .collect()
-        }
-        None => {
-            let keys = (0..count).map(key);
-            keys.map(|key| (bench.draw(key), bench.noise_of(key)))
-                .collect()
-        }
-    };
-    let neutral = bench.spaces().neutral;
-    let fails_by_itself = |bench: &mut Testbench, (start, noise): &(Start, u64), turn: &Turn| {
-        let mut coasting = Constant(neutral);
-        let from = (start, *noise);
-        let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
-        Some(episode.verdict.is_success())
-    };
-    let all = EpisodeLoop::uncounted(watch);
-    let trivial = all.run(&starts, || scenario.bench(), fails_by_itself);
-    if watch.stopped() {
-        return None;
     }
-    Some(TestStarts {
-        seed,
-        starts,
-        trivial: trivial.into_iter().flatten().collect(),
-    })
+}
+
+fn with_noise(scenario: &Scenario, seed: u64, starts: Vec<Start>) -> Vec<(Start, u64)> {
+    let bench = scenario.bench();
+    let starts = starts.into_iter().enumerate();
+    let starts = starts.map(|(index, start)| (start, test_noise(&bench, seed, index)));
+    starts.collect()
 }
 
 impl TestStarts {
+    /// Starts, of which it is tried where the nominal ego fails by itself.
+    ///
+    /// `scenario` is as for [`test_starts`]. `None`: stopped.
+    pub fn tried(
+        scenario: &Scenario,
+        seed: u64,
+        starts: Vec<(Start, u64)>,
+        watch: &Watch<'_>,
+    ) -> Option<TestStarts> {
+        let neutral = scenario.world().spaces().neutral;
+        let fails_by_itself =
+            |bench: &mut Testbench, (start, noise): &(Start, u64), turn: &Turn| {
+                let mut coasting = Constant(neutral);
+                let from = (start, *noise);
+                let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
+                Some(episode.verdict.is_success())
+            };
+        let all = EpisodeLoop::uncounted(watch);
+        let trivial = all.run(&starts, || scenario.bench(), fails_by_itself);
+        if watch.stopped() {
+            return None;
+        }
+        Some(TestStarts {
+            seed,
+            starts,
+            trivial: trivial.into_iter().flatten().collect(),
+        })
+    }
+
     /// Works on every start that is not trivial, in parallel: what came of each,
     /// in order; `None` for trivial ones and for those not reached.
     ///

@@ -57,7 +57,7 @@ pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> W
 }
 
 /// The leaf of ψ_ego that decides an episode.
-pub(super) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
+pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);
     let explanation = scenario.rulebook().spec.explain(&judged);

@@ -109,6 +109,10 @@ fn files(dir: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
                 left.push(path);
                 continue;
             }
+            // Who made a piece of a campaign, and how long that took.
+            if path.to_string_lossy().ends_with(".cost.json") {
+                continue;
+            }
             let text = fs::read(&path).expect("a file");
             let name = path.strip_prefix(dir).expect("below").to_owned();
             all.insert(name, untimed(&path, text));
@@ -171,6 +175,29 @@ fn finished(dir: &Path, world: &str, options: &str) -> PathBuf {
     dir.join("run")
 }
 
+/// A training and some pieces.
+const CAMPAIGN: &str = r#"Campaign(
+    name: "crashes",
+    worlds: [(file: "ACC", plant: Kinematic)],
+    ados: [Held, Training(seeds: 1, decisions: 1100)],
+    starts: Drawn(count: 6, seed: 9),
+)"#;
+
+/// A directory with all that is in it, unless it is there.
+fn copied(from: &Path, to: &Path) {
+    if to.exists() {
+        return;
+    }
+    fs::create_dir_all(to).expect("a directory");
+    for entry in fs::read_dir(from).expect("a directory").flatten() {
+        let (path, to) = (entry.path(), to.join(entry.file_name()));
+        match path.is_dir() {
+            true => copied(&path, &to),
+            false => drop(fs::copy(&path, &to).expect("copied")),
+        }
+    }
+}
+
 #[test]
 fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     let scratch = tempfile::tempdir().expect("scratch");
@@ -223,13 +250,39 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
              -o {out}"
         ))
     };
-    let cases: [(&str, Command<'_>); 6] = [
+    let campaign = scratch.path().join("campaign.ron");
+    fs::write(&campaign, CAMPAIGN.replace("ACC", &acc)).expect("written");
+    let planned = |dir: &Path| {
+        let (file, plan) = (campaign.display(), dir.join("plan"));
+        let plan = plan.display();
+        words(&format!("campaign plan {file} -o {plan} --piece-s 0.001"))
+    };
+    let made = scratch.path().join("made");
+    assert!(run(&planned(&made)));
+    let plan = made.join("plan");
+    let pieces = |dir: &Path| {
+        copied(&plan, &dir.join("plan"));
+        words(&format!(
+            "campaign run {} --jobs 1",
+            dir.join("plan").display()
+        ))
+    };
+    let whole = scratch.path().join("whole");
+    assert!(run(&pieces(&whole)));
+    let merged = |dir: &Path| {
+        copied(&whole.join("plan"), &dir.join("plan"));
+        words(&format!("campaign merge {}", dir.join("plan").display()))
+    };
+    let cases: [(&str, Command<'_>); 9] = [
         ("train, grid", &on_a_grid),
         ("train, acc", &on_a_road),
         ("train --from", &fine_tuned),
         ("eval --keep", &kept),
         ("identify", &identified),
         ("reproduce", &reproduced),
+        ("campaign plan", &planned),
+        ("campaign run", &pieces),
+        ("campaign merge", &merged),
     ];
     let points = AtomicUsize::new(0);
     std::thread::scope(|scope| {

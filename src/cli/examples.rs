@@ -34,6 +34,11 @@ pub(super) const REPORT: &str =
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/export.md";
 
+pub(super) const CAMPAIGN: &str = "Example:\n  brakecheck campaign plan campaign.ron -o plan\n  brakecheck campaign run plan\n  brakecheck campaign merge plan\n\nDocuments: docs/campaigns.md";
+pub(super) const CAMPAIGN_PLAN: &str = "Examples:\n  brakecheck campaign plan campaign.ron --dry-run\n  brakecheck campaign plan campaign.ron -o plan\n\nDocuments: docs/campaigns.md";
+pub(super) const CAMPAIGN_RUN: &str = "Examples:\n  brakecheck campaign run plan\n  brakecheck campaign run plan --piece 7\n\nDocuments: docs/campaigns.md";
+pub(super) const CAMPAIGN_MERGE: &str = "Examples:\n  brakecheck campaign merge plan\n  brakecheck campaign merge plan --with copy-of-another-machine\n\nDocuments: docs/campaigns.md";
+
 #[cfg(test)]
 mod tests {
     use clap::{CommandFactory, Parser};

@@ -192,6 +192,7 @@ impl From<CampaignError> for Failure {
             CampaignError::Identified(error) => error.into(),
             CampaignError::Identify(error) => error.into(),
             CampaignError::Theorems(error) => error.into(),
+            CampaignError::Faults { complaint, .. } => complaint.into(),
             CampaignError::Fault(what) => Failure::fault(what, None),
         }
     }

@@ -2,6 +2,7 @@
 //!
 //! stdout is data, stderr is talk and progress bars. Exit codes: [`Exit`].
 
+mod campaign;
 mod check;
 mod compared;
 mod counts;
@@ -105,6 +106,9 @@ enum Verb {
     /// Make the paper's tables and figures again, from nothing.
     #[command(hide = true)]
     Reproduce(reproduce::ReproduceArgs),
+    /// Play many worlds, egos, ados and starts in pieces that can die.
+    #[command(after_help = examples::CAMPAIGN)]
+    Campaign(campaign::CampaignArgs),
     /// Write an episode as a recording for the rerun viewer, or as a picture.
     #[command(after_help = examples::VIEW)]
     View(view::ViewArgs),
@@ -126,6 +130,7 @@ impl Verb {
             Verb::Stl(args) => args.common(),
             Verb::Report(args) => args.common.clone(),
             Verb::Reproduce(args) => args.common.clone(),
+            Verb::Campaign(args) => args.common().clone(),
             Verb::View(args) => args.common(),
             Verb::Export(args) => args.common(),
         }
@@ -141,6 +146,7 @@ impl Verb {
                 | Verb::Identify(_)
                 | Verb::Report(_)
                 | Verb::Reproduce(_)
+                | Verb::Campaign(_)
         )
     }
 }
@@ -179,6 +185,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Stl(args) => stl::run(&args),
         Verb::Report(args) => report::run(&args),
         Verb::Reproduce(args) => reproduce::run(&args),
+        Verb::Campaign(args) => campaign::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Export(args) => export::run(&args),
     })

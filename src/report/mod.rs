@@ -7,6 +7,7 @@
 //! Architecture Invariant: plays no episode, trains nothing, touches no file.
 
 mod animation;
+mod campaign;
 mod examples;
 mod figures;
 mod junit;
@@ -14,6 +15,7 @@ mod page;
 mod plot;
 mod results;
 mod reuse;
+mod start_map;
 mod verdict;
 mod words;
 
@@ -24,7 +26,9 @@ use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount};
 
 pub use animation::{Beside, looping_picture};
+pub use campaign::CampaignPage;
 pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
+pub use start_map::{CellState, MapCell, StartMap};
 
 /// Everything a report shows.
 pub struct Report<'a> {

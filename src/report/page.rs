@@ -11,7 +11,7 @@ use crate::scenario::Scenario;
 
 /// Colours and pictures, shared with the figures.
 pub(super) const STYLE: &str = include_str!("style.css");
-const PAGE_STYLE: &str = include_str!("page.css");
+pub(super) const PAGE_STYLE: &str = include_str!("page.css");
 
 pub(super) fn html(report: &Report<'_>) -> String {
     let scenario = report.scenario;

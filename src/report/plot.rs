@@ -368,7 +368,7 @@ pub(super) fn histogram(histogram: &Histogram) -> Markup {
     )
 }
 
-fn svg(title: &str, inside: Markup) -> Markup {
+pub(super) fn svg(title: &str, inside: Markup) -> Markup {
     html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {WIDTH} {HEIGHT}")) role="img" aria-label=(title) {
             text class="title" x=(px(LEFT)) y="15" { (title) }
@@ -378,7 +378,7 @@ fn svg(title: &str, inside: Markup) -> Markup {
 }
 
 /// A place on the canvas, with one decimal.
-fn px(value: f64) -> String {
+pub(super) fn px(value: f64) -> String {
     let rounded = (10.0 * value).round() / 10.0;
     format!("{}", rounded + 0.0)
 }

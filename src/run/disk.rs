@@ -10,9 +10,11 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use sha2::Digest;
+
 use super::RunError;
 use crate::scenario::Scenario;
-use crate::seal::sha256;
+use crate::seal::{in_digits, sha256};
 
 /// Files that are not yet whole are called so; what is left of them is swept.
 const UNFINISHED: &str = ".brakecheck-";
@@ -68,6 +70,74 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
         return Err(failed(error));
     }
     flush_dir(dir).map_err(&failed)
+}
+
+/// A file that is written bit by bit and is there whole or not at all.
+#[derive(Debug)]
+pub struct WholeFile {
+    path: PathBuf,
+    beside: PathBuf,
+    file: Option<io::BufWriter<File>>,
+    hash: sha2::Sha256,
+}
+
+impl WholeFile {
+    /// Begins a file; what is at its place stays until it is finished.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn begin(path: &Path) -> Result<WholeFile, RunError> {
+        let dir = parent(path);
+        sweep(dir);
+        let (file, beside) = unfinished(dir).map_err(io_error("writing", path))?;
+        Ok(WholeFile {
+            path: path.into(),
+            beside,
+            file: Some(io::BufWriter::with_capacity(1 << 20, file)),
+            hash: sha2::Sha256::default(),
+        })
+    }
+
+    /// Adds to its end.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
+        let failed = io_error("writing", &self.path);
+        step(&self.path).map_err(&failed)?;
+        self.hash.update(bytes);
+        match &mut self.file {
+            Some(file) => file.write_all(bytes).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// Puts it in its place and gives its SHA-256.
+    ///
+    /// # Errors
+    /// The disk refuses; an older file of that name is then untouched.
+    pub fn finish(mut self) -> Result<String, RunError> {
+        let failed = io_error("writing", &self.path);
+        if let Some(file) = self.file.take() {
+            let file = file
+                .into_inner()
+                .map_err(|error| failed(error.into_error()))?;
+            readable(&file).map_err(&failed)?;
+            step(&self.path).map_err(&failed)?;
+            file.sync_all().map_err(&failed)?;
+        }
+        step(&self.path).map_err(&failed)?;
+        fs::rename(&self.beside, &self.path).map_err(&failed)?;
+        flush_dir(parent(&self.path)).map_err(&failed)?;
+        Ok(in_digits(&self.hash.finalize_reset()))
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        // After `finish` there is nothing of that name any more.
+        let _ = remove(&self.beside);
+    }
 }
 
 /// A new file for what is not yet whole, locked while somebody writes to it.

@@ -20,6 +20,7 @@
 
 mod about;
 mod calibration;
+mod copy;
 mod differences;
 pub(crate) mod disk;
 mod error;
@@ -47,7 +48,7 @@ pub use about::{
 };
 pub use calibration::{Calibration, CalibrationWarning, Ended};
 pub use differences::{Asked, RunDifference};
-pub use disk::{file_name, make_dir, write_file};
+pub use disk::{WholeFile, file_name, make_dir, write_file};
 pub use error::RunError;
 pub use finished::Finished;
 pub use identified::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, IdentifiedError};

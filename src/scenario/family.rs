@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
 use super::file::Change;
+use super::ordered::Patch;
 use super::quantity::{Quantity, Varied, parameter};
 use super::structure::Structure;
 use crate::ego::{Actuated, ControllerSpec, Process};
@@ -252,6 +253,26 @@ impl Family {
             variant.controller = other.clone();
         }
         variant
+    }
+
+    /// The member as a change of the world, on the world's own plant.
+    pub(crate) fn change(&self, member: &Member) -> Change {
+        let variant = self.variant(member);
+        let own = self.quantities.iter().zip(&member.values);
+        let ego = own.filter_map(|(quantity, value)| match &quantity.varied {
+            Varied::Ego(name) => Some((name.clone(), *value)),
+            _ => None,
+        });
+        Change {
+            ego: match member.controller {
+                None => Patch(ego.collect()),
+                Some(_) => Patch::default(),
+            },
+            controller: member.controller.clone(),
+            friction: (variant.friction != self.base.friction).then_some(variant.friction),
+            sensors: (variant.sensors != self.base.sensors).then_some(variant.sensors),
+            ..Change::default()
+        }
     }
 
     /// The member that a driving scene is, values beyond a range drawn to it.

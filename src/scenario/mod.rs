@@ -44,17 +44,40 @@ mod world;
 
 use std::path::Path as FilePath;
 
+use serde::de::DeserializeOwned;
+
 pub use error::{LoadError, Problem, ScenarioError};
 pub(crate) use error::{guessed, known_names};
 pub use family::{Against, Family, Member, MisfitMember, NoMember};
 pub use file::{Change, GridChange};
 pub use locate::Path;
+pub(crate) use ordered::Ordered;
 pub use ordered::Patch;
 pub use quantity::{Quantity, Varied};
 pub use repeats::Repeats;
 pub use runs::{NamedRun, RunRefused, RunSource};
 pub use structure::Structure;
 pub use world::{ChangeError, RuleSpec, Scenario};
+
+/// A RON file that is no world: its name, its text and what it holds.
+///
+/// # Errors
+/// It cannot be read, or holds something else.
+pub(crate) fn read_file<T: DeserializeOwned>(
+    path: &FilePath,
+) -> Result<(String, String, T), LoadError> {
+    let file = path.display().to_string();
+    let text = read::text(&file, path)?;
+    let text = read::without_mark(&text).to_owned();
+    match read::parse(&text) {
+        Ok(value) => Ok((file, text, value)),
+        Err(problem) => Err(LoadError::Scenario(Box::new(ScenarioError {
+            file,
+            text,
+            problems: vec![problem],
+        }))),
+    }
+}
 
 impl Scenario {
     /// Reads and checks a world file; `runs` finds the runs that it names.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// A map that keeps its order and rejects a repeated key.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Ordered<V>(pub(super) IndexMap<String, V>);
+pub(crate) struct Ordered<V>(pub(crate) IndexMap<String, V>);
 
 impl<V> Default for Ordered<V> {
     fn default() -> Self {

@@ -1,0 +1,338 @@
+//! `brakecheck campaign`: many worlds, egos, ados and starts, in pieces.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use serde_json::json;
+
+use super::{Common, Exit, Failure, examples, finished, print_json, table_of, talk};
+use crate::pieces::{
+    COLUMNS, GateVerdict, Merged, PIECE_S, PieceDone, Plan, PlanCost, PlanDir, SummaryRow,
+};
+
+/// Rows and gates that are printed, at most.
+const SHOWN: usize = 40;
+
+/// Below a table of rates: what its columns mean.
+const EXPLAINED: &str = "
+fails %  share of the starts from which the ego fails, every rule kept; 95 %: its interval
+fouls    starts on which the ado broke a rule first; contact: starts that end in one
+prev.    failures that a careful driver would have avoided; –: nobody judged them
+closing  median closing speed of the failures that end in contact, m/s";
+
+#[derive(Args, Debug)]
+pub(super) struct CampaignArgs {
+    #[command(subcommand)]
+    step: Step,
+}
+
+#[derive(Subcommand, Debug)]
+enum Step {
+    /// Cut a campaign file into pieces, with files for engines that run them.
+    #[command(after_help = examples::CAMPAIGN_PLAN)]
+    Plan(PlanArgs),
+    /// Make the pieces that are not there yet, or one of them.
+    #[command(after_help = examples::CAMPAIGN_RUN)]
+    Run(RunArgs),
+    /// Check all pieces and write them as one file, with a summary and a page.
+    #[command(after_help = examples::CAMPAIGN_MERGE)]
+    Merge(MergeArgs),
+}
+
+#[derive(Args, Debug)]
+struct PlanArgs {
+    /// The campaign file: docs/campaigns.md.
+    #[arg(value_name = "CAMPAIGN.ron")]
+    file: PathBuf,
+    /// The directory to plan into.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "dry_run")]
+    output: Option<PathBuf>,
+    /// Cut pieces of about so many seconds by a guess from the worlds, and play
+    /// no pilot [default: a pilot, and 10 seconds].
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    piece_s: Option<f64>,
+    /// Only say how many pieces, hours and bytes it comes to.
+    #[arg(long)]
+    dry_run: bool,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Args, Debug)]
+struct RunArgs {
+    /// The directory of the plan.
+    dir: PathBuf,
+    /// Only this piece, counted from 0: what an engine runs.
+    #[arg(long, value_name = "I")]
+    piece: Option<usize>,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Args, Debug)]
+struct MergeArgs {
+    /// The directory of the plan.
+    dir: PathBuf,
+    /// Another directory of the same plan with pieces of another machine; repeat
+    /// for several.
+    #[arg(long, value_name = "DIR")]
+    with: Vec<PathBuf>,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() && 0.0 < seconds => Ok(seconds),
+        _ => Err("seconds are a number above 0, such as 10".to_owned()),
+    }
+}
+
+impl CampaignArgs {
+    pub(super) fn common(&self) -> &Common {
+        match &self.step {
+            Step::Plan(args) => &args.common,
+            Step::Run(args) => &args.common,
+            Step::Merge(args) => &args.common,
+        }
+    }
+}
+
+pub(super) fn run(args: &CampaignArgs) -> Result<Exit, Failure> {
+    match &args.step {
+        Step::Plan(args) => plan(args),
+        Step::Run(args) => match args.piece {
+            Some(number) => one(args, number),
+            None => all(args),
+        },
+        Step::Merge(args) => merge(args),
+    }
+}
+
+fn plan(args: &PlanArgs) -> Result<Exit, Failure> {
+    let bar = talk::bar("pilot");
+    let allowed = args.common.allow_programs;
+    let cut = Plan::make(&args.file, args.piece_s, allowed, &bar.watch())?;
+    drop(bar);
+    let Some(cut) = cut else {
+        talk::say("interrupted: nothing was planned");
+        return Ok(Exit::Interrupted);
+    };
+    let dir = args.output.as_ref().filter(|_| !args.dry_run);
+    if let Some(dir) = dir {
+        cut.write(dir)?;
+    }
+    let cost = &cut.cost;
+    if args.common.json {
+        print_json(&json!({
+            "campaign": cut.plan().name,
+            "dir": dir,
+            "pieces": cost.pieces,
+            "trainings": cost.trainings,
+            "units": cut.plan().units.len(),
+            "starts": cost.starts,
+            "cpu_s": cost.cpu_s,
+            "bytes": cost.bytes,
+            "measured": cost.measured,
+        }))?;
+        return Ok(Exit::Done);
+    }
+    talk::data(&in_words(cost))?;
+    if let Some(dir) = dir {
+        let dir = dir.display();
+        talk::data(&format!(
+            "planned in {dir}; next: brakecheck campaign run {dir}\n\
+             or by an engine, in that directory: snakemake --cores 2, or slurm.sh"
+        ))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn in_words(cost: &PlanCost) -> String {
+    let PlanCost {
+        pieces,
+        trainings,
+        starts,
+        cpu_s,
+        ..
+    } = cost;
+    let by = match cost.measured {
+        true => "measured by a pilot",
+        false => "guessed from the worlds",
+    };
+    let hours = match *cpu_s < 3600.0 {
+        true => format!("{cpu_s:.0} s"),
+        false => format!("{:.1} h", cpu_s / 3600.0),
+    };
+    let megabytes = cost.bytes / 1e6;
+    format!(
+        "{pieces} pieces, {trainings} of them trainings; {starts} starts; about {hours} of \
+         processor time ({by}), {megabytes:.1} MB on the disk"
+    )
+}
+
+fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
+    let dir = opened(&args.dir, &args.common)?;
+    let bar = talk::bar("playing");
+    let done = dir.run_piece(number, &bar.watch())?;
+    drop(bar);
+    let word = match done {
+        PieceDone::Before => "was there already",
+        PieceDone::Now => "is done",
+        PieceDone::Stopped => "was interrupted: nothing of it is kept",
+    };
+    match args.common.json {
+        true => print_json(&json!({ "piece": number, "done": done != PieceDone::Stopped }))?,
+        false => talk::say(&format!("piece {number} {word}")),
+    }
+    Ok(finished(Exit::Done))
+}
+
+fn all(args: &RunArgs) -> Result<Exit, Failure> {
+    let dir = opened(&args.dir, &args.common)?;
+    let bar = talk::bar("playing");
+    let ran = dir.run(&bar.watch())?;
+    drop(bar);
+    let (done, all) = (ran.done, ran.all);
+    if args.common.json {
+        let failed = ran.failed.iter();
+        let failed =
+            failed.map(|(piece, error)| json!({ "piece": piece, "why": error.to_string() }));
+        let failed: Vec<_> = failed.collect();
+        print_json(&json!({ "pieces": all, "done": done, "failed": failed }))?;
+    } else {
+        talk::data(&format!("{done} of {all} pieces are there"))?;
+    }
+    let more = ran.failed.len().saturating_sub(1);
+    if let Some((piece, error)) = ran.failed.into_iter().next() {
+        talk::say(&format!(
+            "piece {piece} cannot be made{}; the same command makes what is not there",
+            match more {
+                0 => String::new(),
+                more => format!(", nor can {more} others"),
+            }
+        ));
+        return Err(error.into());
+    }
+    if talk::stopped() {
+        talk::say("interrupted: the pieces that are there are kept; the same command goes on");
+    }
+    Ok(finished(Exit::Done))
+}
+
+fn opened(dir: &std::path::Path, common: &Common) -> Result<PlanDir, Failure> {
+    Ok(PlanDir::open(
+        dir,
+        common.allow_programs,
+        common.allow_invalid,
+    )?)
+}
+
+fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
+    let dir = opened(&args.dir, &args.common)?;
+    let bar = talk::bar("merging");
+    let merged = dir.merge(&args.with, &bar.watch());
+    drop(bar);
+    if talk::stopped() {
+        talk::say("interrupted: nothing was merged");
+        return Ok(Exit::Interrupted);
+    }
+    let merged = merged?;
+    let page = dir.write_page(&merged)?;
+    if args.common.json {
+        print_json(&json!({
+            "rows": merged.rows,
+            "file": merged.path,
+            "sha256": merged.sha256,
+            "page": page,
+            "summary": merged.summary,
+        }))?;
+    } else {
+        talk::data(&rates(&merged.summary.rows))?;
+        if !merged.summary.gates.is_empty() {
+            talk::data(&gates(&merged.summary.gates))?;
+        }
+        talk::data(&format!(
+            "\n{} rows in {}\nSHA-256 {}\npage: {}",
+            merged.rows,
+            merged.path.display(),
+            merged.sha256,
+            page.display()
+        ))?;
+    }
+    ended(args, &merged)
+}
+
+fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
+    let invalid = merged.summary.invalid_share();
+    if args.common.allow_invalid < invalid {
+        return Err(Failure::fault(
+            format!(
+                "in a row {:.1} % of the starts are invalid: the ego or the physics failed to run",
+                100.0 * invalid
+            ),
+            Some("mend the ego, or allow a share with `--allow-invalid SHARE`".to_owned()),
+        ));
+    }
+    Ok(match merged.summary.is_held_up() {
+        true => Exit::Counterexample,
+        false => Exit::Done,
+    })
+}
+
+/// The first rows, as far as a person reads, world by world; all are in the page.
+fn rates(rows: &[SummaryRow]) -> String {
+    let mut text = String::new();
+    let of_one_world =
+        |a: &SummaryRow, b: &SummaryRow| (&a.world, &a.plant) == (&b.world, &b.plant);
+    for world in rows[..rows.len().min(SHOWN)].chunk_by(of_one_world) {
+        let (name, plant) = (&world[0].world, &world[0].plant);
+        let table = table_of(COLUMNS, world.iter().map(SummaryRow::cells));
+        text.push_str(&format!("{name}, {plant}\n{table}\n{}", remarks(world)));
+    }
+    let more = match rows.len().saturating_sub(SHOWN) {
+        0 => String::new(),
+        more => format!("{more} more rows are in the page and in summary.json\n"),
+    };
+    format!("{text}{more}{}", EXPLAINED.trim_start())
+}
+
+/// What the table has no room for: starts that tell nothing.
+fn remarks(rows: &[SummaryRow]) -> String {
+    let mut text = String::new();
+    let trivial = rows.iter().map(|row| row.trivial).max().unwrap_or(0);
+    if 0 < trivial {
+        text.push_str(&format!(
+            "left out: {trivial} starts from which the nominal ego fails without an adversary\n"
+        ));
+    }
+    for row in rows.iter().filter(|row| 0 < row.invalid) {
+        let (ego, ado, invalid) = (&row.ego, &row.ado, row.invalid);
+        text.push_str(&format!(
+            "invalid: {ego}, {ado}: {invalid} starts on which the ego or the physics failed to run\n"
+        ));
+    }
+    text
+}
+
+/// Gates that are closed, and how many are not.
+fn gates(gates: &[GateVerdict]) -> String {
+    let closed: Vec<&GateVerdict> = gates.iter().filter(|gate| gate.held_up).collect();
+    let mut lines: Vec<String> = closed
+        .iter()
+        .take(SHOWN)
+        .map(|gate| gate.to_string())
+        .collect();
+    if SHOWN < closed.len() {
+        lines.push(format!(
+            "and {} more that are held up",
+            closed.len() - SHOWN
+        ));
+    }
+    let passed = gates.len() - closed.len();
+    lines.push(format!("{passed} of {} gates are open", gates.len()));
+    lines.join("\n")
+}
+
+/// Kept beside the option's help, which names it.
+const _: () = assert!(PIECE_S == 10.0);

@@ -1,0 +1,39 @@
+//! Campaigns cut into pieces that can die: planned, run and merged.
+//!
+//! A campaign plays worlds × egos × ados × starts. [`Plan::make`] cuts it into
+//! pieces; each is a function of the plan alone, writes one file, and may run
+//! anywhere, any number of times ([`PlanDir::run_piece`]). [`PlanDir::merge`]
+//! believes no engine: it reads every piece, checks it against the plan and its
+//! own hash, and writes the same bytes whatever the pieces, their order and the
+//! machines were. `docs/campaigns.md` is the guide.
+//!
+//! Architecture Invariant: a row holds nothing of the machine, the time or the
+//! way the campaign was cut.
+
+mod boundary;
+mod check;
+mod dir;
+mod engine;
+mod estimate;
+mod file;
+mod merge;
+mod page;
+mod piece;
+mod pilot;
+mod plan;
+mod play;
+mod points;
+mod row;
+mod summary;
+mod training;
+
+pub use dir::{PieceDone, PlanDir, Ran};
+pub use file::{GateOn, StartsAsked};
+pub use merge::Merged;
+pub use page::COLUMNS;
+pub use pilot::{Cut, PIECE_S, PlanCost};
+pub use plan::{
+    CampaignPiece, Plan, PlannedAdo, PlannedRun, PlannedTraining, PlannedWorld, Unit, Work,
+};
+pub use row::{RowOutcome, StartRow};
+pub use summary::{CampaignSummary, CellMap, GateVerdict, SummaryRow};

@@ -1,0 +1,98 @@
+//! The starts of a unit: drawn ones, or a grid over X_init.
+
+use std::ops::Range;
+
+use super::file::StartsAsked;
+use crate::campaign::{drawn_starts, test_noise};
+use crate::scenario::Scenario;
+use crate::scene::Start;
+
+impl StartsAsked {
+    /// How many starts a world has.
+    pub(super) fn count(&self, world: &Scenario) -> usize {
+        match self {
+            StartsAsked::Drawn { count, .. } => match world.starts() {
+                Some(all) => all.len().min(*count),
+                None => *count,
+            },
+            StartsAsked::Grid { axes, .. } => axes.iter().map(|(_, values)| values.len()).product(),
+        }
+    }
+
+    /// Some of them, each with the seed of its noise.
+    pub(super) fn of(&self, world: &Scenario, which: Range<usize>) -> Vec<(Start, u64)> {
+        match self {
+            StartsAsked::Drawn { count, seed } => {
+                match world.starts().filter(|all| all.len() <= *count) {
+                    None => drawn_starts(world, *seed, which),
+                    Some(all) => {
+                        let bench = world.bench();
+                        let noise = |index| test_noise(&bench, *seed, index);
+                        let listed = which.filter_map(|i| Some((all.get(i)?.clone(), noise(i))));
+                        listed.collect()
+                    }
+                }
+            }
+            StartsAsked::Grid { axes, seed } => {
+                let bench = world.bench();
+                let point = |index| (point(world, axes, index), test_noise(&bench, *seed, index));
+                which.map(point).collect()
+            }
+        }
+    }
+}
+
+/// A point of a grid; the last axis varies fastest.
+fn point(world: &Scenario, axes: &[(String, Vec<f64>)], index: usize) -> Start {
+    let axis = |axis: crate::scene::Axis| {
+        let mut left = index;
+        let mut value = (axis.lo + axis.hi) / 2.0;
+        for (name, values) in axes.iter().rev() {
+            let nth = left % values.len().max(1);
+            left /= values.len().max(1);
+            if *name == axis.name {
+                value = values.get(nth).copied().unwrap_or(value);
+            }
+        }
+        value
+    };
+    Start(world.axes().into_iter().map(axis).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::{Watch, test_starts};
+
+    fn world() -> Scenario {
+        Scenario::shipped("acc").expect("shipped").expect("a world")
+    }
+
+    #[test]
+    fn drawn_starts_are_those_of_eval_wherever_they_are_cut() {
+        let world = world();
+        let asked = StartsAsked::Drawn { count: 9, seed: 7 };
+        let all = test_starts(&world, 7, 9, &Watch::unwatched()).expect("not stopped");
+        let mut cut = asked.of(&world, 0..4);
+        cut.extend(asked.of(&world, 4..9));
+        assert_eq!(cut, all.starts);
+    }
+
+    #[test]
+    fn a_grid_has_every_combination_once_and_the_rest_in_the_middle() {
+        let world = world();
+        let names: Vec<String> = world.axes().into_iter().map(|axis| axis.name).collect();
+        let axes = vec![
+            (names[1].clone(), vec![1.0, 2.0, 3.0]),
+            (names[0].clone(), vec![10.0, 20.0]),
+        ];
+        let asked = StartsAsked::Grid { axes, seed: 0 };
+        assert_eq!(asked.count(&world), 6);
+        let starts = asked.of(&world, 0..6);
+        let of = |nth: usize| -> Vec<f64> { starts.iter().map(|(it, _)| it.0[nth]).collect() };
+        assert_eq!(of(1), [1.0, 1.0, 2.0, 2.0, 3.0, 3.0]);
+        assert_eq!(of(0), [10.0, 20.0, 10.0, 20.0, 10.0, 20.0]);
+        let third = &world.axes()[2];
+        assert!(of(2).iter().all(|it| *it == (third.lo + third.hi) / 2.0));
+    }
+}
