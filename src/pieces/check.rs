@@ -120,6 +120,7 @@ impl Checker {
             for (nth, entry) in file.egos.iter().enumerate() {
                 let at = top.to("egos").at(nth);
                 for ego in self.egos(&at, world, entry)? {
+                    self.starts_alike(&at, world, &ego)?;
                     let ego = ChangedEgo {
                         name: ego.name().to_owned(),
                         change: ego.change().clone(),
@@ -391,6 +392,25 @@ impl Checker {
             }
         };
         Ok(vec![one])
+    }
+
+    /// An ego on a map of another size has other starts, which pair with nobody's.
+    fn starts_alike(
+        &self,
+        at: &Path,
+        world: usize,
+        ego: &EgoUnderTest,
+    ) -> Result<(), CampaignError> {
+        let (played, _) = &self.worlds[world];
+        match ego.scenario().axes() == played.axes() {
+            true => Ok(()),
+            false => {
+                let (name, world) = (ego.name(), played.name());
+                let what = format!("`{name}` starts elsewhere than `{world}`");
+                let help = "write a world file of that map, and name it under `worlds`";
+                Err(self.source.wrong(at, what, Some(help.to_owned())))
+            }
+        }
     }
 
     /// Ados that rows could not tell apart are refused.

@@ -38,6 +38,15 @@ pub struct PlanCost {
     pub measured: bool,
 }
 
+/// Units whose starts take about as long: one of them is measured.
+#[derive(PartialEq)]
+struct Kind {
+    world: usize,
+    ado: PlannedAdo,
+    /// A program may be far slower than any other ego.
+    program: Option<Vec<String>>,
+}
+
 /// A campaign that is cut into pieces, before it is written.
 pub struct Cut {
     checked: Checked,
@@ -49,7 +58,7 @@ impl Plan {
     /// Reads a campaign file and cuts it into pieces of about `piece_s` seconds.
     ///
     /// Without `piece_s` a pilot measures what a start takes, on a few starts of
-    /// every world and ado, and pieces take [`PIECE_S`]. With it nothing is
+    /// every world, ado and program as an ego, and pieces take [`PIECE_S`]. With it nothing is
     /// played: the plan follows from the file alone, and is the same anywhere.
     /// `None`: stopped.
     ///
@@ -68,20 +77,24 @@ impl Plan {
             .map(|it| it.allow_programs(allow_programs))
             .collect();
         let measured = piece_s.is_none();
-        let mut known: Vec<(usize, PlannedAdo, f64)> = Vec::new();
+        let mut known: Vec<(Kind, f64)> = Vec::new();
         let (mut units, mut cpu_s) = (checked.plan.units.clone(), 0.0);
         for (nth, unit) in units.iter_mut().enumerate() {
             (watch.progress)(nth as u64, checked.plan.units.len() as u64);
-            let known_s = known
-                .iter()
-                .find(|(world, ado, _)| measured && (*world, ado) == (unit.world, &unit.ado));
+            let ego = checked.ego(unit)?;
+            let kind = Kind {
+                world: unit.world,
+                ado: unit.ado.clone(),
+                program: ego.scenario().program().map(|it| it.command.clone()),
+            };
+            let known_s = known.iter().find(|(other, _)| measured && *other == kind);
             let start_s = match known_s {
-                Some((_, _, start_s)) => *start_s,
+                Some((_, start_s)) => *start_s,
                 None => {
-                    let Some(start_s) = checked.start_s(unit, measured, watch)? else {
+                    let Some(start_s) = checked.start_s(unit, ego, measured, watch)? else {
                         return Ok(None);
                     };
-                    known.push((unit.world, unit.ado.clone(), start_s));
+                    known.push((kind, start_s));
                     start_s
                 }
             };
@@ -123,10 +136,10 @@ impl Checked {
     fn start_s(
         &self,
         unit: &Unit,
+        ego: EgoUnderTest,
         measured: bool,
         watch: &Watch<'_>,
     ) -> Result<Option<f64>, CampaignError> {
-        let ego = self.ego(unit)?;
         if !measured {
             return Ok(Some(estimate::start_s(&ego, &unit.ado)));
         }

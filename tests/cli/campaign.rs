@@ -511,6 +511,14 @@ fn mistakes_in_a_campaign_file_are_named_with_place_and_cure() {
         ("Held", "Training(seeds: 0)"),
         ("Held", "Family(members: 3)"),
         ("Held", "Trained(\"runs/none\")"),
+        (
+            "worlds: [(file: \"acc\", plant: Kinematic)],",
+            "worlds: [(file: \"grid\")],",
+        ),
+        (
+            "worlds: [(file: \"acc\", plant: Kinematic)],\n    egos: [Ego(\"nominal\"), Ego(\"wet road\"), Sweep(\"ego.time_gap_s=0.5..1.0:2\")],",
+            "worlds: [(file: \"grid\")],\n    egos: [Ego(\"all\")],",
+        ),
     ] {
         assert!(SMALL.contains(right), "{right}");
         let file = path(&dir, "wrong.ron");
