@@ -256,6 +256,17 @@ fn a_merge_names_what_is_missing_damaged_foreign_or_twice_and_different() {
         said.contains("1 of 8") && said.contains("piece 3 is damaged"),
         "{said}"
     );
+    // Sealed anew, with a start too few.
+    let fewer: Vec<&str> = text_of
+        .lines()
+        .filter(|line| !line.contains("\"start\":7,"))
+        .collect();
+    fs::write(piece(3), sealed(&format!("{}\n", fewer.join("\n")))).expect("changed");
+    let said = refused(&[&ours]);
+    assert!(
+        said.contains("piece 3 is damaged: it has not just the starts 0 to 40"),
+        "{said}"
+    );
     // Foreign: whole, and of another campaign, or another piece of this one.
     let theirs = plan_of("theirs", &text.replace("seed: 9", "seed: 10"));
     run(&theirs);
