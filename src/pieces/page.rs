@@ -13,8 +13,8 @@ use crate::report::{CampaignPage, CellState, MapCell, StartMap};
 use crate::run::write_file;
 
 /// What the columns of [`SummaryRow::cells`] are.
-pub const COLUMNS: [&str; 9] = [
-    "ego", "ado", "starts", "fails %", "95 %", "fouls", "contact", "prev.", "closing",
+pub const COLUMNS: [&str; 10] = [
+    "ego", "ado", "starts", "fails %", "95 %", "recall", "fouls", "contact", "prev.", "closing",
 ];
 
 impl PlanDir {
@@ -146,7 +146,7 @@ fn state(map: &CellMap, nth: usize) -> CellState {
 
 impl SummaryRow {
     /// The row as the cells of a table, in the order of [`COLUMNS`].
-    pub fn cells(&self) -> [String; 9] {
+    pub fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),
             (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),
@@ -160,6 +160,8 @@ impl SummaryRow {
             self.starts.to_string(),
             format!("{:.1}", 100.0 * self.success_rate),
             format!("{lo:.1}–{hi:.1}"),
+            self.recall
+                .map_or_else(dash, |recall| format!("{recall:.2}")),
             self.fouls.to_string(),
             self.contacts.to_string(),
             self.preventable

@@ -103,6 +103,9 @@ pub struct SummaryRow {
     pub ci95: [f64; 2],
     /// Where none fails: the exact 95 % upper bound of the rate.
     pub at_most: Option<f64>,
+    /// Of the starts that the unit's search solves, the share that fails here
+    /// too; `None`: no search met this ego, or it solves none.
+    pub recall: Option<f64>,
     /// Starts on which the ado broke a rule.
     pub fouls: usize,
     /// Starts on which a violation does not count.
@@ -195,7 +198,7 @@ impl CampaignSummary {
         let units: Vec<(&Unit, &Tally)> = plan.units.iter().zip(&tallies).collect();
         let mut rows = Vec::new();
         for (nth, (unit, tally)) in units.iter().enumerate() {
-            rows.push(row(dir, unit, tally));
+            rows.push(row(dir, &units, unit, tally));
             let PlannedAdo::Training { .. } = unit.ado else {
                 continue;
             };
@@ -206,7 +209,8 @@ impl CampaignSummary {
             let mates: Vec<&(&Unit, &Tally)> = units.iter().filter(is_mate).collect();
             let is_last = units[nth + 1..].iter().all(|other| !is_mate(&other));
             if 1 < mates.len() && is_last {
-                let of: Vec<SummaryRow> = mates.iter().map(|(u, t)| row(dir, u, t)).collect();
+                let of: Vec<SummaryRow> =
+                    mates.iter().map(|(u, t)| row(dir, &units, u, t)).collect();
                 let marks: Vec<Outcomes> = mates.iter().map(|(_, tally)| tally.marks()).collect();
                 rows.push(mean(&of, &marks));
             }
@@ -252,7 +256,24 @@ fn plant(dir: &PlanDir, unit: &Unit) -> String {
     format!("{plant:?}")
 }
 
-fn row(dir: &PlanDir, unit: &Unit, tally: &Tally) -> SummaryRow {
+/// Of the starts that a search solves, the share that an ado solves too.
+fn recall(units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> Option<f64> {
+    let is_search = |(other, _): &&(&Unit, &Tally)| {
+        (other.world, &other.ego) == (unit.world, &unit.ego)
+            && matches!(other.ado, PlannedAdo::Search { .. })
+    };
+    let (_, searched) = units.iter().find(is_search)?;
+    let fails = |one: &Option<RowOutcome>| *one == Some(RowOutcome::Fails);
+    let pairs = searched.outcomes.iter().zip(&tally.outcomes);
+    let (both, solved) = pairs
+        .filter(|(theirs, _)| fails(theirs))
+        .fold((0usize, 0usize), |(both, solved), (_, mine)| {
+            (both + usize::from(fails(mine)), solved + 1)
+        });
+    (0 < solved).then(|| both as f64 / solved as f64)
+}
+
+fn row(dir: &PlanDir, units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> SummaryRow {
     let plan = dir.plan();
     let fails = tally.of_kind(RowOutcome::Fails);
     let [held, fouls, uncounted] =
@@ -273,6 +294,10 @@ fn row(dir: &PlanDir, unit: &Unit, tally: &Tally) -> SummaryRow {
         success_rate: fails as f64 / starts.max(1) as f64,
         ci95: wilson(fails, starts),
         at_most: (fails == 0 && 0 < starts).then(|| at_most(starts)),
+        recall: match unit.ado {
+            PlannedAdo::Search { .. } => None,
+            _ => recall(units, unit, tally),
+        },
         fouls,
         uncounted,
         contacts: tally.contacts,
@@ -299,6 +324,10 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
         success_rate: rates.sum::<f64>() / rows.len().max(1) as f64,
         ci95: seeds_interval(&marks),
         at_most: None,
+        recall: {
+            let all: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
+            all.map(|all| all.iter().sum::<f64>() / all.len().max(1) as f64)
+        },
         fouls: sum(|row| row.fouls),
         uncounted: sum(|row| row.uncounted),
         contacts: sum(|row| row.contacts),

@@ -147,6 +147,23 @@ fn rows_are_those_of_eval_and_search_however_the_campaign_is_cut() {
         .find(|row| row["ado"] == "hold")
         .expect("held-random");
     assert_eq!(held["solved"], marks("nominal", "hold"));
+    // Recall is of the starts that search solves from the same ego.
+    let summary = json(&brakecheck(&["campaign", "merge", &fine, "--json"]))["summary"].clone();
+    let told = summary["rows"].as_array().expect("rows").iter();
+    let told = told
+        .into_iter()
+        .find(|row| row["ego"] == "wet road" && row["ado"] == "hold");
+    let (search, hold) = (marks("wet road", "search"), marks("wet road", "hold"));
+    let pairs = search
+        .chars()
+        .zip(hold.chars())
+        .filter(|(one, _)| *one == '1');
+    let (solved, both) = pairs.fold((0, 0), |(solved, both), (_, other)| {
+        (solved + 1, both + i32::from(other == '1'))
+    });
+    assert!(0 < solved);
+    let recall = told.expect("the row")["recall"].as_f64().expect("recall");
+    assert_eq!(recall, f64::from(both) / f64::from(solved));
     // A row tells of the crash and holds nothing of the machine.
     let crash = rows
         .iter()
