@@ -2,11 +2,18 @@
 //! of SUMO.
 //!
 //! The safe speed −b τ + √(b² τ² + v_l² + 2 b s) is the one from which the car
-//! can stop behind its leader if both brake with b; within τ it drives at that
-//! speed, at its desired one, or at what it can reach.
+//! can stop behind its leader if both brake with b; it drives at that speed, at
+//! its desired one, or at what it can reach.
+//!
+//! The model's steps last τ and end at that speed. A controller that is asked all
+//! the time and took τ for it would swing through its distance (damping ½) and
+//! run into whoever stands; in a quarter of τ it just does not swing.
 
 use super::following::{away_mps, car_following};
 use super::parameters::parameters;
+
+/// Share of τ in which it comes to its safe speed.
+const SETTLES: f64 = 0.25;
 
 parameters! {
     /// A follower at the safe speed.
@@ -36,7 +43,8 @@ impl Krauss {
             let squares = step_mps * step_mps + away_mps * away_mps;
             (squares + 2.0 * self.plan_brake_mps2 * room_m).sqrt() - step_mps
         });
-        let wish_mps2 = (safe_mps.min(self.desired_speed_mps) - speed_mps) / self.reaction_s;
+        let within_s = SETTLES * self.reaction_s;
+        let wish_mps2 = (safe_mps.min(self.desired_speed_mps) - speed_mps) / within_s;
         wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2)
     }
 }
