@@ -229,6 +229,11 @@ impl Plan {
         self.len() == 0
     }
 
+    /// On which plant a unit's ego is tested, if not on the world's own.
+    pub(super) fn plant(&self, unit: &Unit) -> Option<PlantKind> {
+        self.worlds.get(unit.world)?.plant
+    }
+
     /// The piece of a number.
     pub fn piece(&self, number: usize) -> Option<CampaignPiece> {
         let Some(mut nth) = number.checked_sub(self.trainings.len()) else {
