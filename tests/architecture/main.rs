@@ -188,7 +188,7 @@ const MAY_TEST: [&str; 7] = [
     "src/testbench/gym.rs",
     "src/campaign/starts.rs",
     "src/campaign/theorems/transfer.rs",
-    "src/pieces/check.rs",
+    "src/pieces/check/egos.rs",
     "src/studies/behaviours.rs",
     "src/studies/table1/mod.rs",
 ];
