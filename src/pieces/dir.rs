@@ -310,7 +310,7 @@ impl PlanDir {
         })
     }
 
-    pub(super) fn ego(&self, unit: &Unit) -> Result<EgoUnderTest, CampaignError> {
+    fn ego(&self, unit: &Unit) -> Result<EgoUnderTest, CampaignError> {
         let (name, change) = (&unit.ego.name, &unit.ego.change);
         let help = "the plan was made with another world";
         EgoUnderTest::changed(&self.played[unit.world], name, change, help)
@@ -319,6 +319,11 @@ impl PlanDir {
     /// The world of a unit as its file has it.
     pub(super) fn world(&self, unit: &Unit) -> &Scenario {
         &self.worlds[unit.world]
+    }
+
+    /// The same on the plant that is asked for.
+    pub(super) fn played(&self, unit: &Unit) -> &Scenario {
+        &self.played[unit.world]
     }
 
     /// The trained ado of a unit, if it has one.

@@ -13,6 +13,7 @@ use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
 use crate::scene::Dynamics;
+use crate::severity::Impact;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 
 /// A unit, ready to be played.
@@ -173,6 +174,7 @@ impl Stage<'_> {
         watch: &Watch<'_>,
     ) -> Vec<Option<Success>> {
         let scenario = self.ego.scenario();
+        // Of an episode little is kept: a piece may have many thousands.
         EpisodeLoop::uncounted(watch).run(
             ended,
             || scenario.bench(),
@@ -185,12 +187,14 @@ impl Stage<'_> {
                 let judged = self.plan.preventability && episode.contact.is_some();
                 let band = judged.then(|| scenario.preventability(&episode).label.band());
                 Some(Success {
+                    robustness: episode.robustness,
                     leaf: leaf(scenario, &episode),
+                    impact: episode.contact.as_ref().and_then(|touch| touch.impact),
                     preventable: match band {
                         None | Some(Band::NotApplicable) => None,
                         Some(band) => Some(band == Band::Preventable),
                     },
-                    episode,
+                    actions: episode.actions,
                 })
             },
         )
@@ -263,25 +267,26 @@ impl Stage<'_> {
         let Some(success) = success else {
             return row;
         };
-        let episode = &success.episode;
-        let impact = episode.contact.as_ref().and_then(|touch| touch.impact);
-        row.robustness = Some(episode.robustness);
+        let impact = success.impact;
+        row.robustness = Some(success.robustness);
         row.leaf = Some(success.leaf.clone());
         row.kind = impact.map(|impact| impact.kind);
         row.ego_delta_v_mps = impact.map(|impact| impact.ego_delta_v_mps);
         let risk = impact.and_then(|impact| impact.injury_risk());
         row.injury_risk = risk.map(|risk| risk.probability);
         row.preventable = success.preventable;
-        row.actions.clone_from(&episode.actions);
+        row.actions.clone_from(&success.actions);
         row
     }
 }
 
 /// What is told of a success.
 struct Success {
+    robustness: f64,
     leaf: String,
+    impact: Option<Impact>,
     preventable: Option<bool>,
-    episode: Episode,
+    actions: Vec<usize>,
 }
 
 type Outcomes = (Vec<Option<Ended>>, Vec<Option<Success>>, f64);

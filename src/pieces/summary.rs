@@ -251,8 +251,10 @@ fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
 
 /// The physics of a unit, as rows have it.
 fn plant(dir: &PlanDir, unit: &Unit) -> String {
-    let of_ego = dir.ego(unit).map(|ego| ego.scenario().plant());
-    let plant = of_ego.unwrap_or_else(|_| dir.world(unit).plant());
+    let plant = match unit.ego.change.plant {
+        Some(plant) => plant.into(),
+        None => dir.played(unit).plant(),
+    };
     format!("{plant:?}")
 }
 

@@ -1,8 +1,8 @@
 //! The page of a merged campaign: rates, gates, maps.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{DOCTYPE, Markup, html};
 
-use super::page::{PAGE_STYLE, STYLE};
+use super::page::head;
 use super::start_map::{StartMap, legend, start_map};
 
 /// Maps of a page, at most: what is more is in the rows.
@@ -34,13 +34,7 @@ impl CampaignPage {
         let page = html! {
             (DOCTYPE)
             html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width, initial-scale=1";
-                    meta name="generator" content={ "brakecheck " (env!("CARGO_PKG_VERSION")) };
-                    title { "brakecheck campaign: " (self.name) }
-                    style { (PreEscaped(STYLE)) (PreEscaped(PAGE_STYLE)) }
-                }
+                (head(&format!("brakecheck campaign: {}", self.name), ""))
                 body { main {
                     p class="dim" { "brakecheck campaign" }
                     h1 { (self.name) }

@@ -11,20 +11,27 @@ use crate::scenario::Scenario;
 
 /// Colours and pictures, shared with the figures.
 pub(super) const STYLE: &str = include_str!("style.css");
-pub(super) const PAGE_STYLE: &str = include_str!("page.css");
+const PAGE_STYLE: &str = include_str!("page.css");
+
+/// The head of a page, with what of style it needs besides.
+pub(super) fn head(title: &str, more_style: &str) -> Markup {
+    html! {
+        head {
+            meta charset="utf-8";
+            meta name="viewport" content="width=device-width, initial-scale=1";
+            meta name="generator" content={ "brakecheck " (env!("CARGO_PKG_VERSION")) };
+            title { (title) }
+            style { (PreEscaped(STYLE)) (PreEscaped(PAGE_STYLE)) (PreEscaped(more_style)) }
+        }
+    }
+}
 
 pub(super) fn html(report: &Report<'_>) -> String {
     let scenario = report.scenario;
     let page = html! {
         (DOCTYPE)
         html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="generator" content={ "brakecheck " (env!("CARGO_PKG_VERSION")) };
-                title { "brakecheck: " (scenario.name) }
-                style { (PreEscaped(STYLE)) (PreEscaped(PAGE_STYLE)) (PreEscaped(animation::STYLE)) }
-            }
+            (head(&format!("brakecheck: {}", scenario.name), animation::STYLE))
             body { main {
                 (opening(report))
                 @if let Some(nominal) = &report.nominal { (seen(report, nominal)) }

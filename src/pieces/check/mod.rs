@@ -31,7 +31,13 @@ pub(super) struct Checked {
 
 /// Reads and checks a campaign file; what it names is found beside it.
 pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
-    let (name, text, file) = read_file::<CampaignFile>(path)?;
+    let (name, text, file) = read_file::<CampaignFile>(path).map_err(|error| match error {
+        LoadError::Io { .. } => CampaignError::request(
+            error.to_string(),
+            "name a campaign file, such as examples/campaigns/r157_cut_in.ron",
+        ),
+        other => other.into(),
+    })?;
     let dir = path.parent().unwrap_or(FilePath::new("")).to_owned();
     Checker {
         source: Source { name, text },
