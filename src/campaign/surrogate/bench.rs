@@ -43,21 +43,36 @@ pub(super) struct Variation {
 ///
 /// What succeeds on all of them leaves the ego some room to differ: one that
 /// eases off, or brakes, a little more at every sample than it was seen to do.
-pub(super) const VARIATIONS: [Variation; 10] = {
+/// The more careful ones are close together: an ego that brakes at the last moment
+/// leaves some centimetres, and of the plans that fit them the one with most room
+/// is to be found.
+pub(super) const VARIATIONS: [Variation; 22] = {
     const fn variation(member: usize, bias_mps3: f64) -> Variation {
         Variation { member, bias_mps3 }
     }
     [
         variation(0, 0.0),
         variation(1, 0.0),
-        variation(0, -0.2),
-        variation(1, -0.2),
+        variation(0, 0.05),
+        variation(1, 0.05),
         variation(0, 0.2),
         variation(1, 0.2),
-        variation(0, -0.5),
-        variation(1, -0.5),
         variation(0, 0.5),
         variation(1, 0.5),
+        variation(0, -0.01),
+        variation(1, -0.01),
+        variation(0, -0.02),
+        variation(1, -0.02),
+        variation(0, -0.03),
+        variation(1, -0.03),
+        variation(0, -0.05),
+        variation(1, -0.05),
+        variation(0, -0.1),
+        variation(1, -0.1),
+        variation(0, -0.2),
+        variation(1, -0.2),
+        variation(0, -0.5),
+        variation(1, -0.5),
     ]
 };
 

@@ -12,8 +12,13 @@ const NEAR_M: f64 = 0.5;
 /// A usual full braking.
 const BRAKE_MPS2: f64 = 6.0;
 
-const OWN: usize = 6 + 2 * PAST_S.len();
-const PER_OTHER: usize = 12 + 3 * PAST_S.len();
+/// From this braking on an ego is taken to brake, and not to let go of a pedal.
+const BRAKES_MPS2: f64 = 1.0;
+/// Longer than this nothing is counted.
+const LONG_S: f64 = 4.0;
+
+const OWN: usize = 8 + 2 * PAST_S.len();
+const PER_OTHER: usize = 15 + 3 * PAST_S.len();
 const PER_LIGHT: usize = 5;
 
 /// Turns percepts into numbers, one row per sample.
@@ -29,6 +34,34 @@ pub(super) struct Features {
     delays: [usize; PAST_S.len()],
     samples: usize,
     start_mps: f64,
+    /// Its hardest braking so far, and for how long it brakes already.
+    hardest_mps2: f64,
+    braking_s: f64,
+    /// The worst that everybody else was so far.
+    worst: Vec<Danger>,
+}
+
+/// How dangerous somebody was, up to now: an ego that has begun an emergency
+/// braking, or does not let go until it stands, answers to this and not to what it
+/// sees now.
+#[derive(Clone, Copy, Debug, Default)]
+struct Danger {
+    /// What it took at most not to hit.
+    brake_mps2: f64,
+    /// One over the time to collision, at most.
+    closing_per_s: f64,
+    /// How long ago that was.
+    ago_s: f64,
+}
+
+impl Danger {
+    fn grow(&mut self, brake_mps2: f64, closing_per_s: f64, sample_s: f64) {
+        self.ago_s += sample_s;
+        self.brake_mps2 = self.brake_mps2.max(brake_mps2);
+        if self.closing_per_s < closing_per_s {
+            (self.closing_per_s, self.ago_s) = (closing_per_s, 0.0);
+        }
+    }
 }
 
 impl Features {
@@ -48,6 +81,9 @@ impl Features {
             delays,
             samples: 0,
             start_mps: percept.own.speed_mps,
+            hardest_mps2: 0.0,
+            braking_s: 0.0,
+            worst: vec![Danger::default(); percept.others.len()],
         }
     }
 
@@ -64,6 +100,8 @@ impl Features {
             own.lateral_m,
             own.heading_rad,
             stopping_m(own.speed_mps),
+            self.hardest_mps2,
+            self.braking_s.min(LONG_S),
         ];
         row.extend(state.map(|value| value as f32));
         row.extend(self.delays.map(|ago| self.past(ago)[0]));
@@ -81,14 +119,15 @@ impl Features {
         let near_m = gap_m.abs().max(NEAR_M);
         let side_m = seen.lateral_m.abs() - 0.5 * (seen.width_m + own.width_m);
         let ahead = if 0.0 <= gap_m { 1.0 } else { -1.0 };
-        let brake_mps2 = closing_mps.max(0.0).powi(2) / (2.0 * near_m);
+        let [brake_mps2, closing_per_s] = danger(gap_m, closing_mps);
+        let worst = &self.worst[i];
         let state = [
             gap_m,
             ahead * 10.0 / (near_m + 5.0),
             closing_mps,
             // What it takes not to hit, and how soon it would be hit.
-            brake_mps2.min(15.0),
-            (closing_mps / near_m).clamp(-5.0, 5.0),
+            brake_mps2,
+            closing_per_s,
             (near_m / own.speed_mps.max(1.0)).min(10.0),
             seen.speed_mps,
             seen.ax_mps2,
@@ -96,6 +135,9 @@ impl Features {
             side_m.clamp(-2.0, 5.0),
             seen.lateral_mps,
             stopping_m(seen.speed_mps),
+            worst.brake_mps2,
+            worst.closing_per_s,
+            worst.ago_s.min(LONG_S),
         ];
         row.extend(state.map(|value| value as f32));
         for ago in self.delays {
@@ -119,6 +161,16 @@ impl Features {
         let depth = self.frames.len() / self.width;
         let slot = self.samples % depth;
         self.samples += 1;
+        self.hardest_mps2 = self.hardest_mps2.max(-percept.own.accel_mps2);
+        self.braking_s = match percept.own.accel_mps2 < -BRAKES_MPS2 {
+            true => self.braking_s + percept.sample_s,
+            false => 0.0,
+        };
+        for (worst, seen) in self.worst.iter_mut().zip(&percept.others) {
+            let (gap_m, closing_mps) = approach(&percept.own, seen);
+            let [brake_mps2, closing_per_s] = danger(gap_m, closing_mps);
+            worst.grow(brake_mps2, closing_per_s, percept.sample_s);
+        }
         let frame = &mut self.frames[slot * self.width..][..self.width];
         frame[0] = percept.own.accel_mps2 as f32;
         frame[1] = stopping_m(percept.own.speed_mps) as f32;
@@ -138,6 +190,14 @@ impl Features {
 /// weigh them.
 fn stopping_m(speed_mps: f64) -> f64 {
     speed_mps * speed_mps / (2.0 * BRAKE_MPS2)
+}
+
+/// What it takes not to hit somebody, and one over the time to collision.
+fn danger(gap_m: f64, closing_mps: f64) -> [f64; 2] {
+    let near_m = gap_m.abs().max(NEAR_M);
+    let brake_mps2 = closing_mps.max(0.0).powi(2) / (2.0 * near_m);
+    let closing_per_s = closing_mps / near_m;
+    [brake_mps2.min(15.0), closing_per_s.clamp(-5.0, 5.0)]
 }
 
 /// Bumper to bumper along the road, negative behind, and how fast it shrinks.
@@ -209,10 +269,10 @@ mod tests {
             features.read(&percept(speed_mps, 50.0 - speed_mps), &mut row);
         }
         // 5, 10 and 19 samples ago the speed was 35, 30 and 21 m/s.
-        assert_eq!(row[6..9], [3.5, 3.0, 2.1]);
+        assert_eq!(row[8..11], [3.5, 3.0, 2.1]);
         let stopping = [35.0_f32, 30.0, 21.0].map(|mps| mps * mps / 12.0);
-        assert_eq!(row[9..12], stopping);
-        let past = &row[OWN + 12..];
+        assert_eq!(row[11..14], stopping);
+        let past = &row[OWN + 15..];
         let other = 100.0 / 12.0;
         assert_eq!(
             past,
@@ -227,6 +287,30 @@ mod tests {
         let mut features = Features::begin(&first);
         features.read(&first, &mut row);
         features.read(&second, &mut row);
-        assert_eq!(row[6..9], [1.0, 1.0, 1.0]);
+        assert_eq!(row[8..11], [1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn a_danger_that_is_over_is_remembered_and_so_is_how_long_it_brakes() {
+        let mut calm = percept(10.0, 55.0);
+        let mut row = Vec::new();
+        let mut features = Features::begin(&calm);
+        // 4 m/s closing at 8 m, then nobody near any more.
+        features.read(&percept(14.0, 13.0), &mut row);
+        calm.own.accel_mps2 = -2.0;
+        for _ in 0..3 {
+            features.read(&calm, &mut row);
+        }
+        let close = |value: f32, wanted: f32| assert!((value - wanted).abs() < 1e-6, "{row:?}");
+        close(row[6], 2.0);
+        close(row[7], 0.15);
+        let other = &row[OWN..];
+        assert_eq!([other[3], other[4]], [0.0, 0.0], "now it is safe");
+        assert_eq!(
+            [other[12], other[13]],
+            [1.0, 0.5],
+            "it took 4² / (2 · 8), 4 / 8"
+        );
+        close(other[14], 0.15);
     }
 }

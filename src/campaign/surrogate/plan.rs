@@ -28,14 +28,14 @@ const FIRST: usize = 16;
 const EVERY: usize = 8;
 /// Variations on which a plan must succeed to be taken without looking at
 /// sequences with more switches, or to be kept when the ego strays from it.
-const ENOUGH: usize = 8;
+const ENOUGH: usize = 12;
 /// Decisions after which one who has no sure plan looks for one again.
 const PATIENCE: usize = 4;
 /// The variations that plans are made for, as positions in [`VARIATIONS`]: where
 /// nothing succeeds on the surrogate, what would if the ego were a little less
 /// careful, this way or that. Such a plan may succeed, and if it does not it has
 /// led to where the surrogate should have known better.
-const LEADS: [usize; 6] = [0, 1, 4, 2, 8, 6];
+const LEADS: [usize; 6] = [0, 1, 2, 4, 6, 18];
 
 /// How the ado goes on.
 #[derive(Clone, Debug, PartialEq, Eq)]
