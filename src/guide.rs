@@ -17,6 +17,10 @@ pub mod world_file {}
 #[doc = include_str!("../docs/roads.md")]
 pub mod roads {}
 
+/// Scripts by laws, meetings, ados that stray from them, start tables.
+#[doc = include_str!("../docs/plans.md")]
+pub mod plans {}
+
 /// Stock egos, sensors, changed egos.
 #[doc = include_str!("../docs/egos.md")]
 pub mod egos {}

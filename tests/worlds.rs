@@ -26,6 +26,8 @@ mod lemmas;
 mod naming;
 #[path = "worlds/nested.rs"]
 mod nested;
+#[path = "worlds/plans.rs"]
+mod plans;
 #[path = "worlds/process.rs"]
 mod process;
 #[path = "worlds/rivals.rs"]

@@ -70,6 +70,15 @@ impl TrainSession {
         request: &TrainRequest<'_>,
     ) -> Result<TrainSession, CampaignError> {
         let world = request.world(world)?;
+        if world
+            .drive()
+            .is_some_and(|spec| spec.action_sets().next().is_none())
+        {
+            return Err(CampaignError::Request {
+                what: format!("nobody in `{}` is an ado, so there is nothing to train", world.name()),
+                help: "give one agent `drive: Ado(actions: …, rulebook: […])`, or ask `search` which starts the ego passes".to_owned(),
+            });
+        }
         let ego = request.ego(&world)?;
         let seed = request.seed;
         let from = request.from.map(|from| from.policy_bundle()).transpose()?;

@@ -32,6 +32,7 @@
 mod acc;
 mod actuator;
 mod aeb;
+mod coast;
 #[cfg(test)]
 mod dummy;
 mod fault;

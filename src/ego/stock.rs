@@ -186,6 +186,8 @@ egos! {
     reference::FsmDriver by at_the_wheel;
     /// Brakes at once and with everything for what must end in contact.
     reference::IdealDriver by at_the_wheel;
+    /// Keeps its speed, whatever it sees: what test protocols assume.
+    coast::Coast by clone;
     /// Another program, on its stdin and stdout.
     process::Process by controller;
     /// What tests add, to show that a file and a line are all it takes.

@@ -13,9 +13,10 @@ use super::locate::Path;
 use super::problems::Problems;
 use super::runs::{Assembled, Origin, RunSource};
 use super::warnings::Warnings;
-use super::{counting, kinship, read, roads, starts, trained, trial, vacuous};
+use super::{counting, kinship, plans, points, read, roads, starts, trained, trial, vacuous};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
+use crate::stl::Names;
 
 /// A checked scenario, tried as well.
 pub(super) fn build(
@@ -107,6 +108,10 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         return Err(Vec::new());
     };
 
+    let taken: Vec<&str> = constants.keys().map(String::as_str).collect();
+    let place = top.to("parameters");
+    let parameters = points::parameters(&mut problems, &place, &file.parameters, &taken);
+
     let mut spec = DriveSpec {
         world: file.name.clone(),
         clock: file.clock,
@@ -122,6 +127,9 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         derived: Vec::new(),
         constants: constants.clone(),
         observe: Vec::new(),
+        parameters,
+        formulas: Names::default(),
+        points: Vec::new(),
     };
     let list = top.to("agents");
     starts::check(&mut problems, &list, &spec, &entries);
@@ -151,6 +159,12 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         return Err(problems.into_list());
     };
     language.bind(&mut problems, &top.to("ego_spec"), &ego_spec, &names);
+    plans::bind(
+        &mut problems,
+        &mut language,
+        &names,
+        (&list, &spec, &entries),
+    );
     for rule in &rules {
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }
@@ -159,7 +173,16 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         let usual = spec.usual_observation().into_iter();
         observed.extend(usual.map(|name| (name, observe.clone())));
     }
-    spec.observe = language.observe(&mut problems, &observed, &observe);
+    if spec.action_sets().next().is_some() {
+        spec.observe = language.observe(&mut problems, &observed, &observe);
+    }
+    spec.points = points::read(
+        &mut problems,
+        &top.to("points"),
+        file.points.as_ref(),
+        &spec,
+    );
+    spec.formulas = names.clone();
     problems.done()?;
     spec.extra = language.published();
     let world = match DriveWorld::new(spec) {

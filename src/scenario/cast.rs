@@ -9,14 +9,15 @@ use super::file::{
 };
 use super::language::formula;
 use super::locate::Path;
+use super::plans;
 use super::problems::Problems;
 use super::roads;
 use super::runs::Origin;
 use super::trained;
 use super::trained::run::TrainedFile;
 use crate::scene::drive::{
-    Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, PlacedRoads, Range,
-    Script, StartPlace, TrainedAdo,
+    Agent, Direction, Drive, EgoController, EgoDrive, Light, LightDrive, MotionPlan, PlacedRoads,
+    Range, Script, StartPlace, TrainedAdo,
 };
 use crate::sim::Body;
 
@@ -118,20 +119,11 @@ impl Cast<'_> {
 
     fn count(&self, problems: &mut Problems, list: &Path) {
         let drives = self.agents.iter().map(|agent| &agent.drive);
-        let egos = drives.clone().filter(|d| matches!(d, Drive::Ego));
-        let egos = egos.count();
+        let egos = drives.filter(|d| matches!(d, Drive::Ego)).count();
         // Agents with a broken body or place are missing, and were reported.
         if egos != 1 && problems.is_empty() {
             let what = format!("a world has exactly one ego, not {egos}");
             let help = "one agent has `drive: Ego(…)`".to_owned();
-            problems.add(list, what, "these agents", Some(help));
-        }
-        let mut lights = self.lights.iter();
-        let ados = drives.clone().any(|d| matches!(d, Drive::Ado { .. }))
-            || lights.any(|light| matches!(light.drive, LightDrive::Ado { .. }));
-        if !ados && problems.is_empty() {
-            let what = "there is no ado to train".to_owned();
-            let help = "give one agent `drive: Ado(actions: …, rulebook: […])`".to_owned();
             problems.add(list, what, "these agents", Some(help));
         }
     }
@@ -270,13 +262,32 @@ impl Cast<'_> {
             DriveFile::Trained(file) => {
                 Drive::Trained(self.trained(problems, path, file, acts_as)?)
             }
+            DriveFile::Script(steps) => {
+                let plan = MotionPlan::Script(steps.clone());
+                Drive::Planned(plans::read(problems, &path.at(0), &plan, acts_as)?)
+            }
+            DriveFile::Meet(meet) => {
+                let plan = MotionPlan::Meet(meet.clone());
+                Drive::Planned(plans::read(problems, path, &plan, acts_as)?)
+            }
             DriveFile::Ado(ado) => {
                 check::actions(problems, path, ado, acts_as);
+                let base = match &ado.base {
+                    Some(plan) => {
+                        let place = match plan {
+                            MotionPlan::Script(_) => path.to("base").at(0),
+                            MotionPlan::Meet(_) => path.to("base"),
+                        };
+                        Some(plans::read(problems, &place, plan, acts_as)?)
+                    }
+                    None => None,
+                };
                 self.rules_of(problems, path, name, ado);
                 Drive::Ado {
                     actions: ado.actions.clone(),
                     neutral: ado.neutral,
                     lag_s: ado.lag_s,
+                    base,
                 }
             }
         })

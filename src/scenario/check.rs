@@ -285,6 +285,18 @@ pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body:
                 .collect()
         }
         Actions::Phases(_) => Vec::new(),
+        Actions::Deviate(added) => {
+            let parts = [
+                ("accelerations", &added.accelerations),
+                ("lateral_mps", &added.lateral_mps),
+            ];
+            let parts = parts.into_iter().flat_map(|(field, values)| {
+                let place = list.to(field);
+                let numbered = values.iter().enumerate();
+                numbered.map(move |(i, value)| (place.at(i), *value))
+            });
+            parts.collect()
+        }
     };
     for (place, value) in numbers {
         within(problems, &place, value, -30.0, 30.0);
@@ -293,7 +305,9 @@ pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body:
         let what = "an ado without actions";
         problems.add(&list, what, "give at least one", None);
     }
-    if !fits(&ado.actions, body) {
+    if let Some((what, help)) = misplanned(ado, body) {
+        problems.add(&list, what, "here", Some(help.to_owned()));
+    } else if ado.base.is_none() && !fits(&ado.actions, body) {
         let what = format!("{} cannot do this", body.words());
         problems.add(&list, what, "not its actions", Some(body.help().to_owned()));
     }
@@ -315,6 +329,27 @@ pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
         Actions::Accelerations(_) | Actions::Grid(_) => body == ActsAs::Vehicle,
         Actions::Walks(_) => body == ActsAs::Walker,
         Actions::Phases(_) => body == ActsAs::Light,
+        // Only beside a plan, which is of one world.
+        Actions::Deviate(_) => false,
+    }
+}
+
+/// What is wrong with a plan that is no base for the actions, or is missing.
+fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str)> {
+    match (&ado.base, &ado.actions) {
+        (Some(_), _) if body == ActsAs::Light => Some((
+            "a traffic light has no way to plan",
+            "leave `base` out; a light on a schedule has `drive: Schedule([…])`",
+        )),
+        (None, Actions::Deviate(_)) => Some((
+            "there is no plan from which to deviate",
+            "give the ado a `base: Script([…])` or `base: Meet(…)`",
+        )),
+        (Some(_), actions) if !matches!(actions, Actions::Deviate(_)) => Some((
+            "an ado with a plan deviates from it",
+            "write `actions: Deviate(accelerations: […], lateral_mps: […])`, or leave `base` out",
+        )),
+        _ => None,
     }
 }
 

@@ -14,7 +14,8 @@ use crate::rl::{DqnSettings, LearnerSettings};
 use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{
-    Actions, Direction, Piece, Priority, Range, Road, RoadPlace, Schedule, Script, Sensors,
+    Actions, Direction, MeetEgo, MotionPlan, Piece, Priority, Range, Road, RoadPlace, Schedule,
+    Script, ScriptStep, Sensors,
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};
@@ -39,6 +40,12 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) bodies: Ordered<Body>,
     pub(super) agents: Vec<AgentFile>,
+    /// Numbers of a start besides where everybody is.
+    #[serde(default)]
+    pub(super) parameters: Ordered<NumberOrRange>,
+    /// The starts as a table; left out: all that the ranges give.
+    #[serde(default)]
+    pub(super) points: Option<PointsFile>,
     #[serde(default)]
     pub(super) sensors: Sensors,
     #[serde(default)]
@@ -214,6 +221,8 @@ pub(super) enum DriveFile {
     Ado(AdoFile),
     Trained(TrainedFile),
     Scripted(Script),
+    Script(Vec<ScriptStep<NumberOrRange, String>>),
+    Meet(MeetEgo<NumberOrRange>),
 }
 
 #[derive(Deserialize)]
@@ -227,6 +236,9 @@ pub(super) enum LightFile {
 #[derive(Deserialize)]
 #[serde(rename = "Ado", deny_unknown_fields)]
 pub(super) struct AdoFile {
+    /// What the actions are added to; left out: nothing.
+    #[serde(default)]
+    pub(super) base: Option<PlanFile>,
     pub(super) actions: Actions,
     pub(super) neutral: usize,
     /// Left out: what is usual, see [`crate::scene::drive::DriveSpec`].
@@ -236,6 +248,18 @@ pub(super) struct AdoFile {
     /// Time constant with which a vehicle's acceleration follows.
     #[serde(default)]
     pub(super) lag_s: f64,
+}
+
+/// A plan as a file has it.
+pub(super) type PlanFile = MotionPlan<NumberOrRange, String>;
+
+/// Starts as a table.
+#[derive(Deserialize)]
+#[serde(rename = "Points", deny_unknown_fields)]
+pub(super) struct PointsFile {
+    /// What the columns are: every range of the world, in any order.
+    pub(super) axes: Vec<String>,
+    pub(super) rows: Vec<Vec<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -292,6 +316,12 @@ pub struct GridChange {
 /// `5.0` or `(5.0, 25.0)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct NumberOrRange(pub(super) Range);
+
+impl From<f64> for NumberOrRange {
+    fn from(value: f64) -> NumberOrRange {
+        NumberOrRange(Range::fixed(value))
+    }
+}
 
 impl<'de> Deserialize<'de> for NumberOrRange {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<NumberOrRange, D::Error> {

@@ -180,6 +180,27 @@ impl Language {
         }
     }
 
+    /// Binds a formula that must not look ahead, since somebody waits for it.
+    pub(super) fn bind_past(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        formula: &Formula,
+        names: &Names,
+    ) {
+        let schema = self.schema();
+        let bound = schema.map(|schema| formula.bind_with(&schema, names, &Settings::default()));
+        if let Some(Ok(monitor)) = bound {
+            if monitor.horizon_samples() != Some(0) {
+                let what = "a step waits for what lies ahead";
+                let help = "say it of the present and the past: `once`, `historically`, `since`, \
+                            `prev` and `rise` look back";
+                problems.add(path, what, "looks ahead", Some(help.to_owned()));
+            }
+        }
+        self.bind(problems, path, formula, names);
+    }
+
     /// The observed signals with their scales, each once; `list` is where
     /// they would stand if there were any.
     pub(super) fn observe(

@@ -25,6 +25,8 @@ mod kinship;
 mod language;
 mod locate;
 mod ordered;
+mod plans;
+mod points;
 mod preventing;
 mod problems;
 mod quantity;

@@ -66,6 +66,15 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
     let rulebook = tried.rulebook();
     let mut row = vec![0.0; bench.schema().len()];
     for start in tried_starts(&tried) {
+        if let Some(Err((i, why))) = scenario.drive().map(|spec| spec.meets(&start)) {
+            let agents = scenario.drive().map(|spec| &spec.agents[i]);
+            if let Some(agent) = agents {
+                let entry = entry_of(&path.to("agents"), &scenario.text, &agent.name);
+                let words = in_words(&tried, &start);
+                super::plans::meets(problems, &entry, agent, why, &words);
+            }
+            return;
+        }
         bench.begin(&start, 0, Aftermath::Skip);
         if bench.trace().is_empty() {
             let what = "a signal is not finite at the start".to_owned();

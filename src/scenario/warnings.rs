@@ -200,7 +200,10 @@ impl Warnings {
         match drive {
             DriveFile::Ego(ego) => self.lag(&path.at(0).to("lag_s"), ego.lag_s),
             DriveFile::Ado(ado) => self.driven_ado(path, ado),
-            DriveFile::Trained(_) | DriveFile::Scripted(_) => {}
+            DriveFile::Trained(_)
+            | DriveFile::Scripted(_)
+            | DriveFile::Script(_)
+            | DriveFile::Meet(_) => {}
         }
     }
 
@@ -249,6 +252,10 @@ impl Warnings {
         let Some(spec) = scenario.drive() else {
             return;
         };
+        // Where nobody learns nobody needs to see.
+        if spec.action_sets().next().is_none() {
+            return;
+        }
         let signals = scenario.world().schema().signals();
         let read = |monitor: &Monitor| -> Vec<String> {
             let positions = monitor.signals().into_iter();

@@ -188,7 +188,10 @@ impl World {
     /// All starts of a finite world, each once.
     pub fn starts(&self) -> Option<Vec<Start>> {
         match self {
-            World::Drive(_) => None,
+            World::Drive(world) => {
+                let points = &world.spec().points;
+                (!points.is_empty()).then(|| points.clone())
+            }
             World::Grid(world) => world.spec().all_starts(),
         }
     }

@@ -60,7 +60,7 @@ fn finite(command: BodyCommand) -> Option<BodyCommand> {
             curvature_per_m,
         } => [accel_mps2, curvature_per_m, 0.0],
         BodyCommand::Walk { x_mps, y_mps } => [x_mps, y_mps, 0.0],
-        BodyCommand::Glide { to } => [to.x_m, to.y_m, to.heading_rad],
+        BodyCommand::Glide { to } | BodyCommand::Carry { to } => [to.x_m, to.y_m, to.heading_rad],
     };
     numbers.iter().all(|it| it.is_finite()).then_some(command)
 }
@@ -151,6 +151,16 @@ pub enum BodyCommand {
     /// recorded motion does, and stands until it is told to glide on. It takes
     /// no other command any more, and passes through others that glide.
     Glide {
+        /// Where the front bumper is then.
+        to: Pose,
+    },
+    /// Any body, on either plant: be there after the next `advance`.
+    ///
+    /// As test targets on platforms are carried: it moves and turns evenly
+    /// whatever its engine and tyres could do, stands until it is told to go on,
+    /// takes no [`BodyCommand::Drive`] and no [`BodyCommand::Walk`] any more, and
+    /// touches whoever is in its way.
+    Carry {
         /// Where the front bumper is then.
         to: Pose,
     },

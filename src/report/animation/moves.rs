@@ -114,7 +114,7 @@ fn told(set: &Actions, action: usize) -> (String, Kind) {
             }
         }
         Actions::Walks(list) => on_foot(list[action]),
-        Actions::Phases(_) => (set.label(action), Kind::Goes),
+        Actions::Phases(_) | Actions::Deviate(_) => (set.label(action), Kind::Goes),
     }
 }
 

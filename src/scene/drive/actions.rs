@@ -13,6 +13,34 @@ pub enum Actions {
     Walks(Vec<(f64, f64)>),
     /// A traffic light.
     Phases(Vec<Turn>),
+    /// Anybody who has a plan: what is added to it.
+    Deviate(Deviation),
+}
+
+/// Every acceleration with every lateral speed, added to a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Deviation {
+    /// Accelerations along where it faces, m/s².
+    pub accelerations: Vec<f64>,
+    /// Speeds to its left, m/s; the acceleration counts faster in an action's
+    /// number.
+    #[serde(default = "straight_on")]
+    pub lateral_mps: Vec<f64>,
+}
+
+fn straight_on() -> Vec<f64> {
+    vec![0.0]
+}
+
+impl Deviation {
+    fn at(&self, action: usize) -> (f64, f64) {
+        let count = self.accelerations.len();
+        (
+            self.accelerations[action % count],
+            self.lateral_mps[action / count],
+        )
+    }
 }
 
 /// Every acceleration with every lateral move.
@@ -83,6 +111,7 @@ impl Actions {
             Actions::Grid(grid) => grid.accelerations.len() * grid.lateral.len(),
             Actions::Walks(list) => list.len(),
             Actions::Phases(list) => list.len(),
+            Actions::Deviate(added) => added.accelerations.len() * added.lateral_mps.len(),
         }
     }
 
@@ -117,6 +146,14 @@ impl Actions {
                 Turn::Hold => "hold".to_owned(),
                 Turn::Advance => "advance".to_owned(),
             },
+            Actions::Deviate(added) => match added.at(action) {
+                (0.0, 0.0) => "as planned".to_owned(),
+                (accel_mps2, 0.0) => format!("{accel_mps2:+} m/s² on the plan"),
+                (0.0, left_mps) => format!("{left_mps:+} m/s aside of the plan"),
+                (accel_mps2, left_mps) => {
+                    format!("{accel_mps2:+} m/s² {left_mps:+} m/s aside on the plan")
+                }
+            },
         }
     }
 
@@ -148,6 +185,11 @@ impl Actions {
                 share(apart(list[a], list[b]), most)
             }
             Actions::Phases(list) => f64::from(u8::from(list[a] != list[b])),
+            Actions::Deviate(added) => {
+                let ((a, a_left), (b, b_left)) = (added.at(a), added.at(b));
+                0.5 * (among(&added.accelerations, a, b)
+                    + among(&added.lateral_mps, a_left, b_left))
+            }
         }
     }
 
@@ -173,6 +215,13 @@ impl Actions {
                 left_mps: list[action].1,
             },
             Actions::Phases(list) => Choice::Turn(list[action]),
+            Actions::Deviate(added) => {
+                let (accel_mps2, lateral_mps) = added.at(action);
+                Choice::Drive {
+                    accel_mps2,
+                    lateral_mps,
+                }
+            }
         }
     }
 

@@ -266,6 +266,12 @@ impl Course {
         }
     }
 
+    /// Its curvature at a place, positive to the left.
+    pub(super) fn curvature_per_m(&self, s_m: f64) -> f64 {
+        let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
+        leg.map_or(0.0, |leg| leg.curvature_per_m)
+    }
+
     /// Where the pieces end, along the course; 0 without any.
     pub fn end_s_m(&self) -> f64 {
         self.legs.last().map_or(0.0, |last| last.from_s_m)

@@ -241,12 +241,20 @@ fn input(
     let [a, b] = whose;
     let whose = match quantity.of {
         Of::Clock | Of::Scene => whose,
+        Of::Parameter => {
+            let name = &home.names.parameters[a];
+            let number = here.parameters.get_index_of(name);
+            [number.ok_or_else(|| nobody(&needed.signal.name, name))?, 0]
+        }
         Of::Agent => [agent(a)?, 0],
         Of::Pair => [agent(a)?, agent(b)?],
         Of::Light => [light(a)?, 0],
         Of::AgentAndLight => [agent(a)?, light(b)?],
     };
     let source = Source { quantity, whose };
+    if !source.exists(here) {
+        return Err(nobody(&needed.signal.name, &home.world));
+    }
     Ok(match (quantity.of, quantity.name) {
         (Of::Clock, "time") => Input::Time {
             source,

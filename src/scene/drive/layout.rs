@@ -7,12 +7,12 @@ use super::frozen::{Frozen, TrainedError};
 use super::network::RoadNetwork;
 use super::observing::Observation;
 use super::signals::{Source, schema_of};
-use super::spec::DriveSpec;
+use super::spec::{Agent, DriveSpec};
 use super::trained::TrainedAdo;
 use crate::ego::{Briefing, RoadGeometry};
 use crate::rl::Spaces;
 use crate::scene::Axis;
-use crate::stl::{BoundExpr, StlError};
+use crate::stl::{BoundExpr, Formula, Monitor, Settings, StlError};
 use crate::trace::{Schema, SchemaError};
 
 /// A driving scene could not be assembled.
@@ -25,6 +25,14 @@ pub enum SceneError {
     #[error("the signal `{name}`: {source}")]
     Derived {
         /// Its name.
+        name: String,
+        /// Why.
+        source: Box<StlError>,
+    },
+    /// What a step of a plan waits for does not bind.
+    #[error("what a step of `{name}` waits for: {source}")]
+    When {
+        /// Whose plan.
         name: String,
         /// Why.
         source: Box<StlError>,
@@ -66,6 +74,8 @@ pub(super) struct Layout {
     pub observed: Observation,
     /// The trained ados, road users first.
     pub frozen: Vec<Frozen>,
+    /// What the steps of each agent's plan wait for.
+    pub whens: Vec<Arc<[Option<Monitor>]>>,
     pub axes: Vec<Axis>,
     pub spaces: Spaces,
 }
@@ -100,8 +110,11 @@ impl Layout {
             actions *= set.len();
         }
         let frozen = frozen(&spec)?;
+        let whens = spec.agents.iter().map(|agent| whens(&spec, &schema, agent));
+        let whens = whens.collect::<Result<_, _>>()?;
         Ok(Layout {
             frozen,
+            whens,
             network: Arc::new(RoadNetwork::new(&spec)?),
             ego,
             schema: Arc::new(schema),
@@ -121,6 +134,28 @@ impl Layout {
             spec: Arc::new(spec),
         })
     }
+}
+
+/// What the steps of an agent's plan wait for, bound: that it has once been true.
+fn whens(
+    spec: &DriveSpec,
+    schema: &Schema,
+    agent: &Agent,
+) -> Result<Arc<[Option<Monitor>]>, SceneError> {
+    let bind = |when: &Formula| {
+        let once = format!("eventually ({when})").parse::<Formula>();
+        let monitor =
+            once.and_then(|once| once.bind_with(schema, &spec.formulas, &Settings::default()));
+        monitor.map_err(|source| SceneError::When {
+            name: agent.name.clone(),
+            source: Box::new(source),
+        })
+    };
+    let steps = agent.plan().map_or(&[][..], |plan| plan.steps());
+    let bound = steps
+        .iter()
+        .map(|step| step.when.as_ref().map(bind).transpose());
+    bound.collect()
 }
 
 /// The trained ados of a spec, bound to it.

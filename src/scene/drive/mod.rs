@@ -5,7 +5,9 @@
 
 mod actions;
 mod bounds;
+mod carrying;
 mod course;
+mod drawn;
 mod frozen;
 mod ghost;
 mod layout;
@@ -16,6 +18,9 @@ mod network;
 mod observing;
 mod perceiving;
 mod placed;
+mod plan;
+mod planned;
+mod range;
 mod replaying;
 mod road;
 mod script;
@@ -31,7 +36,7 @@ mod trained;
 mod variant;
 mod world;
 
-pub use actions::{Actions, Grid, Lateral, Turn};
+pub use actions::{Actions, Deviation, Grid, Lateral, Turn};
 pub use bounds::Bounds;
 pub use course::{Course, CourseError, OnRoad, Piece};
 pub use frozen::TrainedError;
@@ -40,12 +45,14 @@ pub use light::{Light, LightDrive, Schedule};
 pub use motion::DriveScene;
 pub use names::AgentNames;
 pub use placed::{Direction, PlacedRoad, PlacedRoads, Priority, RoadPlace};
+pub use plan::{MeetEgo, MotionLaw, MotionPlan, ScriptStep, SteadyPart};
+pub use range::Range;
 pub use road::Road;
 pub use script::Script;
 pub use sensors::Sensors;
 pub use signals::{SignalSource, TTC_CAP_S, current_name, schema_of};
 pub use spec::{
-    Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, Range, StartPlace,
+    Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, PlanSpec, StartPlace,
 };
 pub use trained::{TrainedAdo, TrainingWorld};
 pub use variant::EgoVariant;

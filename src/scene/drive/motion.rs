@@ -6,12 +6,14 @@ use rand::RngExt;
 
 use super::actions::Choice;
 use super::course::wrapped;
+use super::drawn::Drawn;
 use super::layout::Layout;
 use super::light::LightDrive;
 use super::names::Who;
 use super::placed::Direction;
+use super::planned::{Arrival, PlanRun};
 use super::sensors::Sensing;
-use super::spec::{Agent, Drive, Range, StartPlace};
+use super::spec::{Agent, Drive};
 use super::state::SceneState;
 use super::steering::LaneKeeper;
 use super::trained::TrainedAdo;
@@ -36,9 +38,17 @@ pub struct DriveScene {
     /// The lag behind each agent's acceleration.
     actuators: Vec<Actuator>,
     pub(super) keepers: Vec<LaneKeeper>,
-    chosen: Vec<Choice>,
+    pub(super) chosen: Vec<Choice>,
     /// What each body was last asked to do; `None` before the first time.
-    commanded: Vec<Option<BodyCommand>>,
+    pub(super) commanded: Vec<Option<BodyCommand>>,
+    /// Each agent's plan, in motion; empty where nobody has one.
+    pub(super) plans: Vec<Option<PlanRun>>,
+    /// A plan that cannot be begun; found at load where starts are tried.
+    unmet: Option<String>,
+    /// How each of them ends the sample.
+    pub(super) arrivals: Vec<Arrival>,
+    /// The signals that plans look at, kept to save the allocation.
+    pub(super) row: Vec<f64>,
     percept: Percept,
 }
 
@@ -64,6 +74,10 @@ impl DriveScene {
             keepers: Vec::with_capacity(agents),
             chosen: vec![Choice::NONE; agents],
             commanded: vec![None; agents],
+            plans: Vec::new(),
+            unmet: None,
+            arrivals: Vec::new(),
+            row: Vec::new(),
             percept: Percept::default(),
             layout,
         }
@@ -92,7 +106,7 @@ impl DriveScene {
             }
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
             Drive::Trained(TrainedAdo { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
-            Drive::Scripted(_) => (0.0, 0.0),
+            Drive::Scripted(_) | Drive::Planned(_) => (0.0, 0.0),
         };
         let sample_s = self.layout.spec.clock.sample_s;
         self.actuators.push(Actuator::new(lag_s, sample_s));
@@ -149,8 +163,10 @@ impl DriveScene {
             lateral_mps: command.lateral_mps,
         };
         let layout = Arc::clone(&self.layout);
+        self.carry_all();
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             let wish = match &agent.drive {
+                Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,
                 Drive::Ego => asked,
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
                 Drive::Scripted(script) => match agent.body.is_on_foot() {
@@ -233,6 +249,17 @@ impl DriveScene {
         }
     }
 
+    /// Writes the current row of signals.
+    pub(super) fn publish_into(&self, row: &mut [f64]) {
+        for (value, source) in row.iter_mut().zip(&self.layout.sources) {
+            *value = source.value(&self.state);
+        }
+        let published = self.layout.sources.len();
+        for (i, expr) in self.layout.derived.iter().enumerate() {
+            row[published + i] = expr.eval(row);
+        }
+    }
+
     fn touch_of(&self, contact: &Contact) -> Touch {
         let name = |body: BodyId| self.layout.spec.agents[body.0].name.clone();
         Touch {
@@ -282,6 +309,11 @@ impl Scene for DriveScene {
 
     fn draw(&self, key: StartKey) -> Start {
         let mut rng = key.generator(&self.layout.spec.world, "start");
+        let points = &self.layout.spec.points;
+        if !points.is_empty() {
+            let number = (rng.random::<f64>() * points.len() as f64) as usize;
+            return points[number.min(points.len() - 1)].clone();
+        }
         Start(
             self.layout
                 .axes
@@ -294,22 +326,36 @@ impl Scene for DriveScene {
     fn reset(&mut self, start: &Start, noise: u64) {
         let layout = Arc::clone(&self.layout);
         self.clear();
-        let mut drawn = start.0.iter().copied();
-        let mut value = |range: Range| match range.is_fixed() {
-            true => range.lo,
-            false => drawn.next().unwrap_or(range.lo),
-        };
-        let mut fronts_m: Vec<f64> = Vec::with_capacity(layout.spec.agents.len());
-        for agent in &layout.spec.agents {
-            let front_m = match agent.place {
-                StartPlace::At { x_m, .. } => value(x_m),
-                StartPlace::Ahead { of, headway_m, .. } => fronts_m[of] + value(headway_m),
-            };
-            fronts_m.push(front_m);
-            let lateral_m = value(agent.lateral_m);
-            let speed_mps = value(agent.place.speed_mps());
-            self.spawn(agent, front_m, lateral_m, speed_mps);
+        let drawn = layout.spec.drawn(start);
+        let has_plans = drawn.iter().any(|at| at.plan.is_some());
+        self.plans.clear();
+        self.unmet = None;
+        for (i, (agent, at)) in layout.spec.agents.iter().zip(&drawn).enumerate() {
+            let Drawn {
+                front_m,
+                lateral_m,
+                speed_mps,
+                ..
+            } = *at;
+            let begun = layout.begun(i, &drawn).unwrap_or_else(|(why, _)| {
+                self.unmet = Some(format!("`{}`: {why}", agent.name));
+                None
+            });
+            match &begun {
+                Some((run, pose)) => self.spawn_at(agent, *pose, lateral_m, run.speed_mps()),
+                None => self.spawn(agent, front_m, lateral_m, speed_mps),
+            }
+            if has_plans {
+                self.plans.push(begun.map(|(run, _)| run));
+            }
         }
+        self.arrivals.clear();
+        self.arrivals.resize(self.plans.len(), Arrival::default());
+        self.state.parameters.clear();
+        self.state
+            .parameters
+            .extend(layout.spec.parameters_of(start));
+        self.plans_begin();
         self.state.read();
         self.percept = perceiving::blank(&layout.spec, layout.ego);
         self.sensing.reset(noise);
@@ -336,21 +382,22 @@ impl Scene for DriveScene {
     }
 
     fn advance(&mut self) -> Flow {
+        if let Some(why) = &self.unmet {
+            return Flow::Fault(Fault::new(FaultKind::Physics, why.clone()));
+        }
         self.decide_trained();
         if let Err(fault) = self.command_all() {
             return Flow::Fault(fault);
         }
-        self.move_on()
+        let flow = self.move_on();
+        if flow == Flow::Going {
+            self.arrive_all();
+        }
+        flow
     }
 
     fn publish(&self, row: &mut [f64]) {
-        for (value, source) in row.iter_mut().zip(&self.layout.sources) {
-            *value = source.value(&self.state);
-        }
-        let published = self.layout.sources.len();
-        for (i, expr) in self.layout.derived.iter().enumerate() {
-            row[published + i] = expr.eval(row);
-        }
+        self.publish_into(row);
     }
 
     fn observe(&self, row: &[f64], obs: &mut [f32]) {
@@ -400,6 +447,10 @@ impl Scene for DriveScene {
             keepers: self.keepers.clone(),
             chosen: self.chosen.clone(),
             commanded: self.commanded.clone(),
+            plans: self.plans.clone(),
+            unmet: self.unmet.clone(),
+            arrivals: self.arrivals.clone(),
+            row: Vec::new(),
             percept: self.percept.clone(),
         }))
     }

@@ -7,6 +7,8 @@ pub struct AgentNames {
     pub agents: Vec<String>,
     /// The traffic lights.
     pub lights: Vec<String>,
+    /// The numbers that a start draws besides where everybody is.
+    pub parameters: Vec<String>,
 }
 
 /// Somebody in a world: a road user or a light, by position.

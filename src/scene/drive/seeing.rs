@@ -85,7 +85,7 @@ impl DriveSpec {
         };
         let [a, b] = wanted.whose;
         match wanted.quantity.of {
-            Of::Clock => true,
+            Of::Clock | Of::Parameter => true,
             Of::Scene => {
                 let ego = self.egos().next().unwrap_or(0);
                 (0..self.agents.len()).any(|other| other != ego && pair([ego, other]))

@@ -6,6 +6,8 @@ use super::actions::Actions;
 use super::light::{Light, LightDrive};
 use super::names::AgentNames;
 use super::placed::{Direction, PlacedRoads};
+use super::plan::MotionPlan;
+use super::range::Range;
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
@@ -13,33 +15,9 @@ use super::trained::{TrainedAdo, TrainingWorld};
 use indexmap::IndexMap;
 
 use crate::ego::{Actuated, Controller, ControllerSpec};
-use crate::scene::{Axis, Clock, Derived, Observed};
+use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::sim::{Body, PlantKind};
-use crate::stl::Constants;
-
-/// A fixed number or a range from which starts are drawn uniformly.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
-    /// Least value.
-    pub lo: f64,
-    /// Greatest value; equal to `lo` for a fixed number.
-    pub hi: f64,
-}
-
-impl Range {
-    /// A fixed number.
-    pub fn fixed(value: f64) -> Range {
-        Range {
-            lo: value,
-            hi: value,
-        }
-    }
-
-    /// Whether there is nothing to draw.
-    pub fn is_fixed(&self) -> bool {
-        self.lo == self.hi
-    }
-}
+use crate::stl::{Constants, Formula, Names};
 
 /// Where and how fast an agent starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,6 +109,9 @@ impl std::fmt::Debug for EgoController {
     }
 }
 
+/// A plan as a world has it: numbers may be ranges, steps wait for formulas.
+pub type PlanSpec = MotionPlan<Range, Formula>;
+
 /// Who drives an agent.
 #[derive(Clone, Debug)]
 pub enum Drive {
@@ -144,11 +125,15 @@ pub enum Drive {
         neutral: usize,
         /// Time constant with which its acceleration follows; 0 is none.
         lag_s: f64,
+        /// The plan from which its actions stray, if it has one.
+        base: Option<PlanSpec>,
     },
     /// An ado trained elsewhere, frozen.
     Trained(TrainedAdo),
     /// Background traffic.
     Scripted(Script),
+    /// Carried along a plan, as targets of test protocols are.
+    Planned(PlanSpec),
 }
 
 /// One agent.
@@ -203,9 +188,27 @@ pub struct DriveSpec {
     pub constants: Constants,
     /// The ados' observation.
     pub observe: Vec<Observed>,
+    /// Numbers that a start draws besides where everybody is: signals that stay
+    /// the same throughout a run.
+    pub parameters: IndexMap<String, Range>,
+    /// Formulas that those of plans may use by name.
+    pub formulas: Names,
+    /// The starts, if they are a table: values in the order of the axes.
+    pub points: Vec<Start>,
 }
 
 impl Agent {
+    /// The plan that it keeps to or strays from.
+    pub fn plan(&self) -> Option<&PlanSpec> {
+        match &self.drive {
+            Drive::Planned(plan)
+            | Drive::Ado {
+                base: Some(plan), ..
+            } => Some(plan),
+            _ => None,
+        }
+    }
+
     /// Whether it drives with the world's own road, or goes about on foot there:
     /// then its place and heading are read as those of traffic in lanes.
     pub fn is_with_road(&self) -> bool {
@@ -265,6 +268,7 @@ impl DriveSpec {
         AgentNames {
             agents: agents.collect(),
             lights: lights.collect(),
+            parameters: self.parameters.keys().cloned().collect(),
         }
     }
 
@@ -316,16 +320,34 @@ impl DriveSpec {
                 ("speed", "m/s", agent.place.speed_mps()),
             ];
             for (what, unit, range) in ranges {
-                if !range.is_fixed() {
-                    axes.push(Axis {
-                        name: format!("{}.{what}", agent.name),
-                        unit,
-                        lo: range.lo,
-                        hi: range.hi,
-                    });
-                }
+                axes.extend(axis(&agent.name, what, unit, range));
+            }
+            if let Some(plan) = agent.plan() {
+                plan.map(|what, unit, range| {
+                    axes.extend(axis(&agent.name, what, unit, range));
+                });
             }
         }
+        let drawn = self
+            .parameters
+            .iter()
+            .filter(|(_, range)| !range.is_fixed());
+        axes.extend(drawn.map(|(name, range)| Axis {
+            name: name.clone(),
+            unit: "",
+            lo: range.lo,
+            hi: range.hi,
+        }));
         axes
     }
+}
+
+/// A range of somebody's as a dimension of X_init.
+fn axis(agent: &str, what: &str, unit: &'static str, range: Range) -> Option<Axis> {
+    (!range.is_fixed()).then(|| Axis {
+        name: format!("{agent}.{what}"),
+        unit,
+        lo: range.lo,
+        hi: range.hi,
+    })
 }

@@ -12,7 +12,7 @@ pub(super) fn stage(layout: &Layout) -> Stage {
         role: match agent.drive {
             Drive::Ego => Role::Ego,
             Drive::Ado { .. } => Role::Ado,
-            Drive::Trained(_) | Drive::Scripted(_) => Role::Scripted,
+            Drive::Trained(_) | Drive::Scripted(_) | Drive::Planned(_) => Role::Scripted,
         },
         body: agent.body.name.clone(),
         size_m: [agent.body.length_m, agent.body.width_m, agent.body.height_m],

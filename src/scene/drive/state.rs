@@ -10,6 +10,7 @@ use super::course::OnRoad;
 use super::light::Shown;
 use super::network::RoadNetwork;
 use super::placed::Direction;
+use super::planned::PlannedAt;
 use super::spec::{Agent, DriveSpec};
 use crate::ego::Room;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
@@ -26,6 +27,10 @@ pub(super) struct SceneState {
     /// Where on its road each agent is.
     pub on_road: Vec<OnRoad>,
     pub lights: Vec<Shown>,
+    /// Where its plan has each agent; empty where nobody has one.
+    pub planned: Vec<PlannedAt>,
+    /// The numbers of the start, in file order.
+    pub parameters: Vec<f64>,
     /// The contact during the last sample.
     pub touch: Option<Contact>,
     /// Samples since the start.
@@ -42,6 +47,8 @@ impl SceneState {
             states: Vec::with_capacity(agents),
             on_road: Vec::with_capacity(agents),
             lights: Vec::with_capacity(spec.lights.len()),
+            planned: Vec::new(),
+            parameters: Vec::new(),
             touch: None,
             sample: 0,
             network,
@@ -103,9 +110,16 @@ impl SceneState {
             states: self.states.clone(),
             on_road: self.on_road.clone(),
             lights: self.lights.clone(),
+            planned: self.planned.clone(),
+            parameters: self.parameters.clone(),
             touch: self.touch,
             sample: self.sample,
         }
+    }
+
+    /// Where its plan has an agent.
+    pub fn planned_of(&self, agent: usize) -> PlannedAt {
+        self.planned.get(agent).copied().unwrap_or_default()
     }
 
     /// Time since the start.

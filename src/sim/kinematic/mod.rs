@@ -18,6 +18,7 @@ use self::approach::meet;
 use self::engine::Engine;
 use self::mover::Mover;
 use self::path::{Anchor, Path};
+use self::rails::Passing;
 use super::body::Body;
 use super::planar::Extent;
 use super::{BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose};
@@ -56,7 +57,7 @@ impl Kinematic {
         let mut horizon_s = dt_s;
         for (b, mover_b) in self.movers.iter().enumerate() {
             for (a, mover_a) in self.movers.iter().enumerate().take(b) {
-                if mover_a.is_gliding() && mover_b.is_gliding() {
+                if mover_a.passes_others() && mover_b.passes_others() {
                     continue;
                 }
                 let paths = (&self.paths[a], &self.paths[b]);
@@ -121,7 +122,8 @@ impl Plant for Kinematic {
         };
         let mover = &mut self.movers[id.0];
         match command {
-            BodyCommand::Glide { to } => mover.glide(&to),
+            BodyCommand::Glide { to } => mover.glide(&to, Passing::Others),
+            BodyCommand::Carry { to } => mover.glide(&to, Passing::Nobody),
             command => self.faulty |= !mover.engine.command(command),
         }
     }

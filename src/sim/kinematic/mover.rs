@@ -4,7 +4,7 @@ use core::f64::consts::{PI, TAU};
 
 use super::engine::Engine;
 use super::path::{Anchor, Path};
-use super::rails::Rails;
+use super::rails::{Passing, Rails};
 use crate::sim::Pose;
 use crate::sim::planar::{Extent, Rect, Shape};
 
@@ -28,12 +28,13 @@ impl Mover {
         }
     }
 
-    pub fn is_gliding(&self) -> bool {
-        matches!(self.engine, Engine::Rails(_))
+    /// Whether it passes through others that do.
+    pub fn passes_others(&self) -> bool {
+        matches!(&self.engine, Engine::Rails(rails) if rails.passing == Passing::Others)
     }
 
     /// From now on carried; `to` is where the front bumper is to be next.
-    pub fn glide(&mut self, to: &Pose) {
+    pub fn glide(&mut self, to: &Pose, passing: Passing) {
         let (sin, cos) = libm::sincos(to.heading_rad);
         let back_m = self.extent.half_length_m - self.anchor_ahead_m;
         if let Engine::Wheels(_) = self.engine {
@@ -49,6 +50,7 @@ impl Mover {
             x_m: to.x_m - back_m * cos,
             y_m: to.y_m - back_m * sin,
             heading_rad: to.heading_rad,
+            passing,
         });
     }
 

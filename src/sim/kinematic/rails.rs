@@ -1,9 +1,17 @@
-//! Bodies of the kinematic plant that are carried along a recorded motion.
+//! Bodies of the kinematic plant that are carried, along a recorded motion or a plan.
 
 use core::f64::consts::TAU;
 
 use super::path::{Anchor, Path, PathKind};
 use crate::sim::walker::length;
+
+/// Through whom a carried body passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Passing {
+    /// Others that pass through it as well.
+    Others,
+    Nobody,
+}
 
 /// Where the fixed point is to be after the next `advance`.
 #[derive(Clone, Debug)]
@@ -11,6 +19,7 @@ pub(super) struct Rails {
     pub x_m: f64,
     pub y_m: f64,
     pub heading_rad: f64,
+    pub passing: Passing,
 }
 
 impl Rails {

@@ -169,6 +169,10 @@ impl Motor for Car {
         true
     }
 
+    fn leave(&mut self, world: &mut World) {
+        world.remove(self.handle);
+    }
+
     /// Sets the wheels and lets them act for one step.
     fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64) {
         world.recentre(self.handle, &mut self.origin_m);

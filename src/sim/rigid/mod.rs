@@ -12,10 +12,12 @@
 mod car;
 mod foot;
 mod motor;
+mod rails;
 mod touch;
 mod world;
 
 use self::motor::{Motor, motor};
+use self::rails::Rails;
 use self::touch::{Sweep, touch};
 use self::world::World;
 use super::planar::{Extent, Meeting, Rect};
@@ -160,12 +162,20 @@ impl Plant for Rigid {
             self.faulty = true;
             return;
         };
-        self.faulty |= !self.movers[id.0].motor.command(command);
+        let motor = &mut self.movers[id.0].motor;
+        if let (BodyCommand::Carry { .. }, false) = (command, motor.is_carried()) {
+            // From now on nothing of it is left to rapier.
+            motor.leave(&mut self.world);
+            let Sweep { after, extent, .. } = self.sweeps[id.0];
+            *motor = Box::new(Rails::new(after, extent));
+        }
+        self.faulty |= !motor.command(command);
     }
 
     fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact> {
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
             mover.before_mps = along(&sweep.after);
+            mover.motor.begin(dt_s);
         }
         let steps = substeps.max(1);
         let step_s = dt_s / f64::from(steps);

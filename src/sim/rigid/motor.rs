@@ -11,6 +11,14 @@ use crate::sim::{Body, BodyCommand, BodyKind, Ground, Placement};
 pub(super) trait Motor: Send {
     /// Takes a command; whether it is one for this kind of body.
     fn command(&mut self, command: BodyCommand) -> bool;
+    /// An `advance` of so many seconds begins.
+    fn begin(&mut self, _dt_s: f64) {}
+    /// Whether it is carried already.
+    fn is_carried(&self) -> bool {
+        false
+    }
+    /// Takes what it has in the world out of it.
+    fn leave(&mut self, _world: &mut World) {}
     /// Acts for one step, before the world takes its own; `rect` is where the
     /// body is and how it moves.
     fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64);

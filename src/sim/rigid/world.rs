@@ -105,6 +105,19 @@ impl World {
         (handle, origin_m)
     }
 
+    /// Takes a chassis out.
+    pub fn remove(&mut self, handle: RigidBodyHandle) {
+        self.bodies.remove(
+            handle,
+            &mut self.islands,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibody_joints,
+            &mut self.soft_bodies,
+            true,
+        );
+    }
+
     /// Lets a car's wheels act on its chassis for a step.
     pub fn roll(&mut self, car: &mut DynamicRayCastVehicleController, dt_s: f64) {
         let queries = QueryPipelineMut {

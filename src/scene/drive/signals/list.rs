@@ -15,7 +15,7 @@ use super::super::state::SceneState;
 use super::quantity::{Of, SignalQuantity, between, zero_to};
 use crate::ego::Phase;
 use crate::stl::Interval;
-use Of::{Agent, AgentAndLight, Clock, Light, Pair, Scene};
+use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Scene};
 
 /// Time to collision is capped here, so that it is finite when not closing.
 pub const TTC_CAP_S: f64 = 100.0;
@@ -108,6 +108,25 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         .is(|state, [a, _]| state.states[a].yaw_rate_rad_per_s)
         .about("turning rate, counter-clockwise")
         .seen_in(-1.0, 1.0),
+    Agent
+        .signal("planned.s", "m")
+        .is(|state, [a, _]| state.planned_of(a).s_m)
+        .about("front bumper along the road, as its plan has it")
+        .only_if(keeps_to_a_plan)
+        .seen_in(-100.0, 100.0),
+    Agent
+        .signal("planned.lateral", "m")
+        .is(|state, [a, _]| state.planned_of(a).lateral_m)
+        .about("offset to the left of the middle of lane 0, as its plan has it")
+        .only_if(keeps_to_a_plan)
+        .seen_in(-10.0, 10.0),
+    Agent
+        .signal("planned.speed", "m/s")
+        .is(|state, [a, _]| state.planned_of(a).speed_mps)
+        .about("velocity along the heading, as its plan has it")
+        .only_if(keeps_to_a_plan)
+        .within(|_, _| zero_to(FASTEST_MPS))
+        .seen_in(0.0, 30.0),
     #[cfg(test)]
     Agent
         .signal("doubled_speed", "m/s")
@@ -196,6 +215,14 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         .is(|state, [a, l]| state.line_m(a, l))
         .about("distance along the road from {a} to the stop line of {b}, positive before it")
         .seen_in(-50.0, 50.0),
+    Parameter
+        .signal("parameter", "")
+        .is(|state, [p, _]| state.parameters.get(p).copied().unwrap_or_default())
+        .about("a number of the start")
+        .within(|spec, [p, _]| {
+            let range = spec.parameters.values().nth(p);
+            range.map_or(Interval::ANY, |range| between(range.lo, range.hi))
+        }),
 ];
 
 /// Clearance along the road over closing speed; the cap when not closing.
@@ -229,6 +256,10 @@ fn time_to_conflict_s(state: &SceneState, pair: [usize; 2]) -> f64 {
         }
         _ => TTC_CAP_S,
     }
+}
+
+fn keeps_to_a_plan(spec: &DriveSpec, [a, _]: [usize; 2]) -> bool {
+    spec.agents[a].plan().is_some()
 }
 
 fn on_two_roads(spec: &DriveSpec, [a, b]: [usize; 2]) -> bool {

@@ -43,16 +43,22 @@ impl Source {
         let agent = |i: usize| match &spec.agents[i].drive {
             Drive::Scripted(Script::Idm(_)) => false,
             Drive::Scripted(_) => true,
+            Drive::Planned(plan) => plan.is_blind(),
             Drive::Ego | Drive::Ado { .. } | Drive::Trained(_) => false,
         };
         let [a, b] = self.whose;
         match self.quantity.of {
-            Of::Clock => true,
+            Of::Clock | Of::Parameter => true,
             Of::Scene => false,
             Of::Agent | Of::AgentAndLight => agent(a),
             Of::Pair => agent(a) && agent(b),
             Of::Light => matches!(spec.lights[a].drive, LightDrive::Schedule(_)),
         }
+    }
+
+    /// Whether such a scene has it.
+    pub fn exists(self, spec: &DriveSpec) -> bool {
+        (self.quantity.exists)(spec, self.whose)
     }
 
     /// The names of whose it is, as many as there are.
@@ -62,6 +68,7 @@ impl Source {
         let [a, b] = self.whose;
         match self.quantity.of {
             Of::Clock | Of::Scene => Vec::new(),
+            Of::Parameter => vec![names.parameters[a].as_str()],
             Of::Agent => vec![agent(a)],
             Of::Pair => vec![agent(a), agent(b)],
             Of::Light => vec![light(a)],
@@ -74,7 +81,10 @@ impl Source {
             name, unit, about, ..
         } = *self.quantity;
         let owners = self.owners(names);
-        let name = [&owners[..], &[name]].concat().join(".");
+        let name = match self.quantity.of {
+            Of::Parameter => owners.concat(),
+            _ => [&owners[..], &[name]].concat().join("."),
+        };
         let about = in_words(about, &owners);
         Declared {
             signal: match self.quantity.value {
@@ -137,6 +147,8 @@ pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
         owners.push((Of::Light, [l, 0]));
         owners.extend(agents.clone().map(|a| (Of::AgentAndLight, [a, l])));
     }
+    let parameters = 0..names.parameters.len();
+    owners.extend(parameters.map(|p| (Of::Parameter, [p, 0])));
     let sources = owners.into_iter().flat_map(|(of, whose)| {
         let rows = SIGNALS.iter().filter(move |row| row.of == of);
         rows.map(move |quantity| Source { quantity, whose })
@@ -180,6 +192,12 @@ impl DriveSpec {
         let offer = |declared: Declared| {
             let (source, quantity) = (declared.source, declared.source.quantity);
             let Interval { lo, hi } = source.range(self);
+            // A number that is the same at every start has no range.
+            let (lo, hi) = if lo == hi {
+                (lo - 1.0, hi + 1.0)
+            } else {
+                (lo, hi)
+            };
             SignalSource {
                 signal: declared.signal,
                 range: quantity.usual.unwrap_or((lo, hi)),
@@ -187,10 +205,7 @@ impl DriveSpec {
                 source,
             }
         };
-        let exists = |declared: &Declared| {
-            let Source { quantity, whose } = declared.source;
-            (quantity.exists)(self, whose)
-        };
+        let exists = |declared: &Declared| declared.source.exists(self);
         let all = declared(&self.names()).into_iter();
         all.filter(exists).map(offer).collect()
     }

@@ -11,6 +11,8 @@ pub enum Of {
     Clock,
     /// The scene's as a whole.
     Scene,
+    /// A number of the start, which nobody influences; named by itself.
+    Parameter,
     /// One agent's.
     Agent,
     /// Two agents', seen from the first.

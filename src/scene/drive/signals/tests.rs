@@ -46,13 +46,16 @@ fn the_table_of_the_guide_is_the_list() {
     let rows = SIGNALS.iter().filter(|row| row.name != DUMMY).map(|row| {
         assert!(!row.about.is_empty(), "{} says nothing", row.name);
         let owners: &[&str] = match row.of {
-            Of::Clock | Of::Scene => &[],
+            Of::Clock | Of::Scene | Of::Parameter => &[],
             Of::Agent => &["A"],
             Of::Pair => &["A", "B"],
             Of::Light => &["L"],
             Of::AgentAndLight => &["A", "L"],
         };
-        let name = [owners, &[row.name]].concat().join(".");
+        let name = match row.of {
+            Of::Parameter => "P".to_owned(),
+            _ => [owners, &[row.name]].concat().join("."),
+        };
         let about = in_words(row.about, owners);
         format!("| `{name}` | {} | {about} |\n", row.unit).replace("|  |", "| |")
     });

@@ -1,0 +1,211 @@
+//! Plans of a world file: numbers in range, formulas read, laws that fit.
+
+use super::check::{self, ActsAs};
+use super::file::{NumberOrRange, PlanFile};
+use super::language::Language;
+use super::language::formula;
+use super::locate::Path;
+use super::problems::Problems;
+use crate::scene::drive::{
+    Agent, Drive, DriveSpec, MeetEgo, MotionLaw, MotionPlan, PlanSpec, Range, ScriptStep,
+    SteadyPart,
+};
+use crate::stl::{Formula, Names};
+
+/// Farthest, longest and fastest that a plan may say.
+const MOST: f64 = 5_000.0;
+
+/// A plan, checked; `path` is the list of its steps, or its meeting.
+pub(super) fn read(
+    problems: &mut Problems,
+    path: &Path,
+    plan: &PlanFile,
+    acts_as: ActsAs,
+) -> Option<PlanSpec> {
+    match plan {
+        MotionPlan::Script(steps) => {
+            let steps = steps.iter().enumerate();
+            let steps = steps.map(|(i, step)| read_step(problems, &path.at(i), step, acts_as));
+            Some(MotionPlan::Script(steps.collect::<Option<_>>()?))
+        }
+        MotionPlan::Meet(meet) => {
+            read_meet(problems, path, meet);
+            let numbers = plan.map(|_, _, NumberOrRange(range)| range);
+            match numbers {
+                MotionPlan::Meet(meet) => Some(MotionPlan::Meet(meet)),
+                MotionPlan::Script(_) => None,
+            }
+        }
+    }
+}
+
+fn read_meet(problems: &mut Problems, path: &Path, meet: &MeetEgo<NumberOrRange>) {
+    let fields = [
+        ("ego_at_m", meet.ego_at_m, -MOST),
+        ("here_at_m", meet.here_at_m, -MOST),
+        ("speed_mps", meet.speed_mps, 0.01),
+    ];
+    for (field, number, least) in fields {
+        number_in(problems, &path.to(field), number, least);
+    }
+    let steady = path.to("steady");
+    let (SteadyPart::Metres(number) | SteadyPart::Seconds(number)) = meet.steady;
+    number_in(problems, &steady.at(0), number, 0.0);
+}
+
+fn read_step(
+    problems: &mut Problems,
+    path: &Path,
+    step: &ScriptStep<NumberOrRange, String>,
+    acts_as: ActsAs,
+) -> Option<ScriptStep<Range, Formula>> {
+    number_in(problems, &path.to("after_s"), step.after_s, 0.0);
+    let when = match &step.when {
+        Some(text) => Some(formula(problems, &path.to("when"), text)?),
+        None => None,
+    };
+    let list = path.to("does");
+    for across in [false, true] {
+        let laws = step.does.iter().enumerate();
+        let second = laws.filter(|(_, law)| law.is_across() == across).nth(1);
+        if let Some((i, _)) = second {
+            let what = match across {
+                true => "two laws across the way in one step",
+                false => "two laws along the way in one step",
+            };
+            let help = "one of them goes into a step of its own".to_owned();
+            problems.add(&list.at(i), what, "second one", Some(help));
+        }
+    }
+    for (i, law) in step.does.iter().enumerate() {
+        read_law(problems, &list.at(i), law, acts_as);
+    }
+    Some(ScriptStep {
+        when,
+        after_s: step.after_s.0,
+        does: step
+            .does
+            .iter()
+            .map(|law| law.map(|_, NumberOrRange(range)| range))
+            .collect(),
+    })
+}
+
+fn read_law(problems: &mut Problems, path: &Path, law: &MotionLaw<NumberOrRange>, acts_as: ActsAs) {
+    let walks = acts_as == ActsAs::Walker;
+    let (numbers, on_wheels): (Vec<(&str, NumberOrRange, f64)>, bool) = match law {
+        MotionLaw::Speed {
+            to_mps, rate_mps2, ..
+        } => {
+            let rate = rate_mps2.map(|rate| ("rate_mps2", rate, 1e-3));
+            let to = ("to_mps", *to_mps, -100.0);
+            (std::iter::once(to).chain(rate).collect(), true)
+        }
+        MotionLaw::Brake { rate_mps2 } => (vec![("rate_mps2", *rate_mps2, 1e-3)], true),
+        MotionLaw::LaneChange { by_m, rate_mps } => (
+            vec![("by_m", *by_m, -MOST), ("rate_mps", *rate_mps, 1e-3)],
+            true,
+        ),
+        MotionLaw::LaneOffset {
+            to_m,
+            most_lateral_mps2,
+        } => (
+            vec![
+                ("to_m", *to_m, -MOST),
+                ("most_lateral_mps2", *most_lateral_mps2, 1e-3),
+            ],
+            true,
+        ),
+        MotionLaw::Walk { speed_mps, way_m } => (
+            vec![("speed_mps", *speed_mps, 1e-3), ("way_m", *way_m, 0.0)],
+            false,
+        ),
+    };
+    if law.is_across() && walks || !on_wheels && !walks {
+        let what = format!("{} does not move by this law", acts_as.words());
+        let help = match walks {
+            true => "on foot there are `Walk`, `Speed` and `Brake`, the way one faces",
+            false => "on wheels there are `Speed`, `Brake`, `LaneChange` and `LaneOffset`",
+        };
+        problems.add(path, what, "another body's", Some(help.to_owned()));
+    }
+    for (field, number, least) in numbers {
+        number_in(problems, &path.to(field), number, least);
+    }
+}
+
+fn number_in(problems: &mut Problems, path: &Path, number: NumberOrRange, least: f64) {
+    check::range(problems, path, number.0);
+    for value in [number.0.lo, number.0.hi] {
+        check::within(problems, path, value, least, MOST);
+    }
+}
+
+/// Where the plan of an agent stands in the file.
+fn place_of(entry: &Path, agent: &Agent) -> Path {
+    let drive = entry.to("drive");
+    let plan = match &agent.drive {
+        Drive::Ado { .. } => drive.to("base"),
+        _ => drive,
+    };
+    match agent.plan() {
+        Some(MotionPlan::Script(_)) => plan.at(0),
+        _ => plan,
+    }
+}
+
+/// What plans say of others: whose speed they take, and what they wait for.
+///
+/// `entries` are the agents' positions in the file's list.
+pub(super) fn bind(
+    problems: &mut Problems,
+    language: &mut Language,
+    names: &Names,
+    (list, spec, entries): (&Path, &DriveSpec, &[usize]),
+) {
+    let known: Vec<&str> = spec.agents.iter().map(|it| it.name.as_str()).collect();
+    for (agent, entry) in spec.agents.iter().zip(entries) {
+        let Some(plan) = agent.plan() else {
+            continue;
+        };
+        let path = place_of(&list.at(*entry), agent);
+        for (i, step) in plan.steps().iter().enumerate() {
+            let place = path.at(i);
+            if let Some(when) = &step.when {
+                language.bind_past(problems, &place.to("when"), when, names);
+            }
+            for (j, law) in step.does.iter().enumerate() {
+                let MotionLaw::Speed {
+                    relative_to: Some(other),
+                    ..
+                } = law
+                else {
+                    continue;
+                };
+                if !known.contains(&other.as_str()) {
+                    let place = place.to("does").at(j).to("relative_to");
+                    problems.unknown(&place, "agent", other, &known);
+                }
+            }
+        }
+        if matches!(plan, MotionPlan::Meet(_)) && agent.place.speed_mps() != Range::fixed(0.0) {
+            let what = "who meets the ego starts at the speed that makes it fit";
+            let help = "write `speed_mps: 0.0`".to_owned();
+            let place = list.at(*entry).to("start").to("speed_mps");
+            problems.add(&place, what, "not its to say", Some(help));
+        }
+    }
+}
+
+/// Notes a meeting that cannot be at a start; `words` say which.
+pub(super) fn meets(
+    problems: &mut Problems,
+    entry: &Path,
+    agent: &Agent,
+    (why, cure): (String, &str),
+    words: &str,
+) {
+    let what = format!("`{}` cannot meet the ego: {why}", agent.name);
+    let help = format!("{words}; {cure}");
+    problems.add(&place_of(entry, agent), what, "never happens", Some(help));
+}

@@ -1,0 +1,101 @@
+//! The starts of a world as a table.
+
+use indexmap::IndexMap;
+
+use super::check;
+use super::error::known_names;
+use super::file::{NumberOrRange, PointsFile};
+use super::locate::Path;
+use super::ordered::Ordered;
+use super::problems::Problems;
+use crate::scene::Start;
+use crate::scene::drive::{DriveSpec, Range};
+
+/// More rows than this are refused: a table is for points, not for a density.
+const MAX_ROWS: usize = 100_000;
+
+/// The numbers of a start besides where everybody is.
+pub(super) fn parameters(
+    problems: &mut Problems,
+    path: &Path,
+    file: &Ordered<NumberOrRange>,
+    taken: &[&str],
+) -> IndexMap<String, Range> {
+    let file = file.0.iter().map(|(name, NumberOrRange(range))| {
+        let place = path.to(name);
+        check::free_name(problems, &place, name, taken.contains(&name.as_str()));
+        check::range(problems, &place, *range);
+        (name.clone(), *range)
+    });
+    file.collect()
+}
+
+/// The rows in the order of the world's axes; none where a world has no table.
+pub(super) fn read(
+    problems: &mut Problems,
+    path: &Path,
+    points: Option<&PointsFile>,
+    spec: &DriveSpec,
+) -> Vec<Start> {
+    let Some(points) = points else {
+        return Vec::new();
+    };
+    let axes = spec.axes();
+    let known: Vec<&str> = axes.iter().map(|axis| axis.name.as_str()).collect();
+    let list = path.to("axes");
+    for (i, name) in points.axes.iter().enumerate() {
+        if !known.contains(&name.as_str()) {
+            problems.unknown(&list.at(i), "range", name, &known);
+        } else if points.axes[..i].contains(name) {
+            let what = format!("the axis `{name}` stands there twice");
+            problems.add(&list.at(i), what, "second one", None);
+        }
+    }
+    if let Some(missing) = known
+        .iter()
+        .find(|name| !points.axes.iter().any(|it| it == *name))
+    {
+        let what = format!("the points say nothing of `{missing}`, which is a range");
+        let help = format!(
+            "{}; or make it a number",
+            known_names("axes", known.iter().copied())
+        );
+        problems.add(&list, what, "not all ranges", Some(help));
+    }
+    let rows = path.to("rows");
+    if points.rows.is_empty() || MAX_ROWS < points.rows.len() {
+        let what = format!("a table of {} points", points.rows.len());
+        let help =
+            format!("1 to {MAX_ROWS} are possible; without `points` all that the ranges give");
+        problems.add(&rows, what, "here", Some(help));
+    }
+    if !problems.is_empty() {
+        return Vec::new();
+    }
+    let columns: Vec<usize> = known
+        .iter()
+        .filter_map(|name| points.axes.iter().position(|it| it == name))
+        .collect();
+    let mut starts = Vec::with_capacity(points.rows.len());
+    for (i, row) in points.rows.iter().enumerate() {
+        if row.len() != columns.len() {
+            let what = format!("{} values for {} axes", row.len(), columns.len());
+            problems.add(&rows.at(i), what, "another number", None);
+            return Vec::new();
+        }
+        let values: Vec<f64> = columns.iter().map(|&column| row[column]).collect();
+        let mut outside = axes.iter().zip(&values).zip(&columns);
+        let outside = outside.find(|((axis, value), _)| !(axis.lo..=axis.hi).contains(*value));
+        if let Some(((axis, value), &column)) = outside {
+            let what = format!(
+                "{value} is outside of {} ..= {}, the range of `{}`",
+                axis.lo, axis.hi, axis.name
+            );
+            let help = "ranges hold all points: widen it".to_owned();
+            problems.add(&rows.at(i).at(column), what, "out of range", Some(help));
+            return Vec::new();
+        }
+        starts.push(Start(values));
+    }
+    starts
+}

@@ -1,0 +1,103 @@
+//! Who keeps to a plan, or strays from one, is carried along it.
+
+use std::sync::Arc;
+
+use super::actions::Choice;
+use super::motion::DriveScene;
+use super::planned::{PlanRun, SampleSpan};
+use super::spec::Drive;
+use crate::sim::BodyCommand;
+
+impl DriveScene {
+    /// Whether anybody waits for a formula.
+    fn is_watched(&self) -> bool {
+        self.plans.iter().flatten().any(PlanRun::is_watching)
+    }
+
+    /// Takes everybody who has a plan a sample further along it.
+    pub(super) fn carry_all(&mut self) {
+        if self.plans.is_empty() {
+            return;
+        }
+        let layout = Arc::clone(&self.layout);
+        let clock = layout.spec.clock;
+        let (from_s, to_s) = (
+            self.state.time_s(),
+            (self.state.sample + 1) as f64 * clock.sample_s,
+        );
+        if self.is_watched() {
+            let mut row = std::mem::take(&mut self.row);
+            row.resize(layout.schema.len(), 0.0);
+            self.publish_into(&mut row);
+            for run in self.plans.iter_mut().flatten() {
+                run.look(&row, from_s);
+            }
+            self.row = row;
+        }
+        for (i, run) in self.plans.iter_mut().enumerate() {
+            let Some(run) = run else {
+                continue;
+            };
+            let asked = match (&layout.spec.agents[i].drive, self.chosen[i]) {
+                (
+                    Drive::Ado { .. },
+                    Choice::Drive {
+                        accel_mps2,
+                        lateral_mps,
+                    },
+                ) => (accel_mps2, lateral_mps),
+                _ => (0.0, 0.0),
+            };
+            let span = SampleSpan {
+                course: layout.network.course_of(i),
+                road: layout.spec.road_of(i),
+                from_s,
+                to_s,
+            };
+            let states = &self.state.states;
+            let speed_of = |name: &str| {
+                let mut agents = layout.spec.agents.iter();
+                let other = agents.position(|agent| agent.name == name);
+                other.map_or(0.0, |other| states[other].speed_mps)
+            };
+            let arrival = run.advance(span, asked, speed_of);
+            let command = BodyCommand::Carry { to: arrival.pose };
+            self.commanded[i] = Some(command);
+            self.arrivals[i] = arrival;
+            self.state.plant.command(self.state.bodies[i], command);
+        }
+    }
+
+    /// Who was carried through a whole sample moves as its plan says at the end
+    /// of it; a plant knows the mean over the sample.
+    pub(super) fn arrive_all(&mut self) {
+        let time_s = self.state.time_s();
+        for (i, run) in self.plans.iter().enumerate() {
+            let Some(run) = run else {
+                continue;
+            };
+            let arrival = self.arrivals[i];
+            let state = &mut self.state.states[i];
+            state.speed_mps = arrival.speed_mps;
+            state.lateral_mps = arrival.lateral_mps;
+            state.yaw_rate_rad_per_s = arrival.yaw_rate_rad_per_s;
+            state.accel_mps2 = arrival.accel_mps2;
+            let course = self.layout.network.course_of(i);
+            self.state.planned[i] = run.planned(course, time_s);
+        }
+    }
+
+    /// Where the plans have everybody at the start.
+    pub(super) fn plans_begin(&mut self) {
+        self.state.planned.clear();
+        if self.plans.is_empty() {
+            return;
+        }
+        let planned = self.plans.iter().enumerate().map(|(i, run)| {
+            let course = self.layout.network.course_of(i);
+            let run = run.as_ref();
+            run.map(|run| run.planned(course, 0.0)).unwrap_or_default()
+        });
+        self.state.planned.extend(planned);
+    }
+}

@@ -1,0 +1,120 @@
+//! A start, drawn: where everybody begins, and with which plan.
+
+use std::sync::Arc;
+
+use super::layout::Layout;
+use super::plan::{MotionPlan, Unmet};
+use super::planned::{Carried, PlanRun};
+use super::range::Range;
+use super::spec::{DriveSpec, StartPlace};
+use crate::scene::Start;
+use crate::sim::Pose;
+use crate::stl::Monitor;
+
+/// A start, drawn: what of an agent it says.
+#[derive(Clone, Debug)]
+pub(super) struct Drawn {
+    pub front_m: f64,
+    pub lateral_m: f64,
+    pub speed_mps: f64,
+    pub plan: Option<MotionPlan<f64, ()>>,
+}
+
+impl DriveSpec {
+    /// The parameters of a start.
+    pub(super) fn parameters_of(&self, start: &Start) -> Vec<f64> {
+        let ranges = self.parameters.values();
+        let drawn = ranges.clone().filter(|range| !range.is_fixed()).count();
+        // They are the last of a start.
+        let mut drawn = start.0[start.0.len().saturating_sub(drawn)..]
+            .iter()
+            .copied();
+        let value = |range: &Range| match range.is_fixed() {
+            true => range.lo,
+            false => drawn.next().unwrap_or(range.lo),
+        };
+        ranges.map(value).collect()
+    }
+
+    /// Where everybody is at a start, in file order.
+    pub(super) fn drawn(&self, start: &Start) -> Vec<Drawn> {
+        let mut drawn = start.0.iter().copied();
+        let mut value = |range: Range| match range.is_fixed() {
+            true => range.lo,
+            false => drawn.next().unwrap_or(range.lo),
+        };
+        let mut all: Vec<Drawn> = Vec::with_capacity(self.agents.len());
+        for agent in &self.agents {
+            let front_m = match agent.place {
+                StartPlace::At { x_m, .. } => value(x_m),
+                StartPlace::Ahead { of, headway_m, .. } => all[of].front_m + value(headway_m),
+            };
+            let lateral_m = value(agent.lateral_m);
+            let speed_mps = value(agent.place.speed_mps());
+            let plan = agent.plan();
+            let plan = plan.map(|plan| plan.map(|_, _, range| value(range)));
+            all.push(Drawn {
+                front_m,
+                lateral_m,
+                speed_mps,
+                plan,
+            });
+        }
+        all
+    }
+
+    /// Whether every meeting of a start can be; the number of the agent that
+    /// cannot meet the ego, why, and the cure.
+    ///
+    /// # Errors
+    /// The first that cannot.
+    pub fn meets(&self, start: &Start) -> Result<(), (usize, Unmet)> {
+        let drawn = self.drawn(start);
+        let Some(ego) = self.egos().next().map(|ego| &drawn[ego]) else {
+            return Ok(());
+        };
+        let ego = (ego.front_m, ego.speed_mps);
+        for (i, at) in drawn.iter().enumerate() {
+            if let Some(plan) = &at.plan {
+                let carried = self.carried(i, Arc::from([]));
+                let place = (at.front_m, at.lateral_m, at.speed_mps);
+                PlanRun::begin(carried, plan.clone(), place, ego).map_err(|why| (i, why))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn carried(&self, agent: usize, whens: Arc<[Option<Monitor>]>) -> Carried {
+        let agent = &self.agents[agent];
+        Carried {
+            lever_m: agent.body.lever_m(),
+            facing_rad: agent.facing_rad,
+            on_foot: agent.body.is_on_foot(),
+            whens,
+        }
+    }
+}
+
+impl Layout {
+    /// An agent's plan at its beginning, if it has one.
+    ///
+    /// # Errors
+    /// It cannot meet the ego.
+    pub(super) fn begun(
+        &self,
+        agent: usize,
+        drawn: &[Drawn],
+    ) -> Result<Option<(PlanRun, Pose)>, Unmet> {
+        let (at, ego) = (&drawn[agent], &drawn[self.ego]);
+        let Some(plan) = at.plan.clone() else {
+            return Ok(None);
+        };
+        let carried = self.spec.carried(agent, Arc::clone(&self.whens[agent]));
+        let place = (at.front_m, at.lateral_m, at.speed_mps);
+        let ego = (ego.front_m, ego.speed_mps);
+        let mut run = PlanRun::begin(carried, plan, place, ego)?;
+        let pose = run.pose(self.network.course_of(agent));
+        run.begun(pose);
+        Ok(Some((run, pose)))
+    }
+}

@@ -1,0 +1,356 @@
+//! Motions that are planned: steps by laws, or a meeting with the ego.
+//!
+//! The laws are those of scenario files, so that what test protocols prescribe
+//! can be said. Numbers are of a type `N`: a number or a range in a world, a
+//! number once a start is drawn. When a step begins is a `W`: a formula.
+
+use serde::{Deserialize, Serialize};
+
+/// What somebody who keeps to a plan does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
+pub enum MotionPlan<N, W> {
+    /// Steps, one after the other.
+    Script(Vec<ScriptStep<N, W>>),
+    /// Be at a place when the ego is at one.
+    Meet(MeetEgo<N>),
+}
+
+/// A step of a script: it waits for the end of the one before, then for its
+/// formula, then for a while, and then does all it has to do at once.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Step", deny_unknown_fields)]
+#[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
+pub struct ScriptStep<N, W> {
+    /// A formula over the present and the past; left out: at once.
+    #[serde(default = "none")]
+    pub when: Option<W>,
+    /// How long it waits after that.
+    #[serde(default = "zero")]
+    pub after_s: N,
+    /// What is done: at most one law along the way and one across it.
+    #[serde(default = "nothing")]
+    pub does: Vec<MotionLaw<N>>,
+}
+
+/// How a motion changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>"))]
+pub enum MotionLaw<N> {
+    /// v goes evenly to another value.
+    Speed {
+        /// What it is then.
+        to_mps: N,
+        /// Somebody whose speed, as the step begins, is added to that.
+        #[serde(default)]
+        relative_to: Option<String>,
+        /// |v̇|; left out: at once.
+        #[serde(default = "none")]
+        rate_mps2: Option<N>,
+    },
+    /// v goes evenly to 0.
+    Brake {
+        /// |v̇|.
+        rate_mps2: N,
+    },
+    /// Sideways by Δ: y = Δ/2·(1 − cos πt/T), T = π·|Δ|/(2·rate). What is
+    /// driven sideways is missing ahead: v stays the speed along the heading.
+    LaneChange {
+        /// Δ, to the left as the road goes.
+        by_m: N,
+        /// The greatest lateral speed.
+        rate_mps: N,
+    },
+    /// Sideways to an offset from the middle of the lane, the one at the start or
+    /// where lane changes have led since, by the same curve with
+    /// T = π·√(|Δ|/(2·a)). v stays the speed along the road.
+    LaneOffset {
+        /// The offset, to the left as the road goes.
+        to_m: N,
+        /// a: the greatest lateral acceleration.
+        most_lateral_mps2: N,
+    },
+    /// On foot: a way at a speed, at once.
+    Walk {
+        /// The speed.
+        speed_mps: N,
+        /// How far.
+        way_m: N,
+    },
+}
+
+/// Be at a place when the ego, at the speed with which it starts, would be at
+/// one: stand, accelerate evenly, and keep the speed for the last part of the
+/// way and beyond. Where there is no time to stand it begins moving.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "Meet", deny_unknown_fields)]
+pub struct MeetEgo<N> {
+    /// The ego's front bumper then, along the world's own road.
+    pub ego_at_m: N,
+    /// The own front then: along its road, of who walks across `lateral`.
+    pub here_at_m: N,
+    /// The speed in the end.
+    pub speed_mps: N,
+    /// For how long before it is steady.
+    pub steady: SteadyPart<N>,
+}
+
+/// The last part of a way, driven at one speed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum SteadyPart<N> {
+    /// By length.
+    Metres(N),
+    /// By time.
+    Seconds(N),
+}
+
+fn none<T>() -> Option<T> {
+    None
+}
+
+fn nothing<T>() -> Vec<T> {
+    Vec::new()
+}
+
+fn zero<N: From<f64>>() -> N {
+    N::from(0.0)
+}
+
+/// A number of a plan: its name there, and its unit.
+pub type PlanNumber = (&'static str, &'static str);
+
+impl<N: Copy> MotionLaw<N> {
+    /// The same with other numbers, taken in the order of the fields.
+    pub fn map<M>(&self, mut f: impl FnMut(PlanNumber, N) -> M) -> MotionLaw<M> {
+        match self {
+            MotionLaw::Speed {
+                to_mps,
+                relative_to,
+                rate_mps2,
+            } => MotionLaw::Speed {
+                to_mps: f(("speed.to", "m/s"), *to_mps),
+                relative_to: relative_to.clone(),
+                rate_mps2: rate_mps2.map(|it| f(("speed.rate", "m/s²"), it)),
+            },
+            MotionLaw::Brake { rate_mps2 } => MotionLaw::Brake {
+                rate_mps2: f(("brake.rate", "m/s²"), *rate_mps2),
+            },
+            MotionLaw::LaneChange { by_m, rate_mps } => MotionLaw::LaneChange {
+                by_m: f(("lane_change.by", "m"), *by_m),
+                rate_mps: f(("lane_change.rate", "m/s"), *rate_mps),
+            },
+            MotionLaw::LaneOffset {
+                to_m,
+                most_lateral_mps2,
+            } => MotionLaw::LaneOffset {
+                to_m: f(("lane_offset.to", "m"), *to_m),
+                most_lateral_mps2: f(("lane_offset.most_lateral", "m/s²"), *most_lateral_mps2),
+            },
+            MotionLaw::Walk { speed_mps, way_m } => MotionLaw::Walk {
+                speed_mps: f(("walk.speed", "m/s"), *speed_mps),
+                way_m: f(("walk.way", "m"), *way_m),
+            },
+        }
+    }
+
+    /// Whether it moves across the way, not along it.
+    pub fn is_across(&self) -> bool {
+        matches!(
+            self,
+            MotionLaw::LaneChange { .. } | MotionLaw::LaneOffset { .. }
+        )
+    }
+}
+
+impl<N: Copy, W> MotionPlan<N, W> {
+    /// The same with other numbers and no formulas; names are dotted, steps
+    /// count from 1.
+    pub fn map<M>(&self, mut f: impl FnMut(&str, &'static str, N) -> M) -> MotionPlan<M, ()> {
+        match self {
+            MotionPlan::Script(steps) => {
+                let steps = steps.iter().zip(1..).map(|(step, number)| {
+                    let mut of_step =
+                        |(name, unit), it| f(&format!("step{number}.{name}"), unit, it);
+                    ScriptStep {
+                        when: None,
+                        after_s: of_step(("after", "s"), step.after_s),
+                        does: step.does.iter().map(|law| law.map(&mut of_step)).collect(),
+                    }
+                });
+                MotionPlan::Script(steps.collect())
+            }
+            MotionPlan::Meet(meet) => {
+                let mut of_meet = |name, unit, it| f(&format!("meet.{name}"), unit, it);
+                MotionPlan::Meet(MeetEgo {
+                    ego_at_m: of_meet("ego_at", "m", meet.ego_at_m),
+                    here_at_m: of_meet("here_at", "m", meet.here_at_m),
+                    speed_mps: of_meet("speed", "m/s", meet.speed_mps),
+                    steady: match meet.steady {
+                        SteadyPart::Metres(it) => SteadyPart::Metres(of_meet("steady", "m", it)),
+                        SteadyPart::Seconds(it) => SteadyPart::Seconds(of_meet("steady", "s", it)),
+                    },
+                })
+            }
+        }
+    }
+
+    /// Its steps; a meeting has none.
+    pub fn steps(&self) -> &[ScriptStep<N, W>] {
+        match self {
+            MotionPlan::Script(steps) => steps,
+            MotionPlan::Meet(_) => &[],
+        }
+    }
+
+    /// Whether it goes on in the same way whatever the others do.
+    pub fn is_blind(&self) -> bool {
+        let steps = self.steps().iter();
+        let mut laws = steps.clone().flat_map(|step| &step.does);
+        let looks = laws.any(|law| {
+            matches!(
+                law,
+                MotionLaw::Speed {
+                    relative_to: Some(_),
+                    ..
+                }
+            )
+        });
+        !looks && steps.clone().all(|step| step.when.is_none())
+    }
+}
+
+/// When and how a meeting is begun.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Approach {
+    /// The speed at the start.
+    pub from_mps: f64,
+    /// When it begins to accelerate.
+    pub begins_s: f64,
+    /// How.
+    pub accel_mps2: f64,
+    /// The speed in the end.
+    pub to_mps: f64,
+}
+
+/// What makes a meeting impossible, with the cure.
+pub type Unmet = (String, &'static str);
+
+impl MeetEgo<f64> {
+    /// The law, solved: `ego` is where its front starts and how fast, `way_m` how
+    /// far it is from the own start to the place of meeting.
+    ///
+    /// With the last D at the speed v, and r = way − D before that: from a
+    /// standstill an even acceleration takes 2·r/v. If there is only t < 2·r/v it
+    /// begins at 2·r/t − v.
+    ///
+    /// # Errors
+    /// The ego never gets there, or the way is shorter than its steady part.
+    pub fn approach(&self, (ego_m, ego_mps): (f64, f64), way_m: f64) -> Result<Approach, Unmet> {
+        if self.speed_mps <= 0.0 {
+            return Err((
+                format!("somebody who meets the ego at {} m/s", self.speed_mps),
+                "`speed_mps` must be above 0",
+            ));
+        }
+        let until_s = (self.ego_at_m - ego_m) / ego_mps;
+        if !(0.0..=1e6).contains(&until_s) {
+            return Err((
+                format!(
+                    "the ego starts at {ego_m} m with {ego_mps} m/s and is never at {} m",
+                    self.ego_at_m
+                ),
+                "`ego_at_m` lies ahead of the ego's start, and the ego starts moving",
+            ));
+        }
+        let steady_m = match self.steady {
+            SteadyPart::Metres(it) => it,
+            SteadyPart::Seconds(it) => self.speed_mps * it,
+        };
+        let ramp_m = way_m - steady_m;
+        if ramp_m < 0.0 {
+            return Err((
+                format!("a way of {way_m} m with its last {steady_m} m at one speed"),
+                "start farther away, or make `steady` shorter",
+            ));
+        }
+        let left_s = until_s - steady_m / self.speed_mps;
+        if left_s < 0.0 || (left_s == 0.0 && 0.0 < ramp_m) {
+            return Err((
+                format!(
+                    "the ego is at {} m after {until_s} s, before the steady part could be driven",
+                    self.ego_at_m
+                ),
+                "let the ego start farther away, or make `steady` shorter",
+            ));
+        }
+        let ramp_s = 2.0 * ramp_m / self.speed_mps;
+        let (from_mps, begins_s) = match ramp_s <= left_s {
+            true => (0.0, left_s - ramp_s),
+            false => (2.0 * ramp_m / left_s - self.speed_mps, 0.0),
+        };
+        Ok(Approach {
+            from_mps,
+            begins_s,
+            accel_mps2: match ramp_m == 0.0 {
+                true => f64::INFINITY,
+                false => (self.speed_mps - from_mps) / (left_s - begins_s),
+            },
+            to_mps: self.speed_mps,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn meet(steady: SteadyPart<f64>) -> MeetEgo<f64> {
+        MeetEgo {
+            ego_at_m: 100.0,
+            here_at_m: 0.0,
+            speed_mps: 4.0,
+            steady,
+        }
+    }
+
+    /// Where somebody is when the ego is at its place.
+    fn driven_m(approach: &Approach, until_s: f64) -> f64 {
+        let Approach {
+            from_mps,
+            begins_s,
+            accel_mps2,
+            to_mps,
+        } = *approach;
+        let ramp_s = (to_mps - from_mps) / accel_mps2;
+        let ramp_m = 0.5 * (from_mps + to_mps) * ramp_s;
+        from_mps * begins_s + ramp_m + to_mps * (until_s - begins_s - ramp_s)
+    }
+
+    #[test]
+    fn who_has_time_stands_first() {
+        let approach = meet(SteadyPart::Metres(12.0)).approach((0.0, 10.0), 14.0);
+        let approach = approach.expect("it fits");
+        // 12 m take 3 s of the 10, 2 m from a standstill 1 s.
+        assert_eq!((approach.from_mps, approach.begins_s), (0.0, 6.0));
+        assert!((driven_m(&approach, 10.0) - 14.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn who_has_no_time_begins_moving() {
+        let approach = meet(SteadyPart::Seconds(5.0)).approach((0.0, 10.0), 34.0);
+        let approach = approach.expect("it fits");
+        assert_eq!(approach.begins_s, 0.0);
+        assert!(0.0 < approach.from_mps && approach.from_mps < 4.0);
+        assert!((driven_m(&approach, 10.0) - 34.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn meetings_that_never_happen_are_refused() {
+        let meet = meet(SteadyPart::Metres(12.0));
+        assert!(meet.approach((0.0, 0.0), 14.0).is_err());
+        assert!(meet.approach((110.0, 10.0), 14.0).is_err());
+        assert!(meet.approach((0.0, 10.0), 11.0).is_err());
+        assert!(meet.approach((80.0, 10.0), 14.0).is_err());
+    }
+}

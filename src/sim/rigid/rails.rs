@@ -1,0 +1,123 @@
+//! Bodies of the rigid plant that are carried along a plan: nothing of them is
+//! rapier's, so they are where they are told to be, in f64.
+
+use core::f64::consts::TAU;
+
+use super::motor::Motor;
+use super::world::World;
+use crate::sim::planar::{Extent, Rect};
+use crate::sim::{BodyCommand, Placement, Pose};
+
+/// A body that moves and turns evenly to where it is to be.
+#[derive(Clone)]
+pub(super) struct Rails {
+    extent: Extent,
+    rect: Rect,
+    before: Rect,
+    to: Option<Pose>,
+}
+
+impl Rails {
+    /// It begins where the body was.
+    pub fn new(rect: Rect, extent: Extent) -> Rails {
+        Rails {
+            extent,
+            rect,
+            before: rect,
+            to: None,
+        }
+    }
+}
+
+impl Motor for Rails {
+    fn command(&mut self, command: BodyCommand) -> bool {
+        let BodyCommand::Carry { to } = command else {
+            return false;
+        };
+        self.to = Some(to);
+        true
+    }
+
+    fn is_carried(&self) -> bool {
+        true
+    }
+
+    fn begin(&mut self, dt_s: f64) {
+        // Without a new place it stands.
+        let Some(to) = self.to.take() else {
+            (self.rect.vx_mps, self.rect.vy_mps) = (0.0, 0.0);
+            self.rect.yaw_rate_rad_per_s = 0.0;
+            return;
+        };
+        let (sin, cos) = libm::sincos(to.heading_rad);
+        let back_m = self.extent.half_length_m;
+        let (x_m, y_m) = (to.x_m - back_m * cos, to.y_m - back_m * sin);
+        let heading_rad = libm::atan2(self.rect.sin, self.rect.cos);
+        let turn_rad = libm::remainder(to.heading_rad - heading_rad, TAU);
+        self.rect.vx_mps = (x_m - self.rect.x_m) / dt_s;
+        self.rect.vy_mps = (y_m - self.rect.y_m) / dt_s;
+        self.rect.yaw_rate_rad_per_s = turn_rad / dt_s;
+    }
+
+    fn act(&mut self, _: &mut World, _: &Rect, dt_s: f64) {
+        self.before = self.rect;
+        self.rect = after(self.rect, dt_s);
+    }
+
+    fn rewind(&mut self, _: &mut World, share: f64) {
+        let mix = |from: f64, to: f64| from + share * (to - from);
+        let turn_rad = libm::atan2(
+            self.before.cos * self.rect.sin - self.before.sin * self.rect.cos,
+            self.before.cos * self.rect.cos + self.before.sin * self.rect.sin,
+        );
+        let (cos, sin) = turned((self.before.cos, self.before.sin), share * turn_rad);
+        self.rect = Rect {
+            x_m: mix(self.before.x_m, self.rect.x_m),
+            y_m: mix(self.before.y_m, self.rect.y_m),
+            cos,
+            sin,
+            ..self.rect
+        };
+    }
+
+    fn rect(&self, _: &World) -> Rect {
+        self.rect
+    }
+
+    fn placement(&self, _: &World, height_m: f64) -> Placement {
+        let half_rad = 0.5 * libm::atan2(self.rect.sin, self.rect.cos);
+        let (sin, cos) = libm::sincos(half_rad);
+        Placement {
+            centre_m: [self.rect.x_m, self.rect.y_m, 0.5 * height_m],
+            rotation: [0.0, 0.0, sin, cos],
+        }
+    }
+
+    fn fork(&self) -> Box<dyn Motor> {
+        Box::new(self.clone())
+    }
+}
+
+/// A rectangle after a time at its velocity and turning rate.
+fn after(rect: Rect, dt_s: f64) -> Rect {
+    let (cos, sin) = match rect.yaw_rate_rad_per_s == 0.0 {
+        true => (rect.cos, rect.sin),
+        false => turned((rect.cos, rect.sin), rect.yaw_rate_rad_per_s * dt_s),
+    };
+    Rect {
+        x_m: rect.x_m + rect.vx_mps * dt_s,
+        y_m: rect.y_m + rect.vy_mps * dt_s,
+        cos,
+        sin,
+        ..rect
+    }
+}
+
+/// A unit vector, turned.
+fn turned((cos, sin): (f64, f64), turn_rad: f64) -> (f64, f64) {
+    let (turn_sin, turn_cos) = libm::sincos(turn_rad);
+    (
+        cos * turn_cos - sin * turn_sin,
+        sin * turn_cos + cos * turn_sin,
+    )
+}
