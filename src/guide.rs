@@ -21,6 +21,10 @@ pub mod roads {}
 #[doc = include_str!("../docs/plans.md")]
 pub mod plans {}
 
+/// Euro NCAP and UN R157 from OpenSCENARIO as worlds.
+#[doc = include_str!("../docs/protocols.md")]
+pub mod protocols {}
+
 /// Stock egos, sensors, changed egos.
 #[doc = include_str!("../docs/egos.md")]
 pub mod egos {}

@@ -30,6 +30,8 @@ mod nested;
 mod plans;
 #[path = "worlds/process.rs"]
 mod process;
+#[path = "worlds/protocols.rs"]
+mod protocols;
 #[path = "worlds/rivals.rs"]
 mod rivals;
 #[path = "worlds/roads.rs"]

@@ -1,11 +1,13 @@
-//! `brakecheck new`: a small world of one's own, to be changed.
+//! `brakecheck new`: a small world of one's own, to be changed, or the points
+//! of a test protocol as worlds.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, print_json, talk};
+use crate::openx::import::{Import, ImportError, Imported};
 use crate::run::write_file;
 use crate::scenario::Scenario;
 
@@ -14,8 +16,25 @@ const WORLD: &str = include_str!("new_world.ron");
 
 #[derive(Args, Debug)]
 pub(super) struct NewArgs {
-    /// Its name; the file is NAME.ron in this directory.
+    /// Its name; the file is NAME.ron in this directory. With --from it may have
+    /// a directory, and points that need other roads or bodies get NAME_2.ron.
     name: String,
+    /// An OpenSCENARIO file whose points are to be a world.
+    #[arg(long, value_name = "FILE.xosc")]
+    from: Option<PathBuf>,
+    /// Its variation file; without one there is one point, the file's own.
+    #[arg(long, value_name = "FILE.xosc", requires = "from")]
+    points: Option<PathBuf>,
+    /// Only this point of the variation file, from 0.
+    #[arg(long, value_name = "N", requires = "points")]
+    point: Option<usize>,
+    /// Leave out points that break a constraint of the file or put the ego on a
+    /// lane that leads off the road, and say how many.
+    #[arg(long, requires = "from")]
+    skip_broken: bool,
+    /// Somebody in the file who is an ado and may stray from its plan.
+    #[arg(long, value_name = "NAME", requires = "from")]
+    ado: Option<String>,
     /// Print one JSON object on stdout instead of talking.
     #[arg(long)]
     pub(super) json: bool,
@@ -31,6 +50,9 @@ impl NewArgs {
 }
 
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
+    if let Some(from) = &args.from {
+        return import(args, from);
+    }
     let name = args.name.strip_suffix(".ron").unwrap_or(&args.name);
     let file = format!("{name}.ron");
     // The world's own checks say which names files may have.
@@ -56,4 +78,64 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         )),
     }?;
     Ok(Exit::Done)
+}
+
+/// Writes the worlds of a protocol; none of them if one cannot be written.
+fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
+    let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
+    let stem = named.file_name().unwrap_or_default().to_string_lossy();
+    let asked = Import {
+        scenario: from,
+        points: args.points.as_deref(),
+        only: args.point,
+        skips_broken: args.skip_broken,
+        name: &stem,
+        ado: args.ado.as_deref(),
+    };
+    let Imported { worlds, broken } = asked.read(&|path| std::fs::read_to_string(path))?;
+    let mut files = Vec::new();
+    for world in &worlds {
+        let path = named.with_file_name(format!("{}.ron", world.name));
+        let file = path.display().to_string();
+        if path.symlink_metadata().is_ok() {
+            return Err(Failure::input(
+                format!("`{file}` is there already, and is left as it is"),
+                "choose another name, or move the file away",
+            ));
+        }
+        Scenario::parse(&file, &world.text)?;
+        files.push((path, file));
+    }
+    for ((path, _), world) in files.iter().zip(&worlds) {
+        write_file(path, world.text.as_bytes())?;
+    }
+    let told = files.iter().zip(&worlds);
+    match args.json {
+        true => {
+            let told =
+                told.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
+            let told: Vec<_> = told.collect();
+            print_json(&json!({ "worlds": told, "broken": broken }))
+        }
+        false => {
+            let lines = told
+                .map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()));
+            let mut lines: Vec<String> = lines.collect();
+            if 0 < broken {
+                lines.push(format!(
+                    "left out {broken} points that the file itself does not allow"
+                ));
+            }
+            talk::data(&lines.join("\n"))
+        }
+    }?;
+    Ok(Exit::Done)
+}
+
+impl From<ImportError> for Failure {
+    fn from(error: ImportError) -> Failure {
+        let help = error.help.clone();
+        let help = help.unwrap_or_else(|| "what is read is in docs/protocols.md".to_owned());
+        Failure::input(error.to_string(), help)
+    }
 }

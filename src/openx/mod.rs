@@ -13,6 +13,7 @@
 //! here; text follows from what somebody else played.
 
 mod entity;
+pub mod import;
 mod lights;
 mod origin;
 mod path;

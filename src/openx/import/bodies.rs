@@ -1,0 +1,144 @@
+//! Bodies from vehicles and pedestrians of scenario files.
+//!
+//! A file says boxes and axles. What it does not say and no carried body needs,
+//! masses and springs, is what such a body usually has.
+
+use super::error::ImportError;
+use super::scope::Scope;
+use super::tree::Node;
+
+/// A body as a world file says it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ImportedBody {
+    pub name: String,
+    pub ron: String,
+    pub length_m: f64,
+    pub width_m: f64,
+    /// From the point that a scenario moves to the front.
+    pub front_m: f64,
+    pub on_foot: bool,
+    /// What it can do at most: gain and lose so much speed a second.
+    pub most_mps2: (f64, f64),
+}
+
+impl ImportedBody {
+    pub fn of(entity: &Node, scope: &Scope) -> Result<ImportedBody, ImportError> {
+        let name = scope.text(entity, "name")?;
+        let bounds = entity.inner("BoundingBox")?;
+        let size = bounds.inner("Dimensions")?;
+        let length_m = scope.number(size, "length")?;
+        let width_m = scope.number(size, "width")?;
+        let height_m = scope.number(size, "height")?;
+        let centre_m = scope.number(bounds.inner("Center")?, "x")?;
+        let front_m = centre_m + 0.5 * length_m;
+        let mass_kg = scope.number_or_zero(entity, "mass")?;
+        let on_foot = entity.name == "Pedestrian";
+        let sizes = format!("length_m: {length_m}, width_m: {width_m}, height_m: {height_m}");
+        let ron = match entity.name.as_str() {
+            "Pedestrian" => {
+                let mass_kg = if 0.0 < mass_kg { mass_kg } else { 75.0 };
+                format!(
+                    "(name: {name:?}, kind: Walker(max_speed_mps: 10.0, accel_mps2: 10.0), \
+                     {sizes}, mass_kg: {mass_kg}, com_height_m: {})",
+                    0.5 * height_m
+                )
+            }
+            "Vehicle" => {
+                let axles = entity.inner("Axles")?;
+                let front = axles.inner("FrontAxle")?;
+                let wheelbase_m = scope.number(front, "positionX")?;
+                let wheel_m = 0.5 * scope.number(front, "wheelDiameter")?;
+                let track_m = scope.number(front, "trackWidth")?;
+                vehicle(Vehicle {
+                    name: &name,
+                    sizes: &sizes,
+                    mass_kg,
+                    width_m,
+                    height_m,
+                    centre_m,
+                    front_m,
+                    wheelbase_m,
+                    wheel_m,
+                    track_m,
+                })
+            }
+            "MiscObject" => vehicle(Vehicle {
+                name: &name,
+                sizes: &sizes,
+                mass_kg,
+                width_m,
+                height_m,
+                centre_m,
+                front_m,
+                wheelbase_m: 0.6 * length_m,
+                wheel_m: 0.1 * height_m,
+                track_m: 0.8 * width_m,
+            }),
+            other => return Err(entity.error(format!("a `{other}` is not read"))),
+        };
+        let most = |name: &str| match entity.child("Performance") {
+            Some(performance) if performance.raw(name).is_some() => scope.number(performance, name),
+            _ => Ok(f64::INFINITY),
+        };
+        let most_mps2 = (most("maxAcceleration")?, most("maxDeceleration")?);
+        Ok(ImportedBody {
+            most_mps2,
+            name: name.to_lowercase(),
+            ron,
+            length_m,
+            width_m,
+            front_m,
+            on_foot,
+        })
+    }
+}
+
+struct Vehicle<'a> {
+    name: &'a str,
+    sizes: &'a str,
+    mass_kg: f64,
+    width_m: f64,
+    height_m: f64,
+    centre_m: f64,
+    front_m: f64,
+    wheelbase_m: f64,
+    wheel_m: f64,
+    track_m: f64,
+}
+
+fn vehicle(it: Vehicle<'_>) -> String {
+    let narrow = it.width_m < 1.1;
+    let usual_kg = match (narrow, 2.2 < it.width_m) {
+        (true, _) => 100.0,
+        (_, true) => 12_000.0,
+        _ => 1_500.0,
+    };
+    let mass_kg = if 0.0 < it.mass_kg {
+        it.mass_kg
+    } else {
+        usual_kg
+    };
+    // Files give two-wheelers no track; springs that hold them up are stiff.
+    let track_m = if 0.1 < it.track_m {
+        it.track_m
+    } else {
+        0.8 * it.width_m
+    };
+    let suspension_hz = if narrow { 3.9 } else { 1.56 };
+    let com_height_m = if narrow { 0.3 } else { 0.4 } * it.height_m;
+    let wheel_m = it.wheel_m.max(0.06);
+    // Rounded to what measured files mean.
+    let tidy = |value: f64| (value * 1e9).round() / 1e9;
+    format!(
+        "(name: {:?}, kind: Vehicle(wheelbase_m: {}, track_m: {track_m}, front_overhang_m: {}, \
+         wheel_radius_m: {wheel_m}, power_w: {}, suspension_hz: {suspension_hz}), {}, \
+         mass_kg: {mass_kg}, com_height_m: {}, com_ahead_m: {})",
+        it.name,
+        it.wheelbase_m,
+        tidy(it.front_m - it.wheelbase_m),
+        mass_kg * 70.0,
+        it.sizes,
+        tidy(com_height_m),
+        tidy(0.5 * it.wheelbase_m - it.centre_m),
+    )
+}

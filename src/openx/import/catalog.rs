@@ -1,0 +1,101 @@
+//! Catalogs: entries by name, with parameters of their own.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use super::error::ImportError;
+use super::files::Files;
+use super::scope::Scope;
+use super::tree::Node;
+
+/// The catalogs of a scenario file. `NAME.xosc` in one of the directories that
+/// the file lists is the catalog of that name.
+#[derive(Debug, Default)]
+pub(super) struct Catalogs {
+    directories: Vec<PathBuf>,
+    read: RefCell<BTreeMap<String, Rc<Node>>>,
+}
+
+impl Catalogs {
+    pub fn of(root: &Node, beside: &Path) -> Result<Catalogs, ImportError> {
+        let mut directories = Vec::new();
+        for location in root
+            .child("CatalogLocations")
+            .into_iter()
+            .flat_map(|it| &it.children)
+        {
+            let directory = location.inner("Directory")?.need("path")?;
+            directories.push(beside.join(directory));
+        }
+        Ok(Catalogs {
+            directories,
+            read: RefCell::default(),
+        })
+    }
+
+    /// What a reference names, and the parameters that it may name itself.
+    pub fn entry(
+        &self,
+        reference: &Node,
+        scope: &Scope,
+        files: Files<'_>,
+    ) -> Result<(Node, Scope), ImportError> {
+        let catalog = scope.text(reference, "catalogName")?;
+        let name = scope.text(reference, "entryName")?;
+        let root = self.catalog(reference, &catalog, files)?;
+        let list = root.inner("Catalog")?;
+        let entry = list
+            .children
+            .iter()
+            .find(|it| it.raw("name") == Some(&name));
+        let entry = entry.ok_or_else(|| {
+            reference.error(format!("the catalog `{catalog}` has no entry `{name}`"))
+        })?;
+        let assignments = reference.child("ParameterAssignments");
+        let assignments = assignments
+            .into_iter()
+            .flat_map(|it| it.all("ParameterAssignment"));
+        let set = assignments.map(|it| {
+            Ok((
+                it.need("parameterRef")?.to_owned(),
+                scope.text(it, "value")?,
+            ))
+        });
+        let set = set.collect::<Result<Vec<_>, ImportError>>()?;
+        let own = Scope::declared(entry.child("ParameterDeclarations"), scope, &set)?;
+        Ok((entry.clone(), own))
+    }
+
+    fn catalog(
+        &self,
+        reference: &Node,
+        name: &str,
+        files: Files<'_>,
+    ) -> Result<Rc<Node>, ImportError> {
+        if let Some(known) = self.read.borrow().get(name) {
+            return Ok(Rc::clone(known));
+        }
+        let paths = self
+            .directories
+            .iter()
+            .map(|it| it.join(format!("{name}.xosc")));
+        for path in paths {
+            if files(&path).is_err() {
+                continue;
+            }
+            let root = Node::read(&path, files)?;
+            let named = root.child("Catalog").and_then(|it| it.raw("name"));
+            if named == Some(name) {
+                let root = Rc::new(root);
+                self.read
+                    .borrow_mut()
+                    .insert(name.to_owned(), Rc::clone(&root));
+                return Ok(root);
+            }
+        }
+        let what = format!("there is no catalog `{name}.xosc` where the file looks for catalogs");
+        Err(reference.error(what))
+    }
+}

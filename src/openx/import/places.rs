@@ -1,0 +1,306 @@
+//! Positions of scenario files, as places in the plane and ways through it.
+
+use std::collections::BTreeMap;
+
+use super::catalog::Catalogs;
+use super::error::ImportError;
+use super::files::Files;
+use super::roads::{RoadMap, Spot, wrapped};
+use super::scope::Scope;
+use super::tree::Node;
+
+/// Nearer than this two directions are one.
+const SAME_RAD: f64 = 1e-6;
+
+/// A place with what the file says of it.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub spot: Spot,
+    /// The lane, if it is given by one.
+    pub lane: Option<OnLane>,
+    /// The straight way on which it is, if it is given by one.
+    pub way: Option<OnWay>,
+}
+
+/// A place by road and lane.
+#[derive(Clone, Debug)]
+pub(super) struct OnLane {
+    pub road: String,
+    /// 0: none; the place is given by its t.
+    pub lane: i32,
+    pub s_m: f64,
+    pub t_m: f64,
+}
+
+/// A place along a straight way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OnWay {
+    pub begins: Spot,
+    pub along_m: f64,
+}
+
+/// What positions may refer to.
+#[derive(Clone, Copy)]
+pub(super) struct Ground<'a> {
+    pub roads: &'a RoadMap,
+    pub catalogs: &'a Catalogs,
+    pub files: Files<'a>,
+    /// Who has been placed, by name.
+    pub placed: &'a BTreeMap<String, Placed>,
+}
+
+impl Ground<'_> {
+    /// The place that a `Position` says.
+    pub fn place(&self, position: &Node, scope: &Scope) -> Result<Placed, ImportError> {
+        let it = position.only()?;
+        match it.name.as_str() {
+            "LanePosition" => {
+                let road = scope.text(it, "roadId")?;
+                let lane = scope.number(it, "laneId")? as i32;
+                let offset_m = scope.number_or_zero(it, "offset")?;
+                let s_m = scope.number(it, "s")?;
+                self.on_lane(it, scope, (road, lane), s_m, offset_m)
+            }
+            "RoadPosition" => {
+                let road = scope.text(it, "roadId")?;
+                let (s_m, t_m) = (scope.number(it, "s")?, scope.number_or_zero(it, "t")?);
+                self.on_road(it, scope, road, (s_m, t_m))
+            }
+            "RelativeLanePosition" => {
+                let other = self.other(it, scope)?;
+                let at = other.lane.as_ref().filter(|at| at.lane != 0);
+                let at = at.ok_or_else(|| it.error("what it is relative to is on no lane"))?;
+                let by = scope.number(it, "dLane")? as i32;
+                let ds = if it.raw("dsLane").is_some() {
+                    "dsLane"
+                } else {
+                    "ds"
+                };
+                let s_m = at.s_m + scope.number(it, ds)?;
+                let lane = (at.road.clone(), beside(at.lane, by));
+                let offset_m = scope.number_or_zero(it, "offset")?;
+                self.on_lane(it, scope, lane, s_m, offset_m)
+            }
+            "RelativeRoadPosition" => {
+                let other = self.other(it, scope)?;
+                let at = other.lane.as_ref();
+                let at = at.ok_or_else(|| it.error("what it is relative to is on no road"))?;
+                let s_m = at.s_m + scope.number(it, "ds")?;
+                let t_m = at.t_m + scope.number(it, "dt")?;
+                self.on_road(it, scope, at.road.clone(), (s_m, t_m))
+            }
+            "RelativeObjectPosition" => {
+                let other = self.other(it, scope)?.spot;
+                let moved = other.moved(scope.number(it, "dx")?, scope.number(it, "dy")?);
+                let spot = turned(it, scope, moved)?;
+                Ok(Placed {
+                    spot,
+                    lane: None,
+                    way: None,
+                })
+            }
+            "TrajectoryPosition" => {
+                let (trajectory, own) = self.trajectory(it.inner("TrajectoryRef")?, scope)?;
+                let begins = self.straight(&trajectory, &own)?;
+                let (along_m, aside_m) = (scope.number(it, "s")?, scope.number_or_zero(it, "t")?);
+                let spot = begins.moved(along_m, aside_m);
+                Ok(Placed {
+                    spot: turned(it, scope, spot)?,
+                    lane: None,
+                    way: Some(OnWay { begins, along_m }),
+                })
+            }
+            "RoutePosition" => self.on_route(it, scope),
+            _ => Err(it.error("a position of this kind is not read")),
+        }
+    }
+
+    /// A trajectory, and the parameters that it may name.
+    pub fn trajectory(
+        &self,
+        reference: &Node,
+        scope: &Scope,
+    ) -> Result<(Node, Scope), ImportError> {
+        let it = reference.only()?;
+        match it.name.as_str() {
+            "CatalogReference" => self.catalogs.entry(it, scope, self.files),
+            _ => Ok((it.clone(), scope.clone())),
+        }
+    }
+
+    /// Where a trajectory begins and which way it goes, if it is straight.
+    pub fn straight(&self, trajectory: &Node, scope: &Scope) -> Result<Spot, ImportError> {
+        let shape = trajectory.inner("Shape")?.only()?;
+        if shape.name != "Polyline" {
+            let what = format!(
+                "a way along a `{}`: only straight ways are read",
+                shape.name
+            );
+            return Err(shape.error(what));
+        }
+        let vertices = shape.all("Vertex").map(|vertex| {
+            let placed = self.place(vertex.inner("Position")?, scope)?;
+            Ok(placed.spot)
+        });
+        let vertices = vertices.collect::<Result<Vec<Spot>, ImportError>>()?;
+        straight_through(shape, &vertices)
+    }
+
+    fn other(&self, it: &Node, scope: &Scope) -> Result<&Placed, ImportError> {
+        let name = scope.text(it, "entityRef")?;
+        let other = self.placed.get(&name);
+        other.ok_or_else(|| it.error(format!("`{name}` is not placed before")))
+    }
+
+    fn on_lane(
+        &self,
+        it: &Node,
+        scope: &Scope,
+        (road, lane): (String, i32),
+        s_m: f64,
+        offset_m: f64,
+    ) -> Result<Placed, ImportError> {
+        let line = self.roads.road(it, &road)?;
+        let t_m = line.middle_m(it, lane)? + offset_m;
+        let on = line.at(s_m, t_m);
+        // Lanes on the left are driven against the road.
+        let driven = match 0 < lane {
+            true => Spot {
+                heading_rad: wrapped(on.heading_rad + core::f64::consts::PI),
+                ..on
+            },
+            false => on,
+        };
+        Ok(Placed {
+            spot: turned(it, scope, driven)?,
+            lane: Some(OnLane {
+                road,
+                lane,
+                s_m,
+                t_m,
+            }),
+            way: None,
+        })
+    }
+
+    fn on_road(
+        &self,
+        it: &Node,
+        scope: &Scope,
+        road: String,
+        (s_m, t_m): (f64, f64),
+    ) -> Result<Placed, ImportError> {
+        let on = self.roads.road(it, &road)?.at(s_m, t_m);
+        Ok(Placed {
+            spot: turned(it, scope, on)?,
+            lane: Some(OnLane {
+                road,
+                lane: 0,
+                s_m,
+                t_m,
+            }),
+            way: None,
+        })
+    }
+
+    fn on_route(&self, it: &Node, scope: &Scope) -> Result<Placed, ImportError> {
+        let reference = it.inner("RouteRef")?.only()?;
+        let (route, own) = match reference.name.as_str() {
+            "CatalogReference" => self.catalogs.entry(reference, scope, self.files)?,
+            _ => (reference.clone(), scope.clone()),
+        };
+        let stops = route.all("Waypoint").map(|stop| {
+            let placed = self.place(stop.inner("Position")?, &own)?;
+            Ok(placed)
+        });
+        let stops = stops.collect::<Result<Vec<Placed>, ImportError>>()?;
+        let spots: Vec<Spot> = stops.iter().map(|stop| stop.spot).collect();
+        let begins = straight_through(&route, &spots)?;
+        let within = it.inner("InRoutePosition")?.only()?;
+        let along_m = scope.number(within, "pathS")?;
+        let aside_m = match within.name.as_str() {
+            "FromLaneCoordinates" => scope.number_or_zero(within, "laneOffset")?,
+            // Seen from the middle of the road, not of the lane.
+            "FromRoadCoordinates" => {
+                let t_m = stops[0].lane.as_ref().map_or(0.0, |at| at.t_m);
+                scope.number_or_zero(within, "t")? - t_m
+            }
+            _ => return Err(within.error("a place on a route of this kind is not read")),
+        };
+        let begins = begins.moved(0.0, aside_m);
+        Ok(Placed {
+            spot: begins.moved(along_m, 0.0),
+            lane: None,
+            way: Some(OnWay { begins, along_m }),
+        })
+    }
+}
+
+/// Where a way through places begins and which way it goes, if they lie on one
+/// line.
+fn straight_through(asks: &Node, spots: &[Spot]) -> Result<Spot, ImportError> {
+    let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
+        return Err(asks.error("a way without places"));
+    };
+    let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
+    let begins = Spot {
+        heading_rad: libm::atan2(dy, dx),
+        ..*first
+    };
+    let aside = spots.iter().find(|spot| 1e-3 < begins.sees(spot).y_m.abs());
+    match aside {
+        Some(_) => Err(asks.error("a way that turns: only straight ways are read")),
+        None if dx == 0.0 && dy == 0.0 => Err(asks.error("a way that leads nowhere")),
+        None => Ok(begins),
+    }
+}
+
+/// A place turned as its `Orientation` says.
+fn turned(it: &Node, scope: &Scope, spot: Spot) -> Result<Spot, ImportError> {
+    let Some(orientation) = it.child("Orientation") else {
+        return Ok(spot);
+    };
+    let h_rad = scope.number_or_zero(orientation, "h")?;
+    let base_rad = match orientation.raw("type") {
+        Some("relative") => spot.heading_rad,
+        _ => 0.0,
+    };
+    Ok(Spot {
+        heading_rad: wrapped(base_rad + h_rad),
+        ..spot
+    })
+}
+
+/// The lane so many to the left; there is no lane 0.
+pub(super) fn beside(lane: i32, by: i32) -> i32 {
+    let there = lane + by;
+    match (lane < 0 && 0 <= there, 0 < lane && there <= 0) {
+        (true, _) => there + 1,
+        (_, true) => there - 1,
+        _ => there,
+    }
+}
+
+/// Whether two directions are one.
+pub(super) fn is_along(heading_rad: f64, direction_rad: f64) -> bool {
+    wrapped(heading_rad - direction_rad).abs() < SAME_RAD
+}
+
+/// By how much to the left a lane change goes.
+pub(super) fn lane_change_m(
+    ground: Ground<'_>,
+    asks: &Node,
+    from: &OnLane,
+    to: i32,
+) -> Result<f64, ImportError> {
+    let line = ground.roads.road(asks, &from.road)?;
+    Ok(line.middle_m(asks, to)? - line.middle_m(asks, from.lane)?)
+}
+
+/// The lane so many beside another's.
+pub(super) fn lane_beside(at: &OnLane, by: i32) -> i32 {
+    match by {
+        0 => at.lane,
+        by => beside(at.lane, by),
+    }
+}

@@ -1,0 +1,99 @@
+//! Variation files: the points at which a scenario is to be run.
+
+use std::path::Path;
+
+use super::error::ImportError;
+use super::files::Files;
+use super::scope::number;
+use super::tree::Node;
+
+/// More points than this are refused.
+const MAX_POINTS: usize = 1_000_000;
+
+/// What a point sets, as written, in the order of the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImportedPoint(pub Vec<(String, String)>);
+
+/// The points of a file: the product of its axes in the order of the document,
+/// of which the last runs fastest.
+pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
+    let root = Node::read(path, files)?;
+    let list = root
+        .child("ParameterValueDistribution")
+        .ok_or_else(|| root.error("it has no `ParameterValueDistribution`: no variation file"))?;
+    let mut points = vec![ImportedPoint::default()];
+    for kind in &list.children {
+        match kind.name.as_str() {
+            "Deterministic" => {}
+            "ScenarioFile" => continue,
+            _ => return Err(kind.error("only deterministic distributions are read")),
+        }
+        for axis in &kind.children {
+            let values = axis_of(axis)?;
+            if MAX_POINTS < points.len() * values.len() {
+                return Err(axis.error(format!("more than {MAX_POINTS} points")));
+            }
+            let product = points.iter().flat_map(|point| {
+                values.iter().map(|value| {
+                    let set = point.0.iter().chain(value).cloned();
+                    ImportedPoint(set.collect())
+                })
+            });
+            points = product.collect();
+        }
+    }
+    Ok(points)
+}
+
+/// What each step of an axis sets.
+fn axis_of(axis: &Node) -> Result<Vec<Vec<(String, String)>>, ImportError> {
+    match axis.name.as_str() {
+        "DeterministicSingleParameterDistribution" => {
+            let name = axis.need("parameterName")?;
+            let values = match axis.only()? {
+                set if set.name == "DistributionSet" => {
+                    let values = set.all("Element").map(|it| it.need("value"));
+                    let values = values.map(|value| value.map(str::to_owned));
+                    values.collect::<Result<Vec<_>, _>>()?
+                }
+                range if range.name == "DistributionRange" => range_of(range)?,
+                other => return Err(other.error("such a distribution is not read")),
+            };
+            let values = values.into_iter();
+            Ok(values.map(|value| vec![(name.to_owned(), value)]).collect())
+        }
+        "DeterministicMultiParameterDistribution" => {
+            let sets = axis.inner("ValueSetDistribution")?;
+            let sets = sets.all("ParameterValueSet").map(|set| {
+                let values = set.all("ParameterAssignment").map(|it| {
+                    Ok((
+                        it.need("parameterRef")?.to_owned(),
+                        it.need("value")?.to_owned(),
+                    ))
+                });
+                values.collect::<Result<Vec<_>, _>>()
+            });
+            sets.collect()
+        }
+        _ => Err(axis.error("such a distribution is not read")),
+    }
+}
+
+/// Both ends belong to a range.
+fn range_of(range: &Node) -> Result<Vec<String>, ImportError> {
+    let limits = range.inner("Range")?;
+    let of = |node: &Node, name: &str| {
+        let text = node.need(name)?;
+        number(text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
+    };
+    let (lower, upper) = (of(limits, "lowerLimit")?, of(limits, "upperLimit")?);
+    let step = of(range, "stepWidth")?;
+    let count = ((upper - lower) / step + 1e-9).floor();
+    if step <= 0.0 || !(0.0..MAX_POINTS as f64).contains(&count) {
+        return Err(range.error(format!(
+            "a range from {lower} to {upper} in steps of {step}"
+        )));
+    }
+    let values = (0..=count as u32).map(|i| (lower + f64::from(i) * step).to_string());
+    Ok(values.collect())
+}

@@ -1,0 +1,146 @@
+//! Parameters with their values, and texts that name them.
+
+use std::collections::BTreeMap;
+
+use super::error::ImportError;
+use super::expression::evaluate;
+use super::tree::Node;
+
+/// The parameters that a part of a file may name, by name.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Scope(BTreeMap<String, String>);
+
+impl Scope {
+    /// The parameters that an element declares, with values of their own.
+    ///
+    /// Values are evaluated in the order of their declarations; `set` gives those
+    /// that somebody else sets, and which of them were declared.
+    pub fn declared(
+        node: Option<&Node>,
+        outer: &Scope,
+        set: &[(String, String)],
+    ) -> Result<Scope, ImportError> {
+        let mut scope = outer.clone();
+        let declarations = node
+            .into_iter()
+            .flat_map(|it| it.all("ParameterDeclaration"));
+        for declaration in declarations {
+            let name = declaration.need("name")?;
+            let given = set.iter().rev().find(|(known, _)| known == name);
+            let value = match given {
+                Some((_, value)) => scope.resolve_text(declaration, value)?,
+                None => scope.text(declaration, "value")?,
+            };
+            scope.0.insert(name.to_owned(), value);
+        }
+        Ok(scope)
+    }
+
+    /// Whether there is a parameter of a name.
+    pub fn get(&self, name: &str) -> Option<&str> {
+        self.0.get(name).map(String::as_str)
+    }
+
+    /// An attribute, evaluated, that must be there.
+    pub fn text(&self, node: &Node, name: &str) -> Result<String, ImportError> {
+        self.resolve_text(node, node.need(name)?)
+    }
+
+    /// An attribute as a number, that must be there.
+    pub fn number(&self, node: &Node, name: &str) -> Result<f64, ImportError> {
+        let text = self.text(node, name)?;
+        number(&text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
+    }
+
+    /// An attribute as a number, 0 if it is left out.
+    pub fn number_or_zero(&self, node: &Node, name: &str) -> Result<f64, ImportError> {
+        match node.raw(name) {
+            Some(_) => self.number(node, name),
+            None => Ok(0.0),
+        }
+    }
+
+    /// A text, evaluated.
+    pub fn resolve_text(&self, node: &Node, text: &str) -> Result<String, ImportError> {
+        let trimmed = text.trim();
+        if let Some(inner) = trimmed
+            .strip_prefix("${")
+            .and_then(|it| it.strip_suffix('}'))
+        {
+            let value = |name: &str| {
+                let known = self
+                    .get(name)
+                    .ok_or_else(|| format!("there is no parameter `{name}`"))?;
+                number(known).ok_or_else(|| format!("`{name}` is `{known}`, which is no number"))
+            };
+            let value = evaluate(inner, &value);
+            return match value {
+                Ok(value) => Ok(value.to_string()),
+                Err(why) => Err(node.error(format!("the expression `{trimmed}`: {why}"))),
+            };
+        }
+        match trimmed.strip_prefix('$') {
+            Some(name) => match self.get(name) {
+                Some(value) => Ok(value.to_owned()),
+                None => Err(node.error(format!("there is no parameter `{name}`"))),
+            },
+            None => Ok(text.to_owned()),
+        }
+    }
+
+    /// The first declaration whose constraints its value breaks: one group must
+    /// hold, and of a group all.
+    pub fn broken<'a>(&self, node: Option<&'a Node>) -> Result<Option<&'a Node>, ImportError> {
+        let declarations = node
+            .into_iter()
+            .flat_map(|it| it.all("ParameterDeclaration"));
+        for declaration in declarations {
+            let value = self.get(declaration.need("name")?).unwrap_or_default();
+            let mut groups = declaration.all("ConstraintGroup").peekable();
+            let mut holds = groups.peek().is_none();
+            for group in groups {
+                let mut all = true;
+                for constraint in group.all("ValueConstraint") {
+                    let other = self.text(constraint, "value")?;
+                    let rule = constraint.need("rule")?;
+                    let kept = compared(value, rule, &other);
+                    all &= kept.ok_or_else(|| {
+                        constraint.error(format!("the rule `{rule}` is not understood"))
+                    })?;
+                }
+                holds |= all;
+            }
+            if !holds {
+                return Ok(Some(declaration));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// A text as a finite number.
+pub(super) fn number(text: &str) -> Option<f64> {
+    let value: f64 = text.trim().parse().ok()?;
+    value.is_finite().then_some(value)
+}
+
+/// Whether a rule holds between two values; `None`: there is no such rule.
+pub(super) fn compared(a: &str, rule: &str, b: &str) -> Option<bool> {
+    let equal = match (number(a), number(b)) {
+        (Some(a), Some(b)) => a == b,
+        _ => a == b,
+    };
+    let less = match (number(a), number(b)) {
+        (Some(a), Some(b)) => a < b,
+        _ => a < b,
+    };
+    Some(match rule {
+        "equalTo" => equal,
+        "notEqualTo" => !equal,
+        "lessThan" => less,
+        "lessOrEqual" => less || equal,
+        "greaterThan" => !less && !equal,
+        "greaterOrEqual" => !less || equal,
+        _ => return None,
+    })
+}

@@ -1,0 +1,159 @@
+//! XML as a tree that knows its lines.
+
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use quick_xml::Reader;
+use quick_xml::escape::unescape;
+use quick_xml::events::{BytesStart, Event};
+
+use super::error::{At, ImportError};
+use super::files::Files;
+
+/// Larger files are refused.
+const MAX_BYTES: usize = 16 << 20;
+/// Deeper documents are refused.
+const MAX_DEPTH: usize = 200;
+
+/// An element.
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    pub name: String,
+    attributes: Vec<(String, String)>,
+    pub children: Vec<Node>,
+    line: usize,
+    file: Rc<PathBuf>,
+}
+
+impl Node {
+    /// The root of a file.
+    pub fn read(path: &Path, files: Files<'_>) -> Result<Node, ImportError> {
+        let at = At::file(path);
+        let text = files(path).map_err(|error| at.error(error.to_string()))?;
+        if MAX_BYTES < text.len() {
+            return Err(at.error(format!("it is larger than {MAX_BYTES} bytes")));
+        }
+        Node::parse(path, text.trim_start_matches('\u{feff}'))
+    }
+
+    pub fn parse(path: &Path, text: &str) -> Result<Node, ImportError> {
+        let file = Rc::new(path.to_owned());
+        let mut reader = Reader::from_str(text);
+        let (mut line, mut counted) = (1, 0);
+        let mut open: Vec<Node> = Vec::new();
+        let mut root: Option<Node> = None;
+        loop {
+            let event = reader.read_event();
+            let upto = (reader.buffer_position() as usize).min(text.len());
+            line += text
+                .get(counted..upto)
+                .map_or(0, |part| part.matches('\n').count());
+            counted = upto;
+            let close =
+                |open: &mut Vec<Node>, root: &mut Option<Node>, node: Node| match open.last_mut() {
+                    Some(parent) => parent.children.push(node),
+                    None => *root = Some(node),
+                };
+            match event {
+                Ok(Event::Start(start)) => {
+                    let node = Node::of(&file, &start, line)
+                        .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
+                    open.push(node);
+                    if MAX_DEPTH < open.len() {
+                        return Err(At::file(path).error("its elements nest too deeply"));
+                    }
+                }
+                Ok(Event::Empty(start)) => {
+                    let node = Node::of(&file, &start, line)
+                        .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
+                    close(&mut open, &mut root, node);
+                }
+                Ok(Event::End(_)) => {
+                    if let Some(node) = open.pop() {
+                        close(&mut open, &mut root, node);
+                    }
+                }
+                Ok(Event::Eof) => break,
+                Ok(_) => {}
+                Err(error) => {
+                    let what = format!("this is no XML: {error}");
+                    return Err(At::element(path, "here".to_owned(), line).error(what));
+                }
+            }
+        }
+        match (root, open.is_empty()) {
+            (Some(root), true) => Ok(root),
+            _ => Err(At::file(path).error("it ends before all its elements do")),
+        }
+    }
+
+    fn of(file: &Rc<PathBuf>, start: &BytesStart<'_>, line: usize) -> Result<Node, String> {
+        let attributes = start.attributes().map(|attribute| {
+            let attribute = attribute.map_err(|error| error.to_string())?;
+            let value = unescape(&attribute.value).map_err(|error| error.to_string())?;
+            Ok((attribute.key.0.to_owned(), value.into_owned()))
+        });
+        Ok(Node {
+            name: start.name().0.to_owned(),
+            attributes: attributes.collect::<Result<_, String>>()?,
+            children: Vec::new(),
+            line,
+            file: Rc::clone(file),
+        })
+    }
+
+    /// The file in which it stands.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    /// Where it is.
+    pub fn at(&self) -> At {
+        let name = self.raw("name").or_else(|| self.raw("entityRef"));
+        let shown = match name {
+            Some(name) => format!("{} `{name}`", self.name),
+            None => self.name.clone(),
+        };
+        At::element(&self.file, shown, self.line)
+    }
+
+    pub fn error(&self, what: impl Into<String>) -> ImportError {
+        self.at().error(what)
+    }
+
+    /// An attribute as written.
+    pub fn raw(&self, name: &str) -> Option<&str> {
+        let mut attributes = self.attributes.iter();
+        let found = attributes.find(|(known, _)| known == name);
+        found.map(|(_, value)| value.as_str())
+    }
+
+    /// An attribute as written that must be there.
+    pub fn need(&self, name: &str) -> Result<&str, ImportError> {
+        self.raw(name)
+            .ok_or_else(|| self.error(format!("it has no `{name}`")))
+    }
+
+    /// Its children of a name.
+    pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Node> {
+        self.children.iter().filter(move |child| child.name == name)
+    }
+
+    /// The first child of a name.
+    pub fn child(&self, name: &str) -> Option<&Node> {
+        self.children.iter().find(|child| child.name == name)
+    }
+
+    /// The first child of a name, which must be there.
+    pub fn inner(&self, name: &str) -> Result<&Node, ImportError> {
+        self.child(name)
+            .ok_or_else(|| self.error(format!("there is no `{name}` in it")))
+    }
+
+    /// The only thing in it, whatever it is.
+    pub fn only(&self) -> Result<&Node, ImportError> {
+        self.children
+            .first()
+            .ok_or_else(|| self.error("there is nothing in it"))
+    }
+}
