@@ -37,6 +37,10 @@ pub mod signals {}
 #[doc = include_str!("../docs/ego-protocol.md")]
 pub mod ego_protocol {}
 
+/// A trained ado in another simulator.
+#[doc = include_str!("../docs/ado-protocol.md")]
+pub mod ado_protocol {}
+
 /// Training out of the box: what happens, how long, what is said at the end.
 #[doc = include_str!("../docs/training.md")]
 pub mod training {}

@@ -24,6 +24,8 @@ mod reproduce;
 mod reuse;
 #[path = "cli/rivals.rs"]
 mod rivals;
+#[path = "cli/serve.rs"]
+mod serve;
 #[path = "cli/stl.rs"]
 mod stl;
 

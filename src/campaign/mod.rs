@@ -36,6 +36,7 @@ mod scout;
 mod search;
 mod search_table;
 mod seeding;
+mod serving;
 mod session;
 mod shrink;
 mod starts;
@@ -83,6 +84,7 @@ pub use search::{
     SearchRequest, Searched, Switches, Uniform, anytime, search,
 };
 pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
+pub use serving::{ServeError, Served, ServedAdo, asked_of, policy_told_by_name};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, drawn_starts, test_noise, test_starts};

@@ -33,6 +33,8 @@ pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/report.md";
 pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/export.md";
+pub(super) const SERVE: &str =
+    "Example:\n  brakecheck serve runs/acc < questions.jsonl\n\nDocuments: docs/ado-protocol.md";
 
 pub(super) const CAMPAIGN: &str = "Example:\n  brakecheck campaign plan campaign.ron -o plan\n  brakecheck campaign run plan\n  brakecheck campaign merge plan\n\nDocuments: docs/campaigns.md";
 pub(super) const CAMPAIGN_PLAN: &str = "Examples:\n  brakecheck campaign plan campaign.ron --dry-run\n  brakecheck campaign plan campaign.ron -o plan\n\nDocuments: docs/campaigns.md";

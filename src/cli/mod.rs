@@ -18,6 +18,7 @@ mod new;
 mod report;
 mod reproduce;
 mod search;
+mod serve;
 mod stl;
 mod table;
 mod talk;
@@ -115,6 +116,9 @@ enum Verb {
     /// Write kept counterexamples as OpenSCENARIO and OpenDRIVE files.
     #[command(after_help = examples::EXPORT)]
     Export(export::ExportArgs),
+    /// Let another simulator ask a trained ado what to do, in JSON lines.
+    #[command(after_help = examples::SERVE)]
+    Serve(serve::ServeArgs),
 }
 
 impl Verb {
@@ -133,6 +137,7 @@ impl Verb {
             Verb::Campaign(args) => args.common().clone(),
             Verb::View(args) => args.common(),
             Verb::Export(args) => args.common(),
+            Verb::Serve(args) => args.common(),
         }
     }
 
@@ -188,6 +193,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Campaign(args) => campaign::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Export(args) => export::run(&args),
+        Verb::Serve(args) => serve::run(&args),
     })
 }
 

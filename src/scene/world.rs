@@ -84,6 +84,18 @@ pub struct Observed {
     pub half: f64,
 }
 
+impl Observed {
+    /// What is observed of a value: −1 to 1 within the declared range.
+    pub fn scaled(&self, value: f64) -> f32 {
+        ((value - self.mid) * self.per_half()) as f32
+    }
+
+    /// By what the distance from the middle is multiplied.
+    pub(super) fn per_half(&self) -> f64 {
+        1.0 / self.half
+    }
+}
+
 /// A derived signal: an expression over published ones.
 #[derive(Clone, Debug)]
 pub struct Derived {

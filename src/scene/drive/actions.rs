@@ -201,13 +201,10 @@ impl Actions {
                 lateral_mps: 0.0,
             },
             Actions::Grid(grid) => {
-                let (accel_mps2, lateral) = grid.at(action);
+                let (accel_mps2, lateral_mps) = grid.command(action);
                 Choice::Drive {
                     accel_mps2,
-                    lateral_mps: match lateral {
-                        Lateral::Hold => 0.0,
-                        Lateral::Left | Lateral::Right => lateral.towards() * grid.lateral_mps,
-                    },
+                    lateral_mps,
                 }
             }
             Actions::Walks(list) => Choice::Walk {
@@ -254,6 +251,16 @@ impl Lateral {
 }
 
 impl Grid {
+    /// What an action asks for: an acceleration, and a speed to the left, m/s.
+    pub fn command(&self, action: usize) -> (f64, f64) {
+        let (accel_mps2, lateral) = self.at(action);
+        let lateral_mps = match lateral {
+            Lateral::Hold => 0.0,
+            Lateral::Left | Lateral::Right => lateral.towards() * self.lateral_mps,
+        };
+        (accel_mps2, lateral_mps)
+    }
+
     fn at(&self, action: usize) -> (f64, Lateral) {
         let count = self.accelerations.len();
         (

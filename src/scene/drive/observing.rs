@@ -24,7 +24,7 @@ impl Observation {
             Ok(Scaled {
                 position: position.ok_or(observed.name.as_str())?,
                 mid: observed.mid,
-                per_half: 1.0 / observed.half,
+                per_half: observed.per_half(),
             })
         });
         scaled.collect::<Result<_, _>>().map(Observation)

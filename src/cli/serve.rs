@@ -1,0 +1,71 @@
+//! `brakecheck serve`: a trained ado that another simulator asks what to do.
+
+use std::io;
+use std::path::PathBuf;
+
+use clap::Args;
+use indexmap::IndexMap;
+
+use super::{Common, Exit, Failure, open_run, talk};
+use crate::campaign::{ServeError, ServedAdo};
+
+/// Where the conversation is written down.
+const DOCUMENT: &str = "docs/ado-protocol.md";
+
+#[derive(Args, Debug)]
+pub(super) struct ServeArgs {
+    /// The run directory of a trained ado.
+    run: PathBuf,
+    /// What a conditional ado is told of the ego it meets; repeat for every
+    /// quantity of its family [default: the nominal values].
+    #[arg(long, value_name = "NAME=VALUE", value_parser = quantity)]
+    tell: Vec<(String, f64)>,
+}
+
+impl ServeArgs {
+    pub(super) fn common(&self) -> Common {
+        Common::default()
+    }
+}
+
+fn quantity(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').unwrap_or((text, ""));
+    match value.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok((name.trim().to_owned(), value)),
+        _ => Err("write a name and a number, such as lag_s=0.4".to_owned()),
+    }
+}
+
+pub(super) fn run(args: &ServeArgs) -> Result<Exit, Failure> {
+    let run = open_run(&args.run, &args.common())?;
+    let told: IndexMap<String, f64> = args.tell.iter().cloned().collect();
+    let mut ado = ServedAdo::of(&run, &told)?;
+    talk::say(&format!(
+        "the ado of world `{}` answers on standard output, line by line ({DOCUMENT})",
+        ado.world().name()
+    ));
+    let served = ado.serve(&mut io::stdin().lock(), &mut io::stdout().lock())?;
+    talk::say(&format!(
+        "{} decisions, {} messages answered with an error",
+        served.decisions, served.errors
+    ));
+    Ok(Exit::Done)
+}
+
+impl From<ServeError> for Failure {
+    fn from(error: ServeError) -> Failure {
+        let what = error.to_string();
+        match error {
+            ServeError::NoMessage { .. } => Failure::input(
+                what,
+                format!(
+                    "a message is one line of JSON, an object with a key for what it asks ({DOCUMENT})"
+                ),
+            ),
+            ServeError::Pipe(_) => Failure::fault(
+                what,
+                Some("the simulator says `close`, or ends its side of the pipe, first".to_owned()),
+            ),
+        }
+    }
+}
