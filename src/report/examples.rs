@@ -23,7 +23,7 @@ pub(super) fn example(
     judged.truncate(episode.judged);
     let why = scenario.rulebook().spec.explain(&judged);
     let verdict = VerdictWords::of(scenario, example);
-    let (blame, blame_class) = verdict.blame;
+    let (blame, blame_class) = &verdict.blame;
     html! {
         section class="card example" {
             div {

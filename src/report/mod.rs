@@ -9,6 +9,7 @@
 mod animation;
 mod campaign;
 mod examples;
+mod fault;
 mod figures;
 mod junit;
 mod page;

@@ -2,8 +2,9 @@
 //! whether the rules were kept, and whether somebody careful had avoided it.
 
 use super::Example;
+use super::fault::{Fault, fault};
 use crate::ego::Phase;
-use crate::preventability::{Band, Label, NotApplicable, Preventability};
+use crate::preventability::Label;
 use crate::rulebook::RulesUntilContact;
 use crate::run::{LastChance, Severity};
 use crate::scenario::Scenario;
@@ -19,7 +20,7 @@ pub(super) struct VerdictWords {
     /// Whether somebody careful had avoided it; `None`: nothing is known.
     pub care: Option<String>,
     /// The blame in two or three words, and the class that colours it.
-    pub blame: (&'static str, &'static str),
+    pub blame: Fault,
 }
 
 impl VerdictWords {
@@ -29,7 +30,7 @@ impl VerdictWords {
             what: what(scenario, example),
             rules: rules(example),
             care: care(example),
-            blame: blame(example.about.preventability.as_ref()),
+            blame: fault(scenario, example),
         }
     }
 
@@ -186,20 +187,6 @@ fn by_braking(chance: &LastChance) -> String {
             format!("{driver} {before_s:.2} s before the failure would have avoided it")
         }
         None => format!("{driver} would not have avoided it at any time"),
-    }
-}
-
-fn blame(known: Option<&Preventability>) -> (&'static str, &'static str) {
-    let Some(known) = known else {
-        return ("no contact", "b-open");
-    };
-    match (known.exonerated, known.label.band(), known.not_applicable) {
-        (Some(_), ..) => ("not the ego's fault", "b-not"),
-        (None, Band::Preventable, _) => ("the ego's fault", "b-ego"),
-        (None, Band::IdealOnly, _) => ("hardly avoidable", "b-hard"),
-        (None, Band::Unavoidable, _) => ("unavoidable by braking", "b-hard"),
-        (None, _, Some(NotApplicable::WithoutEgo)) => ("not the ego's contact", "b-not"),
-        _ => ("fault not judged", "b-open"),
     }
 }
 

@@ -36,8 +36,18 @@ pub(super) fn height_of(story: &Story<'_>, curves: usize) -> f32 {
     }
 }
 
-/// How much longer than the episode the time axis of plots is.
-const LEGEND_ROOM: f64 = 1.45;
+/// How wide a plot is in a window of the usual size, and a letter of its legend.
+const PLOT_WIDE_PX: f64 = 550.0;
+const LETTER_PX: f64 = 5.7;
+
+/// How much longer than the episode the time axis of plots is: so much that the
+/// longest name of a rule has room behind what happens last, and at most half
+/// of a plot.
+fn legend_room(story: &Story<'_>) -> f64 {
+    let longest = story.rules.iter().map(|rule| rule.name.chars().count());
+    let legend_px = 40.0 + LETTER_PX * longest.max().unwrap_or(0) as f64;
+    (1.0 / (1.0 - (legend_px / PLOT_WIDE_PX).min(0.5))).max(1.45)
+}
 
 /// Assembles a blueprint, node by node.
 pub(super) struct Layout<'a> {
@@ -73,7 +83,7 @@ impl<'a> Layout<'a> {
         self.property(&view, "PlotLegend", &legend)?;
         // Room at the end for the legend: beside the curves, not on what
         // happens last. Plots without one have the same axis, to be compared.
-        let end_s = LEGEND_ROOM * story.end_s().max(0.1);
+        let end_s = legend_room(story) * story.end_s().max(0.1);
         let instant =
             |time_s: f64| datatypes::TimeRangeBoundary::Absolute(datatypes::TimeInt(nanos(time_s)));
         let axis = TimeAxis::new().with_view_range(datatypes::TimeRange {

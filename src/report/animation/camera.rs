@@ -37,7 +37,7 @@ pub(super) const THUMB: Canvas = Canvas {
     size_px: [240.0, 120.0],
     margin_px: [14.0, 12.0],
     foot_px: 0.0,
-    ego_px: 20.0,
+    ego_px: 12.0,
     least_height_m: 8.0,
 };
 

@@ -7,9 +7,8 @@ use crate::trace::Trace;
 
 /// Samples that are nearer to each other in time than this are not all shown.
 const APART_S: f64 = 0.05;
-/// Who is farther from the ego than this does not move the camera: whom it
-/// meets, and others.
-const MET_FAR_M: f64 = 60.0;
+/// Who is farther from the ego than this does not move the camera, unless it is
+/// whom the ego meets: that one may be as far as it likes.
 const FAR_M: f64 = 25.0;
 /// Half of the time over which the camera's moves are evened out.
 const STEADY_S: f64 = 0.5;
@@ -193,12 +192,7 @@ impl Film {
     fn looked_at(&self, stage: &Stage) -> Vec<Focus> {
         let ego = ego_of(stage);
         let near = |who: usize, i: usize| {
-            let far_m = if Some(who) == self.met {
-                MET_FAR_M
-            } else {
-                FAR_M
-            };
-            who == ego || self.apart_m(ego, who, i) <= far_m
+            who == ego || Some(who) == self.met || self.apart_m(ego, who, i) <= FAR_M
         };
         let at = |i: usize| {
             let everybody = 0..stage.cast.len();

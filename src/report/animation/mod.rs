@@ -72,7 +72,7 @@ pub(super) fn animation(
                 input type="range" min="0" max="1000" value="1000" step="any" aria-label="Time";
             }
             (lanes::lanes(&picture))
-            div class="strip" { @for moment in &picture.moments { (picture.thumb(moment)) } }
+            div class="strip" style=(format!("--stills:{}", picture.moments.len())) { @for moment in &picture.moments { (picture.thumb(moment)) } }
         }
     }
 }

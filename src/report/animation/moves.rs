@@ -1,7 +1,7 @@
 //! What the ados choose, in words: who, from when to when.
 
 use crate::scenario::Scenario;
-use crate::scene::drive::{Actions, Lateral};
+use crate::scene::drive::{Actions, Direction, Lateral};
 use crate::testbench::Episode;
 
 /// Below this nobody runs.
@@ -19,9 +19,14 @@ pub(super) struct Move {
 impl Move {
     /// The words without the signs of direction.
     pub fn plain(&self) -> String {
-        let plain = self.words.replace(['◀', '▶', '▲', '▼'], "");
-        plain.split_whitespace().collect::<Vec<_>>().join(" ")
+        without_signs(&self.words)
     }
+}
+
+/// Words without the signs of direction.
+fn without_signs(words: &str) -> String {
+    let plain = words.replace(['◀', '▶', '▲', '▼'], "");
+    plain.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// What a move looks like in the lanes of actions.
@@ -88,10 +93,15 @@ pub(super) fn moves(
         let own = joint.iter().map(|joint| joint / stride % set.len());
         let own: Vec<usize> = own.collect();
         stride *= set.len();
-        (
-            agent.to_owned(),
-            stretched(&own, &|action| told(set, action)),
-        )
+        // The signs are those of the picture, in which the ego goes to the right:
+        // who comes along or across would need others.
+        let turned = spec.agents.iter().find(|it| it.name == agent);
+        let turned = turned.is_some_and(|it| it.road != 0 || it.direction == Direction::Against);
+        let told = |action| match (turned, told(set, action)) {
+            (true, (words, kind)) => (without_signs(&words), kind),
+            (false, told) => told,
+        };
+        (agent.to_owned(), stretched(&own, &told))
     });
     sets.collect()
 }
@@ -165,6 +175,32 @@ pub(super) fn signed(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::{Aftermath, Constant, play};
+
+    #[test]
+    fn who_comes_along_or_across_has_no_signs_of_another_direction() {
+        for (world, signs) in [
+            ("oncoming", false),
+            ("turn_across", false),
+            ("cut_in", true),
+        ] {
+            let scenario = Scenario::shipped(world).expect("shipped").expect("sound");
+            let mut bench = scenario.bench();
+            let start = bench.draw(StartKey {
+                purpose: Purpose::Train,
+                seed: 1,
+                index: 0,
+            });
+            // The last action brakes, speeds up or moves, and is not neutral.
+            let mut last = Constant(scenario.world().spaces().actions - 1);
+            let episode = play(&mut bench, &start, 0, &mut last, Aftermath::Skip);
+            let moves = moves(&scenario, &episode, 1.0);
+            let words = &moves[0].1[0].words;
+            let has_signs = words.contains(['◀', '▶', '▲', '▼']);
+            assert_eq!(has_signs, signs, "{world}: {words}");
+        }
+    }
 
     #[test]
     fn actions_are_told_in_words() {

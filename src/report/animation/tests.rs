@@ -99,6 +99,13 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
         let mut turned = 0.0_f64;
         for (who, cast) in scenario.bench().stage().cast.iter().enumerate() {
             let body = &data["bodies"][who];
+            for (shown_m, size_m) in numbers(&body["size"]).iter().zip(cast.size_m) {
+                assert!(
+                    (shown_m - size_m).abs() < 1e-3,
+                    "{}: {shown_m} m",
+                    cast.name
+                );
+            }
             let column = |field: &str| {
                 let name = format!("{}.{field}", cast.name);
                 trace.signal(&name).expect("a signal").to_vec()
@@ -371,5 +378,27 @@ fn a_looping_picture_moves_everybody_from_the_first_to_the_last_pose() {
         let touch = example.episode.contact.as_ref().expect("a contact");
         let ending = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
         assert!(svg.contains(&ending) && svg.matches("class=\"burst\"").count() == 1);
+    }
+}
+
+#[test]
+fn the_script_moves_shapes_as_the_stills_were_drawn() {
+    // What Camera and Picture compute, in the words of the script.
+    let [across_px, along_px] = SCREEN.margin_px;
+    let foot_px = SCREEN.foot_px;
+    let same = [
+        "scale(${scale} ${-scale})".to_owned(),
+        "0.5 * room[0] + (a - centre[0]) * scale, 0.5 * room[1] - (b - centre[1]) * scale]"
+            .to_owned(),
+        "translate(${pose.x} ${pose.y}) rotate(${pose.h * 180 / Math.PI})".to_owned(),
+        format!("const margin = wide ? [{across_px}, {along_px}]"),
+        format!("const foot = wide ? {foot_px}"),
+        format!("pose.a < -{}", super::picture::BRAKES_MPS2),
+        format!("room[1] / {}", SCREEN.least_height_m),
+        "${body.name} ${pose.v.toFixed(1)} m/s".to_owned(),
+        "Math.min(0.1, (now - before) / 1000)".to_owned(),
+    ];
+    for words in same {
+        assert!(SCRIPT.contains(&words), "{words}");
     }
 }

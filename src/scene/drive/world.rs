@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::course::Course;
 use super::layout::{Layout, SceneError};
+use super::network::goes_first;
 use super::spec::DriveSpec;
 use crate::rl::Spaces;
 use crate::trace::Schema;
@@ -34,6 +35,16 @@ impl DriveWorld {
     /// The courses of all roads, the world's own first, then the named ones.
     pub fn courses(&self) -> &[Course] {
         self.0.network.courses()
+    }
+
+    /// Whether one agent goes before another where their ways cross, as the
+    /// signal `A.B.priority` has it; `None`: they never cross, or nobody is called so.
+    pub fn goes_before(&self, one: &str, other: &str) -> Option<bool> {
+        let agents = &self.0.spec.agents;
+        let of = |name: &str| agents.iter().position(|agent| agent.name == name);
+        let pair = [of(one)?, of(other)?];
+        let crossings = self.0.network.crossings(pair[0], pair[1]);
+        (!crossings.is_empty()).then(|| goes_first(&self.0.spec, crossings, pair))
     }
 
     /// The published signals.

@@ -166,7 +166,8 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
             format!("closing {closing:.1} m/s"),
         ])
         .with_show_labels(false);
-    let point = Points3D::new([[pin[0], pin[1] - 3.4, 2.6]])
+    // Above the names of those who touch.
+    let point = Points3D::new([[pin[0], pin[1] - 3.4, 4.4]])
         .with_radii([0.12])
         .with_colors([palette::CONTACT])
         .with_labels([format!("contact, closing at {closing:.1} m/s")]);

@@ -1,0 +1,83 @@
+//! Whose fault a counterexample is, in two or three words, as far as that can be
+//! said: by careful drivers where they apply, else by who had to give way, whose
+//! lane it was, and what braking could do.
+
+use super::Example;
+use crate::preventability::{Band, NotApplicable};
+use crate::run::LastChance;
+use crate::scenario::Scenario;
+use crate::scene::World;
+use crate::scene::drive::{Direction, DriveWorld};
+use crate::sim::Pose;
+
+/// The words, and the class that colours them.
+pub(super) type Fault = (String, &'static str);
+
+/// Whose fault an example is.
+pub(super) fn fault(scenario: &Scenario, example: &Example) -> Fault {
+    let said = |words: &str, class| (words.to_owned(), class);
+    let Some(known) = &example.about.preventability else {
+        return said("no contact", "b-open");
+    };
+    match (known.exonerated, known.label.band(), known.not_applicable) {
+        (Some(_), ..) => said("not the ego's fault", "b-not"),
+        (None, Band::Preventable, _) => said("the ego's fault", "b-ego"),
+        (None, Band::IdealOnly, _) => said("hardly avoidable", "b-hard"),
+        (None, Band::Unavoidable, _) => said("unavoidable by braking", "b-hard"),
+        (None, _, Some(NotApplicable::WithoutEgo)) => said("not the ego's contact", "b-not"),
+        _ => by_right_of_way(scenario, example).unwrap_or_else(|| {
+            let why = example.about.why.as_ref();
+            by_braking(why.and_then(|why| why.last_chance.as_ref()))
+        }),
+    }
+}
+
+/// Who had to give way, or whose lane it was, if their roads say so.
+fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<Fault> {
+    let World::Drive(world) = scenario.world() else {
+        return None;
+    };
+    let (one, other) = &example.episode.contact.as_ref()?.between;
+    let egos: Vec<usize> = world.spec().egos().collect();
+    let ego = &world.spec().agents[*egos.first()?].name;
+    let met = if one == ego { other } else { one };
+    match world.goes_before(ego, met) {
+        Some(true) => Some((format!("{met} had to give way"), "b-not")),
+        Some(false) => Some((format!("{ego} had to give way"), "b-ego")),
+        None => by_lane(world, example, (ego, met)),
+    }
+}
+
+/// Who was in the other's lane, of two on one road in opposite directions.
+fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> Option<Fault> {
+    let agents = &world.spec().agents;
+    let of = |name: &str| agents.iter().position(|agent| agent.name == name);
+    let (own, its) = (of(ego)?, of(met)?);
+    let is_oncoming = agents[its].direction == Direction::Against && agents[its].road == 0;
+    if !is_oncoming {
+        return None;
+    }
+    let place = example.frames.last()?.placements.get(own)?;
+    let at = world.course().locate(&Pose {
+        x_m: place.centre_m[0],
+        y_m: place.centre_m[1],
+        heading_rad: 0.0,
+    });
+    let road = &world.spec().road;
+    let lane = road.lane_at(agents[own].lateral_m.lo);
+    let off_m = (at.lateral_m - road.lane_middle_m(lane)).abs();
+    Some(match off_m < 0.5 * road.lane_width_m() {
+        true => (format!("{met} was in {ego}'s lane"), "b-not"),
+        false => (format!("{ego} had left its lane"), "b-ego"),
+    })
+}
+
+/// What full braking would have done: no more than that is known.
+fn by_braking(chance: Option<&LastChance>) -> Fault {
+    let words = match chance.map(|chance| chance.at_s) {
+        Some(Some(_)) => "avoidable by braking",
+        Some(None) => "unavoidable by braking",
+        None => return ("fault not judged".to_owned(), "b-open"),
+    };
+    (words.to_owned(), "b-hard")
+}
