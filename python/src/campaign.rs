@@ -215,7 +215,8 @@ pub(crate) fn eval_world<'py>(
     let Some(act) = &asked.ado else {
         let switches = asked.switches.unwrap_or(1);
         let rows = running.watched(py, |watch| {
-            Ok(untrained(nominal, &egos, drawn, switches, watch)?)
+            let met = untrained(nominal, &egos, drawn, switches, watch)?;
+            Ok(met.map(|met| met.rows))
         })?;
         return objects(py, &something(rows)?);
     };

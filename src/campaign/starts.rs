@@ -103,6 +103,18 @@ impl TestStarts {
         })
     }
 
+    /// The first of those that are not trivial, at most so many.
+    pub(super) fn first(&self, most: usize) -> TestStarts {
+        let told = self.starts.iter().zip(&self.trivial);
+        let told = told.filter(|(_, trivial)| !**trivial).take(most);
+        let starts: Vec<(Start, u64)> = told.map(|(start, _)| start.clone()).collect();
+        TestStarts {
+            seed: self.seed,
+            trivial: vec![false; starts.len()],
+            starts,
+        }
+    }
+
     /// Works on every start that is not trivial, in parallel: what came of each,
     /// in order; `None` for trivial ones and for those not reached.
     ///

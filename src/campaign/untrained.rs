@@ -3,11 +3,21 @@
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, best_constant, eval};
+use super::in_the_way::{InTheWay, in_the_way};
 use super::search::{SearchRequest, Switches, search};
 use super::starts::test_starts;
 use super::watch::Watch;
 use crate::run::Row;
 use crate::scenario::Scenario;
+
+/// What the egos of a world meet.
+#[derive(Clone, Debug, Default)]
+pub struct Untrained {
+    /// The baselines and a search, ego by ego.
+    pub rows: Vec<Row>,
+    /// What the rules keep the search from, where it finds nothing, ego by ego.
+    pub in_the_way: Vec<InTheWay>,
+}
 
 /// The baselines and a search with at most so many switches, ego by ego.
 ///
@@ -21,12 +31,12 @@ pub fn untrained(
     (count, seed): (usize, u64),
     switches: usize,
     watch: &Watch<'_>,
-) -> Result<Option<Vec<Row>>, CampaignError> {
+) -> Result<Option<Untrained>, CampaignError> {
     consent(nominal, egos)?;
     let Some(starts) = test_starts(nominal, seed, count, watch) else {
         return Ok(None);
     };
-    let mut rows = Vec::new();
+    let mut all = Untrained::default();
     for ego in egos {
         if watch.stopped() {
             break;
@@ -46,9 +56,14 @@ pub fn untrained(
         let constant = best_constant(ego.scenario(), ego.name(), &starts, watch).row;
         for mut row in [met(Ado::Held), met(Ado::Random), constant] {
             row.compare_with_search(&found.row.solved);
-            rows.push(row);
+            all.rows.push(row);
         }
-        rows.push(found.row);
+        if found.row.successes == 0 && 0 < found.row.starts {
+            let met = (ego.scenario(), ego.name());
+            all.in_the_way
+                .extend(in_the_way(met, &starts, switches, watch));
+        }
+        all.rows.push(found.row);
     }
-    Ok(Some(rows))
+    Ok(Some(all))
 }

@@ -9,6 +9,11 @@ use crate::campaign::{EvaluationTable, Gate, Point, Sweep, Swept, Watch};
 use crate::report::sweep_curve;
 use crate::run::{at_most, wilson, write_file};
 
+/// What the columns of a sweep mean.
+const EXPLAINED: &str = "
+failing        starts from which some ado makes the ego fail with that value, every rule kept
+95 % interval  of the share of such starts, in %; in 40ths: the same share as a bar, rounded up";
+
 /// Which newly failing starts hold a change up.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GateOn {
@@ -127,8 +132,9 @@ fn of_sweep(swept: &Swept) -> String {
             "#".repeat((40.0 * failing as f64 / starts.max(1) as f64).ceil() as usize),
         ]
     });
-    let table = table_of([parameter.as_str(), "failing", "95 % interval", ""], lines);
-    format!("{table}\n{}", safety(swept))
+    let header = [parameter.as_str(), "failing", "95 % interval", "in 40ths"];
+    let table = table_of(header, lines);
+    format!("{table}{EXPLAINED}\n{}", safety(swept))
 }
 
 /// From where on, or up to where, no start fails.

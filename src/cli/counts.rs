@@ -4,6 +4,9 @@ use std::ops::RangeInclusive;
 
 use clap::builder::TypedValueParser;
 
+/// How many starts every verb draws that is not told otherwise.
+pub(super) const STARTS: usize = 300;
+
 /// How many starts a verb may draw.
 pub(super) fn start_count() -> impl TypedValueParser<Value = usize> {
     count(1..=10_000_000).map(|count| count as usize)

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::compared::{Compared, GateOn};
-use super::counts::{count, start_count};
+use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
@@ -25,7 +25,7 @@ pub(super) struct EvalArgs {
     #[arg(value_name = "RUN|WORLD.ron")]
     run: PathBuf,
     /// Test starts to draw.
-    #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
+    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
     /// Who plays the ado; repeat for several.
     #[arg(long, value_parser = one_of::<AdoKind>(), default_value = "trained", value_name = "ADO")]
@@ -113,16 +113,21 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let bar = talk::bar("evaluating");
     let starts = (args.starts, args.seed);
     let switches = args.search.unwrap_or(1);
-    let Some(rows) = untrained(&world, &egos, starts, switches, &bar.watch())? else {
+    let Some(met) = untrained(&world, &egos, starts, switches, &bar.watch())? else {
         drop(bar);
         return interrupted_early(&args.common);
     };
     drop(bar);
     match args.common.json {
-        true => print_json(&json!({ "rows": rows }))?,
-        false => talk::data(&table::rows(&rows))?,
+        true => print_json(&json!({ "rows": met.rows, "in_the_way": met.in_the_way }))?,
+        false => {
+            talk::data(&table::rows(&met.rows))?;
+            for why in &met.in_the_way {
+                talk::data(&why.to_string())?;
+            }
+        }
     }
-    Ok(exit_of(&rows, args.fail_on_counterexample))
+    Ok(exit_of(&met.rows, args.fail_on_counterexample))
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {

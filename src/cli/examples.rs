@@ -18,7 +18,7 @@ First steps:
 Documents: docs/README.md beside the source, https://docs.rs/brakecheck, and
 `brakecheck VERB --help`. `brakecheck reproduce` makes the paper's tables and figures again.";
 
-pub(super) const NEW: &str = "Example:\n  brakecheck new mine";
+pub(super) const NEW: &str = "Example:\n  brakecheck new mine\n\nDocuments: docs/worlds.md";
 pub(super) const CHECK: &str = "Example:\n  brakecheck check worlds/acc.ron\n\nDocuments: docs/worlds.md, docs/ego-protocol.md";
 pub(super) const TRAIN: &str = "Example:\n  brakecheck train worlds/acc.ron -o runs/acc --decisions 300k\n\nDocuments: docs/learners.md";
 pub(super) const EVAL: &str = "Example:\n  brakecheck eval runs/acc --ego all --search 2 --keep kept\n\nDocuments: docs/reuse.md, docs/crashes.md";
@@ -31,7 +31,8 @@ pub(super) const REPLAY: &str =
 pub(super) const STL: &str = "Example:\n  brakecheck stl \"always (gap >= 0.5)\" --trace trace.csv --explain\n\nDocuments: docs/stl.md";
 pub(super) const REPORT: &str =
     "Example:\n  brakecheck report runs/acc --starts 100\n\nDocuments: docs/report.md";
-pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM";
+pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\n  brakecheck view kept 0 -o crash.svg --beside FSM\n\nDocuments: docs/report.md";
+pub(super) const REPRODUCE: &str = "Example:\n  brakecheck reproduce case-studies --world acc -o reproduced\n\nDocuments: docs/results.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/export.md";
 pub(super) const SERVE: &str =
     "Example:\n  brakecheck serve runs/acc < questions.jsonl\n\nDocuments: docs/ado-protocol.md";
@@ -60,8 +61,7 @@ mod tests {
     #[test]
     fn every_verb_has_an_example_that_parses() {
         let program = Cli::command();
-        let verbs = program.get_subcommands().filter(|verb| !verb.is_hide_set());
-        for verb in verbs {
+        for verb in program.get_subcommands() {
             let name = verb.get_name();
             let help = verb.get_after_help().map(ToString::to_string);
             let help = help.unwrap_or_default();
@@ -72,6 +72,23 @@ mod tests {
             if let Err(error) = Cli::try_parse_from(words(example)) {
                 panic!("{example}: {error}");
             }
+        }
+    }
+
+    #[test]
+    fn every_verb_draws_as_many_starts_unless_told_otherwise() {
+        let program = Cli::command();
+        // Studies draw as many as the published tables have.
+        let verbs = program.get_subcommands().filter(|verb| !verb.is_hide_set());
+        let drawing = verbs.filter_map(|verb| {
+            let mut arguments = verb.get_arguments();
+            let starts = arguments.find(|argument| argument.get_id() == "starts")?;
+            Some((verb.get_name(), starts.get_default_values().to_vec()))
+        });
+        let drawing: Vec<_> = drawing.collect();
+        assert_eq!(drawing.len(), 4, "{drawing:?}");
+        for (verb, values) in &drawing {
+            assert_eq!(values, &["300"], "{verb}");
         }
     }
 

@@ -163,7 +163,9 @@ fn identified(leave_out: &[String], family: &Family, ego: &str, found: &Identifi
         ]
     });
     let table = table_of(
-        ["quantity", "fitted", "spread", "nominal", "family", ""],
+        [
+            "quantity", "fitted", "spread", "nominal", "family", "remark",
+        ],
         lines,
     );
     format!(
@@ -171,7 +173,8 @@ fn identified(leave_out: &[String], family: &Family, ego: &str, found: &Identifi
          (root mean square over {} recorded runs, a speed error of 1 m/s counted like 1 m; the \
          nominal ego strays by {:.2} m, noise alone makes {:.2} m;\nindependent fits {} m; {} runs of \
          members simulated)\n{table}\n\
-         spread: how far the independent fits are apart; family: the range it was looked for in\n",
+         fitted: the value of the nearest member; spread: how far the independent fits are apart\n\
+         nominal: the value the ado was trained on; family: the range it was looked for in\n",
         found.recorded,
         found.nominal_residual_m,
         found.noise_m,

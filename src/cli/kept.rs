@@ -299,8 +299,10 @@ fn table(replayed: &[Replayed]) -> String {
         _ => String::new(),
     };
     format!(
-        "{place}{}\nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
-         \nrules until it whether the ados kept theirs until the contact; –: there was none\
+        "{place}{}\nverdict        counterexample: the ego failed, every rule kept; foul: one was broken; held: neither\
+         \nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
+         \ncontact        when it is, and at which closing speed; –: there was none\
+         \nrules until it whether the ados kept theirs until the contact; –: there was none, or it is not known\
          \nbits           whether every sample is the recorded one",
         table_of(header, lines)
     )

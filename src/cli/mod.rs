@@ -32,7 +32,7 @@ use std::process::ExitCode;
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use miette::GraphicalTheme;
 use serde_json::json;
 use strum::{EnumMessage, VariantArray};
@@ -105,7 +105,7 @@ enum Verb {
     #[command(after_help = examples::REPORT)]
     Report(report::ReportArgs),
     /// Make the paper's tables and figures again, from nothing.
-    #[command(hide = true)]
+    #[command(hide = true, after_help = examples::REPRODUCE)]
     Reproduce(reproduce::ReproduceArgs),
     /// Play many worlds, egos, ados and starts in pieces that can die.
     #[command(after_help = examples::CAMPAIGN)]
@@ -165,7 +165,7 @@ pub fn main() -> ExitCode {
 ///
 /// Help, and what is no command line, ends the process.
 pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    let cli = Cli::parse_from(arguments);
+    let cli = read_line(arguments).unwrap_or_else(|error| error.exit());
     if cli.verb.saves_when_interrupted() {
         talk::listen_for_interrupts();
     }
@@ -175,6 +175,17 @@ pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
         talk::say(failure.render(talk::theme(), talk::width()).trim_end());
         failure.exit
     })
+}
+
+/// The command line; a negative number is a value, however wrong, and no option.
+fn read_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
+    let line = Cli::command().mut_subcommands(|verb| {
+        verb.mut_args(|argument| match argument.get_action().takes_values() {
+            true => argument.allow_negative_numbers(true),
+            false => argument,
+        })
+    });
+    Cli::from_arg_matches(&line.try_get_matches_from(arguments)?)
 }
 
 fn carry_out(verb: Verb) -> Result<Exit, Failure> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::counts::start_count;
+use super::counts::{STARTS, start_count};
 use super::{Common, Exit, Failure, interrupted_early, open_run, print_json, talk};
 use crate::campaign::{GivenRows, ReportRequest};
 use crate::report::Report;
@@ -25,7 +25,7 @@ pub(super) struct ReportArgs {
     #[arg(long, value_name = "FILE.json")]
     rows: Vec<PathBuf>,
     /// Test starts for the nominal ego.
-    #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
+    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
     /// The first of them that every changed ego is tried on too, without
     /// `--rows` [default: as many as 1000 episodes allow, 20 to 100].

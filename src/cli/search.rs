@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use serde_json::json;
 use strum::VariantArray;
 
-use super::counts::{count, start_count};
+use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
@@ -36,7 +36,7 @@ pub(super) struct SearchArgs {
     #[arg(long, value_name = "RUN", help = MethodOption::From.help())]
     from: Option<PathBuf>,
     /// Test starts to draw.
-    #[arg(long, value_name = "N", default_value_t = 300, value_parser = start_count())]
+    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
     /// Which ego is tested: nominal, a name under `reuse`, a RON file, or all.
     #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]

@@ -6,7 +6,7 @@ use crate::campaign::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
 use crate::run::Row;
 
 /// Columns of a table at most; what is wider is wrapped.
-const WIDTH: u16 = 100;
+pub(super) const WIDTH: u16 = 100;
 
 /// What the columns of rows mean, below them.
 const ROWS_EXPLAINED: &str = "

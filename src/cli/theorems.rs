@@ -64,7 +64,9 @@ fn on_the_road(carried: &CarryOver) -> String {
     text.push_str(
         "\ncarried over   counterexamples against the nominal ego that are some against this one\
          \nε              distance of the runs; where it is below τ the theorem promises carry-over\
-         \n(misses)       promises that were not kept: each is a bug of this program",
+         \nε, median      how far apart the runs are, over all pairs\
+         \n(misses)       promises that were not kept: each is a bug of this program\
+         \nsharper        the same where only the deepest sample counts; –: ψ_ego is no `always φ`",
     );
     text.push_str(&format!(
         "\n\nBefore running, distances bounded at {:.0} % by as many other starts:\n",
@@ -88,7 +90,8 @@ fn on_the_road(carried: &CarryOver) -> String {
     ];
     text.push_str(&table_of(header, foretold));
     text.push_str(
-        "\nbounds         distances that are not exceeded, by the other starts\
+        "\nreading        ε < τ as in the theorem, or the sharper one\
+         \nbounds         distances that are not exceeded, by the other starts\
          \ncoverage       pairs that stay within the bounds\
          \npredicted      pairs foretold to carry over; precision: of those, the share that does;\
          \n               recall: of those that do, the share foretold",

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::counts::{count, start_count};
+use super::counts::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
     table, talk,
@@ -48,7 +48,7 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     from: Option<PathBuf>,
     /// Test starts of the closing evaluation.
-    #[arg(long, value_name = "N", default_value_t = 300, value_parser = start_count())]
+    #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
     /// Seed of the training, and of its test starts.
     #[arg(long, value_name = "N", default_value_t = 0)]

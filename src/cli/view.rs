@@ -56,6 +56,7 @@ fn drivers() -> PossibleValuesParser {
 
 pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     let is_picture = args.output.as_deref().is_some_and(is_picture);
+    known_kind(args.output.as_deref())?;
     if args.beside.is_some() && !is_picture {
         return Err(Failure::input(
             "`--beside` is for pictures",
@@ -88,6 +89,25 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
         _ => recording(args, replayed),
     }?;
     Ok(Exit::Done)
+}
+
+/// Refuses a file of a kind that is not written.
+fn known_kind(output: Option<&Path>) -> Result<(), Failure> {
+    let Some(output) = output else { return Ok(()) };
+    let kind = output.extension().unwrap_or_default();
+    match ["rrd", "svg"]
+        .iter()
+        .any(|it| kind.eq_ignore_ascii_case(it))
+    {
+        true => Ok(()),
+        false => Err(Failure::input(
+            format!(
+                "`{}` is neither a recording nor a picture",
+                output.display()
+            ),
+            "name a `.rrd`, for the rerun viewer, or a `.svg`, for any browser",
+        )),
+    }
 }
 
 fn is_picture(output: &Path) -> bool {

@@ -142,6 +142,10 @@ impl Drop for WholeFile {
 
 /// A new file for what is not yet whole, locked while somebody writes to it.
 fn unfinished(dir: &Path) -> io::Result<(File, PathBuf)> {
+    if !dir.as_os_str().is_empty() && !dir.is_dir() {
+        let why = format!("there is no directory `{}`", dir.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, why));
+    }
     loop {
         step(dir)?;
         let (file, path) = tempfile::Builder::new()

@@ -116,7 +116,7 @@ impl RunError {
             ),
             RunError::Locked { .. } => Some("wait for it, or name another directory".to_owned()),
             RunError::Damaged { .. } => {
-                Some("restore the file from a backup, or train again".to_owned())
+                Some("restore the file from a backup, or make it again".to_owned())
             }
             RunError::Untold { .. } => Some(
                 "`eval` takes `--params identified`, `true`, `nominal`, or a file that \

@@ -190,7 +190,11 @@ impl Manifest {
             why,
         };
         if !run.is_dir() {
-            return Err(not_a_run("there is no such directory".to_owned()));
+            let why = match run.exists() {
+                true => "it is a file",
+                false => "there is no such directory",
+            };
+            return Err(not_a_run(why.to_owned()));
         }
         let file = run.join(FILE);
         if !file.is_file() {

@@ -29,6 +29,12 @@ pub enum SamplesError {
     /// The header cannot be a schema.
     #[error("line 1: {0}")]
     Header(#[from] SchemaError),
+    /// The columns are apart, but not by commas.
+    #[error("line 1: the columns are separated by {by}, and commas are expected")]
+    Separator {
+        /// What stands between them, in words.
+        by: &'static str,
+    },
     /// A line has more or fewer values than the header.
     #[error("line {line}: {got} values for {want} columns")]
     Ragged {
@@ -94,6 +100,9 @@ impl SamplesError {
     /// The cure, where one is known.
     pub fn help(&self) -> &'static str {
         match self {
+            SamplesError::Separator { .. } => {
+                "separate names and values with `,`, and write decimals with a point"
+            }
             SamplesError::Uneven { .. } => "resample the trace at a fixed period",
             SamplesError::NotLater { .. } => "sort the samples by time, each once",
             SamplesError::TimeUnit { .. } => "convert the column to seconds and call it `time`",
@@ -131,6 +140,13 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
     }
     if let Some(column) = names.iter().position(String::is_empty) {
         return Err(SamplesError::NoName { column: column + 1 });
+    }
+    if let [only] = &names[..] {
+        let separators = [(';', "semicolons"), ('\t', "tabs")];
+        let found = separators.iter().find(|(sign, _)| only.contains(*sign));
+        if let Some((_, by)) = found {
+            return Err(SamplesError::Separator { by });
+        }
     }
     let mut table = Table::new(names)?;
     for record in reader.records() {
@@ -336,6 +352,14 @@ mod tests {
             ("x,y\n1,2\n3\n", "line 3: 1 values for 2 columns"),
             ("x\n1\nNaN\n", "line 3, column `x`: `NaN`"),
             ("x\n1\ninf\n", "`inf` is no finite number"),
+            (
+                "time;x\n0;1\n",
+                "line 1: the columns are separated by semicolons",
+            ),
+            (
+                "time\tx\n0\t1\n",
+                "line 1: the columns are separated by tabs",
+            ),
             ("x\n1\nabc\n", "`abc`"),
             ("t,x\n0,1\n1,1\n3,1\n", "line 4: time 3 s where 2 s was"),
             (

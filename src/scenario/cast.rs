@@ -85,7 +85,8 @@ impl Cast<'_> {
             let mut before = file.agents[..i].iter();
             if before.any(|other| other.name() == entry.name()) {
                 let what = format!("two agents are called `{}`", entry.name());
-                problems.add(&path.to("name"), what, "second one", None);
+                let help = "give each a name of its own".to_owned();
+                problems.add(&path.to("name"), what, "second one", Some(help));
             }
             match entry {
                 AgentFile::Light {

@@ -243,6 +243,16 @@ fn explain(code: &Error) -> (String, String, Option<String>) {
             "here".to_owned(),
             Some("worlds need fewer than 128 levels".to_owned()),
         ),
+        Error::ExpectedStringEnd => (
+            "a text does not end".to_owned(),
+            "it goes on to the end of the file".to_owned(),
+            Some("close it with `\"`".to_owned()),
+        ),
+        Error::ExpectedDifferentStructName { expected, found } => (
+            format!("`{expected}(…)` is expected here, not `{found}(…)`"),
+            "another kind of file".to_owned(),
+            Some(format!("name a file that begins with `{expected}(`")),
+        ),
         other => (first_lower(&other.to_string()), "here".to_owned(), None),
     }
 }

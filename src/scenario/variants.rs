@@ -25,6 +25,17 @@ impl Scenario {
         }
     }
 
+    /// The same world without the rules of some names.
+    #[must_use]
+    pub fn without_rules(&self, left_out: impl Fn(&str) -> bool) -> Scenario {
+        let mut same = self.clone();
+        same.rules.retain(|rule| !left_out(&rule.name));
+        let mut rulebook = Rulebook::clone(&self.rulebook);
+        rulebook.rules.retain(|rule| !left_out(&rule.name));
+        same.rulebook = Arc::new(rulebook);
+        same
+    }
+
     /// The same world, each start played so often.
     #[must_use]
     pub fn repeated(&self, repeats: Repeats) -> Scenario {

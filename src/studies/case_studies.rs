@@ -192,6 +192,17 @@ pub fn trained_run(
     Ok((path, trained.done.cpu_s))
 }
 
+/// What the columns mean, below the table.
+const EXPLAINED: &str = "
+- starts (trivial): test starts; on as many besides, left out, the ego fails without an adversary
+- trained: success: mean share of starts from which the trained ados make the ego fail
+- recall: of the starts that search solves, the share an ado solves; median over trainings (least)
+- fouls: share of starts on which a trained ado broke a rule first: no success
+- search: share from which some sequence of actions with at most so many switches does
+- random, held; random; best constant: what ados do that learned nothing
+- training CPU s: processor time of a training, on average
+";
+
 /// The studies as a Markdown table.
 pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
     let mut text = String::from(
@@ -226,5 +237,5 @@ pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
             study.train_cpu_s,
         ));
     }
-    text
+    text + EXPLAINED
 }

@@ -152,6 +152,15 @@ fn are_same(axes: &[Axis], a: &Start, b: &Start) -> bool {
     apart.all(|(apart, same)| apart <= same)
 }
 
+/// What the columns mean, below the table.
+const EXPLAINED: &str = "
+- failing start: the paper's; V: its value, as the trained ado sees it
+- near starts: test starts whose value differs from V by less than δ
+- of those fail: those from which the ado makes the ego fail, with the interval of their share
+- failing with less / more: of those that fail, how many have less and more of each quantity
+- never met in training: of those that fail, how many are like no start of the training
+";
+
 /// The neighbourhoods as a Markdown table.
 pub fn near_starts_markdown(all: &[NearFailing]) -> String {
     let mut text = String::from(
@@ -185,5 +194,5 @@ pub fn near_starts_markdown(all: &[NearFailing]) -> String {
             ));
         }
     }
-    text
+    text + EXPLAINED
 }

@@ -102,6 +102,14 @@ fn together<'a>(seeds: impl Iterator<Item = &'a Milestone>) -> Reached {
     }
 }
 
+/// What the columns mean, below the table.
+const EXPLAINED: &str = "
+- paper: what the paper says of that row
+- seeds, starts: trainings, and test starts of each that are not trivial
+- episodes, decisions, CPU s: how long was trained until then, mean over trainings
+- success: mean share of starts from which the greedy ado then makes the ego fail
+";
+
 /// The rows as a Markdown table.
 pub fn paper_rows_markdown(rows: &[Measured]) -> String {
     let mut text = String::from(
@@ -126,5 +134,5 @@ pub fn paper_rows_markdown(rows: &[Measured]) -> String {
             ));
         }
     }
-    text
+    text + EXPLAINED
 }

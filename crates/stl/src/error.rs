@@ -144,11 +144,11 @@ pub(crate) fn suggest<'a>(
         .filter(|(score, _)| 0.75 <= *score)
         // The first of the closest.
         .reduce(|a, b| if a.0 < b.0 { b } else { a })
-        .map(|(_, k)| format!("did you mean `{k}`?"));
+        .map(|(_, k)| format!("did you mean {}?", as_typed(k)));
     let count = known.clone().count();
     let mut list = known
         .take(SHOWN)
-        .map(|k| format!("`{k}`"))
+        .map(as_typed)
         .collect::<Vec<_>>()
         .join(", ");
     if SHOWN < count {
@@ -158,6 +158,15 @@ pub(crate) fn suggest<'a>(
     match (close, list) {
         (Some(close), Some(list)) => Some(format!("{close} {list}")),
         (close, list) => close.or(list),
+    }
+}
+
+/// A name as it is written in a formula: in double quotes where it must be.
+fn as_typed(name: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '$' | '.');
+    match name.chars().all(is_plain) {
+        true => format!("`{name}`"),
+        false => format!("`\"{name}\"`"),
     }
 }
 

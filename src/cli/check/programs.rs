@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::super::{Exit, Failure, print_json, table_of, talk};
-use crate::ego::{DOCUMENT, Exercise, Fault, Finding, Hello, Process, exercise};
+use crate::ego::{DOCUMENT, Exercise, Fault, FaultKind, Finding, Hello, Process, exercise};
 use crate::scenario::Scenario;
 
 /// A program that a world names, and what it said.
@@ -84,12 +84,13 @@ fn failure(command: &[String], fault: &Fault) -> Failure {
         false => format!("its stderr ends:\n{}\n", fault.stderr),
     };
     Failure::fault(
-        format!(
-            "the program `{}`: {}: {fault}",
-            command.join(" "),
-            fault.kind.word()
-        ),
-        Some(format!("{stderr}what it has to say is in {DOCUMENT}")),
+        format!("the program `{}`: {fault}", command.join(" ")),
+        Some(match fault.kind {
+            FaultKind::CannotStart => {
+                format!("{stderr}check its name and path, and that it may be executed")
+            }
+            _ => format!("{stderr}what it has to say is in {DOCUMENT}"),
+        }),
     )
 }
 
@@ -133,7 +134,7 @@ fn findings(done: &Exercise) -> String {
         let mark = if found.passed { "ok" } else { "WRONG" };
         [mark.to_owned(), found.what.clone(), found.note.clone()]
     });
-    let table = table_of(["", "it", ""], lines);
+    let table = table_of(["", "the program", "seen"], lines);
     match &done.hello {
         Some(hello) => format!("{}\n{table}", said(hello)),
         None => "it did not say hello".to_owned(),

@@ -3,6 +3,7 @@
 mod crashes;
 mod driving;
 mod figures;
+mod fitted;
 mod grids;
 mod near;
 mod paper;
@@ -15,6 +16,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use super::counts::start_count;
 use super::{Common, Exit, Failure, print_json, talk};
 use crate::campaign::Watch;
 use crate::run::{Finished, RunError, make_dir, write_file};
@@ -49,8 +51,8 @@ pub(super) struct ReproduceArgs {
     /// Seed of the test starts; sealed from 100 on, too.
     #[arg(long, value_name = "N", default_value_t = FIRST_SEALED, value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     start_seed: u64,
-    /// Test starts per world.
-    #[arg(long, value_name = "N", default_value_t = 500)]
+    /// Test starts per world, by default as many as the published tables have.
+    #[arg(long, value_name = "N", default_value_t = 500, value_parser = start_count())]
     starts: usize,
     /// Refused, with what to use instead.
     #[arg(long, hide = true, value_name = "N")]
@@ -105,7 +107,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
         };
         made.save(&args.output)?;
         if !args.common.json {
-            talk::data(made.markdown.trim_end())?;
+            talk::data(&fitted::fitted(&made.markdown))?;
         }
         if let Value::Object(part) = made.json {
             results.extend(part);

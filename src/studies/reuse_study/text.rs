@@ -9,6 +9,29 @@ pub fn reuse_markdown(studies: &[ReuseStudied]) -> String {
     studies.iter().map(one_markdown).collect()
 }
 
+/// What the columns of the first table mean, below it.
+const EGOS_EXPLAINED: &str = "
+- relation: the ego that was trained against, inside the family it is of, or outside
+- fails without an adversary: share of starts, left out; reachable: share that search solves
+- nominal ado, wide, …: share from which each ado makes the ego fail, mean over trainings
+- recall of conditional: of the starts that search solves, the share it solves too
+";
+
+/// What the columns of the summaries mean, below the last of them.
+const BLOCKS_EXPLAINED: &str = "
+- mean success: over the egos of the block; − it: how much more the named ado has, in points
+- mean recall, least recall: over those egos of which search solves enough to ask
+";
+
+/// What the columns of the last table mean, below it.
+const KNOWN_EXPLAINED: &str = "
+- taken for: the member of the family that the recorded runs are nearest to
+- explained: whether it is as near as noise allows; residual: how far it is, (the nominal ego)
+- simulations: of the ego, to identify it, and to find what the ado fares best with (best told)
+- held search: simulations per start of a search that solves as many starts
+- cheaper from: starts from which on the ado costs less than it, its training included
+";
+
 /// Ados of the table of egos, and how its header calls them.
 const SHOWN: [(&str, &str); 9] = [
     ("nominal ado", "nominal ado"),
@@ -60,6 +83,7 @@ fn one_markdown(study: &ReuseStudied) -> String {
         let recall = recall.map_or("–".to_owned(), |recall| format!("{recall:.3}"));
         text.push_str(&format!(" {recall} |\n"));
     }
+    text.push_str(EGOS_EXPLAINED);
     for (reference, summaries) in [
         (CONDITIONAL, &study.summary),
         (ADAPTED, &study.summary_of_adapted),
@@ -74,7 +98,9 @@ fn one_markdown(study: &ReuseStudied) -> String {
             text.push_str(&summary_line(sum));
         }
     }
+    text.push_str(BLOCKS_EXPLAINED);
     text.push_str(&known_markdown(study));
+    text.push_str(KNOWN_EXPLAINED);
     text.push('\n');
     text
 }

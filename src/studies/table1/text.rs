@@ -37,7 +37,8 @@ fn one(study: &GridStudy, text: &mut String) {
     text.push_str(&format!(
         "Trained on n = 4, k = 2, all starts, training seeds {}: {}.\n\
          Learners: median over seeds of the share of captured starts, and [95 % interval of the mean over trainings and starts].\n\
-         Optimum, chaser and random (uniform actions, in expectation) are exact; tables are the mean of 20 fixed random tables.\n\n",
+         Optimum, chaser and random (uniform actions, in expectation) are exact; tables are the mean of 20 fixed random tables.\n\
+         paper: what the paper has for its trained ado (and its random one); starts: all there are, or as many drawn.\n\n",
         seeds.join(", "),
         costs.join(", ")
     ));
@@ -126,7 +127,7 @@ fn randoms(study: &GridStudy, text: &mut String) {
 fn near(study: &GridStudy, text: &mut String) {
     text.push_str(
         "RQ4: trained on 100 random starts of n = 10, k = 1; around 5 counterexample starts, the share of \
-         all δ-near starts (|V − V'| < δ, V the learner's own) from which the ego fails, median (worst seed):\n\n",
+         all δ-near starts (|V − V'| < δ, V the learner's own) from which the ego fails, median (worst seed); optimum: of the best ado:\n\n",
     );
     header("δ | paper % | optimum %", study, "", text);
     for row in &study.delta_near {
@@ -157,7 +158,9 @@ fn near(study: &GridStudy, text: &mut String) {
 
 fn open_loop(study: &GridStudy, text: &mut String) {
     text.push_str(
-        "Fig. 1: the action sequences with which each policy captures, played back open loop elsewhere:\n\n\
+        "Fig. 1: the action sequences with which each policy captures, played back open loop elsewhere.\n\
+         Own start, other starts: shares captured by the sequence, from where it was found and from all others; \
+         the policy there: by the policy itself.\n\n\
          | ado | from its own start % | from the other starts % | the policy there % | own start, k = 1 % | the policy there % |\n\
          | --- | --- | --- | --- | --- | --- |\n",
     );

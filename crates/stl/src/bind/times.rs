@@ -81,7 +81,9 @@ impl Binder<'_> {
                     span,
                     "unknown constant",
                 );
-                Err(error.maybe_help(suggest(name, "constants", constants)))
+                let none = "write a number; a window to the end of the trace is `[0, end]`";
+                let help = suggest(name, "constants", constants);
+                Err(error.with_help(help.unwrap_or_else(|| none.to_owned())))
             }
         }
     }
