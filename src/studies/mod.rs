@@ -11,6 +11,7 @@ mod milestones;
 mod near;
 mod paper_rows;
 mod reuse_study;
+mod structures;
 mod table1;
 #[cfg(test)]
 mod tests;
@@ -23,4 +24,5 @@ pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
 pub use near::{Alumnus, NearFailing, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
 pub use reuse_study::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+pub use structures::{RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown};
 pub use table1::{Table1, Table1Error, table1, table1_markdown};

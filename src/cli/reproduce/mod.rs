@@ -8,6 +8,7 @@ mod grids;
 mod near;
 mod paper;
 mod reuse;
+mod structures;
 
 use std::path::{Path, PathBuf};
 
@@ -86,6 +87,9 @@ enum What {
     NearStarts,
     /// Crashes that a careful driver would have avoided: what each ado finds.
     Crashes,
+    /// Controllers of structures that no ado met in training, each learned from 100 runs of it
+    /// (at most 2 trainings and 100 starts).
+    Structures,
     /// The paper's Figs. 2, 3 and 5, found by search in the shipped worlds.
     Figures,
     /// Everything, one after the other.
@@ -128,6 +132,7 @@ impl What {
             What::Reuse => &[reuse::run],
             What::NearStarts => &[near::run],
             What::Crashes => &[crashes::run],
+            What::Structures => &[structures::run],
             What::Figures => &[figures::run],
             What::All => &[
                 grids::run,
@@ -136,6 +141,7 @@ impl What {
                 reuse::run,
                 near::run,
                 crashes::run,
+                structures::run,
                 figures::run,
             ],
         }

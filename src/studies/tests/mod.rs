@@ -3,6 +3,7 @@
 mod near;
 mod paper;
 mod reusing;
+mod structures;
 
 use crate::scenario::Scenario;
 

@@ -1,0 +1,67 @@
+//! Egos of other structures: whose they are, and what the table says of them.
+
+use crate::scenario::Scenario;
+use crate::studies::structures::Met;
+use crate::studies::{StructureRow, other_structures, structures_markdown};
+
+fn row(ego: &str, searched: usize, recall: f64, successes: usize) -> StructureRow {
+    let met = |recall: f64| Met {
+        recall: Some(recall),
+        beyond: 1,
+        successes,
+    };
+    StructureRow {
+        ego: ego.to_owned(),
+        seed: 7,
+        starts: 50,
+        searched,
+        trained: met(0.1),
+        held: met(0.2),
+        constant: met(0.3),
+        adapted: met(recall),
+        again: met(1.0),
+        few: met(0.4),
+        off_m: Some([0.25, 2.0]),
+        expected: (0.5, [0.4, 0.6]),
+    }
+}
+
+#[test]
+fn egos_with_another_controller_are_met_and_changed_parameters_are_not() {
+    let names = |world: &str| {
+        let world = Scenario::shipped(world).expect("shipped").expect("sound");
+        let egos = other_structures(&world).expect("it has changed egos");
+        egos.iter()
+            .map(|ego| ego.name().to_owned())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(names("acc_structures").len(), 10);
+    assert!(names("merge_fair").contains(&"braking filter".to_owned()));
+    assert!(!names("merge_fair").contains(&"softer brakes".to_owned()));
+    assert_eq!(names("cut_in"), Vec::<String>::new());
+}
+
+#[test]
+fn means_are_of_rows_that_tell_something_and_what_came_is_held_against_what_was_expected() {
+    let rows = [
+        row("idm", 40, 0.9, 25),
+        row("rss", 30, 0.5, 40),
+        row("hardly", 2, 0.0, 5),
+    ];
+    let text = structures_markdown("acc_structures", &rows);
+    let line = |start: &str| {
+        let found = text.lines().find(|line| line.starts_with(start));
+        found.unwrap_or_else(|| panic!("{text}")).to_owned()
+    };
+    assert_eq!(
+        line("| idm "),
+        "| idm | 7 | 40 of 50 | 0.10 | 0.20 | 0.30 | 0.90 | 1.00 | 0.40 | 1 | 0.25 / 2.00 | 50 % [40, 60] | 50 % |"
+    );
+    let mean = line("| mean (worst) of 2 ");
+    assert!(
+        mean.contains("| 0.10 (0.10) | 0.20 (0.20) | 0.30 (0.30) | 0.70 (0.50) |"),
+        "{mean}"
+    );
+    // 25 of 50 were expected; 40 and 5 were not.
+    assert!(text.contains("was expected in 1 of 3 rows"), "{text}");
+}
