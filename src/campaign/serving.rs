@@ -291,7 +291,8 @@ fn number(name: &str, value: &Value) -> Result<f64, String> {
 
 /// What a joint action asks each ado for, in numbers: of a vehicle `accel_mps2`
 /// and `lateral_mps`, of somebody on foot `along_mps` and `left_mps`, of a light
-/// `advance`. On grids actions have words only.
+/// `advance`, of somebody with a plan `added_accel_mps2` and `added_left_mps`,
+/// which come on top of it. On grids actions have words only.
 pub fn asked_of(world: &World, mut action: usize) -> Value {
     let World::Drive(drive) = world else {
         return json!({});
@@ -314,6 +315,10 @@ fn in_numbers(actions: &Actions, action: usize) -> Value {
         }
         Actions::Walks(list) => json!({ "along_mps": list[action].0, "left_mps": list[action].1 }),
         Actions::Phases(list) => json!({ "advance": list[action] == Turn::Advance }),
+        Actions::Deviate(added) => {
+            let (accel_mps2, left_mps) = added.at(action);
+            json!({ "added_accel_mps2": accel_mps2, "added_left_mps": left_mps })
+        }
     }
 }
 

@@ -35,7 +35,7 @@ pub(super) const VIEW: &str = "Examples:\n  brakecheck view kept 0 -o crash.rrd\
 pub(super) const REPRODUCE: &str = "Example:\n  brakecheck reproduce case-studies --world acc -o reproduced\n\nDocuments: docs/results.md";
 pub(super) const EXPORT: &str = "Example:\n  brakecheck export kept -o scenarios\n  esmini --osc scenarios/NAME.xosc --traj_filter 0 --pline_interpolation segment\n\nDocuments: docs/export.md";
 pub(super) const SERVE: &str =
-    "Example:\n  brakecheck serve runs/acc < questions.jsonl\n\nDocuments: docs/ado-protocol.md";
+    "Example:\n  brakecheck serve runs/acc\n\nDocuments: docs/ado-protocol.md";
 
 pub(super) const CAMPAIGN: &str = "Example:\n  brakecheck campaign plan campaign.ron -o plan\n  brakecheck campaign run plan\n  brakecheck campaign merge plan\n\nDocuments: docs/campaigns.md";
 pub(super) const CAMPAIGN_PLAN: &str = "Examples:\n  brakecheck campaign plan campaign.ron --dry-run\n  brakecheck campaign plan campaign.ron -o plan\n\nDocuments: docs/campaigns.md";

@@ -190,13 +190,13 @@ impl Language {
     ) {
         let schema = self.schema();
         let bound = schema.map(|schema| formula.bind_with(&schema, names, &Settings::default()));
-        if let Some(Ok(monitor)) = bound {
-            if monitor.horizon_samples() != Some(0) {
-                let what = "a step waits for what lies ahead";
-                let help = "say it of the present and the past: `once`, `historically`, `since`, \
-                            `prev` and `rise` look back";
-                problems.add(path, what, "looks ahead", Some(help.to_owned()));
-            }
+        if let Some(Ok(monitor)) = bound
+            && monitor.horizon_samples() != Some(0)
+        {
+            let what = "a step waits for what lies ahead";
+            let help = "say it of the present and the past: `once`, `historically`, `since`, \
+                        `prev` and `rise` look back";
+            problems.add(path, what, "looks ahead", Some(help.to_owned()));
         }
         self.bind(problems, path, formula, names);
     }

@@ -22,7 +22,7 @@ const TELLING: usize = 10;
 
 /// Who met an ego, and which starts it solved.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Met {
+pub struct SolvedBy {
     /// Share of the starts that search solves that it solves too; `None`: search
     /// solves none.
     pub recall: Option<f64>,
@@ -32,10 +32,10 @@ pub struct Met {
     pub successes: usize,
 }
 
-impl Met {
-    fn of(mut row: Row, searched: &Outcomes) -> Met {
+impl SolvedBy {
+    fn of(mut row: Row, searched: &Outcomes) -> SolvedBy {
         row.compare_with_search(searched);
-        Met {
+        SolvedBy {
             recall: row.recall,
             beyond: row.beyond_search.unwrap_or(0),
             successes: row.successes,
@@ -55,17 +55,17 @@ pub struct StructureRow {
     /// Those that search solves.
     pub searched: usize,
     /// The policy, reused as it was trained.
-    pub trained: Met,
+    pub trained: SolvedBy,
     /// Random actions, held.
-    pub held: Met,
+    pub held: SolvedBy,
     /// The best of the constant actions, chosen on these very starts.
-    pub constant: Met,
+    pub constant: SolvedBy,
     /// Planned in a surrogate of [`RUNS`] runs, each start played once.
-    pub adapted: Met,
+    pub adapted: SolvedBy,
     /// The same, each start played at most three times.
-    pub again: Met,
+    pub again: SolvedBy,
     /// Planned in a surrogate of 30 runs, each start played once.
-    pub few: Met,
+    pub few: SolvedBy,
     /// How far the surrogate of the first is off two seconds ahead, and an ego
     /// that keeps its acceleration, m.
     pub off_m: Option<[f64; 2]>,
@@ -126,7 +126,7 @@ impl StructuresAsked<'_> {
             return Ok(None);
         };
         let searched = search.solved.clone();
-        let met = |of: &Part, ado: &str| Some(Met::of(of.row(ado)?.clone(), &searched));
+        let met = |of: &Part, ado: &str| Some(SolvedBy::of(of.row(ado)?.clone(), &searched));
         let row = || {
             let told = first.told.as_ref()?;
             Some(StructureRow {
@@ -212,7 +212,7 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
         text.push_str(&line(row));
     }
     let telling: Vec<&StructureRow> = rows.iter().filter(|row| TELLING <= row.searched).collect();
-    let over = |of: fn(&StructureRow) -> &Met| {
+    let over = |of: fn(&StructureRow) -> &SolvedBy| {
         let recalls: Vec<f64> = telling.iter().filter_map(|row| of(row).recall).collect();
         let mean = recalls.iter().sum::<f64>() / recalls.len().max(1) as f64;
         let worst = recalls.iter().copied().fold(f64::INFINITY, f64::min);
@@ -240,7 +240,7 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
 }
 
 fn line(row: &StructureRow) -> String {
-    let recall = |met: &Met| {
+    let recall = |met: &SolvedBy| {
         met.recall
             .map_or("–".to_owned(), |recall| format!("{recall:.2}"))
     };

@@ -76,10 +76,9 @@ fn refused(args: &[&str]) -> String {
 /// The files of the pieces, in order.
 fn pieces(plan: &str) -> Vec<PathBuf> {
     let mut all = Vec::new();
-    for dir in fs::read_dir(Path::new(plan).join("pieces"))
-        .expect("pieces")
-        .flatten()
-    {
+    // Where none was made yet, there is no directory either.
+    let dirs = fs::read_dir(Path::new(plan).join("pieces"));
+    for dir in dirs.into_iter().flatten().flatten() {
         for entry in fs::read_dir(dir.path()).expect("pieces").flatten() {
             all.push(entry.path());
         }

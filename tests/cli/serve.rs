@@ -26,7 +26,7 @@ fn say(args: &[&str], lines: &[u8]) -> (Output, Vec<Value>) {
     drop(stdin);
     let output = child.wait_with_output().expect("it ends");
     let text = String::from_utf8(output.stdout.clone()).expect("text");
-    let answers = text.lines().map(|line| serde_json::from_str(line));
+    let answers = text.lines().map(serde_json::from_str);
     let answers = answers.collect::<Result<_, _>>().expect("JSON lines");
     (output, answers)
 }

@@ -84,7 +84,11 @@ fn failure(command: &[String], fault: &Fault) -> Failure {
         false => format!("its stderr ends:\n{}\n", fault.stderr),
     };
     Failure::fault(
-        format!("the program `{}`: {fault}", command.join(" ")),
+        format!(
+            "the program `{}`: {}: {fault}",
+            command.join(" "),
+            fault.kind.word()
+        ),
         Some(match fault.kind {
             FaultKind::CannotStart => {
                 format!("{stderr}check its name and path, and that it may be executed")

@@ -6,6 +6,7 @@ use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
 use crate::campaign::Watch;
 use crate::run::RunDir;
 use crate::scenario::Scenario;
+use crate::seed::Seeds;
 use crate::studies::{
     RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown, trained_run,
 };
@@ -19,46 +20,15 @@ const MOST_STARTS: usize = 100;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let seeds = args.asked_seeds(MOST_TRAININGS);
-    let starts = args.starts.min(MOST_STARTS);
     let names = match args.world.is_empty() {
         true => WORLDS.map(str::to_owned).to_vec(),
         false => args.world.clone(),
     };
     let (mut tables, mut studies) = (String::new(), serde_json::Map::new());
     for name in &names {
-        let scenario = world(args, name)?;
-        let egos = other_structures(&scenario)?;
-        if egos.is_empty() {
-            return Err(Failure::input(
-                format!("no changed ego of `{name}` has another controller"),
-                "name a world with `Change(controller: …)` under `reuse`, as acc_structures or merge_fair",
-            ));
-        }
-        let mut rows: Vec<StructureRow> = Vec::new();
-        for seed in seeds.trainings() {
-            for ego in &egos {
-                let own = json!({
-                    "starts": starts, "ego": ego.name(), "training": seed, "runs": RUNS,
-                });
-                let piece = format!("{name} {seed}, {}", ego.name());
-                let settings = settings(seeds, own);
-                let made = once(args, (&piece, &scenario), settings, |watch| {
-                    let Some(run) = trained(args, &scenario, seed, watch)? else {
-                        return Ok(None);
-                    };
-                    let asked = StructuresAsked {
-                        run: &run,
-                        nominal: &scenario,
-                        starts: (starts, seeds.starts),
-                    };
-                    Ok(asked.meet(ego, watch)?)
-                })?;
-                let Some(row) = made else {
-                    return Ok(None);
-                };
-                rows.push(row);
-            }
-        }
+        let Some(rows) = rows(args, seeds, name)? else {
+            return Ok(None);
+        };
         tables.push_str(&structures_markdown(name, &rows));
         tables.push('\n');
         studies.insert(name.clone(), json!(rows));
@@ -68,6 +38,48 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         markdown: headed(seeds, &tables),
         json: json!({ "structures": studies }),
     }))
+}
+
+/// A row for each training and ego of a world; `None`: stopped.
+fn rows(
+    args: &ReproduceArgs,
+    seeds: Seeds,
+    name: &str,
+) -> Result<Option<Vec<StructureRow>>, Failure> {
+    let scenario = world(args, name)?;
+    let egos = other_structures(&scenario)?;
+    if egos.is_empty() {
+        return Err(Failure::input(
+            format!("no changed ego of `{name}` has another controller"),
+            "name a world with `Change(controller: …)` under `reuse`, as acc_structures or merge_fair",
+        ));
+    }
+    let starts = args.starts.min(MOST_STARTS);
+    let mut rows = Vec::new();
+    for seed in seeds.trainings() {
+        for ego in &egos {
+            let own = json!({
+                "starts": starts, "ego": ego.name(), "training": seed, "runs": RUNS,
+            });
+            let piece = format!("{name} {seed}, {}", ego.name());
+            let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
+                let Some(run) = trained(args, &scenario, seed, watch)? else {
+                    return Ok(None);
+                };
+                let asked = StructuresAsked {
+                    run: &run,
+                    nominal: &scenario,
+                    starts: (starts, seeds.starts),
+                };
+                Ok(asked.meet(ego, watch)?)
+            })?;
+            let Some(row) = made else {
+                return Ok(None);
+            };
+            rows.push(row);
+        }
+    }
+    Ok(Some(rows))
 }
 
 /// The ado of a seed, trained now if it is not there; `None`: stopped.

@@ -255,7 +255,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     draft
         .0
         .push(Part::Most((until_s / SAMPLE_S).ceil() * SAMPLE_S));
-    let _ = draft.text(&format!(
+    draft.text(&format!(
         ", decision_s: 0.5, sample_s: {SAMPLE_S}, substeps: 5),\n    plant: Kinematic,\n    \
          judge: UntilContact,\n"
     ));

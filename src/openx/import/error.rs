@@ -9,9 +9,9 @@ pub struct ImportError {
     /// The file.
     pub file: PathBuf,
     /// The element, with its name if it has one, and its line.
-    pub element: Option<(String, usize)>,
+    pub element: Option<Box<(String, usize)>>,
     /// The point, from 0, with what it sets.
-    pub point: Option<(usize, String)>,
+    pub point: Option<Box<(usize, String)>>,
     /// What is wrong.
     pub what: String,
     /// The cure, where one is known.
@@ -22,13 +22,13 @@ pub struct ImportError {
 
 impl ImportError {
     fn place(&self) -> String {
-        let place = self.element.as_ref();
+        let place = self.element.as_deref();
         let place = place.map(|(element, line)| format!(", line {line}, {element}"));
         place.unwrap_or_default()
     }
 
     fn point(&self) -> String {
-        let point = self.point.as_ref();
+        let point = self.point.as_deref();
         let point = point.map(|(index, set)| match set.is_empty() {
             true => format!(", point {index}"),
             false => format!(", point {index} ({set})"),
@@ -40,7 +40,8 @@ impl ImportError {
     pub(super) fn at_point(mut self, index: usize, set: &[(String, String)]) -> ImportError {
         let set = set.iter().map(|(name, value)| format!("{name} = {value}"));
         let set: Vec<String> = set.collect();
-        self.point.get_or_insert_with(|| (index, set.join(", ")));
+        self.point
+            .get_or_insert_with(|| Box::new((index, set.join(", "))));
         self
     }
 
@@ -63,7 +64,7 @@ impl ImportError {
 #[derive(Clone, Debug)]
 pub(super) struct At {
     file: PathBuf,
-    element: Option<(String, usize)>,
+    element: Option<Box<(String, usize)>>,
 }
 
 impl At {
@@ -79,7 +80,7 @@ impl At {
     pub fn element(file: &Path, element: String, line: usize) -> At {
         At {
             file: file.to_owned(),
-            element: Some((element, line)),
+            element: Some(Box::new((element, line))),
         }
     }
 

@@ -469,19 +469,18 @@ fn speed(
         (None, false) => most_mps2.1,
     };
     let rate_mps2 = rate_mps2.map(|rate| rate.min(most_mps2));
-    Ok(Law::Speed {
-        to_mps,
-        relative_to,
-        // A rate of 0 never gets anywhere: the speed stays.
-        rate_mps2: rate_mps2.filter(|rate| *rate != 0.0),
-    })
-    .and_then(|law| match rate_mps2 == Some(0.0) {
-        true => Ok(Law::Speed {
+    // A rate of 0 never gets anywhere: the speed stays.
+    Ok(match rate_mps2 == Some(0.0) {
+        true => Law::Speed {
             to_mps: now_mps,
             relative_to: None,
             rate_mps2: None,
-        }),
-        false => Ok(law),
+        },
+        false => Law::Speed {
+            to_mps,
+            relative_to,
+            rate_mps2,
+        },
     })
 }
 

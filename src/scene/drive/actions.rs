@@ -34,7 +34,8 @@ fn straight_on() -> Vec<f64> {
 }
 
 impl Deviation {
-    fn at(&self, action: usize) -> (f64, f64) {
+    /// What an action adds: acceleration along where it faces and speed to its left.
+    pub fn at(&self, action: usize) -> (f64, f64) {
         let count = self.accelerations.len();
         (
             self.accelerations[action % count],
