@@ -182,6 +182,16 @@ class Ado:
         """An action in words."""
         return self.actions[action]
 
+    def command(self, signals: Mapping[str, float]) -> dict[str, dict[str, Any]]:
+        """What each ado does where these are the signals, in numbers.
+
+        Of a vehicle `accel_mps2` and `lateral_mps`, of somebody on foot
+        `along_mps` and `left_mps`, of a light `advance`, of an ado with a plan
+        what is added to it: as `brakecheck serve` answers.
+        """
+        commands: list[dict[str, dict[str, Any]]] = self.world.about["commands"]
+        return commands[self.decide(signals)]
+
     def export(self, directory: str | os.PathLike[str]) -> list[str]:
         """Writes what another program needs to play it; the files.
 

@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
+use brakecheck::campaign::policy_told_by_name;
 use brakecheck::run::RunDir;
 use brakecheck::scenario::Scenario;
 use pyo3::prelude::*;
 
 use crate::ado::RawPolicy;
 use crate::convert::objects;
-use crate::error::{failed, wrong};
+use crate::error::failed;
 use crate::world::RawWorld;
 
 /// A run directory; `brakecheck.Run` is built on it.
@@ -48,28 +49,8 @@ impl RawRun {
     /// The trained ado; a conditional one is told of the ego what is given.
     fn policy(&self, told: Vec<(String, f64)>) -> PyResult<RawPolicy> {
         let (run, world) = (self.open()?, self.scenario()?);
-        let (policy, observation) = match (world.family(), world.plant().plant()) {
-            (Some(family), Some(plant)) if !run.manifest().told.is_empty() => {
-                let member = match told.is_empty() {
-                    true => family.nominal(plant),
-                    false => {
-                        let member = family.member_named(&told.into_iter().collect(), plant);
-                        let help =
-                            || format!("the family varies: {}", run.manifest().told.join(", "));
-                        member.map_err(|error| wrong(error.to_string(), help()))?
-                    }
-                };
-                let policy = run.policy_told(&member).map_err(failed)?;
-                (policy, world.world().spaces().observation)
-            }
-            _ if !told.is_empty() => {
-                return Err(wrong(
-                    format!("the ado in `{}` is not told parameters", self.0.display()),
-                    "leave out `told`",
-                ));
-            }
-            _ => (run.policy().map_err(failed)?, world.spaces().observation),
-        };
+        let policy = policy_told_by_name(&run, &told.into_iter().collect()).map_err(failed)?;
+        let observation = world.world().spaces().observation;
         Ok(RawPolicy {
             policy,
             observation,

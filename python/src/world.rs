@@ -1,8 +1,8 @@
 //! Worlds: what is in them, and the egos they may have.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use brakecheck::campaign::on_plant;
+use brakecheck::campaign::{asked_of, on_plant};
 use brakecheck::scenario::Scenario;
 use brakecheck::scene::World;
 use brakecheck::sim::PlantKind;
@@ -33,12 +33,7 @@ impl RawWorld {
     /// Reads a world file, or takes a shipped world by its name.
     #[staticmethod]
     fn load(file: PathBuf, allow_programs: bool) -> PyResult<RawWorld> {
-        let shipped = file.to_str().filter(|_| !Path::new(&file).exists());
-        let shipped = shipped.and_then(Scenario::shipped);
-        let world = match shipped {
-            Some(world) => world.map_err(failed)?,
-            None => Scenario::load(&file).map_err(failed)?,
-        };
+        let world = Scenario::find(&file).map_err(failed)?;
         Ok(RawWorld(world.allow_programs(allow_programs)))
     }
 
@@ -118,6 +113,7 @@ impl RawWorld {
                 "learners": world.learners().keys().collect::<Vec<_>>(),
                 "observation": observed.collect::<Vec<_>>(),
                 "actions": (0..spaces.actions).map(|a| world.action_label(a)).collect::<Vec<_>>(),
+                "commands": (0..spaces.actions).map(|a| asked_of(world.world(), a)).collect::<Vec<_>>(),
                 "neutral": spaces.neutral, "ados": ados(world), "axes": axes.collect::<Vec<_>>(),
                 "signals": listed.collect::<Vec<_>>(), "warnings": warnings.collect::<Vec<_>>(),
                 "horizon_s": clock.horizon_s, "decision_s": clock.decision_s,

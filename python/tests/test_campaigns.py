@@ -100,6 +100,8 @@ def test_an_ado_decides_by_signals_as_by_observations(run):
     signals = {name: column[-1] for name, column in env.trace().items()}
     assert np.array_equal(ado.observe(signals), obs)
     assert ado.decide(signals) == ado(obs) and ado.label(ado(obs)) in ado.actions
+    assert ado.command(signals)["ado"]["lateral_mps"] == 0.0
+    assert f"{ado.command(signals)['ado']['accel_mps2']:+g} m/s²" == ado.label(ado(obs))
     with pytest.raises(InputError, match="the ado also observes"):
         ado.decide({})
     with pytest.raises(InputError, match="this ado observes"):

@@ -1,6 +1,6 @@
 //! `brakecheck eval`: a frozen ado on test starts and egos, beside baselines.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
@@ -21,14 +21,15 @@ use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
-    /// The run directory that `train` made; or a world file: its baselines and search.
+    /// The run directory that `train` made; or a world: its baselines and search.
     #[arg(value_name = "RUN|WORLD.ron")]
     run: PathBuf,
     /// Test starts to draw.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
-    /// Who plays the ado; repeat for several.
-    #[arg(long, value_parser = one_of::<AdoKind>(), default_value = "trained", value_name = "ADO")]
+    /// Who plays the ado; repeat for several. Without it the trained one, beside
+    /// which an ado that learns egos (`--runs`) has its baselines.
+    #[arg(long, value_parser = one_of::<AdoKind>(), value_name = "ADO")]
     ado: Vec<AdoKind>,
     /// Which ego is tested: nominal, a name under `reuse`, a RON file, or all.
     #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
@@ -86,9 +87,15 @@ pub(super) struct EvalArgs {
     pub(super) common: Common,
 }
 
+/// Whether a file or a shipped world is meant, and no run.
+fn is_world(path: &Path) -> bool {
+    let is_shipped = || Scenario::shipped_names().any(|name| path.as_os_str() == name);
+    path.is_file() || (!path.exists() && is_shipped())
+}
+
 /// A world that nobody has trained in yet.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
-    let asks_for_an_ado = args.ado != [AdoKind::Trained]
+    let asks_for_an_ado = !args.ado.is_empty()
         || args.params.is_some()
         || 1 < args.tries
         || 0 < args.runs
@@ -131,7 +138,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
-    if args.run.is_file() {
+    if is_world(&args.run) {
         return of_world(args);
     }
     let run = open_run(&args.run, &args.common)?;
@@ -174,9 +181,10 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
 /// Who plays: beside an ado that learns egos, unless somebody is named, what it
 /// must never be below.
 fn ados(args: &EvalArgs) -> Vec<AdoKind> {
-    match 0 < args.runs && args.ado == [AdoKind::Trained] {
-        true => vec![AdoKind::Trained, AdoKind::Hold, AdoKind::Constant],
-        false => args.ado.clone(),
+    match (args.ado.is_empty(), args.runs) {
+        (false, _) => args.ado.clone(),
+        (true, 0) => vec![AdoKind::Trained],
+        (true, _) => vec![AdoKind::Trained, AdoKind::Hold, AdoKind::Constant],
     }
 }
 
@@ -258,7 +266,8 @@ fn checked(
 /// Refuses to keep counterexamples of ados whose counterexamples are not kept.
 fn keeps_something(args: &EvalArgs) -> Result<(), Failure> {
     let kept = [AdoKind::Trained, AdoKind::All, AdoKind::Optimal];
-    match args.keep.dir().is_some() && !kept.iter().any(|ado| args.ado.contains(ado)) {
+    let asked = ados(args);
+    match args.keep.dir().is_some() && !kept.iter().any(|ado| asked.contains(ado)) {
         true => Err(Failure::input(
             "`--keep` writes counterexamples of the trained ado, which is not asked for",
             "add `--ado trained`",

@@ -1,6 +1,7 @@
 //! Every error, rendered once: place, reason, cure, and the exit code.
 
 use std::fmt;
+use std::path::Path;
 
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
 
@@ -11,7 +12,7 @@ use crate::campaign::{
 use crate::openx::OpenXError;
 use crate::rl::ConfigError;
 use crate::run::{IdentifiedError, KeptError, RunError};
-use crate::scenario::{LoadError, Problem, ScenarioError, guessed};
+use crate::scenario::{LoadError, Problem, Scenario, ScenarioError, guessed};
 use crate::studies::{ReuseError, Table1Error};
 use crate::testbench::Complaint;
 
@@ -144,10 +145,18 @@ impl From<LoadError> for Failure {
     fn from(error: LoadError) -> Failure {
         match error {
             LoadError::Scenario(error) => Failure::from(*error),
-            LoadError::Io { .. } => Failure::input(
-                error.to_string(),
-                "name a world file, such as worlds/acc.ron",
-            ),
+            LoadError::Io { ref file, .. } => {
+                let stem = Path::new(file).file_stem().and_then(|stem| stem.to_str());
+                let known = guessed(
+                    stem.unwrap_or_default(),
+                    "shipped",
+                    Scenario::shipped_names(),
+                );
+                Failure::input(
+                    error.to_string(),
+                    format!("name a world file, or a shipped world by its name; {known}"),
+                )
+            }
         }
     }
 }

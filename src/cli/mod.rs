@@ -233,7 +233,7 @@ fn open_run(path: &Path, common: &Common) -> Result<RunDir, RunError> {
 
 /// Reads a world, with the consent that was typed.
 fn load_world(path: &Path, common: &Common) -> Result<Scenario, Failure> {
-    Ok(Scenario::load(path)?.allow_programs(common.allow_programs))
+    Ok(Scenario::find(path)?.allow_programs(common.allow_programs))
 }
 
 fn with_jobs<F>(common: &Common, verb: F) -> Result<Exit, Failure>

@@ -22,7 +22,7 @@ use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
 pub(super) struct SearchArgs {
-    /// A world file or a run directory.
+    /// A world file, the name of a shipped world, or a run directory.
     #[arg(value_name = "WORLD|RUN")]
     world: PathBuf,
     /// How sequences are chosen.

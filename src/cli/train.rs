@@ -17,7 +17,7 @@ use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
 pub(super) struct TrainArgs {
-    /// The world file.
+    /// The world: a file, or the name of a shipped one.
     world: PathBuf,
     /// The run directory to make [default: runs/WORLD-SEED].
     #[arg(short, long, value_name = "RUN")]

@@ -81,3 +81,46 @@ fn by_braking(chance: Option<&LastChance>) -> Fault {
     };
     (words.to_owned(), "b-hard")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::animation::tests::{crash, world};
+
+    /// The text from `from` up to `to` is `by`.
+    fn put(text: &str, (from, to): (&str, &str), by: &str) -> String {
+        let at = text.find(from).expect("where it begins");
+        let end = at + text[at..].find(to).expect("where it ends");
+        format!("{}{by}{}", &text[..at], &text[end..])
+    }
+
+    /// What is said of the first crash that an action, held, leads to.
+    fn said(text: &str) -> Option<String> {
+        let lawless = put(text, ("rulebook: [", "\n                ]"), "rulebook: [");
+        let scenario = world(&lawless);
+        by_right_of_way(&scenario, &crash(&scenario)).map(|(words, _)| words)
+    }
+
+    #[test]
+    fn who_comes_from_the_right_goes_first() {
+        let right = include_str!("../../worlds/crossroads.ron");
+        assert_eq!(said(right).as_deref(), Some("ego had to give way"));
+        let left = put(
+            right,
+            ("y_m: -60.0", ", lanes"),
+            "y_m: 60.0, heading_rad: -1.5707963)",
+        );
+        assert_eq!(said(&left).as_deref(), Some("ado had to give way"));
+    }
+
+    #[test]
+    fn who_is_met_on_the_wrong_side_was_in_the_egos_lane() {
+        let oncoming = include_str!("../../worlds/oncoming.ron");
+        assert_eq!(said(oncoming).as_deref(), Some("ado was in ego's lane"));
+    }
+
+    #[test]
+    fn nobody_had_to_give_way_to_who_drives_ahead() {
+        assert_eq!(said(include_str!("../../worlds/acc.ron")), None);
+    }
+}

@@ -1,6 +1,8 @@
 //! The worlds that come with brakecheck, inside the program.
 
-use super::{Scenario, ScenarioError};
+use std::path::Path;
+
+use super::{LoadError, Scenario, ScenarioError};
 
 /// A world's name and text.
 macro_rules! world {
@@ -39,7 +41,7 @@ const WORLDS: [(&str, &str); 25] = [
 
 impl Scenario {
     /// Names of the shipped worlds, in order.
-    pub fn shipped_names() -> impl Iterator<Item = &'static str> {
+    pub fn shipped_names() -> impl Iterator<Item = &'static str> + Clone {
         WORLDS.iter().map(|(name, _)| *name)
     }
 
@@ -57,5 +59,24 @@ impl Scenario {
     pub fn shipped(name: &str) -> Option<Result<Scenario, ScenarioError>> {
         let (name, text) = WORLDS.iter().find(|(known, _)| *known == name)?;
         Some(Scenario::parse(&format!("worlds/{name}.ron"), text))
+    }
+    /// The world of a file, or, where no such file is, the shipped one of that
+    /// name.
+    ///
+    /// # Errors
+    /// There is neither, or the file is not a world.
+    ///
+    /// ```
+    /// use brakecheck::scenario::Scenario;
+    ///
+    /// assert_eq!(Scenario::find("merge".as_ref())?.name(), "merge");
+    /// # Ok::<(), brakecheck::scenario::LoadError>(())
+    /// ```
+    pub fn find(file_or_name: &Path) -> Result<Scenario, LoadError> {
+        let name = file_or_name.to_str().filter(|_| !file_or_name.exists());
+        match name.and_then(Scenario::shipped) {
+            Some(world) => world.map_err(|error| LoadError::Scenario(Box::new(error))),
+            None => Scenario::load(file_or_name),
+        }
     }
 }

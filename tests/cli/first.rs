@@ -84,7 +84,8 @@ fn what_has_no_effect_is_no_option() {
 #[test]
 fn egos_learners_and_worlds_are_guessed() {
     let kept = "tests/regressions/acc-nominal-0001.ron";
-    let cases: [(&[&str], &str); 5] = [
+    let cases: [(&[&str], &str); 6] = [
+        (&["check", "worlds/merg.ron"], "did you mean `merge`?"),
         (
             &[
                 "search",
@@ -158,4 +159,42 @@ fn numbers_are_taken_as_they_are_typed() {
         json(&brakecheck(&[&args[..], &more].concat()))["rows"][0]["solved"].clone()
     };
     assert_eq!(search("0.01k"), search("1_0"));
+}
+
+#[test]
+fn shipped_worlds_are_there_by_name_wherever_one_is() {
+    let dir = scratch();
+    let listing = json(&brakecheck_in(dir.path(), &["check", "acc", "--json"]));
+    assert_eq!(listing["name"], "acc");
+    let rows = |args: &[&str]| {
+        let more = ["--plant", "kinematic", "--starts", "5", "--json"];
+        let output = brakecheck_in(dir.path(), &[args, &more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        json(&output)["rows"].as_array().map_or(0, Vec::len)
+    };
+    assert_eq!(rows(&["search", "acc"]), 1);
+    assert_eq!(rows(&["eval", "acc"]), 4);
+    // A file of that name comes first.
+    std::fs::write(dir.path().join("acc"), "no world").expect("written");
+    let output = brakecheck_in(dir.path(), &["check", "acc"]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+}
+
+#[test]
+fn a_world_has_no_trained_ado_to_ask_for() {
+    let eval = [
+        "eval",
+        "worlds/acc.ron",
+        "--ado",
+        "trained",
+        "--starts",
+        "1",
+    ];
+    let output = brakecheck(&eval);
+    assert_eq!(code(&output), 2);
+    assert!(
+        stderr(&output).contains("train an ado first"),
+        "{}",
+        stderr(&output)
+    );
 }

@@ -16,6 +16,10 @@ fn main() {
 }
 
 fn trace() -> Trace {
+    trace_of(SAMPLES)
+}
+
+fn trace_of(samples: usize) -> Trace {
     let signals = ["x", "y"].map(|name| Signal::real(name, "m", "a number"));
     let mut trace = Trace::new(Schema::new(0.1, signals).unwrap().into());
     let mut state = 1u64;
@@ -25,7 +29,7 @@ fn trace() -> Trace {
             .wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 53) as f64
     };
-    for _ in 0..SAMPLES {
+    for _ in 0..samples {
         trace.push(&[next(), next()]).unwrap();
     }
     trace
@@ -83,6 +87,23 @@ fn by_hand(
     }
     out.clear();
     out.extend((0..n).map(|i| pick(ahead[i], behind[(i + width - 1).min(n - 1)])));
+}
+
+/// What `python/examples/speed.py` measures as well: a million samples, the
+/// answer in a fresh vector.
+#[divan::bench(args = [
+    "x > 0.5",
+    "always[0, 5] (x > 0.5)",
+    "always (x > 0.5 implies eventually[0, 3] (y > 0.5))",
+])]
+fn a_million_samples(bencher: Bencher, text: &str) {
+    let trace = trace_of(1_000_000);
+    let monitor = monitor(text, &trace);
+    bencher.bench_local(|| {
+        let mut out = Vec::new();
+        monitor.robustness_into(black_box(&trace), &mut Scratch::new(), &mut out);
+        out
+    });
 }
 
 mod always_0_100 {

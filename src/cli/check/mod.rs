@@ -13,7 +13,7 @@ use crate::scenario::{LoadError, Scenario};
 
 #[derive(Args, Debug)]
 pub(super) struct CheckArgs {
-    /// The world file.
+    /// The world: a file, or the name of a shipped one.
     #[arg(required_unless_present = "program")]
     world: Option<PathBuf>,
     /// A program, after `--`, to be tried against the ego protocol.
@@ -49,7 +49,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
 }
 
 fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
-    let scenario = match Scenario::load(world) {
+    let scenario = match Scenario::find(world) {
         Ok(scenario) => scenario,
         Err(error) => {
             if args.json {

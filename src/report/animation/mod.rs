@@ -21,7 +21,7 @@ mod moments;
 mod moves;
 mod picture;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod write;
 
 pub(super) use bodies::colour_class;

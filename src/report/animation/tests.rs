@@ -10,12 +10,12 @@ use crate::seed::{Purpose, StartKey};
 use crate::sim::Body;
 use crate::testbench::{Aftermath, Constant, Episode, film, play};
 
-fn world(text: &str) -> Scenario {
+pub(in crate::report) fn world(text: &str) -> Scenario {
     Scenario::parse("world.ron", text).expect("a world")
 }
 
 /// The first counterexample with a contact that one action, held, gives.
-fn crash(scenario: &Scenario) -> Example {
+pub(in crate::report) fn crash(scenario: &Scenario) -> Example {
     let mut bench = scenario.bench();
     let spaces = scenario.world().spaces();
     let held = (0..spaces.actions).filter(|action| *action != spaces.neutral);
