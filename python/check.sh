@@ -1,5 +1,6 @@
 #!/bin/sh
-# Builds the wheel, installs it into a fresh virtual environment, and tests it:
+# Builds the wheel, installs it into a fresh virtual environment, tests it, and
+# runs the tutorial:
 #
 #   sh python/check.sh [DIRECTORY]
 #
@@ -23,4 +24,7 @@ cd "$where"
 "$where/fresh/bin/python" -m pytest -q -p no:cacheprovider "$here/tests"
 "$where/fresh/bin/python" -m mypy --config-file "$here/pyproject.toml" -p brakecheck
 "$where/fresh/bin/brakecheck" --version
+mkdir -p "$where/tutorial"
+cp "$here/examples/tutorial.ipynb" "$where/tutorial"
+(cd "$where/tutorial" && "$where/fresh/bin/jupyter" execute --inplace tutorial.ipynb)
 echo "the wheel: $(ls "$where"/wheels/*.whl)"

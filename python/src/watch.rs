@@ -10,6 +10,7 @@ use brakecheck::cli::Failure;
 use brakecheck::testbench::FaultLog;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
+use rayon::{ThreadBuilder, ThreadPoolBuilder};
 
 use crate::error::{failed, raised};
 
@@ -73,9 +74,6 @@ impl Running {
         let (stop, told) = (AtomicBool::new(false), Told::default());
         let faults = FaultLog::allowing(self.allow_invalid);
         let log = faults.clone();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.jobs);
-        let pool = pool.build();
-        let pool = pool.map_err(|error| raised("FaultError", error.to_string()))?;
         let (send, receive) = channel();
         let (told, stop) = (&told, &stop);
         let progress = |done, total| {
@@ -90,8 +88,12 @@ impl Running {
                 stop,
                 faults: log,
             };
+            let pool = ThreadPoolBuilder::new().num_threads(self.jobs);
+            let result = pool.build_scoped(known_to_python, |pool| pool.install(|| work(&watch)));
+            let result =
+                result.unwrap_or_else(|error| Err(Failure::fault(error.to_string(), None)));
             // Whoever waits is there until this thread has ended.
-            let _ = send.send(pool.install(|| work(&watch)));
+            let _ = send.send(result);
         };
         let (result, interrupted) = py.detach(move || {
             std::thread::scope(|scope| {
@@ -125,6 +127,13 @@ impl Running {
             None => result.map_err(failed),
         }
     }
+}
+
+/// Runs a thread that calls Python often, known to the interpreter as long as it
+/// lives: for one that is not, the interpreter sets up and takes down a state,
+/// memory included, at every single call, which costs more than the call.
+fn known_to_python(thread: ThreadBuilder) {
+    Python::attach(|py| py.detach(|| thread.run()));
 }
 
 /// Nothing was computed, though nobody pressed Ctrl-C.

@@ -75,6 +75,8 @@ pub struct KeptFiles {
     pub distinct: usize,
     /// Those looked at and passed over, since they do not persist.
     pub passed_over: usize,
+    /// Files of the same ego in the directory that an earlier command left there.
+    pub older: usize,
 }
 
 impl KeptFiles {
@@ -88,8 +90,12 @@ impl KeptFiles {
             0 => String::new(),
             some => format!("; {some} were passed over, since they do not persist"),
         };
+        let older = match self.older {
+            0 => String::new(),
+            some => format!("; {some} more of it are there from earlier commands"),
+        };
         watch.note(&format!(
-            "kept {} of {} counterexamples of `{ego}` in {}: {} of them differ{passed_over}",
+            "kept {} of {} counterexamples of `{ego}` in {}: {} of them differ{passed_over}{older}",
             self.files.len(),
             self.found,
             dir.display(),
@@ -190,7 +196,23 @@ impl<'a> Keeper<'a> {
             let file = recorded.save_as(dir, &stem, &episode.trace)?;
             kept.files.push((file, about));
         }
+        kept.older = self.older(dir, &kept);
         Ok(kept)
+    }
+
+    /// How many files of this ego were in the directory before.
+    fn older(&self, dir: &Path, kept: &KeptFiles) -> usize {
+        let of_ego = stem_of_ego(self.scenario, self.ego);
+        let is_older = |path: &PathBuf| {
+            let stem = path.file_stem().and_then(|stem| stem.to_str());
+            let is_kept = path.extension().is_some_and(|extension| extension == "ron");
+            is_kept
+                && stem.is_some_and(|stem| stem.starts_with(&of_ego))
+                && !kept.files.iter().any(|(file, _)| file == path)
+        };
+        // A directory that cannot be listed was just written to: nothing is said.
+        let files = std::fs::read_dir(dir).into_iter().flatten().flatten();
+        files.map(|file| file.path()).filter(is_older).count()
     }
 
     /// Every start's counterexample, worst first.
@@ -359,10 +381,12 @@ pub fn keep(
 
 /// `WORLD-EGO-PLANT-SEED-INDEX`, with whatever could disturb a path replaced.
 fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
+    format!("{}{seed}-{index:04}", stem_of_ego(scenario, ego))
+}
+
+/// How the names of all files of an ego in a world begin.
+fn stem_of_ego(scenario: &Scenario, ego: &str) -> String {
     let plant = format!("{:?}", scenario.plant()).to_lowercase();
-    format!(
-        "{}-{}-{plant}-{seed}-{index:04}",
-        file_name(scenario.name()),
-        file_name(ego),
-    )
+    let (world, ego) = (file_name(scenario.name()), file_name(ego));
+    format!("{world}-{ego}-{plant}-")
 }

@@ -13,7 +13,9 @@ use crate::run::{Decisive, LastChance, Why};
 use crate::scenario::Scenario;
 use crate::scene::drive::ControllerFactory;
 use crate::sim::GRAVITY_MPS2;
+use crate::stl::Interval;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
+use crate::trace::Trace;
 
 /// A driver in the ego's place.
 #[derive(Clone)]
@@ -41,9 +43,10 @@ impl Driver {
 ///
 /// The last chance is that of `driver`, [`Driver::full_brake`] if left out.
 pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> Why {
-    let mut judged = episode.trace.clone();
-    judged.truncate(episode.judged);
-    let explanation = scenario.rulebook().spec.explain(&judged);
+    let explanation = scenario
+        .rulebook()
+        .spec
+        .explain(&violated(scenario, episode));
     let leaf = explanation.leaf();
     let ideal = Driver::full_brake(scenario);
     Why {
@@ -56,11 +59,29 @@ pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> W
     }
 }
 
-/// The leaf of ψ_ego that decides an episode.
-pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
+/// The samples up to the first from which ψ_ego cannot be satisfied any more, of
+/// those that were judged: a run that goes on to the contact gets worse, and the
+/// worst sample is not when the ego failed.
+fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);
-    let explanation = scenario.rulebook().spec.explain(&judged);
+    let samples = scenario.bench().clock().samples();
+    let mut monitor = scenario.rulebook().spec.online_for(samples);
+    let mut row = vec![0.0; judged.schema().len()];
+    let lost = (0..judged.len()).find(|&sample| {
+        judged.read_row(sample, &mut row);
+        monitor.push(&row).is_ok_and(Interval::is_violated)
+    });
+    judged.truncate(lost.map_or(judged.len(), |sample| sample + 1));
+    judged
+}
+
+/// The leaf of ψ_ego that decides an episode.
+pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
+    let explanation = scenario
+        .rulebook()
+        .spec
+        .explain(&violated(scenario, episode));
     let leaf = explanation.leaf().map(|leaf| leaf.formula.clone());
     leaf.unwrap_or_default()
 }
@@ -145,14 +166,14 @@ fn finish(mut bench: Testbench, actions: &[usize]) -> Option<Verdict> {
 /// decisions may be passed over. `None`: the world is not driven.
 pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> Option<LastChance> {
     let sample_s = scenario.drive()?.clock.sample_s;
-    let violated = episode.judged.saturating_sub(1);
+    let judged = episode.judged.saturating_sub(1);
     let per_decision = scenario.bench().clock().samples_per_decision().max(1);
     let avoids = |after: usize| is_avoided(scenario, episode, driver, after);
-    let coarse = (0..=violated.div_ceil(per_decision)).rev();
+    let coarse = (0..=judged.div_ceil(per_decision)).rev();
     let coarse = coarse.map(|decision| decision * per_decision);
-    let mut coarse = coarse.filter(|after| *after <= violated);
+    let mut coarse = coarse.filter(|after| *after <= judged);
     let at = coarse.find(|after| avoids(*after)).map(|from| {
-        let last = (from + per_decision - 1).min(violated);
+        let last = (from + per_decision - 1).min(judged);
         (from + 1..=last)
             .rev()
             .find(|after| avoids(*after))
@@ -161,7 +182,7 @@ pub fn last_chance(scenario: &Scenario, episode: &Episode, driver: &Driver) -> O
     Some(LastChance {
         driver: driver.name.clone(),
         at_s: at.map(|at| tidy(at as f64 * sample_s)),
-        violated_s: tidy(violated as f64 * sample_s),
+        violated_s: tidy(violated(scenario, episode).len().saturating_sub(1) as f64 * sample_s),
     })
 }
 

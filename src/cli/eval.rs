@@ -81,7 +81,7 @@ pub(super) struct EvalArgs {
     #[arg(last = true, value_name = "COMMAND")]
     program: Vec<String>,
     /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
@@ -89,7 +89,8 @@ pub(super) struct EvalArgs {
 
 /// Whether a file or a shipped world is meant, and no run.
 fn is_world(path: &Path) -> bool {
-    let is_shipped = || Scenario::shipped_names().any(|name| path.as_os_str() == name);
+    let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
+    let mut is_shipped = || shipped.any(|name| path.as_os_str() == name);
     path.is_file() || (!path.exists() && is_shipped())
 }
 
@@ -107,9 +108,9 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         let world = args.run.display();
         return Err(Failure::input(
             format!(
-                "`{world}` is a world: of the options only --starts, --seed, --ego, --plant, --search and those of every verb do something for it"
+                "`{world}` is a world, and no run of an ado: of the options, --starts, --seed, --ego, --plant, --search and those of every verb do something for it, and --ado, --params, --tries, --runs, --keep, --theorems, --baseline-ego and --over do not"
             ),
-            "train an ado first, and evaluate its run: `brakecheck train WORLD`",
+            "leave them out: the baselines play anyway; or train an ado first and evaluate its run: `brakecheck train WORLD`",
         ));
     }
     let mut world = load_world(&args.run, &args.common)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::json;
 
-use super::counts::{STARTS, start_count};
+use super::counts::{STARTS, count, start_count};
 use super::{Common, Exit, Failure, interrupted_early, open_run, print_json, talk};
 use crate::campaign::{GivenRows, ReportRequest};
 use crate::report::Report;
@@ -32,7 +32,7 @@ pub(super) struct ReportArgs {
     #[arg(long, value_name = "N", value_parser = start_count())]
     reuse_starts: Option<usize>,
     /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
     #[command(flatten)]
     pub(super) common: Common,

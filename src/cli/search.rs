@@ -53,7 +53,7 @@ pub(super) struct SearchArgs {
     #[arg(last = true, value_name = "COMMAND")]
     program: Vec<String>,
     /// Seed of the test starts.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
     #[command(flatten)]
     pub(super) common: Common,

@@ -9,7 +9,7 @@ use super::{Common, Exit, Failure, finite_or_word, print_json, talk};
 use crate::run::trace_of_csv;
 use crate::scenario::{Problem, ScenarioError};
 use crate::stl::{
-    Constants, Explanation, Formula, Names, Scratch, Settings, StlError, TraceEnd, Until,
+    Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
 use crate::trace::Trace;
 
@@ -75,6 +75,9 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     };
     let monitor = formula.bind_with(trace.schema(), &names, &args.settings());
     let monitor = monitor.map_err(in_formula)?;
+    if let Some(short) = beyond(&monitor, &trace) {
+        talk::say(&short);
+    }
     let mut scratch = Scratch::default();
     let measured = Measured {
         robustness: monitor.robustness(&trace, &mut scratch),
@@ -115,6 +118,23 @@ impl StlArgs {
             ..Settings::default()
         }
     }
+}
+
+/// Says that a formula looks beyond the end of the trace, if it does.
+fn beyond(monitor: &Monitor, trace: &Trace) -> Option<String> {
+    let last = trace.len().saturating_sub(1);
+    let reach = monitor.horizon_samples().filter(|reach| last < *reach)?;
+    let seconds = |samples: usize| samples as f64 * trace.dt_s();
+    let lies = match monitor.settings().end {
+        TraceEnd::Truncate => "nothing (`--end hold` and `--end strict` take something)",
+        TraceEnd::Hold => "its last sample, for ever",
+        TraceEnd::Strict => "the worst that could still come",
+    };
+    Some(format!(
+        "warning: the formula looks {:.6} s ahead, and the trace ends after {:.6} s; behind its end lies {lies}",
+        seconds(reach),
+        seconds(last)
+    ))
 }
 
 /// What a formula comes to on a trace.

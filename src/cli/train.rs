@@ -51,7 +51,7 @@ pub(super) struct TrainArgs {
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
     starts: usize,
     /// Seed of the training, and of its test starts.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
     #[command(flatten)]
     pub(super) common: Common,

@@ -39,10 +39,77 @@ const WORLDS: [(&str, &str); 25] = [
     world!("yellow_light_plain"),
 ];
 
+/// Points of test protocols, `examples/openx/protocols.py` makes them.
+const PROTOCOLS: [(&str, &str); 57] = [
+    world!("ncap/cbfa"),
+    world!("ncap/cbfa_extended"),
+    world!("ncap/cbla"),
+    world!("ncap/cbla_extended"),
+    world!("ncap/cbla_fcw"),
+    world!("ncap/cbla_fcw_extended"),
+    world!("ncap/cbna"),
+    world!("ncap/cbna_extended"),
+    world!("ncap/cbnao"),
+    world!("ncap/cbnao_extended"),
+    world!("ncap/cccscp_1"),
+    world!("ncap/cccscp_2"),
+    world!("ncap/cccscp_extended_1"),
+    world!("ncap/cccscp_extended_2"),
+    world!("ncap/ccfhos"),
+    world!("ncap/ccfhos_extended"),
+    world!("ncap/ccrb"),
+    world!("ncap/ccrb_extended"),
+    world!("ncap/ccrm"),
+    world!("ncap/ccrm_extended"),
+    world!("ncap/ccrs"),
+    world!("ncap/ccrs_extended"),
+    world!("ncap/ccrs_fcw"),
+    world!("ncap/ccrs_fcw_extended"),
+    world!("ncap/cmcscp_1"),
+    world!("ncap/cmcscp_2"),
+    world!("ncap/cmcscp_extended_1"),
+    world!("ncap/cmcscp_extended_2"),
+    world!("ncap/cmrb"),
+    world!("ncap/cmrb_extended"),
+    world!("ncap/cmrs"),
+    world!("ncap/cmrs_extended"),
+    world!("ncap/cmrs_fcw"),
+    world!("ncap/cmrs_fcw_extended"),
+    world!("ncap/cpfa"),
+    world!("ncap/cpfa_extended"),
+    world!("ncap/cpla"),
+    world!("ncap/cpla_extended"),
+    world!("ncap/cpla_fcw"),
+    world!("ncap/cpla_fcw_extended"),
+    world!("ncap/cpna"),
+    world!("ncap/cpna_extended"),
+    world!("ncap/cpnco"),
+    world!("ncap/cpnco_extended"),
+    world!("r157/cut_in_far"),
+    world!("r157/cut_in_near"),
+    world!("r157/cut_out"),
+    world!("r157/cut_out_two"),
+    world!("r157/detection_ahead"),
+    world!("r157/detection_beside"),
+    world!("r157/lead_brakes"),
+    world!("r157/lead_slows"),
+    world!("r157/pedestrian_crossing"),
+    world!("r157/pedestrian_offset"),
+    world!("r157/pedestrian_standing"),
+    world!("r157/swerving_lead"),
+    world!("r157/two_standing"),
+];
+
 impl Scenario {
     /// Names of the shipped worlds, in order.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> + Clone {
         WORLDS.iter().map(|(name, _)| *name)
+    }
+
+    /// Names of the shipped worlds that hold the points of a test protocol, such
+    /// as `ncap/cpna`, in order.
+    pub fn protocol_names() -> impl Iterator<Item = &'static str> + Clone {
+        PROTOCOLS.iter().map(|(name, _)| *name)
     }
 
     /// A shipped world, as its file in `worlds/` holds it; `None`: there is none
@@ -57,7 +124,8 @@ impl Scenario {
     /// # Ok::<(), brakecheck::scenario::ScenarioError>(())
     /// ```
     pub fn shipped(name: &str) -> Option<Result<Scenario, ScenarioError>> {
-        let (name, text) = WORLDS.iter().find(|(known, _)| *known == name)?;
+        let mut all = WORLDS.iter().chain(&PROTOCOLS);
+        let (name, text) = all.find(|(known, _)| *known == name)?;
         Some(Scenario::parse(&format!("worlds/{name}.ron"), text))
     }
     /// The world of a file, or, where no such file is, the shipped one of that

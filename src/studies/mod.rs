@@ -10,6 +10,7 @@ mod extreme;
 mod milestones;
 mod near;
 mod paper_rows;
+mod protocols;
 mod reuse_study;
 mod structures;
 mod table1;
@@ -23,6 +24,7 @@ pub use case_studies::{CaseStudies, case_studies_markdown, case_study, trained_r
 pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
 pub use near::{Alumnus, NearFailing, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};
+pub use protocols::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
 pub use reuse_study::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
 pub use structures::{RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown};
 pub use table1::{Table1, Table1Error, table1, table1_markdown};

@@ -129,6 +129,8 @@ impl Display for Short {
         let rounded = (self.0 * 1e6).round() / 1e6;
         if rounded.is_finite() && (rounded != 0.0 || self.0 == 0.0) {
             write!(f, "{}", rounded + 0.0)
+        } else if self.0.is_finite() {
+            write!(f, "{:.0e}", self.0)
         } else {
             write!(f, "{}", self.0)
         }

@@ -7,6 +7,7 @@ mod fitted;
 mod grids;
 mod near;
 mod paper;
+mod protocols;
 mod reuse;
 mod structures;
 
@@ -43,6 +44,10 @@ pub(super) struct ReproduceArgs {
     /// Only this driving world, by name; repeat for several.
     #[arg(long, value_name = "NAME")]
     world: Vec<String>,
+    /// Only this ego, of `ncap` and `r157`: a name under their `reuse`, or a RON file with a
+    /// `Change`; repeat for several.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    ego: Vec<String>,
     /// Training seeds per world.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=MOST_SEEDS))]
     seeds: u64,
@@ -90,6 +95,11 @@ enum What {
     /// Controllers of structures that no ado met in training, each learned from 100 runs of it
     /// (at most 2 trainings and 100 starts).
     Structures,
+    /// Euro NCAP's frontal collisions of 2026: points each ego passes, and lawful variations of
+    /// them that make it fail.
+    Ncap,
+    /// The same of UN R157's scenarios for lane keeping systems.
+    R157,
     /// The paper's Figs. 2, 3 and 5, found by search in the shipped worlds.
     Figures,
     /// Everything, one after the other.
@@ -101,6 +111,12 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Exit, Failure> {
         return Err(Failure::input(
             "`reproduce` has trainings and test starts, so `--seed` does not say whose",
             "use `--first-seed` or `--start-seed`",
+        ));
+    }
+    if !args.ego.is_empty() && ![What::Ncap, What::R157].contains(&args.what) {
+        return Err(Failure::input(
+            "`--ego` is of the tables of test protocols",
+            "ask for `reproduce ncap` or `reproduce r157`, or leave it out",
         ));
     }
     let mut results = serde_json::Map::new();
@@ -133,6 +149,8 @@ impl What {
             What::NearStarts => &[near::run],
             What::Crashes => &[crashes::run],
             What::Structures => &[structures::run],
+            What::Ncap => &[protocols::ncap],
+            What::R157 => &[protocols::r157],
             What::Figures => &[figures::run],
             What::All => &[
                 grids::run,
@@ -142,6 +160,8 @@ impl What {
                 near::run,
                 crashes::run,
                 structures::run,
+                protocols::ncap,
+                protocols::r157,
                 figures::run,
             ],
         }
@@ -222,7 +242,10 @@ fn world(args: &ReproduceArgs, name: &str) -> Result<Scenario, Failure> {
         Some(world) => Ok(world?),
         None => Err(Failure::input(
             format!("no shipped world is called `{name}`"),
-            known_names("known", Scenario::shipped_names()),
+            known_names(
+                "known",
+                Scenario::shipped_names().chain(Scenario::protocol_names()),
+            ),
         )),
     }
 }

@@ -6,7 +6,7 @@ use super::spec::{Drive, DriveSpec};
 
 impl DriveSpec {
     /// The observation of ados whose world names none: where everybody is from
-    /// the ego, how fast all are, what the ego's acceleration is, the lights with
+    /// the ego, obstacles included, how fast all are, what the ego's acceleration is, the lights with
     /// their time, and the time left. Sideways, where there is a sideways.
     pub fn usual_observation(&self) -> Vec<String> {
         let Some(ego) = self.egos().next() else {
@@ -29,6 +29,10 @@ impl DriveSpec {
                 seen.push(format!("{pair}.lateral"));
                 seen.push(format!("{}.lateral_speed", name(other)));
             }
+        }
+        // What stands tells where on the road that is.
+        for stander in (0..self.agents.len()).filter(|&i| stands(i)) {
+            seen.push(format!("{}.{}.headway", name(ego), name(stander)));
         }
         seen.push(format!("{}.speed", name(ego)));
         seen.push(format!("{}.accel", name(ego)));

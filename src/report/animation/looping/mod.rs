@@ -151,7 +151,7 @@ fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Exampl
     let clock = clock(panels[0].picture, &mut keyframes);
     // The first says what came of it.
     let lines = said.iter().enumerate().flat_map(|(nth, it)| {
-        let lines = wrapped(it).into_iter();
+        let lines = wrapped(it, nth == 0).into_iter();
         lines.map(move |line| (if nth == 0 { "said told" } else { "said" }, line))
     });
     let lines: Vec<(&str, String)> = lines.collect();

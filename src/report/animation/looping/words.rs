@@ -10,6 +10,7 @@ use crate::scenario::Scenario;
 
 /// So many letters fit into a line.
 const LETTERS: usize = 132;
+const BOLD_LETTERS: usize = 116;
 
 /// When the recorded drive ends, and how: a contact, or `after_s` beyond what
 /// the ego broke.
@@ -114,12 +115,13 @@ fn other(who: &str, filmed: &FilmedDriver, picture: &Picture<'_>) -> String {
     )
 }
 
-/// A text in lines that fit.
-pub(super) fn wrapped(text: &str) -> Vec<String> {
+/// A text in lines that fit, `bold` or not.
+pub(super) fn wrapped(text: &str, bold: bool) -> Vec<String> {
+    let letters = if bold { BOLD_LETTERS } else { LETTERS };
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {
-            Some(line) if line.chars().count() + word.chars().count() < LETTERS => {
+            Some(line) if line.chars().count() + word.chars().count() < letters => {
                 line.push(' ');
                 line.push_str(word);
             }

@@ -1,0 +1,50 @@
+//! The points of test protocols, ego by ego.
+
+use serde_json::json;
+
+use super::{Failure, Made, ReproduceArgs, once, world};
+use crate::scenario::Scenario;
+use crate::studies::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
+
+/// Euro NCAP's.
+pub(super) fn ncap(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    made(args, "ncap")
+}
+
+/// UN R157's.
+pub(super) fn r157(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
+    made(args, "r157")
+}
+
+/// The table of the worlds whose names begin with the protocol's, or of those
+/// asked for; `None`: stopped.
+fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Failure> {
+    let own = |name: &&str| name.split('/').next() == Some(protocol);
+    let names: Vec<String> = match args.world.is_empty() {
+        true => Scenario::protocol_names()
+            .filter(own)
+            .map(str::to_owned)
+            .collect(),
+        false => args.world.clone(),
+    };
+    let mut rows: Vec<ProtocolRow> = Vec::new();
+    for name in &names {
+        let scenario = world(args, name)?.allow_programs(args.common.allow_programs);
+        for ego in protocol_egos(&scenario, &args.ego)? {
+            let settings = json!({ "ego": ego.change(), "starts": args.starts });
+            let piece = format!("{}, {}", name.replace('/', " "), ego.name());
+            let row = once(args, (&piece, &scenario), settings, |watch| {
+                Ok(protocol_row(name, &ego, args.starts, watch))
+            })?;
+            match row {
+                Some(row) => rows.push(row),
+                None => return Ok(None),
+            }
+        }
+    }
+    Ok(Some(Made {
+        name: protocol,
+        markdown: protocols_markdown(&rows),
+        json: json!({ protocol: rows }),
+    }))
+}
