@@ -7,7 +7,7 @@ use super::error::CampaignError;
 use super::replay::{Regressions, Replayed};
 use crate::ego::{Command, Fault};
 use crate::openx::{Crash, OpenX, OpenXError};
-use crate::run::{make_dir, write_file};
+use crate::run::{RunError, make_dir, write_file};
 use crate::scenario::Scenario;
 use crate::scene::World;
 use crate::testbench::{Episode, passage_of};
@@ -68,22 +68,7 @@ pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, Campaign
         let stem = replayed.path.file_stem().unwrap_or_default();
         let name = stem.to_string_lossy();
         match as_recorded(replayed, &name, &kept.counterexample.ego) {
-            Ok(OpenX {
-                road,
-                replay,
-                external,
-            }) => {
-                let endings = [
-                    ("xodr", road),
-                    ("xosc", replay),
-                    ("external.xosc", external),
-                ];
-                for (ending, text) in endings {
-                    let file = dir.join(format!("{name}.{ending}"));
-                    write_file(&file, text.as_bytes())?;
-                    exports.files.push(file);
-                }
-            }
+            Ok(files) => exports.files.extend(write_openx(&files, dir, &name)?),
             Err(why) => exports.refused.push(NotExported {
                 path: replayed.path.clone(),
                 why,
@@ -91,6 +76,21 @@ pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, Campaign
         }
     }
     Ok(exports)
+}
+
+/// Writes the road, the replay and the scenario for an ego of one's own into a
+/// directory that is there, in this order.
+///
+/// # Errors
+/// The disk refuses.
+pub fn write_openx(files: &OpenX, dir: &Path, name: &str) -> Result<[PathBuf; 3], RunError> {
+    let file = |ending: &str| dir.join(format!("{name}.{ending}"));
+    let paths = ["xodr", "xosc", "external.xosc"].map(file);
+    let texts = [&files.road, &files.replay, &files.external];
+    for (path, text) in paths.iter().zip(texts) {
+        write_file(path, text.as_bytes())?;
+    }
+    Ok(paths)
 }
 
 /// The files of a replayed counterexample, if it is what was recorded.

@@ -67,7 +67,7 @@ pub use eval::{Ado, EvalRequest, Evaluated, Outcome, best_constant, eval, explai
 pub use evaluation::{
     Evaluation, EvaluationTable, ExplainedCounterexample, Flipped, Gate, TheoremsChecked,
 };
-pub use export::{ExportRefusal, Exports, NotExported, export, openx};
+pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{Identification, IdentifyFound, IdentifyStep};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};

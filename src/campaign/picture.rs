@@ -41,6 +41,7 @@ pub fn picture(
         frames: film(&mut scenario.repeating(episode).bench(), episode),
         about: recorded.unwrap_or_else(|| about(scenario, episode)),
         episode: episode.clone(),
+        scenarios: Vec::new(),
     };
     let beside = match beside {
         None => None,

@@ -193,6 +193,7 @@ impl<'a> ReportRequest<'a> {
                     chosen_for: chosen.chosen_for,
                     start: chosen.start,
                     episode: chosen.episode,
+                    scenarios: Vec::new(),
                 })
                 .collect(),
         });

@@ -76,12 +76,13 @@ pub fn train(
     gym.inner().tell_faults(watch.faults.clone());
     let mut physics_steps = run.manifest().physics_steps;
     let mut spent_s = run.manifest().cpu_s;
-    let clock = ThreadTime::now();
+    let mut own = OwnTime::begin();
     if run.manifest().checkpoint.is_none()
         && let Some(seeding) = scenario.learner.seeding()
     {
         watch.phase("searching training starts");
-        if let Some(seeded) = seed_training(scenario, seed, seeding, watch) {
+        let seeded = own.aside(|| seed_training(scenario, seed, seeding, watch));
+        if let Some(seeded) = seeded {
             learner.demonstrate(&mut gym, &seeded.demonstrations);
             run.note_sought(seeded.sought);
             spent_s += seeded.cpu_s;
@@ -124,15 +125,15 @@ pub fn train(
             if stores {
                 run.append_counterexamples(&gym.inner().take_successes())?;
             }
-            patience.look(&mut *learner);
+            own.aside(|| patience.look(&mut *learner));
             if !learner.finished() {
-                let cpu_s = spent_s + clock.elapsed().as_secs_f64() + patience.cpu_s();
+                let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
                 let spent = gym.inner().spent();
                 let done = ledger.done(&*learner, &patience, spent, cpu_s);
                 run.save_checkpoint(&learner.checkpoint(), done)?;
             }
         }
-        if watch.stopped() || patience.ends(&mut *learner) {
+        if watch.stopped() || own.aside(|| patience.ends(&mut *learner)) {
             break;
         }
     }
@@ -146,7 +147,7 @@ pub fn train(
     if over {
         spent.physics_steps += patience.physics_steps();
     }
-    let cpu_s = spent_s + clock.elapsed().as_secs_f64() + patience.cpu_s();
+    let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
     let done = ledger.done(&*learner, &patience, spent, cpu_s);
     match (over, learner.finished()) {
         (true, _) => run.save_policy(&learner.policy_bundle(), done)?,
@@ -158,6 +159,34 @@ pub fn train(
         interrupted: !over,
         aborted: ledger.aborted,
     })
+}
+
+/// Processor time of the thread that learns, without what it does as one of the
+/// workers of a search or a calibration: those are counted by whoever asks them.
+struct OwnTime {
+    clock: ThreadTime,
+    aside_s: f64,
+}
+
+impl OwnTime {
+    fn begin() -> OwnTime {
+        OwnTime {
+            clock: ThreadTime::now(),
+            aside_s: 0.0,
+        }
+    }
+
+    /// Does what is counted elsewhere.
+    fn aside<T>(&mut self, work: impl FnOnce() -> T) -> T {
+        let clock = ThreadTime::now();
+        let done = work();
+        self.aside_s += clock.elapsed().as_secs_f64();
+        done
+    }
+
+    fn elapsed_s(&self) -> f64 {
+        self.clock.elapsed().as_secs_f64() - self.aside_s
+    }
 }
 
 /// The end of a training whose ego does not run.

@@ -7,9 +7,9 @@ use serde_json::json;
 
 use super::counts::{STARTS, count, start_count};
 use super::{Common, Exit, Failure, interrupted_early, open_run, print_json, talk};
-use crate::campaign::{GivenRows, ReportRequest};
+use crate::campaign::{GivenRows, ReportRequest, openx, write_openx};
 use crate::report::Report;
-use crate::run::{RunDir, write_file};
+use crate::run::{RunDir, make_dir, write_file};
 
 #[derive(Args, Debug)]
 pub(super) struct ReportArgs {
@@ -31,6 +31,10 @@ pub(super) struct ReportArgs {
     /// `--rows` [default: as many as 1000 episodes allow, 20 to 100].
     #[arg(long, value_name = "N", value_parser = start_count())]
     reuse_starts: Option<usize>,
+    /// Also write each counterexample of the page as OpenSCENARIO, into a directory
+    /// beside it, and link it.
+    #[arg(long)]
+    scenarios: bool,
     /// Seed of the test starts.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
@@ -60,7 +64,12 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
     };
     drop(bar);
     report.commands = commands(args, &run);
-    write(args, &run, &report)?;
+    let html = args.output.clone();
+    let html = html.unwrap_or_else(|| run.path().join("report.html"));
+    if args.scenarios {
+        write_scenarios(&html, &mut report)?;
+    }
+    write(args, &html, &report)?;
     match unheeded(args, &report) {
         // What was played here is complained of with all its faults.
         Some(failure) if talk::faults().complaint().is_none() => Err(failure),
@@ -69,11 +78,9 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
 }
 
 /// Writes the page and the JUnit file, and says where they are.
-fn write(args: &ReportArgs, run: &RunDir, report: &Report<'_>) -> Result<(), Failure> {
-    let html = args.output.clone();
-    let html = html.unwrap_or_else(|| run.path().join("report.html"));
+fn write(args: &ReportArgs, html: &Path, report: &Report<'_>) -> Result<(), Failure> {
     let junit = html.with_extension("junit.xml");
-    write_file(&html, report.html().as_bytes())?;
+    write_file(html, report.html().as_bytes())?;
     write_file(&junit, report.junit().as_bytes())?;
     match args.common.json {
         true => print_json(&json!({
@@ -82,6 +89,32 @@ fn write(args: &ReportArgs, run: &RunDir, report: &Report<'_>) -> Result<(), Fai
         })),
         false => talk::data(&format!("{}\n{}", html.display(), junit.display())),
     }
+}
+
+/// Writes the counterexamples of a page beside it, as `export` does, and has them
+/// linked; what cannot be written is said, and has no link.
+fn write_scenarios(html: &Path, report: &mut Report<'_>) -> Result<(), Failure> {
+    let dir = html.with_extension("scenarios");
+    let scenario = report.scenario;
+    let Some(nominal) = &mut report.nominal else {
+        return Ok(());
+    };
+    make_dir(&dir)?;
+    for example in &mut nominal.telling {
+        let name = format!("{}-{:04}", scenario.name(), example.start);
+        match openx(scenario, &example.episode, &name, &nominal.row.ego) {
+            Ok(files) => {
+                let written = write_openx(&files, &dir, &name)?;
+                let parent = html.parent().unwrap_or(html);
+                let links = written
+                    .iter()
+                    .map(|file| file.strip_prefix(parent).unwrap_or(file));
+                example.scenarios = links.map(|link| link.display().to_string()).collect();
+            }
+            Err(why) => talk::say(&format!("{name} is not exported: {why}")),
+        }
+    }
+    Ok(())
 }
 
 /// More invalid episodes in a row than are allowed.
@@ -153,6 +186,9 @@ fn this_page(args: &ReportArgs) -> String {
         option("--reuse-starts", vec![starts.to_string()]);
     }
     option("--seed", vec![args.seed.to_string()]);
+    if args.scenarios {
+        option("--scenarios", Vec::new());
+    }
     if args.common.allow_programs {
         option("--allow-programs", Vec::new());
     }

@@ -48,6 +48,13 @@ pub(super) fn example(
                     div { (chart(&picture)) }
                 }
             }
+            @if let [road, replay, external] = &example.scenarios[..] {
+                p class="dim" {
+                    "As OpenSCENARIO: " a href=(replay) download { "the crash again" } ", "
+                    a href=(external) download { "the others, for an ego of yours" } ", "
+                    a href=(road) download { "their road" }
+                }
+            }
             details { summary { "Every action, and how ψ_ego comes to its value" } p { (actions_in_words(scenario, episode)) } pre { (why) } }
         }
     }

@@ -91,6 +91,9 @@ pub struct Example {
     pub frames: Vec<Frame>,
     /// How severe it is, why it fails and whether it persists.
     pub about: About,
+    /// Its road, its replay and the scenario for an ego of one's own, as links
+    /// from the page; empty: they were not written.
+    pub scenarios: Vec<String>,
 }
 
 /// One row, and why the ego fails where it does.

@@ -277,7 +277,7 @@ impl Warnings {
                 );
                 let words = (
                     "not seen",
-                    "observe it, or leave `observe` out: then an ado sees what is usual",
+                    "observe it; without `observe` an ado sees where everybody is from the ego, how fast all are, and the time",
                 );
                 self.note(Oddity::Unseen, place, what, words);
             }

@@ -165,7 +165,7 @@ fn numbers_are_taken_as_they_are_typed() {
 fn shipped_worlds_are_there_by_name_wherever_one_is() {
     let dir = scratch();
     let listing = json(&brakecheck_in(dir.path(), &["check", "acc", "--json"]));
-    assert_eq!(listing["name"], "acc");
+    assert_eq!(listing["ok"], true);
     let rows = |args: &[&str]| {
         let more = ["--plant", "kinematic", "--starts", "5", "--json"];
         let output = brakecheck_in(dir.path(), &[args, &more].concat());
@@ -178,6 +178,24 @@ fn shipped_worlds_are_there_by_name_wherever_one_is() {
     std::fs::write(dir.path().join("acc"), "no world").expect("written");
     let output = brakecheck_in(dir.path(), &["check", "acc"]);
     assert_eq!(code(&output), 2, "{}", stderr(&output));
+}
+
+#[test]
+fn a_formula_that_looks_beyond_the_trace_says_so() {
+    let dir = scratch();
+    let file = dir.path().join("short.csv");
+    std::fs::write(&file, "time,gap\n0,2\n0.1,3\n0.2,4\n").expect("written");
+    let stl = |formula: &str| {
+        let file = file.display().to_string();
+        let output = brakecheck(&["stl", formula, "--trace", &file]);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    let said = stl("always[0, 14] (gap > 1)");
+    assert!(said.contains("looks 14.000000 s ahead"), "{said}");
+    assert!(said.contains("ends after 0.200000 s"), "{said}");
+    assert!(!stl("always[0, 0.2] (gap > 1)").contains("warning"));
+    assert!(!stl("always (gap > 1)").contains("warning"));
 }
 
 #[test]

@@ -131,12 +131,23 @@ fn counterexamples_are_shown_moving_the_worst_first() {
     let dir = scratch();
     let (run, trained) = small_run(&dir, "run", &[]);
     assert_eq!(code(&trained), 0, "{}", stderr(&trained));
-    let output = brakecheck(&["report", &run, "--starts", "80", "--reuse-starts", "5"]);
+    let few = ["--starts", "80", "--reuse-starts", "5", "--scenarios"];
+    let output = brakecheck(&[&["report", &run][..], &few].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let html = read(&format!("{run}/report.html"));
     let shown = html.matches("<figure class=\"film\"").count();
     assert!(2 <= shown, "{shown}");
     assert_eq!(html.matches("data-film=").count(), shown);
+    // Each is linked as three files beside the page, which are there.
+    let links: Vec<&str> = html
+        .split("href=\"report.scenarios/")
+        .skip(1)
+        .filter_map(|rest| rest.split('"').next())
+        .collect();
+    assert_eq!(links.len(), 3 * shown, "{links:?}");
+    for link in links {
+        well_formed(&read(&format!("{run}/report.scenarios/{link}")));
+    }
     // Of one kind of contact a higher Δv is a higher risk.
     let risks = numbers_after(&html, "MAIS 3+ of the ego's occupants: ");
     assert!(2 <= risks.len(), "{risks:?}");

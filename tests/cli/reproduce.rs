@@ -103,3 +103,54 @@ fn an_interrupted_table_says_how_to_go_on() {
     assert!(stderr(&output).contains("run the same command to go on"));
     assert!(!dir.path().join("out/parts").exists());
 }
+
+#[test]
+fn points_of_protocols_are_passed_or_not_ego_by_ego() {
+    let dir = scratch();
+    let out = path(&dir, "out");
+    let table = [
+        "reproduce",
+        "r157",
+        "--world",
+        "r157/cut_in_near",
+        "-o",
+        &out,
+    ];
+    let egos = ["--ego", "coasts", "--ego", "nominal", "--json"];
+    let output = brakecheck(&[&table[..], &egos].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let rows = json(&output)["r157"].clone();
+    let passed = |at: usize| (rows[at]["ego"].clone(), rows[at]["passed"].clone());
+    assert_eq!(passed(0), ("coasts".into(), 0.into()));
+    assert_eq!(passed(1), ("nominal".into(), 1.into()));
+    assert_eq!(
+        (&rows[0]["points"], &rows[0]["strayed"]),
+        (&1.into(), &0.into())
+    );
+    let table = fs::read_to_string(dir.path().join("out/r157.md")).expect("a table");
+    assert!(
+        table.contains("| r157/cut_in_near | 1 | 0 | 1 |"),
+        "{table}"
+    );
+
+    // An ego of one's own is a file with a change.
+    let mine = path(&dir, "mine.ron");
+    fs::write(&mine, "Change(ego: (trigger_mps2: 12.0))").expect("written");
+    let own = ["reproduce", "r157", "--world", "r157/pedestrian_offset"];
+    let output = brakecheck(&[&own[..], &["-o", &out, "--ego", &mine, "--json"]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let row = json(&output)["r157"][0].clone();
+    assert_eq!(
+        (&row["passed"], &row["strayed"]),
+        (&1.into(), &1.into()),
+        "{row}"
+    );
+
+    let output = brakecheck(&["reproduce", "table1", "--ego", "coasts"]);
+    assert_eq!(code(&output), 2);
+    assert!(
+        stderr(&output).contains("reproduce ncap"),
+        "{}",
+        stderr(&output)
+    );
+}

@@ -3,7 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
+use brakecheck::campaign::EgoUnderTest;
 use brakecheck::openx::import::{Import, ImportError, ImportedWorld, points_of};
+use brakecheck::rulebook::Verdict;
 use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::sim::PlantKind;
@@ -476,4 +478,71 @@ fn what_is_not_understood_is_refused_where_it_stands() {
         assert!(error.to_string().contains(expected), "{error}");
         assert!(error.element.is_some(), "{error}");
     }
+}
+
+/// The shipped world of a protocol's points with an ego that coasts, as the
+/// protocol has it: at how many points it is in contact, and with whom.
+fn coasting(name: &str) -> (usize, Vec<String>) {
+    let world = Scenario::shipped(name).expect("shipped").expect("a world");
+    let egos = EgoUnderTest::find(&world, "coasts").expect("the ego");
+    let world = egos[0].scenario();
+    let starts = world.starts().unwrap_or_else(|| vec![Start(Vec::new())]);
+    let neutral = world.world().spaces().neutral;
+    let mut bench = world.bench();
+    let met = starts.iter().filter_map(|start| {
+        let episode = play(
+            &mut bench,
+            start,
+            0,
+            &mut Constant(neutral),
+            Aftermath::Play,
+        );
+        // Somebody who adds nothing to the plan breaks none of the rules about it,
+        // not even in the row of the contact.
+        assert!(
+            !matches!(episode.verdict, Verdict::Foul { .. }),
+            "{name}: {:?}",
+            episode.verdict
+        );
+        let (one, other) = episode.contact?.between;
+        Some(if one == "ego" { other } else { one })
+    });
+    (starts.len(), met.collect())
+}
+
+/// esmini lets every one of these points end in the intended contact.
+#[test]
+fn an_ego_that_coasts_is_hit_at_every_point_of_ncap() {
+    let mut points = 0;
+    for name in Scenario::protocol_names().filter(|name| name.starts_with("ncap/")) {
+        let (all, met) = coasting(name);
+        points += all;
+        assert_eq!(met.len(), all, "{name}");
+        assert!(
+            met.iter().all(|who| ["target", "vru"].contains(&&**who)),
+            "{name}: {met:?}"
+        );
+    }
+    // 863 but for the two kinds in which the ego turns.
+    assert_eq!(points, 831);
+}
+
+/// The nine that touch in esmini with its controllers switched off.
+#[test]
+fn an_ego_that_coasts_is_hit_where_esmini_s_is_in_r157() {
+    let touched = Scenario::protocol_names()
+        .filter(|name| name.starts_with("r157/") && !coasting(name).1.is_empty());
+    let touched: Vec<&str> = touched.collect();
+    let expected = [
+        "r157/cut_in_far",
+        "r157/cut_in_near",
+        "r157/cut_out",
+        "r157/cut_out_two",
+        "r157/lead_brakes",
+        "r157/lead_slows",
+        "r157/pedestrian_crossing",
+        "r157/pedestrian_standing",
+        "r157/two_standing",
+    ];
+    assert_eq!(touched, expected);
 }

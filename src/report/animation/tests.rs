@@ -52,6 +52,7 @@ fn shown(scenario: &Scenario, episode: Episode) -> Example {
             ..About::default()
         },
         episode,
+        scenarios: Vec::new(),
     }
 }
 

@@ -87,6 +87,29 @@ impl DriveScene {
         }
     }
 
+    /// Who was carried into a contact has its plan at that instant, too, and as
+    /// fast as the plant has the body, in the mean over the sample: who adds
+    /// nothing to the plan keeps to it in the last row as in every other.
+    pub(super) fn stop_all(&mut self, after_s: f64) {
+        let sample_s = self.layout.spec.clock.sample_s;
+        let time_s = self.state.time_s();
+        let share = after_s / sample_s;
+        for (i, run) in self.plans.iter().enumerate() {
+            let Some(run) = run else {
+                continue;
+            };
+            let arrived = run.planned(self.layout.network.course_of(i), time_s);
+            let planned = &mut self.state.planned[i];
+            let (ahead_m, left_m) = (
+                arrived.s_m - planned.s_m,
+                arrived.lateral_m - planned.lateral_m,
+            );
+            planned.s_m += share * ahead_m;
+            planned.lateral_m += share * left_m;
+            planned.speed_mps = ahead_m.hypot(left_m) / sample_s;
+        }
+    }
+
     /// Where the plans have everybody at the start.
     pub(super) fn plans_begin(&mut self) {
         self.state.planned.clear();

@@ -390,8 +390,10 @@ impl Scene for DriveScene {
             return Flow::Fault(fault);
         }
         let flow = self.move_on();
-        if flow == Flow::Going {
-            self.arrive_all();
+        match (&flow, &self.state.touch) {
+            (Flow::Going, _) => self.arrive_all(),
+            (Flow::Contact(_), Some(contact)) => self.stop_all(contact.after_s),
+            _ => {}
         }
         flow
     }

@@ -82,10 +82,16 @@ impl DriveSpec {
     }
 
     fn is_told_by(&self, seen: &[Source], wanted: Source) -> bool {
-        let pair = |[a, b]: [usize; 2]| {
+        let related = |a: usize, b: usize| {
             seen.iter()
                 .any(|s| s.quantity.of == Of::Pair && (s.whose == [a, b] || s.whose == [b, a]))
-                || (is_placed(seen, a) && is_placed(seen, b))
+        };
+        // Who is seen from the same third one is seen from each other.
+        let by_another = |a: usize, b: usize| {
+            (0..self.agents.len()).any(|third| related(third, a) && related(third, b))
+        };
+        let pair = |[a, b]: [usize; 2]| {
+            related(a, b) || by_another(a, b) || (is_placed(seen, a) && is_placed(seen, b))
         };
         let [a, b] = wanted.whose;
         match wanted.quantity.of {

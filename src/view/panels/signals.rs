@@ -100,7 +100,7 @@ impl Plot {
         Plot {
             entity: path(["signals", group]),
             title: title.to_owned(),
-            prominent: !matches!(group, "position" | "other"),
+            prominent: !matches!(group, "sideways" | "position" | "other"),
             signals: Vec::new(),
             names: Vec::new(),
             colours: Vec::new(),
@@ -116,12 +116,14 @@ impl Plot {
 }
 
 /// The groups of signals, in the order in which they are shown.
-const GROUPS: [(&str, &str); 7] = [
+const GROUPS: [(&str, &str); 8] = [
     ("chase", "Manhattan distance [cell]"),
     ("distance", "distance [m]"),
     ("lateral", "lateral [m]"),
     ("speed", "speed [m/s]"),
     ("acceleration", "acceleration [m/s²]"),
+    // Beside the speed ahead it would have the colour of its owner twice.
+    ("sideways", "speed to the left [m/s]"),
     ("position", "position [m]"),
     ("other", "other signals"),
 ];
@@ -135,6 +137,7 @@ fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'sta
         ("m", "x" | "s" | "y" | "lateral") if owner.is_some() => "position",
         ("m", _) => "distance",
         ("cell", "d_man") => "chase",
+        ("m/s", "lateral_speed") => "sideways",
         ("m/s", _) => "speed",
         ("m/s²", _) => "acceleration",
         _ => "other",
