@@ -3,7 +3,9 @@
 use std::fmt;
 use std::path::Path;
 
-use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource};
+use miette::{
+    Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource, Severity,
+};
 
 use crate::campaign::{
     CampaignError, ExportRefusal, IdentifyError, NotExported, RegressionError, TheoremsError,
@@ -48,6 +50,8 @@ pub struct Note {
     what: String,
     help: Option<String>,
     place: Option<(NamedSource<String>, LabeledSpan)>,
+    /// It stops nothing, and is drawn so.
+    is_warning: bool,
 }
 
 impl Failure {
@@ -66,6 +70,7 @@ impl Failure {
             what,
             help,
             place: None,
+            is_warning: false,
         };
         Failure {
             exit,
@@ -97,6 +102,10 @@ impl fmt::Display for Note {
 impl std::error::Error for Note {}
 
 impl Diagnostic for Note {
+    fn severity(&self) -> Option<Severity> {
+        self.is_warning.then_some(Severity::Warning)
+    }
+
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         self.help
             .as_ref()
@@ -121,6 +130,7 @@ fn placed(file: &str, text: &str, problem: &Problem) -> Note {
         what: problem.what.clone(),
         help: problem.help.clone(),
         place: Some((NamedSource::new(file, text.to_owned()), label)),
+        is_warning: false,
     }
 }
 
@@ -138,7 +148,10 @@ impl From<ScenarioError> for Failure {
 
 /// A warning as text, for `check`.
 pub fn warning(file: &str, text: &str, problem: &Problem) -> Note {
-    placed(file, text, problem)
+    Note {
+        is_warning: true,
+        ..placed(file, text, problem)
+    }
 }
 
 impl From<LoadError> for Failure {
@@ -311,6 +324,7 @@ impl From<Vec<NotExported>> for Failure {
             what: one.to_string(),
             help: Some(help.to_owned()),
             place: None,
+            is_warning: false,
         });
         Failure {
             exit: exit.unwrap_or(Exit::Input),

@@ -216,3 +216,17 @@ fn a_world_has_no_trained_ado_to_ask_for() {
         stderr(&output)
     );
 }
+
+#[test]
+fn warnings_do_not_look_like_errors() {
+    let dir = scratch();
+    let world = std::fs::read_to_string("worlds/acc.ron").expect("the world");
+    let blind = world.replace("observe: [\"headway\", \"ego.speed\", ", "observe: [");
+    std::fs::write(dir.path().join("blind.ron"), blind).expect("written");
+    let output = brakecheck_in(dir.path(), &["check", "blind.ron"]);
+    let said = stderr(&output);
+    assert_eq!(code(&output), 0, "{said}");
+    assert!(said.contains('⚠') && !said.contains('×'), "{said}");
+    let output = brakecheck_in(dir.path(), &["check", "none.ron"]);
+    assert!(stderr(&output).contains('×'), "{}", stderr(&output));
+}
