@@ -327,5 +327,5 @@ fn worlds_of_others_are_sound_and_the_blind_one_is_said_to_be() {
         );
         met += 1;
     }
-    assert_eq!(met, 14);
+    assert_eq!(met, 15);
 }
