@@ -380,7 +380,7 @@ pub fn keep(
 }
 
 /// `WORLD-EGO-PLANT-SEED-INDEX`, with whatever could disturb a path replaced.
-fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
+pub fn file_stem(scenario: &Scenario, ego: &str, seed: u64, index: usize) -> String {
     format!("{}{seed}-{index:04}", stem_of_ego(scenario, ego))
 }
 

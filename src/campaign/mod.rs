@@ -72,7 +72,7 @@ pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{Identification, IdentifyFound, IdentifyStep};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
 pub use in_the_way::InTheWay;
-pub use keep::{Again, Choice, Form, Keeper, KeptFiles, PERSISTENT, about, keep};
+pub use keep::{Again, Choice, Form, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep};
 pub use persistence::{FRICTION, START, persistence};
 pub use picture::picture;
 pub use repeatable::{answers_differ, note_if_unrepeatable};

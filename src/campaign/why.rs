@@ -65,7 +65,7 @@ pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> W
 fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);
-    let samples = scenario.bench().clock().samples();
+    let samples = scenario.world().clock().samples();
     let mut monitor = scenario.rulebook().spec.online_for(samples);
     let mut row = vec![0.0; judged.schema().len()];
     let lost = (0..judged.len()).find(|&sample| {

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::counts::{STARTS, count, start_count};
 use super::{Common, Exit, Failure, interrupted_early, open_run, print_json, talk};
-use crate::campaign::{GivenRows, ReportRequest, openx, write_openx};
+use crate::campaign::{GivenRows, ReportRequest, file_stem, openx, write_openx};
 use crate::report::Report;
 use crate::run::{RunDir, make_dir, write_file};
 
@@ -67,7 +67,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
     let html = args.output.clone();
     let html = html.unwrap_or_else(|| run.path().join("report.html"));
     if args.scenarios {
-        write_scenarios(&html, &mut report)?;
+        write_scenarios(&html, &mut report, args.seed)?;
     }
     write(args, &html, &report)?;
     match unheeded(args, &report) {
@@ -93,7 +93,7 @@ fn write(args: &ReportArgs, html: &Path, report: &Report<'_>) -> Result<(), Fail
 
 /// Writes the counterexamples of a page beside it, as `export` does, and has them
 /// linked; what cannot be written is said, and has no link.
-fn write_scenarios(html: &Path, report: &mut Report<'_>) -> Result<(), Failure> {
+fn write_scenarios(html: &Path, report: &mut Report<'_>, seed: u64) -> Result<(), Failure> {
     let dir = html.with_extension("scenarios");
     let scenario = report.scenario;
     let Some(nominal) = &mut report.nominal else {
@@ -101,7 +101,7 @@ fn write_scenarios(html: &Path, report: &mut Report<'_>) -> Result<(), Failure> 
     };
     make_dir(&dir)?;
     for example in &mut nominal.telling {
-        let name = format!("{}-{:04}", scenario.name(), example.start);
+        let name = file_stem(scenario, &nominal.row.ego, seed, example.start);
         match openx(scenario, &example.episode, &name, &nominal.row.ego) {
             Ok(files) => {
                 let written = write_openx(&files, &dir, &name)?;

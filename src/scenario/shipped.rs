@@ -128,6 +128,7 @@ impl Scenario {
         let (name, text) = all.find(|(known, _)| *known == name)?;
         Some(Scenario::parse(&format!("worlds/{name}.ron"), text))
     }
+
     /// The world of a file, or, where no such file is, the shipped one of that
     /// name.
     ///

@@ -72,7 +72,7 @@ pub fn protocol_row(
         world: name.to_owned(),
         ego: ego.name().to_owned(),
         points: points.starts.len(),
-        passed: points.starts.len() - failed,
+        passed: points.starts.len() - failed - searched.row.invalid,
         strayed: 0,
         preventable: 0,
         unjudged: 0,

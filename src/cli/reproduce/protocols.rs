@@ -34,7 +34,12 @@ fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Fa
             let settings = json!({ "ego": ego.change(), "starts": args.starts });
             let piece = format!("{}, {}", name.replace('/', " "), ego.name());
             let row = once(args, (&piece, &scenario), settings, |watch| {
-                Ok(protocol_row(name, &ego, args.starts, watch))
+                let row = protocol_row(name, &ego, args.starts, watch);
+                // An ego that did not run has passed nothing.
+                match watch.faults.complaint() {
+                    Some(complaint) => Err(complaint.into()),
+                    None => Ok(row),
+                }
             })?;
             match row {
                 Some(row) => rows.push(row),

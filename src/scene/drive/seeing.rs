@@ -6,8 +6,9 @@ use super::spec::{Drive, DriveSpec};
 
 impl DriveSpec {
     /// The observation of ados whose world names none: where everybody is from
-    /// the ego, obstacles included, how fast all are, what the ego's acceleration is, the lights with
-    /// their time, and the time left. Sideways, where there is a sideways.
+    /// the ego, obstacles included, how fast all are, what the ego's acceleration
+    /// is, the lights with their time, and the time left. Sideways, where there
+    /// is a sideways.
     pub fn usual_observation(&self) -> Vec<String> {
         let Some(ego) = self.egos().next() else {
             return Vec::new();
