@@ -26,6 +26,8 @@ pub enum AdoKind {
     Hold,
     /// The best of the constant actions.
     Constant,
+    /// Accelerates for some time, then brakes: the best of six.
+    Switch,
     /// A rule with three zones, tuned on the nominal ego.
     Heuristic,
     /// The nearest training counterexample, replayed; then the ten nearest.
@@ -44,12 +46,12 @@ impl AdoKind {
     /// What applies to a world, in the order of its rows.
     fn all(world: &Scenario) -> Vec<AdoKind> {
         use AdoKind::{
-            Chaser, Constant, Heuristic, Hold, Optimal, Random, Replays, Retrained, Trained,
+            Chaser, Constant, Heuristic, Hold, Optimal, Random, Replays, Retrained, Switch, Trained,
         };
         let mut all = vec![Trained, Hold, Random, Constant];
         all.extend(match world.grid() {
             Some(_) => [Optimal, Chaser].as_slice(),
-            None => &[Heuristic, Replays, Retrained],
+            None => &[Switch, Heuristic, Replays, Retrained],
         });
         all
     }

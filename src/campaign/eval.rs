@@ -420,34 +420,6 @@ fn share(part: usize, whole: usize) -> f64 {
     }
 }
 
-/// The constant ado that succeeds most often; ties go to the lower action.
-pub fn best_constant(
-    scenario: &Scenario,
-    ego: &str,
-    starts: &TestStarts,
-    watch: &Watch<'_>,
-) -> Evaluated {
-    let constant = |action| {
-        let request = EvalRequest {
-            scenario,
-            ego,
-            ado: Ado::Constant(action),
-            starts,
-        };
-        eval(&request, watch)
-    };
-    let actions = scenario.world().spaces().actions;
-    let mut best = constant(0);
-    for action in 1..actions {
-        let other = constant(action);
-        if best.row.successes < other.row.successes {
-            best = other;
-        }
-    }
-    best.row.method = format!("{}, the best of {actions}", best.row.method);
-    best
-}
-
 /// Why the ego fails in the first counterexample of an evaluation.
 ///
 /// Gives the position of its start and the explanation of ρ(ψ_ego) on the

@@ -5,6 +5,7 @@
 
 mod adapt;
 mod against;
+mod alike;
 mod baselines;
 mod break_even;
 mod by_rule;
@@ -54,6 +55,7 @@ mod why;
 pub use adapt::{
     AdaptRequest, Adapted, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, MOST_SIMULATIONS, adapt,
 };
+pub use alike::{best_constant, best_then_brake};
 pub use baselines::AdoKind;
 pub use break_even::{BreakEven, PerStart, break_even};
 pub use conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS, conditioned};
@@ -63,7 +65,7 @@ pub use ego_under_test::{EgoUnderTest, consent};
 pub(crate) use episodes::EpisodeLoop;
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;
-pub use eval::{Ado, EvalRequest, Evaluated, Outcome, best_constant, eval, explain_first};
+pub use eval::{Ado, EvalRequest, Evaluated, Outcome, eval, explain_first};
 pub use evaluation::{
     Evaluation, EvaluationTable, ExplainedCounterexample, Flipped, Gate, TheoremsChecked,
 };
@@ -91,8 +93,8 @@ pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, drawn_starts, test_noise, test_starts};
 pub use surrogate::{
-    AdaptedRow, AdaptedTo, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError,
-    learn_ego,
+    Acts, AdaptedRow, AdaptedTo, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, Likeness,
+    SurrogateError, TriedActions, learn_ego,
 };
 pub use sweep::{Point, Sweep, Swept};
 pub use telling::{Telling, telling};

@@ -3,9 +3,10 @@
 
 use std::path::Path;
 
+use super::alike::best_constant;
 use super::ego_under_test::{EgoUnderTest, consent, consent_to_family};
 use super::error::CampaignError;
-use super::eval::{Ado, Evaluated, best_constant, eval};
+use super::eval::{Ado, Evaluated, eval};
 use super::keep::keep;
 use super::starts::{TestStarts, test_starts};
 use super::train::{TrainError, TrainingOutcome, train};

@@ -1,8 +1,9 @@
 //! What the egos of a world meet before anybody has trained an ado for it.
 
+use super::alike::best_constant;
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
-use super::eval::{Ado, best_constant, eval};
+use super::eval::{Ado, eval};
 use super::in_the_way::{InTheWay, in_the_way};
 use super::search::{SearchRequest, Switches, search};
 use super::starts::test_starts;

@@ -16,7 +16,8 @@ use crate::campaign::{
     AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, LEAST_RUNS, Sweep,
     TheoremsChecked, Watch, on_plant, summarise, untrained,
 };
-use crate::scenario::Scenario;
+use crate::run::RunDir;
+use crate::scenario::{Against, Scenario};
 use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
@@ -145,7 +146,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common)?;
     let bar = talk::bar("evaluating");
     let watch = bar.watch();
-    let context = ContextSource::find(&run, args.params.as_deref(), &watch)?;
+    let context = ContextSource::find(&run, params(args, &run), &watch)?;
     let mut nominal = run.scenario()?;
     if let Some(plant) = args.plant {
         nominal = on_plant(&nominal, plant)?;
@@ -157,12 +158,13 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         run: &run,
         nominal: &nominal,
         egos: &egos,
-        ados: &ados(args),
+        ados: &ados(args, &run),
         context: context.as_ref(),
         starts: (args.starts, args.seed),
         search: args.search,
         tries: args.tries,
         runs: args.runs,
+        unknown: &[],
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
     let Some(mut evaluated) = evaluation.run(&watch)? else {
@@ -179,13 +181,27 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     ended(args, evaluated, theorems, &compared)
 }
 
+/// What a conditional ado is told: one that learns egos identifies them first.
+fn params<'a>(args: &'a EvalArgs, run: &RunDir) -> Option<&'a str> {
+    let learns = 0 < args.runs && run.manifest().against == Against::Conditional;
+    args.params.as_deref().or(learns.then_some("identified"))
+}
+
 /// Who plays: beside an ado that learns egos, unless somebody is named, what it
 /// must never be below.
-fn ados(args: &EvalArgs) -> Vec<AdoKind> {
+fn ados(args: &EvalArgs, run: &RunDir) -> Vec<AdoKind> {
     match (args.ado.is_empty(), args.runs) {
         (false, _) => args.ado.clone(),
         (true, 0) => vec![AdoKind::Trained],
-        (true, _) => vec![AdoKind::Trained, AdoKind::Hold, AdoKind::Constant],
+        (true, _) => {
+            use AdoKind::{Constant, Hold, Replays, Switch, Trained};
+            let mut beside = vec![Trained, Hold, Constant, Switch];
+            // Only a training against one ego stores counterexamples.
+            if run.manifest().against.is_nominal() {
+                beside.push(Replays);
+            }
+            beside
+        }
     }
 }
 
@@ -267,8 +283,9 @@ fn checked(
 /// Refuses to keep counterexamples of ados whose counterexamples are not kept.
 fn keeps_something(args: &EvalArgs) -> Result<(), Failure> {
     let kept = [AdoKind::Trained, AdoKind::All, AdoKind::Optimal];
-    let asked = ados(args);
-    match args.keep.dir().is_some() && !kept.iter().any(|ado| asked.contains(ado)) {
+    let asked = &args.ado;
+    let plays_trained = asked.is_empty() || kept.iter().any(|ado| asked.contains(ado));
+    match args.keep.dir().is_some() && !plays_trained {
         true => Err(Failure::input(
             "`--keep` writes counterexamples of the trained ado, which is not asked for",
             "add `--ado trained`",

@@ -17,9 +17,8 @@ macro_rules! egos {
     )*) => {
         $( $(#[cfg($when)])? pub use super::$file::$kind; )*
 
-        /// The names of all kinds and of their parameters, for the docs' table.
-        #[cfg(test)]
-        const KINDS: &[(&str, &[&str])] = &[$( (stringify!($kind), $kind::PARAMETERS) ),*];
+        /// The names of all kinds and of their parameters.
+        pub(crate) const KINDS: &[(&str, &[&str])] = &[$( $(#[cfg($when)])? (stringify!($kind), $kind::PARAMETERS) ),*];
 
         /// A controller as named in a world file, with its parameters.
         #[derive(Clone, Debug, PartialEq)]
@@ -115,6 +114,19 @@ impl Actuated<ControllerSpec> {
             error.known.push("lag_s");
             error
         })
+    }
+}
+
+impl Actuated<ControllerSpec> {
+    /// A controller of a kind, all of its parameters given by name, the lag among
+    /// them. `None`: there is no such kind, or not with these.
+    pub(crate) fn of_kind(kind: &str, values: &[(&str, f64)]) -> Option<Actuated<ControllerSpec>> {
+        let values = values
+            .iter()
+            .map(|&(name, value)| (name.to_owned(), value.into()));
+        let values = serde_json::Value::Object(values.collect());
+        let file: serde_json::Map<_, _> = [(kind.to_owned(), values)].into_iter().collect();
+        serde_json::from_value(file.into()).ok()
     }
 }
 

@@ -17,6 +17,23 @@ const FEW_RUNS: u64 = 30;
 const TRIES: u64 = 3;
 /// Most switches of the search that recall is measured against.
 const SWITCHES: usize = 2;
+/// Kinds of controllers that are near relatives: one that is left out is left out
+/// with all of its line, or what is asked would be answered by a cousin.
+const KIN: [&[&str]; 4] = [
+    &[
+        "Acc",
+        "FilteredAcc",
+        "PoliteAcc",
+        "IsoAcc",
+        "YellowLight",
+        "YellowLightFixed",
+    ],
+    &["Gipps", "Krauss"],
+    &["Aeb", "PurePursuit", "Merge"],
+    &["CcDriver", "CcLaneDriver", "CcLatchedDriver", "RegDriver"],
+];
+/// Its changed egos are met in every world.
+const STRUCTURES: &str = "acc_structures";
 /// With fewer starts solved by search recall says little, and is in no mean.
 const TELLING: usize = 10;
 
@@ -60,12 +77,21 @@ pub struct StructureRow {
     pub held: SolvedBy,
     /// The best of the constant actions, chosen on these very starts.
     pub constant: SolvedBy,
-    /// Planned in a surrogate of [`RUNS`] runs, each start played once.
+    /// The best of six that accelerate and then brake, chosen on these very starts.
+    pub switch: SolvedBy,
+    /// Planned in a surrogate of [`RUNS`] runs, each start played once; neither the
+    /// kind of controller nor its relatives are among those that the ego is likened
+    /// to.
     pub adapted: SolvedBy,
     /// The same, each start played at most three times.
     pub again: SolvedBy,
     /// Planned in a surrogate of 30 runs, each start played once.
     pub few: SolvedBy,
+    /// As `adapted`, the ego likened to all stock controllers, its own kind among
+    /// them.
+    pub known: SolvedBy,
+    /// The kind that it was found to be most like then.
+    pub like: Option<String>,
     /// How far the surrogate of the first is off two seconds ahead, and an ego
     /// that keeps its acceleration, m.
     pub off_m: Option<[f64; 2]>,
@@ -93,16 +119,34 @@ pub struct StructuresAsked<'a> {
     pub starts: (usize, u64),
 }
 
-/// The changed egos of a world that have another controller than its own.
+/// The controllers of other structures that a world's ado meets: those of
+/// `acc_structures`, in the place of its own ego.
 ///
 /// # Errors
-/// The world has no changed ego at all.
+/// Nobody drives in the world.
 pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, CampaignError> {
-    let all = EgoUnderTest::find(world, "all")?;
-    let other = all
-        .into_iter()
-        .filter(|ego| ego.change().controller.is_some());
-    Ok(other.collect())
+    let Some(Ok(structures)) = Scenario::shipped(STRUCTURES) else {
+        return Ok(Vec::new());
+    };
+    let own = world.controller().map(|own| own.controller.kind());
+    let others = structures.reuse().iter().filter(|(_, change)| {
+        let kind = change.controller.as_ref().map(|it| it.controller.kind());
+        kind.is_some() && kind != own
+    });
+    let help = "a controller drives the ego of a driving world";
+    others
+        .map(|(name, change)| EgoUnderTest::changed(world, name, change, help))
+        .collect()
+}
+
+/// A kind of controller with its relatives.
+fn kin(ego: &EgoUnderTest) -> Vec<&'static str> {
+    let controller = ego.change().controller.as_ref();
+    let Some(kind) = controller.map(|it| it.controller.kind()) else {
+        return Vec::new();
+    };
+    let line = KIN.iter().find(|line| line.contains(&kind));
+    line.map_or_else(|| vec![kind], |line| line.to_vec())
 }
 
 impl StructuresAsked<'_> {
@@ -115,11 +159,14 @@ impl StructuresAsked<'_> {
         ego: &EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Result<Option<StructureRow>, CampaignError> {
-        let beside = [AdoKind::Trained, AdoKind::Hold, AdoKind::Constant];
-        let first = self.evaluated(ego, &beside, (RUNS, 1, Some(SWITCHES)), watch)?;
-        let again = self.evaluated(ego, &[], (RUNS, TRIES, None), watch)?;
-        let few = self.evaluated(ego, &[], (FEW_RUNS, 1, None), watch)?;
-        let (Some(first), Some(again), Some(few)) = (first, again, few) else {
+        use AdoKind::{Constant, Hold, Switch, Trained};
+        let beside = [Trained, Hold, Constant, Switch];
+        let kin = kin(ego);
+        let first = self.evaluated(ego, &beside, (RUNS, 1, Some(SWITCHES), &kin), watch)?;
+        let again = self.evaluated(ego, &[], (RUNS, TRIES, None, &kin), watch)?;
+        let few = self.evaluated(ego, &[], (FEW_RUNS, 1, None, &kin), watch)?;
+        let known = self.evaluated(ego, &[], (RUNS, 1, None, &[]), watch)?;
+        let (Some(first), Some(again), Some(few), Some(known)) = (first, again, few, known) else {
             return Ok(None);
         };
         let Some(search) = first.row("search") else {
@@ -137,9 +184,15 @@ impl StructuresAsked<'_> {
                 trained: met(&first, "trained")?,
                 held: met(&first, "hold")?,
                 constant: met(&first, "constant")?,
+                switch: met(&first, "switch")?,
                 adapted: met(&first, "adapted")?,
                 again: met(&again, "adapted")?,
                 few: met(&few, "adapted")?,
+                known: met(&known, "adapted")?,
+                like: known.told.as_ref().and_then(|told| {
+                    let like = told.learned.alike.first()?;
+                    Some(like.controller.controller.kind().to_owned())
+                }),
                 off_m: told
                     .learned
                     .error
@@ -154,7 +207,7 @@ impl StructuresAsked<'_> {
         &self,
         ego: &EgoUnderTest,
         ados: &[AdoKind],
-        (runs, tries, search): (u64, u64, Option<usize>),
+        (runs, tries, search, unknown): (u64, u64, Option<usize>, &[&str]),
         watch: &Watch<'_>,
     ) -> Result<Option<Part>, CampaignError> {
         let egos = std::slice::from_ref(ego);
@@ -168,6 +221,7 @@ impl StructuresAsked<'_> {
             search,
             tries,
             runs,
+            unknown,
             keeps: false,
         };
         let Some(mut table) = evaluation.run(watch)? else {
@@ -202,11 +256,14 @@ impl Part {
 pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
     let mut text = format!(
         "`{world}`: recall of the starts that a search with at most {SWITCHES} switches solves. \
-         *Reused*: the policy as it was trained, without a run of the ego; all others know it: \
-         *adapted*, a plan per start after {RUNS} or {FEW_RUNS} runs.\n\n\
-         | ego | training | search solves | reused policy | held random | best constant | \
-         adapted, {RUNS} runs | at most {TRIES} tries | {FEW_RUNS} runs | beyond | off, m | expected | came |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
+         *Reused*: the policy as it was trained, without a run of the ego. *Best constant* and \
+         *best switch* are the best of all constants, and of six that accelerate and then brake, \
+         on these very starts. *Adapted*: a plan per start after {RUNS} or {FEW_RUNS} runs of an ego of \
+         unknown structure, neither its kind nor relatives of it among the stock controllers that it \
+         is likened to; *kind known*: all of them.\n\n\
+         | ego | training | search solves | reused policy | held random | best constant | best switch | \
+         adapted, {RUNS} runs | at most {TRIES} tries | {FEW_RUNS} runs | kind known | most like | beyond | off, m | expected | came |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
     );
     for row in rows {
         text.push_str(&line(row));
@@ -222,14 +279,16 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
         }
     };
     text.push_str(&format!(
-        "| mean (worst) of {} | | | {} | {} | {} | {} | {} | {} | | | | |\n",
+        "| mean (worst) of {} | | | {} | {} | {} | {} | {} | {} | {} | {} | | | | | |\n",
         telling.len(),
         over(|row| &row.trained),
         over(|row| &row.held),
         over(|row| &row.constant),
+        over(|row| &row.switch),
         over(|row| &row.adapted),
         over(|row| &row.again),
         over(|row| &row.few),
+        over(|row| &row.known),
     ));
     let expected = rows.iter().filter(|row| row.came().1).count();
     text.push_str(&format!(
@@ -249,7 +308,7 @@ fn line(row: &StructureRow) -> String {
     });
     let (expected, [low, high]) = row.expected;
     format!(
-        "| {} | {} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {off} | {:.0} % [{:.0}, {:.0}] | {:.0} % |\n",
+        "| {} | {} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {off} | {:.0} % [{:.0}, {:.0}] | {:.0} % |\n",
         row.ego,
         row.seed,
         row.searched,
@@ -257,9 +316,12 @@ fn line(row: &StructureRow) -> String {
         recall(&row.trained),
         recall(&row.held),
         recall(&row.constant),
+        recall(&row.switch),
         recall(&row.adapted),
         recall(&row.again),
         recall(&row.few),
+        recall(&row.known),
+        row.like.as_deref().unwrap_or("–"),
         row.adapted.beyond,
         100.0 * expected,
         100.0 * low,

@@ -41,13 +41,20 @@ fn an_ego_of_another_structure_is_learned_from_runs_of_it_and_remembered() {
     assert_eq!(adapted["method"], "planned in a surrogate of 40 runs");
     // What it must never be below stands beside it.
     row(&first, "hold");
-    row(&first, "constant");
+    for beside in ["constant", "switch", "replays"] {
+        row(&first, beside);
+    }
 
     // What was seen of the ego: every run is counted, half of them were planned.
     let told = &first["adapted"][0];
     assert_eq!(told["ego"], "sporty idm");
     assert_eq!((&told["runs"], &told["planned"]), (&40.into(), &20.into()));
     assert_eq!(told["as_trained"], 5);
+    assert_eq!(told["acts"], "planned");
+    // It is a published model, and found to be one.
+    let alike = &told["alike"][0];
+    assert!(alike["controller"]["Idm"].is_object(), "{alike}");
+    assert!(alike["unexplained"].as_f64() < Some(0.25), "{alike}");
     let error = &told["error"];
     let [off_m, keeping_m] = ["rms_m", "keeps_acceleration_m"].map(|key| error[key].as_f64());
     assert!(

@@ -32,6 +32,8 @@ pub struct Evaluation<'a> {
     pub tries: u64,
     /// Runs of each ego from which a surrogate of it is learned; 0: none is.
     pub runs: u64,
+    /// Kinds of stock controllers that an ego may not be likened to.
+    pub unknown: &'a [&'a str],
     /// Whether [`super::EvaluationTable::keep`] is to follow: what it needs of every ego
     /// is held in memory then.
     pub keeps: bool,

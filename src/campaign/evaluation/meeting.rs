@@ -1,16 +1,17 @@
 //! One ego, met by all ados in turn.
 
 use super::asked::{Evaluation, ExplainedCounterexample, FoundBy};
+use crate::campaign::alike::{best_constant, best_then_brake};
 use crate::campaign::baselines::{AdoKind, Baselines};
 use crate::campaign::by_rule::ByRule;
-use crate::campaign::conditioning::ConditionedAdo;
+use crate::campaign::conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS};
 use crate::campaign::ego_under_test::EgoUnderTest;
 use crate::campaign::error::CampaignError;
-use crate::campaign::eval::{Ado, EvalRequest, Evaluated, best_constant, eval, explain_first};
+use crate::campaign::eval::{Ado, EvalRequest, Evaluated, eval, explain_first};
 use crate::campaign::retrained::retrained;
 use crate::campaign::search::{SearchRequest, Switches, search};
 use crate::campaign::starts::TestStarts;
-use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learn_ego, learned};
+use crate::campaign::surrogate::{AdaptedTo, LEAST_RUNS, LearnEgoRequest, learn_ego, learned};
 use crate::campaign::watch::Watch;
 use crate::run::Row;
 
@@ -69,6 +70,11 @@ impl<'a> Meeting<'a> {
                 let (scenario, name) = (self.ego.scenario(), self.ego.name());
                 Some(best_constant(scenario, name, self.starts, self.watch).row)
             }
+            AdoKind::Switch => {
+                let (scenario, name) = (self.ego.scenario(), self.ego.name());
+                let best = best_then_brake(scenario, name, self.starts, self.watch);
+                best.map(|best| best.row)
+            }
             AdoKind::Retrained => self.retrained()?,
             AdoKind::Chaser => Some(self.by_rule(ByRule::Chaser)?.row),
             AdoKind::Optimal => {
@@ -115,11 +121,18 @@ impl<'a> Meeting<'a> {
     fn adapted(&mut self) -> Result<Option<Row>, CampaignError> {
         let asked = self.asked;
         let policy = &*self.ado.policy;
+        // Runs with which the ado was told what it meets are runs of the ego too.
+        let identified_from = match asked.context {
+            Some(ContextSource::Identified) => RECORDED_RUNS as u64,
+            _ => 0,
+        };
+        let left = asked.runs.saturating_sub(identified_from);
         let request = LearnEgoRequest {
             nominal: asked.nominal,
             ego: self.ego.scenario(),
             policy,
-            runs: asked.runs,
+            runs: left.max(LEAST_RUNS),
+            unknown: asked.unknown,
             seed: self.starts.seed,
         };
         self.watch.phase(&format!("learning: {}", self.ego.name()));
@@ -136,7 +149,8 @@ impl<'a> Meeting<'a> {
         let request = asked.trained(self.ego, self.ado, self.starts);
         let adapted = ego.eval(&request, policy, asked.tries, self.watch);
         let row = adapted.evaluated.row.clone();
-        let told = AdaptedTo::of(self.ego.name(), &ego.from, &adapted);
+        let whom = (self.ego.name(), self.ego.scenario());
+        let told = AdaptedTo::of(whom, &ego.from, identified_from, &adapted);
         self.adapted_to = Some(told);
         self.found = Some(FoundBy::Adapted(adapted));
         Ok(Some(row))

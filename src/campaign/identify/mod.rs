@@ -16,7 +16,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use self::newton::{cost, descend};
+use self::newton::cost;
+pub(super) use self::newton::descend;
 pub use self::record::IdentifyRequest;
 use self::record::{Recorded, deviations, noise_m};
 use super::Watch;

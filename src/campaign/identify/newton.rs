@@ -21,13 +21,13 @@ const NEAR: f64 = 0.01;
 const GAIN: f64 = 1e-3;
 
 /// What a point deviates by, in every sample of every run.
-pub(super) type Deviations = Vec<f64>;
+pub(in crate::campaign) type Deviations = Vec<f64>;
 
 /// Goes downhill from `point` along the dimensions that are `free`.
 ///
 /// `measure` gives the deviations of many points at once; the cost of a point
 /// is the mean of their squares.
-pub(super) fn descend(
+pub(in crate::campaign) fn descend(
     point: Vec<f64>,
     free: &[usize],
     measure: &dyn Fn(&[Vec<f64>]) -> Vec<Deviations>,

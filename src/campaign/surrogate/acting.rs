@@ -5,13 +5,15 @@ use std::fmt::{self, Display, Formatter};
 use serde::Serialize;
 
 use super::again::Earlier;
-use super::learn::{LearnedEgo, LearnedFrom, SurrogateError};
+use super::learn::{Acts, LearnedEgo, LearnedFrom, SurrogateError};
 use super::plan::Planner;
 use crate::campaign::TestStarts;
 use crate::campaign::Watch;
+use crate::campaign::alike::in_words;
 use crate::campaign::episodes::Turn;
 use crate::campaign::eval::{Attempt, EvalRequest, Evaluated, Played};
 use crate::rl::Policy;
+use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 
@@ -49,8 +51,12 @@ pub struct AdaptedTo {
     /// What was seen of it.
     #[serde(flatten)]
     pub learned: LearnedFrom,
-    /// Whether starts are planned; if not, the ado does better as it was trained.
-    pub plans: bool,
+    /// Runs from which the ado, a conditional one, was told what it meets.
+    pub identified_from: u64,
+    /// How the ado acts.
+    pub acts: Acts,
+    /// The same in words, and why.
+    pub how: String,
     /// The share of starts that was to be expected, with its 95 % interval.
     pub expected: f64,
     /// That interval.
@@ -61,12 +67,19 @@ pub struct AdaptedTo {
 
 impl AdaptedTo {
     /// What `learned` came to, beside the row it led to.
-    pub fn of(ego: &str, learned: &LearnedFrom, row: &AdaptedRow) -> AdaptedTo {
+    pub fn of(
+        (ego, world): (&str, &Scenario),
+        learned: &LearnedFrom,
+        identified_from: u64,
+        row: &AdaptedRow,
+    ) -> AdaptedTo {
         let (expected, expected_ci95) = learned.expected();
         AdaptedTo {
             ego: ego.to_owned(),
             learned: learned.clone(),
-            plans: learned.plans(),
+            identified_from,
+            acts: learned.acts(),
+            how: how(world, learned),
             expected,
             expected_ci95,
             starts_as_trained: row.as_trained,
@@ -78,6 +91,12 @@ impl Display for AdaptedTo {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let LearnedFrom { runs, error, .. } = self.learned;
         write!(f, "`{}`: learned from {runs} runs of it", self.ego)?;
+        if 0 < self.identified_from {
+            write!(f, ", and identified from {}", self.identified_from)?;
+        }
+        if let Some(like) = self.learned.alike.first() {
+            write!(f, "; most like {like}")?;
+        }
         if let Some(error) = error {
             let SurrogateError {
                 rms_m,
@@ -92,16 +111,43 @@ impl Display for AdaptedTo {
             }
         }
         let [low, high] = self.expected_ci95.map(|bound| 100.0 * bound);
-        let how = match self.plans {
-            true => "planned",
-            false => "as it was trained, which does clearly better than planning",
-        };
         write!(
             f,
-            "; the ado acts {how}, expected to solve {:.0} % of the starts [{low:.0}, {high:.0}]; on {} it acted as trained throughout",
+            "; the ado acts {}, expected to solve {:.0} % of the starts [{low:.0}, {high:.0}]; on {} it acted as trained throughout",
+            self.how,
             100.0 * self.expected,
             self.starts_as_trained
         )
+    }
+}
+
+/// How the ado acts, and why.
+fn how(world: &Scenario, learned: &LearnedFrom) -> String {
+    let LearnedFrom {
+        planned,
+        planned_successes,
+        ..
+    } = learned;
+    match (learned.acts(), &learned.fixed) {
+        (Acts::Planned, None) => "by plans".to_owned(),
+        (Acts::Planned, Some(tried)) => format!(
+            "by plans, which solved {planned_successes} of {planned} recorded starts ({}: {} of {})",
+            in_words(world, &tried.actions),
+            tried.successes,
+            tried.runs
+        ),
+        (Acts::AsTrained, _) => {
+            "as it was trained, which does clearly better than planning".to_owned()
+        }
+        (Acts::Alike, tried) => {
+            let (actions, runs, successes) = tried.as_ref().map_or((&[][..], 0, 0), |tried| {
+                (&tried.actions[..], tried.runs, tried.successes)
+            });
+            format!(
+                "alike everywhere, {}, which solved {successes} of {runs} recorded starts (plans: {planned_successes} of {planned})",
+                in_words(world, actions)
+            )
+        }
     }
 }
 
@@ -145,9 +191,10 @@ impl LearnedEgo {
         let mut evaluated = Evaluated::of(request, played.collect(), watch);
         let row = &mut evaluated.row;
         row.ado = "adapted".to_owned();
-        row.method = match self.from.plans() {
-            true => format!("planned in a surrogate of {} runs", self.from.runs),
-            false => format!("{}, as trained", row.method),
+        row.method = match self.from.acts() {
+            Acts::Planned => format!("planned in a surrogate of {} runs", self.from.runs),
+            Acts::AsTrained => format!("{}, as trained", row.method),
+            Acts::Alike => in_words(request.scenario, self.alike()),
         };
         if 1 < tries {
             row.method = format!("{}, at most {tries} tries", row.method);
@@ -157,6 +204,12 @@ impl LearnedEgo {
             actions,
             as_trained,
         }
+    }
+
+    /// The actions that are the same from every start.
+    fn alike(&self) -> &[usize] {
+        let tried = self.from.fixed.as_ref();
+        tried.map_or(&[], |tried| &tried.actions)
     }
 
     fn solve(
@@ -170,22 +223,32 @@ impl LearnedEgo {
         let mut first: Option<One> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
         // As it was trained the ado acts alike every time.
-        let tries = if self.from.plans() { tries.max(1) } else { 1 };
+        let acts = self.from.acts();
+        let tries = if acts == Acts::Planned {
+            tries.max(1)
+        } else {
+            1
+        };
         let mut earlier = Earlier::default();
         for _ in 0..tries {
             if watch.stopped() {
                 break;
             }
             let from = (start, *noise);
-            let (episode, as_trained) = match self.from.plans() {
-                true => {
+            let (episode, as_trained) = match acts {
+                Acts::Planned => {
                     let run = planner.run(bench, from, Aftermath::Play, &earlier);
                     let as_trained = run.is_as_trained();
                     let actions = run.so_far.actions.clone();
                     earlier.add(run.so_far, as_trained);
                     (bench.episode(start, *noise, actions), as_trained)
                 }
-                false => (request.play(bench, turn.index), true),
+                Acts::AsTrained => (request.play(bench, turn.index), true),
+                Acts::Alike => {
+                    let mut alike = Replay::holding(self.alike());
+                    let played = play(bench, start, *noise, &mut alike, Aftermath::Play);
+                    (played, false)
+                }
             };
             watch.faults.note(turn.index as u64, episode.fault.as_ref());
             simulations += 1;

@@ -3,7 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::features::Features;
-use super::model::{Casting, Heard, Part, Surrogate};
+use super::likeness::{Heard, MODELS};
+use super::model::{Casting, Part, Surrogate};
 use super::motion::{Moment, MotionReader};
 use crate::rl::Policy;
 use crate::scenario::Scenario;
@@ -80,7 +81,7 @@ pub(super) const VARIATIONS: [Variation; 22] = {
 pub(super) fn width_of(world: &Scenario) -> usize {
     let agents = world.drive().map_or(1, |spec| spec.agents.len());
     let lights = world.drive().map_or(0, |spec| spec.lights.len());
-    Features::width(agents.saturating_sub(1), lights)
+    Features::width(agents.saturating_sub(1), lights) + MODELS
 }
 
 /// A model world, played decision by decision.
@@ -242,11 +243,10 @@ mod tests {
         let (start, noise, run) = run_of(&world, 1);
         let mut model = ModelBench::of(&world).expect("driven");
         let heard = model.percepts((&start, noise), &run);
-        assert_eq!(heard.width, width_of(&world));
-        let rows: Vec<&[f32]> = heard.rows.chunks_exact(heard.width).collect();
-        assert!(run.motion.len().abs_diff(rows.len() + 1) <= 1);
-        for (row, moment) in rows.iter().zip(&run.motion) {
-            assert!((f64::from(row[0]) - moment.speed_mps).abs() < 0.05);
+        assert!(run.motion.len().abs_diff(heard.percepts.len() + 1) <= 1);
+        assert!(0.0 < heard.briefing.sample_s);
+        for (percept, moment) in heard.percepts.iter().zip(&run.motion) {
+            assert!((percept.own.speed_mps - moment.speed_mps).abs() < 0.05);
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::model::Surrogate;
+use super::likeness::Likeness;
+use super::model::{Surrogate, expected_mps2};
 use crate::campaign::Watch;
 use crate::campaign::episodes::EpisodeLoop;
 use crate::rl::Dice;
@@ -59,15 +60,21 @@ impl Samples {
     }
 
     /// What an output of 1 stands for; 0 where an output is always 0.
-    fn units(&self) -> [f64; 2] {
-        let count = self.answers.len().max(1) as f64;
-        let rms = |i: usize| {
-            let squares = self.answers.iter().map(|answer| answer[i] * answer[i]);
-            (squares.sum::<f64>() / count).sqrt()
-        };
-        let across_mps = rms(2);
+    fn units(&self, alike: &[Likeness]) -> [f64; 2] {
+        let across_mps = self.rms(|_, answer| answer[2]);
         let steers = LEAST_LATERAL_MPS < across_mps;
-        [rms(1).max(1e-6), if steers { across_mps } else { 0.0 }]
+        let left = |row: &[f32], answer: &[f64; 3]| answer[1] - expected_mps2(alike, row);
+        let left_mps2 = self.rms(left).max(1e-6);
+        [left_mps2, if steers { across_mps } else { 0.0 }]
+    }
+
+    /// The root mean square of something over all samples.
+    fn rms(&self, of: impl Fn(&[f32], &[f64; 3]) -> f64) -> f64 {
+        let rows = self.inputs.chunks_exact(self.width.max(1));
+        let squares = rows
+            .zip(&self.answers)
+            .map(|(row, answer)| of(row, answer).powi(2));
+        (squares.sum::<f64>() / self.answers.len().max(1) as f64).sqrt()
     }
 
     /// Samples in which the ego does something: most of the others are cruising,
@@ -88,8 +95,8 @@ impl Samples {
 /// Equal samples and seeds give equal networks, on any number of threads.
 pub(super) fn fit(
     samples: &Samples,
-    updates: u64,
-    seed: u64,
+    alike: &Arc<[Likeness]>,
+    (updates, seed): (u64, u64),
     watch: &Watch<'_>,
 ) -> Option<Arc<Surrogate>> {
     if samples.answers.is_empty() {
@@ -99,7 +106,8 @@ pub(super) fn fit(
     let mut surrogate = Surrogate {
         mean,
         inverse_sd,
-        unit: samples.units(),
+        unit: samples.units(alike),
+        alike: Arc::clone(alike),
         members: Vec::new(),
     };
     let seeds: Vec<u64> = (0..MEMBERS as u64)
@@ -129,18 +137,19 @@ impl<'a> Lesson<'a> {
         let rows = 0..samples.answers.len();
         let scaled = rows.flat_map(|sample| surrogate.scaled(samples.row(sample)));
         let [accel, lateral] = surrogate.unit;
-        let target = |answer: &[f64; 3]| {
+        let target = |(sample, answer): (usize, &[f64; 3])| {
+            let left_mps2 = answer[1] - expected_mps2(&surrogate.alike, samples.row(sample));
             let across = match lateral {
                 0.0 => 0.0,
                 unit => answer[2] / unit,
             };
-            [(answer[1] / accel) as f32, across as f32]
+            [(left_mps2 / accel) as f32, across as f32]
         };
         Lesson {
             samples,
             scaled: scaled.collect(),
-            targets: samples.answers.iter().map(target).collect(),
-            critical: samples.critical(accel),
+            targets: samples.answers.iter().enumerate().map(target).collect(),
+            critical: samples.critical(samples.rms(|_, answer| answer[1])),
             dice: Dice::new(seed),
         }
     }
@@ -219,7 +228,7 @@ mod tests {
         let law = |x: f32, y: f32| f64::from(0.3 * x - 0.2 * y.max(0.0));
         let seen = samples(2000, law);
         let watch = Watch::unwatched();
-        let learned = fit(&seen, 3000, 1, &watch).expect("fitted");
+        let learned = fit(&seen, &Arc::default(), (3000, 1), &watch).expect("fitted");
         let answer = |member: usize, row: [f32; 2]| {
             let scaled: Vec<f32> = learned.scaled(&row).collect();
             let net = &learned.members[member];
@@ -239,11 +248,24 @@ mod tests {
     fn an_ego_that_keeps_its_lane_is_none_that_steers() {
         let watch = Watch::unwatched();
         let mut seen = samples(50, |x, _| f64::from(x));
-        assert_eq!(fit(&seen, 10, 1, &watch).expect("fitted").unit[1], 0.0);
+        assert_eq!(
+            fit(&seen, &Arc::default(), (10, 1), &watch)
+                .expect("fitted")
+                .unit[1],
+            0.0
+        );
         for answer in &mut seen.answers {
             answer[2] = 0.5;
         }
-        assert_eq!(fit(&seen, 10, 1, &watch).expect("fitted").unit[1], 0.5);
-        assert_eq!(fit(&Samples::default(), 10, 1, &watch), None);
+        assert_eq!(
+            fit(&seen, &Arc::default(), (10, 1), &watch)
+                .expect("fitted")
+                .unit[1],
+            0.5
+        );
+        assert_eq!(
+            fit(&Samples::default(), &Arc::default(), (10, 1), &watch),
+            None
+        );
     }
 }

@@ -6,13 +6,18 @@ use serde::{Deserialize, Serialize};
 
 use super::bench::{ModelBench, SoFar, VARIATIONS};
 use super::fit::fit;
+use super::fixed::{TriedActions, best_fixed};
+use super::kinds::kinds_but;
+use super::likeness::Likeness;
+use super::likening::likenesses;
 use super::model::Surrogate;
 use super::plan::Planner;
-use super::record::{Run, mixed, planned, samples, starts};
+use super::record::{Run, alike, answered, mixed, planned, samples, starts};
 use crate::campaign::Watch;
 use crate::rl::Policy;
 use crate::run::wilson;
 use crate::scenario::Scenario;
+use crate::scene::Start;
 
 /// With fewer runs there is nothing to fit.
 pub const LEAST_RUNS: u64 = 10;
@@ -36,6 +41,9 @@ pub struct LearnEgoRequest<'a> {
     pub policy: &'a dyn Policy,
     /// Runs of the ego that may be recorded, [`LEAST_RUNS`] at least.
     pub runs: u64,
+    /// Kinds of stock controllers that it may not be likened to, as if nobody had
+    /// published them.
+    pub unknown: &'a [&'a str],
     /// Seed of the starts and of the fit.
     pub seed: u64,
 }
@@ -56,6 +64,19 @@ impl SurrogateError {
     }
 }
 
+/// How an ado acts against an ego that it learned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Acts {
+    /// Every start is planned in the surrogate.
+    Planned,
+    /// As it was trained.
+    #[serde(rename = "as trained")]
+    AsTrained,
+    /// The same actions from every start.
+    Alike,
+}
+
 /// What was seen of an ego while it was learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnedFrom {
@@ -71,26 +92,54 @@ pub struct LearnedFrom {
     pub as_trained: u64,
     /// Those among them in which the ego failed, every rule kept.
     pub as_trained_successes: u64,
+    /// Where the surrogate did not foresee the ego: actions that are the same from
+    /// every start, tried in turn with the plans of the last round.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fixed: Option<TriedActions>,
+    /// The stock controllers that it is most like, the nearest first.
+    pub alike: Vec<Likeness>,
 }
 
 impl LearnedFrom {
     /// The share of starts to expect, and Wilson's 95 % interval of it.
     pub fn expected(&self) -> (f64, [f64; 2]) {
-        let (successes, runs) = match self.plans() {
-            true => (self.planned_successes, self.planned),
-            false => (self.as_trained_successes, self.as_trained),
+        let (successes, runs) = match self.acts() {
+            Acts::Planned => self.by_plans(),
+            Acts::AsTrained => (self.as_trained_successes, self.as_trained),
+            Acts::Alike => self.alike_everywhere(),
         };
         let rate = successes as f64 / runs.max(1) as f64;
         (rate, wilson(successes as usize, runs as usize))
     }
 
-    /// Whether planning is worth it: if the ado as it was trained did clearly
-    /// better, that is how it acts.
-    pub fn plans(&self) -> bool {
-        let [_, planned] = wilson(self.planned_successes as usize, self.planned as usize);
-        let trained = (self.as_trained_successes as usize, self.as_trained as usize);
-        let [as_trained, _] = wilson(trained.0, trained.1);
-        as_trained <= planned
+    /// How the ado acts: by plans, unless something simpler did better in the runs of
+    /// the ego. Of the ado as it was trained there are few runs, so it has to have
+    /// done clearly better.
+    pub fn acts(&self) -> Acts {
+        let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
+        let (planned, alike) = (self.by_plans(), self.alike_everywhere());
+        let best = if rate(planned) < rate(alike) {
+            alike
+        } else {
+            planned
+        };
+        let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
+        let [as_trained, _] = interval((self.as_trained_successes, self.as_trained));
+        let [_, most] = interval(best);
+        match (most < as_trained, best == planned) {
+            (true, _) => Acts::AsTrained,
+            (false, true) => Acts::Planned,
+            (false, false) => Acts::Alike,
+        }
+    }
+
+    fn by_plans(&self) -> (u64, u64) {
+        (self.planned_successes, self.planned)
+    }
+
+    fn alike_everywhere(&self) -> (u64, u64) {
+        let tried = self.fixed.as_ref();
+        tried.map_or((0, 0), |tried| (tried.successes, tried.runs))
     }
 }
 
@@ -113,26 +162,53 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         ego,
         policy,
         runs,
+        unknown,
         seed,
     } = *request;
-    let starts = starts(nominal, runs, seed);
+    let mut kinds = kinds_but(unknown);
+    let mut learned = |runs: &[Run], updates: u64| {
+        let answered = answered(ego, runs)?;
+        let found = likenesses(&answered, &kinds, seed, watch);
+        let alike: Arc<[Likeness]> = found.nearest.into();
+        kinds = found.kinds;
+        fit(&samples(&answered, &alike), &alike, (updates, seed), watch)
+    };
+    let all = starts(nominal, runs, seed);
     let rounds = if THREE_ROUNDS <= runs { 3 } else { 2 };
-    let mut rounds = starts.chunks(starts.len().div_ceil(rounds).max(1));
+    let mut rounds = all.chunks(all.len().div_ceil(rounds).max(1));
     let mut recorded = mixed(ego, policy, rounds.next()?, watch);
     let as_trained = recorded.iter().filter(|run| run.as_trained);
     let mut from = LearnedFrom {
-        runs: starts.len() as u64,
+        runs: all.len() as u64,
         error: None,
         planned: 0,
         planned_successes: 0,
         as_trained: as_trained.clone().count() as u64,
         as_trained_successes: as_trained.filter(|run| run.is_success).count() as u64,
+        fixed: None,
+        alike: Vec::new(),
     };
-    let mut surrogate = fit(&samples(ego, &recorded)?, UPDATES, seed, watch)?;
+    let mut surrogate = learned(&recorded, UPDATES)?;
     let rounds: Vec<_> = rounds.collect();
     for (round, starts) in rounds.iter().enumerate() {
         let planner = || Planner::new(ego, &surrogate, policy, watch);
-        let found = planned(ego, planner, starts, watch);
+        let is_last = round + 1 == rounds.len();
+        let doubts = is_last && from.error.is_some_and(|error| !error.is_telling());
+        let [to_plan, to_compare] = match doubts {
+            true => in_turn(starts),
+            false => [starts.to_vec(), Vec::new()],
+        };
+        let found = planned(ego, planner, &to_plan, watch);
+        if doubts && let Some(actions) = best_fixed(ego, &surrogate, &all) {
+            let tried = alike(ego, &actions, &to_compare, watch);
+            let successes = tried.iter().filter(|run| run.is_success).count() as u64;
+            from.fixed = Some(TriedActions {
+                actions,
+                runs: tried.len() as u64,
+                successes,
+            });
+            recorded.extend(tried);
+        }
         if watch.stopped() {
             return None;
         }
@@ -140,11 +216,16 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         from.planned = found.len() as u64;
         from.planned_successes = found.iter().filter(|run| run.is_success).count() as u64;
         recorded.extend(found);
-        let is_last = round + 1 == rounds.len();
         let updates = if is_last { LAST_UPDATES } else { UPDATES };
-        surrogate = fit(&samples(ego, &recorded)?, updates, seed, watch)?;
+        surrogate = learned(&recorded, updates)?;
     }
+    from.alike = surrogate.alike.to_vec();
     Some(LearnedEgo { surrogate, from })
+}
+
+/// Every other start, and those between.
+fn in_turn(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
+    [0, 1].map(|from| starts.iter().skip(from).step_by(2).cloned().collect())
 }
 
 /// How far a surrogate is off in runs it was not fitted to.
@@ -193,4 +274,37 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
         errors.push([off_m(Some(surrogate)), off_m(None)]);
     }
     errors
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(planned: (u64, u64), as_trained: (u64, u64), alike: Option<(u64, u64)>) -> LearnedFrom {
+        LearnedFrom {
+            runs: 100,
+            error: None,
+            planned: planned.1,
+            planned_successes: planned.0,
+            as_trained: as_trained.1,
+            as_trained_successes: as_trained.0,
+            fixed: alike.map(|(successes, runs)| TriedActions {
+                actions: vec![0],
+                runs,
+                successes,
+            }),
+            alike: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn an_ado_plans_unless_something_simpler_did_better() {
+        assert_eq!(seen((20, 32), (4, 8), None).acts(), Acts::Planned);
+        assert_eq!(seen((2, 32), (8, 8), None).acts(), Acts::AsTrained);
+        assert_eq!(seen((5, 16), (2, 8), Some((5, 16))).acts(), Acts::Planned);
+        let alike = seen((5, 16), (2, 8), Some((6, 16)));
+        assert_eq!(alike.acts(), Acts::Alike);
+        assert_eq!(alike.expected().0, 6.0 / 16.0);
+        assert_eq!(seen((0, 16), (8, 8), Some((1, 16))).acts(), Acts::AsTrained);
+    }
 }

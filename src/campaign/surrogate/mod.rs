@@ -18,13 +18,22 @@ mod again;
 mod bench;
 mod features;
 mod fit;
+mod fixed;
+mod kinds;
 mod learn;
+mod likeness;
+mod likening;
 mod model;
 mod motion;
 mod plan;
+mod reading;
 mod record;
 mod stored;
 
 pub use acting::{AdaptedRow, AdaptedTo};
-pub use learn::{LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
+pub use fixed::TriedActions;
+pub use learn::{
+    Acts, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego,
+};
+pub use likeness::Likeness;
 pub(super) use stored::learned;

@@ -2,9 +2,10 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::features::Features;
+use super::likeness::{Heard, Likeness, MODELS};
 use super::motion::Moment;
-use crate::ego::{Command, Controller, Fault, Percept};
+use super::reading::Reading;
+use crate::ego::{Briefing, Command, Controller, Fault, Percept};
 use crate::rl::nn::Mlp;
 use crate::scene::drive::ControllerFactory;
 
@@ -30,6 +31,9 @@ pub(super) struct Surrogate {
     pub inverse_sd: Vec<f32>,
     /// What an output of 1 stands for: m/s² and m/s.
     pub unit: [f64; 2],
+    /// The stock controllers that it is most like; what they would do is part of
+    /// a row.
+    pub alike: Arc<[Likeness]>,
     /// The members of the ensemble.
     pub members: Vec<Mlp>,
 }
@@ -41,7 +45,8 @@ impl Surrogate {
         scaled.extend(self.scaled(row));
         let member = &self.members[member % self.members.len()];
         let outputs = member.evaluate(scaled, |out| [out[0], out[1]]);
-        [0, 1].map(|i| f64::from(outputs[i]) * self.unit[i])
+        let [change, across] = [0, 1].map(|i| f64::from(outputs[i]) * self.unit[i]);
+        [change + expected_mps2(&self.alike, row), across]
     }
 
     /// A row in standard deviations from the mean.
@@ -49,6 +54,15 @@ impl Surrogate {
         let scales = self.mean.iter().zip(&self.inverse_sd);
         let pairs = row.iter().zip(scales);
         pairs.map(|(value, (mean, inverse_sd))| ((value - mean) * inverse_sd).clamp(-EDGE, EDGE))
+    }
+}
+
+/// The change of acceleration that the networks' answer is added to: what the
+/// stock controller would do that the ego is like, if it is like one.
+pub(super) fn expected_mps2(alike: &[Likeness], row: &[f32]) -> f64 {
+    match alike.first() {
+        Some(first) if first.is_close() => f64::from(row[row.len() - MODELS]),
+        _ => 0.0,
     }
 }
 
@@ -63,16 +77,8 @@ pub(super) struct Part {
     pub member: usize,
     /// Added to every answer: an ego that is a little more, or less, careful.
     pub bias_mps3: f64,
-    /// Where the inputs of every sample are written down.
+    /// Where the percepts of every sample are written down.
     pub heard: Option<Arc<Mutex<Heard>>>,
-}
-
-/// Inputs, one row after the other.
-#[derive(Debug, Default)]
-pub(super) struct Heard {
-    pub rows: Vec<f32>,
-    /// Length of a row.
-    pub width: usize,
 }
 
 /// Hands a part to the driver of a model; it is taken when an episode begins.
@@ -98,7 +104,8 @@ impl Casting {
             Box::new(ModelDriver {
                 casting: casting.clone(),
                 part: Part::default(),
-                features: Features::default(),
+                briefing: Briefing::default(),
+                reading: Reading::default(),
                 row: Vec::new(),
                 scaled: Vec::new(),
                 sample: 0,
@@ -112,7 +119,8 @@ impl Casting {
 struct ModelDriver {
     casting: Casting,
     part: Part,
-    features: Features,
+    briefing: Briefing,
+    reading: Reading,
     row: Vec<f32>,
     scaled: Vec<f32>,
     sample: usize,
@@ -142,20 +150,27 @@ impl ModelDriver {
 }
 
 impl Controller for ModelDriver {
+    fn brief(&mut self, briefing: &Briefing) {
+        self.briefing = briefing.clone();
+    }
+
     fn reset(&mut self, _seed: u64) {
         self.part = self.casting.take();
         self.sample = 0;
     }
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        if self.sample == 0 {
-            self.features = Features::begin(percept);
-        }
-        self.features.read(percept, &mut self.row);
         if let Some(heard) = &self.part.heard {
             let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
-            heard.rows.extend_from_slice(&self.row);
-            heard.width = self.row.len();
+            heard.percepts.push(percept.clone());
+            heard.briefing = self.briefing.clone();
+        }
+        if let Some(surrogate) = &self.part.surrogate {
+            if self.sample == 0 {
+                self.reading
+                    .begin(&surrogate.alike, &self.briefing, percept);
+            }
+            self.reading.read(percept, &mut self.row);
         }
         let Command {
             accel_mps2,

@@ -16,7 +16,8 @@ use crate::testbench::{Aftermath, Testbench};
 
 /// Most switches of action in a plan.
 const SWITCHES: usize = 2;
-/// In plans with so many switches these are at every so many-th decision.
+/// In plans with so many switches these are at every so many-th decision, unless
+/// there is none.
 const STRIDE: usize = 2;
 /// The same where it is not planned for the surrogate itself, and on the way.
 const QUICK_STRIDE: usize = 4;
@@ -136,7 +137,15 @@ impl<'a> Planner<'a> {
                 if ENOUGH <= best.score || self.watch.stopped() {
                     break;
                 }
-                self.search(from, so_far, switches, &mut best);
+                let stride = match (switches < SWITCHES, lead == 0 && so_far.actions.is_empty()) {
+                    (true, _) => 1,
+                    (false, true) => STRIDE,
+                    (false, false) => QUICK_STRIDE,
+                };
+                self.search(from, so_far, (switches, stride), &mut best);
+            }
+            if best.score == 0 && lead == 0 && so_far.actions.is_empty() {
+                self.search(from, so_far, (SWITCHES, 1), &mut best);
             }
             if 0 < best.score {
                 return best;
@@ -173,7 +182,13 @@ impl<'a> Planner<'a> {
     }
 
     /// Looks through all sequences with so many switches for a better one.
-    fn search(&mut self, from: Origin<'_>, so_far: &SoFar, switches: usize, best: &mut Choice) {
+    fn search(
+        &mut self,
+        from: Origin<'_>,
+        so_far: &SoFar,
+        (switches, stride): (usize, usize),
+        best: &mut Choice,
+    ) {
         let quiet = self.watch.quiet();
         let rank = best.lead;
         let lead = self.variation(rank);
@@ -185,7 +200,6 @@ impl<'a> Planner<'a> {
             ..
         } = self;
         tree.cast(so_far, Some(surrogate), VARIATIONS[lead]);
-        let is_thorough = rank == 0 && so_far.actions.is_empty();
         let (mut found, mut tried) = (0, 0);
         let mut accept = |actions: &[usize], _: &Testbench| {
             found += 1;
@@ -219,11 +233,7 @@ impl<'a> Planner<'a> {
         let actions = root.spaces().actions;
         let mut walk = Tree::new(root, (from, 0), Aftermath::Skip, &mut accept, &quiet);
         walk.after = so_far.actions.clone();
-        walk.stride = match (switches < SWITCHES, is_thorough) {
-            (true, _) => 1,
-            (false, true) => STRIDE,
-            (false, false) => QUICK_STRIDE,
-        };
+        walk.stride = stride;
         for action in 0..actions {
             if walk.begin(root, action, switches) == Next::Stop {
                 break;

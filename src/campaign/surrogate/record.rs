@@ -1,12 +1,16 @@
 //! Recording runs of an ego, and what a surrogate is fitted to.
 
+use std::sync::Arc;
+
 use rand::RngExt;
 
 use super::again::Earlier;
 use super::bench::{ModelBench, Origin, SoFar};
 use super::fit::Samples;
+use super::likeness::{Answered, Likeness};
 use super::motion::MotionReader;
 use super::plan::Planner;
+use super::reading::Reading;
 use crate::campaign::Watch;
 use crate::campaign::episodes::{EpisodeLoop, Turn};
 use crate::rl::Policy;
@@ -67,6 +71,16 @@ pub(super) fn starts(nominal: &Scenario, count: u64, seed: u64) -> Vec<(Start, u
     starts
 }
 
+/// Who acts in a recorded run.
+enum Recorded<'a> {
+    /// Random actions, held.
+    Held,
+    /// The ado as it was trained.
+    Policy(&'a dyn Policy),
+    /// These actions, the last one held.
+    Sequence(Vec<usize>),
+}
+
 /// Runs under a mixture of actions: half of them random and held, a quarter as
 /// the policy acts, a quarter one action up to some time and then another.
 pub(super) fn mixed(
@@ -75,23 +89,54 @@ pub(super) fn mixed(
     starts: &[(Start, u64)],
     watch: &Watch<'_>,
 ) -> Vec<Run> {
+    let acting = |bench: &Testbench, noise: u64, turn: &Turn| {
+        let actions = bench.spaces().actions;
+        let decisions = bench.clock().decisions();
+        let mut dice = seed::generator("surrogate", &[noise]);
+        let mut one = || dice.random_range(0..actions);
+        let (first, second) = (one(), one());
+        let switched = dice.random_range(1..decisions.max(2));
+        match turn.index % 4 {
+            0 | 1 => Recorded::Held,
+            2 => Recorded::Policy(policy),
+            _ => {
+                let mut sequence = vec![first; switched];
+                sequence.push(second);
+                Recorded::Sequence(sequence)
+            }
+        }
+    };
+    recorded(ego, starts, &acting, watch)
+}
+
+/// Runs under the same actions from every start.
+pub(super) fn alike(
+    ego: &Scenario,
+    actions: &[usize],
+    starts: &[(Start, u64)],
+    watch: &Watch<'_>,
+) -> Vec<Run> {
+    let acting = |_: &Testbench, _: u64, _: &Turn| Recorded::Sequence(actions.to_vec());
+    recorded(ego, starts, &acting, watch)
+}
+
+fn recorded<'a>(
+    ego: &Scenario,
+    starts: &[(Start, u64)],
+    acting: &(dyn Fn(&Testbench, u64, &Turn) -> Recorded<'a> + Sync),
+    watch: &Watch<'_>,
+) -> Vec<Run> {
     let Some(reader) = MotionReader::of(ego) else {
         return Vec::new();
     };
     let one = |bench: &mut Testbench, from: &(Start, u64), turn: &Turn| {
-        let actions = bench.spaces().actions;
-        let decisions = bench.clock().decisions();
-        let mut dice = seed::generator("surrogate", &[from.1]);
-        let mut one = || dice.random_range(0..actions);
-        let (first, second) = (one(), one());
-        let switched = dice.random_range(1..decisions.max(2));
-        let then = vec![first; switched];
-        let mut actor: Box<dyn Actor + '_> = match turn.index % 4 {
-            0 | 1 => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
-            2 => Box::new(PolicyActor(policy)),
-            _ => Box::new(Replay::then(&then, second)),
-        };
         let (start, noise) = (&from.0, from.1);
+        let acting = acting(bench, noise, turn);
+        let mut actor: Box<dyn Actor + '_> = match &acting {
+            Recorded::Held => Box::new(HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS)),
+            Recorded::Policy(policy) => Box::new(PolicyActor(*policy)),
+            Recorded::Sequence(actions) => Box::new(Replay::holding(actions)),
+        };
         let skip = Aftermath::Skip;
         let episode = watch.play(bench, (start, noise), turn.index, &mut *actor, skip);
         let mut motion = Vec::new();
@@ -104,7 +149,7 @@ pub(super) fn mixed(
                 motion,
             },
             is_success: episode.verdict.is_success(),
-            as_trained: turn.index % 4 == 2,
+            as_trained: matches!(acting, Recorded::Policy(_)),
         })
     };
     let all = EpisodeLoop::uncounted(watch);
@@ -141,26 +186,43 @@ pub(super) fn planned<'a>(
     runs.into_iter().flatten().collect()
 }
 
-/// What the ego saw and did in runs, sample by sample.
+/// What the ego was told in a run and how it answered.
 ///
-/// What it saw is read in the model, with the ego moved as it was recorded: so
-/// inputs are there what they will be in plans. `None`: nobody drives.
-pub(super) fn samples(world: &Scenario, runs: &[Run]) -> Option<Samples> {
+/// What it was told is read in the model, with the ego moved as it was recorded:
+/// so it is there what it will be in plans. `None`: nobody drives.
+pub(super) fn answered(world: &Scenario, runs: &[Run]) -> Option<Vec<Answered>> {
     let mut model = ModelBench::of(world)?;
     let sample_s = model.bench.clock().sample_s;
-    let mut samples = Samples::default();
-    for run in runs {
+    let one = |run: &Run| {
         let heard = model.percepts(run.from(), &run.so_far);
-        samples.width = heard.width.max(samples.width);
-        let rows = heard.rows.chunks_exact(heard.width.max(1));
-        for (row, pair) in rows.zip(run.so_far.motion.windows(2)) {
-            let accel_mps2 = f64::from(row[1]);
+        let pairs = run.so_far.motion.windows(2);
+        let answers = heard.percepts.iter().zip(pairs).map(|(percept, pair)| {
             let next_mps2 = (pair[1].speed_mps - pair[0].speed_mps) / sample_s;
             let lateral_mps = (pair[1].lateral_m - pair[0].lateral_m) / sample_s;
-            samples.inputs.extend_from_slice(row);
-            let answer = [accel_mps2, next_mps2 - accel_mps2, lateral_mps];
+            [next_mps2 - percept.own.accel_mps2, lateral_mps]
+        });
+        let answers = answers.collect();
+        Answered { heard, answers }
+    };
+    Some(runs.iter().map(one).collect())
+}
+
+/// The rows of runs and their answers, with what stock controllers would do.
+pub(super) fn samples(runs: &[Answered], alike: &Arc<[Likeness]>) -> Samples {
+    let mut samples = Samples::default();
+    let (mut reading, mut row) = (Reading::default(), Vec::new());
+    for run in runs {
+        let percepts = &run.heard.percepts;
+        if let Some(first) = percepts.first() {
+            reading.begin(alike, &run.heard.briefing, first);
+        }
+        for (percept, [change_mps2, lateral_mps]) in percepts.iter().zip(&run.answers) {
+            reading.read(percept, &mut row);
+            samples.width = row.len();
+            samples.inputs.extend_from_slice(&row);
+            let answer = [percept.own.accel_mps2, *change_mps2, *lateral_mps];
             samples.answers.push(answer);
         }
     }
-    Some(samples)
+    samples
 }

@@ -61,7 +61,7 @@ pub(in crate::campaign) fn learned(
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> PathBuf {
     let manifest = run.manifest();
     let mut key = format!(
-        "{} {} {:?} {:?} {:?} {} {}",
+        "{} {} {:?} {:?} {:?} {} {} {:?}",
         env!("CARGO_PKG_VERSION"),
         manifest.world_sha256,
         manifest.policy_sha256,
@@ -69,6 +69,7 @@ fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> P
         request.ego.plant(),
         request.runs,
         request.seed,
+        request.unknown,
     );
     if let Some(program) = ego.scenario().program() {
         let files = program.command.iter().map(Path::new);
@@ -119,6 +120,7 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
         mean: bundle.get("mean", &[width])?.to_vec(),
         inverse_sd: bundle.get("inverse_sd", &[width])?.to_vec(),
         unit: [unit[0], unit[1]],
+        alike: from.alike.clone().into(),
         members,
     };
     Ok(LearnedEgo {

@@ -194,6 +194,35 @@ impl Actions {
         }
     }
 
+    /// The actions that brake and that accelerate hardest, nobody moving across; on
+    /// foot they are against and along the road. Of a light both are to hold.
+    pub(super) fn hardest(&self) -> [usize; 2] {
+        let ends = |list: &mut dyn Iterator<Item = (usize, f64)>| {
+            let all: Vec<(usize, f64)> = list.collect();
+            let least = all.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+            let most = all.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+            [least, most].map(|end| end.map_or(0, |end| end.0))
+        };
+        match self {
+            Actions::Accelerations(list) => ends(&mut list.iter().copied().enumerate()),
+            Actions::Grid(grid) => {
+                let hold = grid.lateral.iter().position(|it| *it == Lateral::Hold);
+                let from = hold.unwrap_or(0) * grid.accelerations.len();
+                ends(&mut grid.accelerations.iter().copied().enumerate()).map(|end| from + end)
+            }
+            Actions::Deviate(added) => {
+                let straight = added.lateral_mps.iter().position(|mps| *mps == 0.0);
+                let from = straight.unwrap_or(0) * added.accelerations.len();
+                ends(&mut added.accelerations.iter().copied().enumerate()).map(|end| from + end)
+            }
+            Actions::Walks(list) => ends(&mut list.iter().map(|walk| walk.0).enumerate()),
+            Actions::Phases(list) => {
+                let hold = list.iter().position(|turn| *turn == Turn::Hold);
+                [hold.unwrap_or(0); 2]
+            }
+        }
+    }
+
     /// What an action asks for.
     pub(super) fn choice(&self, action: usize) -> Choice {
         match self {
@@ -268,5 +297,42 @@ impl Grid {
             self.accelerations[action % count],
             self.lateral[action / count],
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hardest_braking_and_acceleration_are_found_in_every_kind_of_set() {
+        let accelerations = vec![0.0, 3.0, -6.0, -3.0];
+        let sets = [
+            (Actions::Accelerations(accelerations.clone()), [2, 1]),
+            (
+                Actions::Grid(Grid {
+                    accelerations: accelerations.clone(),
+                    lateral: vec![Lateral::Left, Lateral::Hold],
+                    lateral_mps: 1.0,
+                    lateral_lag_s: 0.3,
+                }),
+                [6, 5],
+            ),
+            (
+                Actions::Deviate(Deviation {
+                    accelerations,
+                    lateral_mps: vec![-0.3, 0.0, 0.3],
+                }),
+                [6, 5],
+            ),
+            (
+                Actions::Walks(vec![(0.0, 1.0), (1.0, 0.0), (-1.0, 0.0)]),
+                [2, 1],
+            ),
+            (Actions::Phases(vec![Turn::Advance, Turn::Hold]), [1, 1]),
+        ];
+        for (set, hardest) in sets {
+            assert_eq!(set.hardest(), hardest, "{set:?}");
+        }
     }
 }

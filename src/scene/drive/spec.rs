@@ -294,6 +294,18 @@ impl DriveSpec {
         labels.join(" | ")
     }
 
+    /// The joint actions in which all ados brake, and accelerate, hardest. `None`:
+    /// there is no difference.
+    pub fn brake_and_accelerate(&self) -> Option<[usize; 2]> {
+        let (mut joint, mut unit) = ([0, 0], 1);
+        for (_, actions, _) in self.action_sets() {
+            let [brake, accelerate] = actions.hardest();
+            joint = [joint[0] + unit * brake, joint[1] + unit * accelerate];
+            unit *= actions.len();
+        }
+        (joint[0] != joint[1]).then_some(joint)
+    }
+
     /// How far two joint actions are apart: the mean over the ados of what their
     /// own sets say, 0 to 1.
     pub fn action_distance(&self, mut a: usize, mut b: usize) -> f64 {

@@ -1,0 +1,113 @@
+//! Actions that are the same from every start: what plans must not be below.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::bench::{ModelBench, SoFar, VARIATIONS};
+use super::model::Surrogate;
+use crate::rulebook::Verdict;
+use crate::scenario::Scenario;
+use crate::scene::Start;
+
+/// When the second action takes over, as shares of the horizon.
+const SWITCH_AT: [f64; 3] = [0.125, 0.25, 0.5];
+/// With more actions than this only some second ones are tried: the best constants.
+const MANY: usize = 6;
+/// So many of these.
+const SECOND: usize = 3;
+/// Starts on which the candidates are compared, in the surrogate.
+const STARTS: usize = 40;
+
+/// Actions that were tried on an ego, the same from every start.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TriedActions {
+    /// In order, the last one held.
+    pub actions: Vec<usize>,
+    /// Runs of the ego under them.
+    pub runs: u64,
+    /// Those among them in which it failed, every rule kept.
+    pub successes: u64,
+}
+
+/// The constant, or one action and then another, with most successes on the
+/// surrogate; of equals the one that comes nearest to it elsewhere. `None`: nobody
+/// drives.
+pub(super) fn best_fixed(
+    world: &Scenario,
+    surrogate: &Arc<Surrogate>,
+    starts: &[(Start, u64)],
+) -> Option<Vec<usize>> {
+    let mut model = ModelBench::of(world)?;
+    let actions = model.bench.spaces().actions;
+    let decisions = model.bench.clock().decisions();
+    let starts = &starts[..starts.len().min(STARTS)];
+    let mut worth = |actions: &[usize]| -> (usize, f64) {
+        let (mut successes, mut margins) = (0, 0.0);
+        for (start, noise) in starts {
+            let from = (start, *noise);
+            model.begin(from, &SoFar::default(), Some(surrogate), VARIATIONS[0]);
+            model.go_on(actions);
+            match model.bench.verdict() {
+                Some(Verdict::Counterexample { .. }) => successes += 1,
+                Some(Verdict::Held { margin }) => margins += margin,
+                _ => margins += 1.0,
+            }
+        }
+        (successes, margins)
+    };
+    let mut tried: Vec<(Vec<usize>, (usize, f64))> = (0..actions)
+        .map(|action| (vec![action], worth(&[action])))
+        .collect();
+    sort(&mut tried);
+    let second = if MANY < actions { SECOND } else { actions };
+    let last: Vec<usize> = tried.iter().take(second).map(|one| one.0[0]).collect();
+    for first in 0..actions {
+        for &then in last.iter().filter(|&&then| then != first) {
+            for share in SWITCH_AT {
+                let held = ((share * decisions as f64).round() as usize).max(1);
+                let mut sequence = vec![first; held];
+                sequence.push(then);
+                let worth = worth(&sequence);
+                tried.push((sequence, worth));
+            }
+        }
+    }
+    sort(&mut tried);
+    tried.into_iter().next().map(|(actions, _)| actions)
+}
+
+/// The best first; equals stay in their order.
+fn sort(tried: &mut [(Vec<usize>, (usize, f64))]) {
+    tried.sort_by(|(_, a), (_, b)| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rl::nn::Mlp;
+
+    #[test]
+    fn of_actions_that_are_the_same_everywhere_those_with_most_successes_are_found() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let width = super::super::bench::width_of(&world);
+        // A surrogate that keeps its acceleration, whatever it sees.
+        let idle = Arc::new(Surrogate {
+            mean: vec![0.0; width],
+            inverse_sd: vec![1.0; width],
+            unit: [0.0, 0.0],
+            alike: Arc::default(),
+            members: vec![Mlp::orthogonal(
+                &[width, 4, 2],
+                0.1,
+                &mut crate::rl::Dice::new(1),
+            )],
+        });
+        let from = super::super::record::starts(&world, 20, 3);
+        let found = best_fixed(&world, &idle, &from).expect("driven");
+        // Whoever coasts behind is hit most surely by braking at once.
+        assert_eq!(found, [0]);
+        let grid = Scenario::shipped("grid").expect("shipped").expect("sound");
+        assert_eq!(best_fixed(&grid, &idle, &from), None);
+    }
+}
