@@ -12,6 +12,7 @@ use super::error::ImportError;
 use super::places::is_along;
 use super::roads::Spot;
 use super::scenario::Concrete;
+use super::ways::{Bend, OnWay, laid};
 
 /// How long a run goes on behind what is expected to happen.
 const BEYOND_S: f64 = 5.0;
@@ -121,19 +122,19 @@ struct Seen<'a> {
     name: String,
     /// The point that a scenario moves.
     spot: Spot,
-    path: Path,
+    path: Path<'a>,
 }
 
 /// On what somebody moves.
-enum Path {
+enum Path<'a> {
     /// The ego's road, with it or against it.
     With,
     Against,
     /// Across it on foot: to the left or to the right.
     Left,
     Right,
-    /// A way of its own: where that begins, and how far along it.
-    Own(Spot, f64),
+    /// A way of its own: where that begins, and where it is on it.
+    Own(Spot, &'a OnWay),
     /// It stands, turned from the road.
     Turned,
 }
@@ -181,17 +182,24 @@ fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'a>, ImportE
     let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.meets.is_some();
     // On foot it goes where its way leads, whatever it looks at.
     let heading_rad = match (&entity.placed.way, entity.body.on_foot) {
-        (Some(way), true) => {
+        (Some(on), true) => {
             let placed = super::places::Placed {
-                spot: way.begins,
+                spot: on.way.begins,
                 ..entity.placed.clone()
             };
             concrete.in_frame(&placed)?.heading_rad
         }
         _ => spot.heading_rad,
     };
+    // A road that turns off is nobody's but who keeps to that very way.
+    let shares_road = concrete.is_on_road(&entity.placed);
     let near = |direction_rad: f64| (heading_rad - direction_rad).abs() < SQUARE_RAD;
     let path = match entity.body.on_foot {
+        true if !shares_road => {
+            return Err(refused(
+                "nobody on foot is read beside a way that bends".to_owned(),
+            ));
+        }
         true if near(FRAC_PI_2) => Path::Left,
         true if near(-FRAC_PI_2) => Path::Right,
         true if near(0.0) => Path::With,
@@ -201,15 +209,15 @@ fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'a>, ImportE
                 "on foot one faces along the road or across it".to_owned(),
             ));
         }
-        false if is_along(heading_rad, 0.0) => Path::With,
-        false if is_along(heading_rad, PI) => Path::Against,
+        false if shares_road && is_along(heading_rad, 0.0) => Path::With,
+        false if shares_road && is_along(heading_rad, PI) => Path::Against,
         false => match (&entity.placed.way, moves) {
-            (Some(way), true) => {
+            (Some(on), true) => {
                 let placed = super::places::Placed {
-                    spot: way.begins,
+                    spot: on.way.begins,
                     ..entity.placed.clone()
                 };
-                Path::Own(concrete.in_frame(&placed)?, way.along_m)
+                Path::Own(concrete.in_frame(&placed)?, on)
             }
             (None, true) => {
                 return Err(refused(
@@ -344,29 +352,24 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen]) {
     match pieces.is_empty() {
         true => draft.text(&format!("    road: Straight({lanes}),\n")),
         false => {
-            let pieces = pieces.iter().map(|(length_m, per_m)| match *per_m == 0.0 {
-                true => format!("Line(length_m: {})", tidy(*length_m)),
-                false => format!(
-                    "Arc(length_m: {}, radius_m: {})",
-                    tidy(*length_m),
-                    tidy(1.0 / per_m)
-                ),
-            });
-            let pieces: Vec<String> = pieces.collect();
             draft.text(&format!(
                 "    road: Curved({lanes}, pieces: [{}]),\n",
-                pieces.join(", ")
+                bends(&pieces)
             ));
         }
     }
     let ways = all.iter().filter_map(|it| match it.path {
-        Path::Own(begins, _) => Some((it, begins)),
+        Path::Own(begins, on) => Some((it, begins, on)),
         _ => None,
     });
     let ways: Vec<String> = ways
-        .map(|(it, begins)| {
+        .map(|(it, begins, on)| {
+            let pieces = match on.way.pieces.is_empty() {
+                true => String::new(),
+                false => format!(", pieces: [{}]", bends(&on.way.pieces)),
+            };
             format!(
-                "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {})),\n",
+                "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {}){pieces}),\n",
                 it.name,
                 tidy(begins.x_m),
                 tidy(begins.y_m),
@@ -377,6 +380,20 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen]) {
     if !ways.is_empty() {
         draft.text(&format!("    roads: {{\n{}    }},\n", ways.concat()));
     }
+}
+
+/// Pieces as a world file has them.
+fn bends(pieces: &[Bend]) -> String {
+    let pieces = pieces.iter().copied().flat_map(laid);
+    let pieces = pieces.map(|piece| match piece.per_m == 0.0 {
+        true => format!("Line(length_m: {})", tidy(piece.length_m)),
+        false => format!(
+            "Arc(length_m: {}, radius_m: {})",
+            tidy(piece.length_m),
+            tidy(1.0 / piece.per_m)
+        ),
+    });
+    pieces.collect::<Vec<_>>().join(", ")
 }
 
 fn bodies(draft: &mut Draft, all: &[Seen]) {
@@ -407,13 +424,12 @@ fn agent(
         format!("{name}.speed"),
     );
     let front_m = match it.path {
-        Path::Own(_, along_m) => along_m + it.front_along_m(),
+        Path::Own(_, on) => on.along_m + it.front_along_m(),
         _ => it.spot.x_m + it.front_along_m(),
     };
     let left_m = it.spot.y_m + it.front_left_m();
     if let Path::Turned = it.path {
-        obstacle(draft, all, it);
-        return Ok(());
+        return obstacle(draft, concrete, all, it);
     }
     match body.on_foot {
         true => {
@@ -445,11 +461,15 @@ fn agent(
                     // its rear axle: this puts the axle where it belongs.
                     let per_m = concrete.bend_per_m();
                     let bend_per_m = per_m / (1.0 - per_m * left_m);
-                    let outside_m = match it.entity.is_ego {
+                    let keeps_axle = it.entity.is_ego && concrete.bends_change();
+                    let outside_m = match it.entity.is_ego && !keeps_axle {
                         true => 0.5 * bend_per_m * body.front_m * body.front_m,
                         false => 0.0,
                     };
                     draft.text(&format!(", lane: {lane}"));
+                    if keeps_axle {
+                        draft.text(", lane_keeping: RearAxle");
+                    }
                     if let Path::Against = it.path {
                         draft.text(", direction: Against");
                     }
@@ -493,20 +513,33 @@ fn agent(
     Ok(())
 }
 
-/// Somebody who stands, on the road beside whose middle it is nearest.
-fn obstacle(draft: &mut Draft, all: &[Seen], it: &Seen) {
+/// Somebody who stands, on the straight road beside whose middle it is nearest.
+fn obstacle(
+    draft: &mut Draft,
+    concrete: &Concrete,
+    all: &[Seen],
+    it: &Seen,
+) -> Result<(), ImportError> {
     let (name, body) = (&it.name, &it.entity.body);
     let front = it.spot.moved(body.front_m, 0.0);
-    let mut nearest = (String::new(), front);
+    let shares_road = concrete.is_on_road(&it.entity.placed);
+    let mut nearest = shares_road.then(|| (String::new(), front));
     for other in all {
-        if let Path::Own(begins, _) = other.path {
-            let seen = begins.sees(&front);
-            if seen.y_m.abs() < nearest.1.y_m.abs() {
-                nearest = (format!("road: \"{}_way\", ", other.name), seen);
+        match other.path {
+            Path::Own(begins, on) if on.way.pieces.is_empty() => {
+                let seen = begins.sees(&front);
+                let best_m = nearest.as_ref().map_or(f64::INFINITY, |it| it.1.y_m.abs());
+                if seen.y_m.abs() < best_m {
+                    nearest = Some((format!("road: \"{}_way\", ", other.name), seen));
+                }
             }
+            _ => {}
         }
     }
-    let (road, at) = nearest;
+    let Some((road, at)) = nearest else {
+        let what = format!("`{}` stands beside no straight way", it.entity.name);
+        return Err(concrete.at.error(what));
+    };
     draft.text(&format!(
         "        Obstacle(name: \"{name}\", body: \"{}\", {road}s_m: ",
         body.name
@@ -515,6 +548,7 @@ fn obstacle(draft: &mut Draft, all: &[Seen], it: &Seen) {
     draft.text(", lateral_m: ");
     draft.hole(&format!("{name}.lateral"), at.y_m);
     draft.text(&format!(", heading_rad: {}),\n", at.heading_rad));
+    Ok(())
 }
 
 /// The plan of somebody, as `drive` or as `base`.
@@ -531,7 +565,13 @@ fn plan(
         let here = concrete.in_frame(&meets.here)?;
         let here_m = match it.path {
             Path::Left | Path::Right => here.y_m + it.front_left_m(),
-            Path::Own(begins, _) => begins.sees(&here).x_m + it.front_along_m(),
+            Path::Own(begins, on) => {
+                let along_m = match &meets.here.way {
+                    Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
+                    _ => begins.sees(&here).x_m,
+                };
+                along_m + it.front_along_m()
+            }
             _ => here.x_m + it.front_along_m(),
         };
         draft.text("Meet(ego_at_m: ");

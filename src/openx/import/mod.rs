@@ -23,6 +23,7 @@ mod roads;
 mod scenario;
 mod scope;
 mod tree;
+mod ways;
 
 pub use draft::ImportedWorld;
 pub use error::ImportError;

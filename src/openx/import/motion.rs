@@ -2,9 +2,10 @@
 
 use super::entity::{Approached, Entity, Law, Steady, Step, Watch};
 use super::error::ImportError;
-use super::places::{Ground, OnWay, Placed, lane_beside, lane_change_m};
+use super::places::{Ground, Placed, lane_beside, lane_change_m};
 use super::scope::{Scope, compared};
 use super::tree::Node;
+use super::ways::OnWay;
 
 /// Acts that begin so soon begin at once.
 const SOON_S: f64 = 1.0;
@@ -58,12 +59,12 @@ pub(super) fn begins(
 
 fn on_trajectory(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<Placed, ImportError> {
     let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
-    let begins = ground.straight(&trajectory, &own)?;
-    let along_m = scope.number_or_zero(it, "initialDistanceOffset")?;
+    let mut on = ground.way(&trajectory, &own)?;
+    on.along_m += scope.number_or_zero(it, "initialDistanceOffset")?;
     Ok(Placed {
-        spot: begins.moved(along_m, 0.0),
+        spot: on.spot(),
         lane: None,
-        way: Some(OnWay { begins, along_m }),
+        way: Some(on),
     })
 }
 
@@ -518,23 +519,21 @@ fn approached(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<Approached
 /// A straight way that is walked in the time that its vertices give.
 fn walked(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<(OnWay, Law), ImportError> {
     let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
-    let begins = ground.straight(&trajectory, &own)?;
+    let on = ground.way(&trajectory, &own)?;
     let shape = trajectory.inner("Shape")?.only()?;
     let vertices: Vec<&Node> = shape.all("Vertex").collect();
     let (Some(first), Some(last)) = (vertices.first(), vertices.last()) else {
         return Err(shape.error("a way without places"));
     };
     let end = ground.place(last.inner("Position")?, &own)?;
-    let way_m = begins.sees(&end.spot).x_m;
+    let way_m = on.way.begins.sees(&end.spot).x_m;
     let lasts_s = own.number(last, "time")? - own.number(first, "time")?;
-    if vertices.len() != 2 || lasts_s <= 0.0 {
+    let is_straight = on.way.pieces.is_empty();
+    if !is_straight || vertices.len() != 2 || lasts_s <= 0.0 {
         return Err(shape.error("only a way between two times is read"));
     }
     Ok((
-        OnWay {
-            begins,
-            along_m: 0.0,
-        },
+        on,
         Law::Walk {
             speed_mps: way_m / lasts_s,
             way_m,

@@ -272,6 +272,15 @@ impl Course {
         leg.map_or(0.0, |leg| leg.curvature_per_m)
     }
 
+    /// Its curvature on the whole over a way that begins at a place.
+    pub(super) fn mean_curvature_per_m(&self, s_m: f64, way_m: f64) -> f64 {
+        if way_m.abs() < 1e-6 {
+            return self.curvature_per_m(s_m);
+        }
+        let heading_rad = |s_m| self.pose(s_m, 0.0).heading_rad;
+        wrapped(heading_rad(s_m + way_m) - heading_rad(s_m)) / way_m
+    }
+
     /// Where the pieces end, along the course; 0 without any.
     pub fn end_s_m(&self) -> f64 {
         self.legs.last().map_or(0.0, |last| last.from_s_m)
