@@ -12,6 +12,9 @@ use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
 use serde_json::Value;
 
+/// The vector in which somebody waits for the ego to come near.
+const WAITS: &str = "4_2_3_crossing_pedestrian";
+
 fn data() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/openx")
 }
@@ -30,7 +33,21 @@ fn base_of(variation: &Path) -> PathBuf {
     variation.parent().expect("a directory").join(base)
 }
 
-fn imported(variation: &Path, point: usize) -> Result<Vec<ImportedWorld>, ImportError> {
+/// The text of a file without the constraints that it puts on its parameters.
+fn unconstrained(path: &Path) -> std::io::Result<String> {
+    let mut text = files(path)?;
+    while let Some((before, rest)) = text.split_once("<ConstraintGroup>") {
+        let (_, after) = rest.split_once("</ConstraintGroup>").expect("its end");
+        text = format!("{before}{after}");
+    }
+    Ok(text)
+}
+
+fn imported(
+    variation: &Path,
+    point: usize,
+    files: &dyn Fn(&Path) -> std::io::Result<String>,
+) -> Result<Vec<ImportedWorld>, ImportError> {
     let import = Import {
         scenario: &base_of(variation),
         points: Some(variation),
@@ -39,7 +56,7 @@ fn imported(variation: &Path, point: usize) -> Result<Vec<ImportedWorld>, Import
         name: "protocol",
         ado: None,
     };
-    import.read(&files).map(|imported| imported.worlds)
+    import.read(files).map(|imported| imported.worlds)
 }
 
 fn world(text: &str) -> Scenario {
@@ -91,8 +108,7 @@ fn differences(id: &str, vector: &Value, episode: &Episode) -> Vec<String> {
         (false, Some(touch)) => {
             let first = &all[0];
             let late_s = touch.time_s - number(&first[0]);
-            // esmini says a contact up to a step late.
-            if !(-0.03..=0.02).contains(&late_s) {
+            if 0.02 < late_s.abs() {
                 wrong.push(format!("{id}: the contact is {late_s:.3} s late"));
             }
             let mut theirs = [1, 2].map(|i| named(first[i].as_str().expect("a name")));
@@ -150,10 +166,12 @@ fn impact(id: &str, vector: &Value, episode: &Episode) -> Option<String> {
     let width_m = size("ego")[4];
     let share = 100.0 * (left_m + 0.5 * width_m) / width_m;
     let theirs = number(&contact["pct"]);
-    // A step of esmini may pass between its contact and the touch.
-    let step = 100.0 * 0.01 * number(&contact["vo"]) / width_m;
-    let slack = 1.5 + step * number(&contact["h"]).sin().abs();
-    (slack < (share - theirs).abs()).then(|| format!("{id}: hit at {share:.1} %, not {theirs} %"))
+    // esmini says where the other is at the end of its step of 0.01 s in which the
+    // two touch: who crosses at 50 km/h is 8 % of the width farther by then.
+    let across_mps = number(&contact["vo"]) * number(&contact["h"]).sin();
+    let later = share + 100.0 * 0.01 * across_mps / width_m;
+    let hit = share.min(later) - 1.5..=share.max(later) + 1.5;
+    (!hit.contains(&theirs)).then(|| format!("{id}: hit at {share:.1} %, not {theirs} %"))
 }
 
 /// Where targets are elsewhere than in esmini, up to the contact.
@@ -243,14 +261,17 @@ fn moved(id: &str, vector: &Value, episode: &Episode) -> Vec<String> {
             let (x, y) = at(name, sample as usize);
             let off_m = (x - dx - row[column(&format!("{name}.x"))])
                 .hypot(y - dy - row[column(&format!("{name}.y"))]);
-            // Who waits for something begins at its instant, but is seen to have
-            // begun at the next sample only.
+            // Who waits for the ego begins at its instant, but is seen to have begun
+            // at the next sample only: the way until then is missing in one row.
             let stood = |other: &&Vec<f64>| other[0] < row[0] && row[0] - 0.15 < other[0];
             let begins = rows
                 .iter()
                 .find(stood)
                 .is_some_and(|before| before[speed] == 0.0);
-            let unseen_m = if begins { 0.05 * row[speed] } else { 0.0 };
+            let unseen_m = match begins && id.contains(WAITS) {
+                true => 0.05 * row[speed],
+                false => 0.0,
+            };
             let over_m = off_m - 0.02 - 0.01 * row[speed] - unseen_m;
             if worst.1 < over_m {
                 worst = (row[0], over_m);
@@ -271,7 +292,7 @@ fn points_of_protocols_are_what_esmini_makes_of_them() {
     let vectors = data().join("vectors");
     let index = files(&vectors.join("index.jsonl")).expect("an index");
     let mut wrong = Vec::new();
-    let (mut compared, mut refused) = (0, 0);
+    let mut compared = 0;
     for line in index.lines() {
         let line: Value = serde_json::from_str(line).expect("JSON");
         let id = line["id"].as_str().expect("an id");
@@ -279,13 +300,12 @@ fn points_of_protocols_are_what_esmini_makes_of_them() {
         let vector: Value = serde_json::from_str(&text).expect("JSON");
         let variation = data().join(line["variation"].as_str().expect("a file"));
         let point = line["index"].as_u64().expect("a number") as usize;
-        let worlds = match imported(&variation, point) {
+        let worlds = match imported(&variation, point, &files) {
             Ok(worlds) => worlds,
             Err(error) => {
                 // esmini looks at no constraint: one of its points is none of the file.
                 assert!(error.is_of_point && id.contains("4_3_2"), "{id}: {error}");
-                refused += 1;
-                continue;
+                imported(&variation, point, &unconstrained).expect("a world")
             }
         };
         assert_eq!(worlds.len(), 1, "{id}");
@@ -294,7 +314,7 @@ fn points_of_protocols_are_what_esmini_makes_of_them() {
         compared += 1;
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert_eq!((compared, refused), (29, 1));
+    assert_eq!(compared, 30);
 }
 
 #[test]
@@ -512,8 +532,7 @@ fn an_ego_that_coasts_is_hit_at_every_point_of_ncap() {
             "{name}: {met:?}"
         );
     }
-    // 863 but for the two kinds in which the ego turns.
-    assert_eq!(points, 831);
+    assert_eq!(points, 863);
 }
 
 /// The nine that touch in esmini with its controllers switched off.

@@ -18,6 +18,10 @@ use super::ways::{Bend, OnWay, laid};
 const BEYOND_S: f64 = 5.0;
 /// Time between two samples.
 const SAMPLE_S: f64 = 0.05;
+/// Time between two decisions of who strays.
+const DECISION_S: f64 = 0.5;
+/// Runs up to so long have that many decisions; longer ones have fewer a second.
+const OFTEN_UNTIL_S: f64 = 60.0;
 /// What a run lasts if nothing says.
 const USUAL_S: f64 = 60.0;
 /// The road goes on so far ahead of everybody.
@@ -263,8 +267,12 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     draft
         .0
         .push(Part::Most((until_s / SAMPLE_S).ceil() * SAMPLE_S));
+    draft.text(", decision_s: ");
+    draft.0.push(Part::Most(
+        DECISION_S * (until_s / OFTEN_UNTIL_S).ceil().max(1.0),
+    ));
     draft.text(&format!(
-        ", decision_s: 0.5, sample_s: {SAMPLE_S}, substeps: 5),\n    plant: Kinematic,\n    \
+        ", sample_s: {SAMPLE_S}, substeps: 5),\n    plant: Kinematic,\n    \
          judge: UntilContact,\n"
     ));
     road(&mut draft, concrete, &all);
@@ -297,11 +305,24 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     let clear: Vec<String> = others
         .map(|it| format!("{}.{}.gap >= 0.01", all[ego].name, it.name))
         .collect();
-    draft.text(&format!(
-        "    ego_spec: \"always ({})\",\n",
-        clear.join(" and ")
-    ));
+    let passed = match clear.is_empty() {
+        true => within_lane(concrete, &all[ego]),
+        false => clear.join(" and "),
+    };
+    draft.text(&format!("    ego_spec: \"always ({passed})\",\n"));
     Ok(draft)
+}
+
+/// What is asked of an ego that is alone: its sides stay within its lane.
+fn within_lane(concrete: &Concrete, ego: &Seen) -> String {
+    let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
+    let room_m = 0.5 * (concrete.lane_width_m - ego.entity.body.width_m);
+    format!(
+        "{}.lateral in [{}, {}]",
+        ego.name,
+        tidy(middle_m - room_m),
+        tidy(middle_m + room_m)
+    )
 }
 
 /// When all that is expected has happened.
@@ -344,7 +365,11 @@ fn ego_body_m(all: &[Seen]) -> f64 {
 
 fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen]) {
     let farthest_m = all.iter().map(|it| it.spot.x_m).fold(0.0, f64::max);
-    let pieces = concrete.pieces(farthest_m + AHEAD_M);
+    // A bend goes on as it is; where bends follow one another all are driven.
+    let pieces = match concrete.bends_change() {
+        true => concrete.pieces(f64::INFINITY),
+        false => concrete.pieces(farthest_m + AHEAD_M),
+    };
     let lanes = format!(
         "lanes: {}, lane_width_m: {}, friction: 1.0",
         concrete.lanes, concrete.lane_width_m
@@ -455,8 +480,7 @@ fn agent(
                 Path::Own(..) => draft.text(&format!(", road: \"{name}_way\"")),
                 _ => {
                     let width_m = concrete.lane_width_m;
-                    let lane = (left_m / width_m).round().max(0.0);
-                    let lane = lane.min(concrete.lanes as f64 - 1.0);
+                    let lane = concrete.lane_at(left_m);
                     // On a bend a driven ego keeps its front in line, a protocol
                     // its rear axle: this puts the axle where it belongs.
                     let per_m = concrete.bend_per_m();
@@ -673,8 +697,7 @@ fn law_of(
             most_lateral_mps2,
         } => {
             let width_m = concrete.lane_width_m;
-            let lane = (it.spot.y_m / width_m).round().max(0.0);
-            let middle_m = lane.min(concrete.lanes as f64 - 1.0) * width_m;
+            let middle_m = concrete.lane_at(it.spot.y_m) * width_m;
             draft.text("LaneOffset(to_m: ");
             draft.hole(&axis("lane_offset.to"), t_m - concrete.zero_m() - middle_m);
             draft.text(", most_lateral_mps2: ");

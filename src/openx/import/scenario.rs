@@ -326,6 +326,12 @@ impl Concrete {
         }
     }
 
+    /// The number of the lane in which a place beside lane 0's middle lies.
+    pub fn lane_at(&self, left_m: f64) -> f64 {
+        let lane = (left_m / self.lane_width_m).round().max(0.0);
+        lane.min(self.lanes as f64 - 1.0)
+    }
+
     /// The pieces of the ego's lane 0 for so far; none where it is straight.
     pub fn pieces(&self, until_m: f64) -> Vec<Bend> {
         let (road, t_m) = match &self.frame {

@@ -87,6 +87,10 @@ pub struct Course {
 const RUN_OUT_M: f64 = 10_000.0;
 /// Distance of the points by which borders are drawn on arcs.
 const DRAWN_M: f64 = 2.0;
+/// Of so many pieces none is passed over: it would cost more than it saves.
+const FEW_LEGS: usize = 8;
+/// Lengths that are as near as this may be one.
+const SAME_M: f64 = 1e-6;
 /// How far borders are drawn before and behind the pieces.
 const DRAWN_BEYOND_M: f64 = 100.0;
 
@@ -249,7 +253,18 @@ impl Course {
     /// Where on the road a pose is: beside the nearest point of the course.
     pub fn locate(&self, pose: &Pose) -> OnRoad {
         let mut nearest: Option<(f64, OnRoad)> = None;
+        let within_m = match self.legs.len() <= FEW_LEGS {
+            true => f64::INFINITY,
+            // No piece is nearer than its beginning, less its length.
+            false => {
+                let starts_m = self.legs.iter().map(|leg| leg.start_away_m(pose));
+                starts_m.fold(f64::INFINITY, f64::min) + SAME_M
+            }
+        };
         for leg in &self.legs {
+            if within_m < leg.start_away_m(pose) - leg.length_m {
+                continue;
+            }
             let (away_m, at) = leg.locate(pose);
             if nearest.as_ref().is_none_or(|(best_m, _)| away_m < *best_m) {
                 nearest = Some((away_m, at));
@@ -323,6 +338,12 @@ impl Course {
 }
 
 impl Leg {
+    /// From a pose to where it begins.
+    fn start_away_m(&self, pose: &Pose) -> f64 {
+        let (dx, dy) = (pose.x_m - self.x_m, pose.y_m - self.y_m);
+        (dx * dx + dy * dy).sqrt()
+    }
+
     fn pose(&self, along_m: f64, lateral_m: f64) -> Pose {
         let k = self.curvature_per_m;
         let turn_rad = k * along_m;
@@ -406,6 +427,32 @@ mod tests {
                     assert!((at.lateral_m - lateral_m).abs() < 1e-6, "{s_m} {at:?}");
                     assert!(at.heading_rad.abs() < 1e-9, "{s_m} {at:?}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn on_many_pieces_the_nearest_one_is_found_as_if_all_were_looked_at() {
+        let pieces: Vec<Piece> = (0..60)
+            .map(|i| match i % 3 {
+                0 => Piece::Line { length_m: 7.0 },
+                _ => Piece::Arc {
+                    length_m: 5.0 + f64::from(i),
+                    radius_m: if i % 2 == 0 { 40.0 } else { -55.0 },
+                },
+            })
+            .collect();
+        let course = Course::of_pieces(&pieces, 7.0).expect("a course");
+        for x in (-40..40).map(|i| f64::from(i) * 13.0) {
+            for y in (-40..40).map(|i| f64::from(i) * 11.0) {
+                let pose = Pose {
+                    x_m: x,
+                    y_m: y,
+                    heading_rad: 0.3,
+                };
+                let all = course.legs.iter().map(|leg| leg.locate(&pose));
+                let nearest = all.reduce(|best, it| if it.0 < best.0 { it } else { best });
+                assert_eq!(Some(course.locate(&pose)), nearest.map(|(_, at)| at));
             }
         }
     }
