@@ -237,7 +237,7 @@ fn moved(id: &str, vector: &Value, episode: &Episode) -> Vec<String> {
         }
     };
     let mut wrong = Vec::new();
-    for name in moving.iter().filter(|name| **name != "Ego") {
+    for name in &moving {
         let speed = column(&format!("{name}.v"));
         let last_mps = rows[rows.len() - 1][speed];
         let meets = !id.starts_with("R157") && rows[0][speed] == 0.0;
@@ -314,9 +314,10 @@ fn points_of_protocols_are_what_esmini_makes_of_them() {
         compared += 1;
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert_eq!(compared, 30);
+    assert_eq!(compared, 32);
 }
 
+/// `counts.txt`: what esmini's `--return_nr_permutations` says of each file.
 #[test]
 fn every_variation_file_has_as_many_points_as_esmini_finds() {
     fn below(directory: &Path, found: &mut Vec<PathBuf>) {
@@ -330,46 +331,28 @@ fn every_variation_file_has_as_many_points_as_esmini_finds() {
     }
     let mut all = Vec::new();
     below(&data(), &mut all);
-    let count = |part: &str| -> usize {
-        let files_of = all
-            .iter()
-            .filter(|path| path.to_string_lossy().contains(part));
-        files_of
-            .map(|path| points_of(path, &files).expect("points").len())
-            .sum()
-    };
-    assert_eq!(count("Variations/StandardRange"), 428);
-    assert_eq!(count("Variations/ExtendedRange"), 435);
-    assert_eq!(count("Variations/SingleExecution"), 18);
-    let alks = [
-        ("4_1_1", 12),
-        ("4_1_2", 300),
-        ("4_1_3", 1200),
-        ("4_2_1", 360),
-        ("4_2_2", 6120),
-        ("4_2_3", 120),
-        ("4_2_4", 1800),
-        ("4_3_1", 2400),
-        ("4_3_2_follow_lead_vehicle_emergency_brake_variation.", 1400),
-        ("brake_variation_reference", 3000),
-        ("4_4_1", 52_500),
-        ("4_5_1", 8640),
-        ("4_5_2", 43_200),
-        ("4_6_1", 6),
-        ("4_6_2", 2),
-    ];
-    for (part, points) in alks {
-        let mut of_kind = all.iter().filter(|path| {
-            let path = path.to_string_lossy();
-            path.contains(part) && path.contains("variation") && !path.contains("vectors")
-        });
-        let path = of_kind.next().expect(part);
-        assert_eq!(
-            points_of(path, &files).expect("points").len(),
-            points,
-            "{part}"
-        );
+    all.retain(|path| {
+        let text = files(path).expect("a text");
+        text.contains("<ParameterValueDistribution>")
+    });
+    let counts = files(&data().join("counts.txt")).expect("the counts");
+    let (mut wrong, mut ncap_2026) = (Vec::new(), 0);
+    for line in counts.lines() {
+        let (theirs, name) = line.split_once(' ').expect("a number and a file");
+        let theirs: usize = theirs.parse().expect("a number");
+        let path = data().join(name);
+        let ours = points_of(&path, &files).expect("points").len();
+        if ours != theirs {
+            wrong.push(format!("{name}: {ours} points, not {theirs}"));
+        }
+        if name.contains("Range/") {
+            ncap_2026 += ours;
+        }
+        all.retain(|it| *it != path);
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(all.is_empty(), "esmini has counted none of {all:?}");
+    assert_eq!((counts.lines().count(), ncap_2026), (124, 863));
 }
 
 #[test]

@@ -481,17 +481,9 @@ fn agent(
                 _ => {
                     let width_m = concrete.lane_width_m;
                     let lane = concrete.lane_at(left_m);
-                    // On a bend a driven ego keeps its front in line, a protocol
-                    // its rear axle: this puts the axle where it belongs.
-                    let per_m = concrete.bend_per_m();
-                    let bend_per_m = per_m / (1.0 - per_m * left_m);
-                    let keeps_axle = it.entity.is_ego && concrete.bends_change();
-                    let outside_m = match it.entity.is_ego && !keeps_axle {
-                        true => 0.5 * bend_per_m * body.front_m * body.front_m,
-                        false => 0.0,
-                    };
                     draft.text(&format!(", lane: {lane}"));
-                    if keeps_axle {
+                    // In bends a protocol's rear axle keeps the line.
+                    if it.entity.is_ego && concrete.bends() {
                         draft.text(", lane_keeping: RearAxle");
                     }
                     if let Path::Against = it.path {
@@ -499,7 +491,7 @@ fn agent(
                     }
                     draft.text(", offset_m: ");
                     let middle_m = lane * width_m;
-                    draft.beside(&lateral, left_m - middle_m - outside_m, middle_m);
+                    draft.beside(&lateral, left_m - middle_m, middle_m);
                 }
             }
         }

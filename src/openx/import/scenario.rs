@@ -312,6 +312,11 @@ impl Concrete {
         }
     }
 
+    /// Whether the ego's lane bends anywhere.
+    pub fn bends(&self) -> bool {
+        !matches!(self.frame, Frame::Straight(_))
+    }
+
     /// Whether the ego's lane is bent in different ways as it goes on.
     pub fn bends_change(&self) -> bool {
         let pieces = self.pieces(f64::INFINITY);
