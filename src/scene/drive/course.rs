@@ -91,7 +91,7 @@ const DRAWN_M: f64 = 2.0;
 const FEW_LEGS: usize = 8;
 /// Lengths that are as near as this may be one.
 const SAME_M: f64 = 1e-6;
-/// How far borders are drawn before and behind the pieces.
+/// How far borders are drawn before and behind what happens on a road.
 const DRAWN_BEYOND_M: f64 = 100.0;
 
 impl Course {
@@ -314,8 +314,9 @@ impl Course {
         }
     }
 
-    /// A line beside the course, as a polyline on the ground.
-    pub fn polyline_m(&self, lateral_m: f64) -> Vec<[f64; 3]> {
+    /// A line beside the course, as a polyline on the ground: along all pieces
+    /// and between two places, and 100 m beyond.
+    pub fn polyline_m(&self, lateral_m: f64, (from_m, to_m): (f64, f64)) -> Vec<[f64; 3]> {
         let point = |s_m: f64| {
             let pose = self.pose(s_m, lateral_m);
             [pose.x_m, pose.y_m, 0.0]
@@ -323,7 +324,7 @@ impl Course {
         let Some(last) = self.legs.last() else {
             return vec![point(-100.0), point(900.0)];
         };
-        let mut stations_m = vec![-DRAWN_BEYOND_M];
+        let mut stations_m = vec![from_m.min(0.0) - DRAWN_BEYOND_M];
         for leg in self.legs.iter().filter(|leg| 0.0 <= leg.from_s_m) {
             let points = match leg.curvature_per_m == 0.0 {
                 true => 1,
@@ -332,7 +333,7 @@ impl Course {
             let step_m = leg.length_m / points as f64;
             stations_m.extend((0..points).map(|i| leg.from_s_m + i as f64 * step_m));
         }
-        stations_m.push(last.from_s_m + DRAWN_BEYOND_M);
+        stations_m.push(last.from_s_m.max(to_m) + DRAWN_BEYOND_M);
         stations_m.into_iter().map(point).collect()
     }
 }
