@@ -472,6 +472,61 @@ fn what_is_not_understood_is_refused_where_it_stands() {
     }
 }
 
+/// What ways and roads may not be, in the files that a scenario names.
+#[test]
+fn ways_and_roads_that_worlds_do_not_have_are_refused() {
+    let turn = data().join("osc-ncap/OpenSCENARIO/NCAP/CA-FC_2026/CCFtap.xosc");
+    let bends = data().join("osc-alks/logical_scenarios/concrete_scenarios");
+    let bends = bends.join("alks_scenario_4_1_1_free_driving_template.xosc");
+    let cases = [
+        (
+            &turn,
+            "TrajectoryCatalog.xosc",
+            "curvatureStart=\"$kappa1\"",
+            "curvatureStart=\"$kappa1\" hOffset=\"0.1\"",
+            "corners or times",
+        ),
+        (
+            &turn,
+            "TrajectoryCatalog.xosc",
+            "ClothoidSpline>",
+            "Nurbs>",
+            "a way along a `Nurbs`",
+        ),
+        (
+            &bends,
+            "alks_road_different_curvatures.xodr",
+            "<spiral",
+            "<paramPoly3",
+            "only lines, arcs and spirals",
+        ),
+    ];
+    for (scenario, file, from, to, expected) in cases {
+        let changed = |asked: &Path| {
+            let text = files(asked)?;
+            Ok(match asked.ends_with(file) {
+                true => text.replace(from, to),
+                false => text,
+            })
+        };
+        let import = Import {
+            scenario,
+            points: None,
+            only: None,
+            skips_broken: false,
+            name: "refused",
+            ado: None,
+        };
+        assert!(import.read(&files).is_ok(), "{}", scenario.display());
+        let error = import.read(&changed).expect_err(expected);
+        assert!(error.to_string().contains(expected), "{error}");
+        assert!(
+            error.file.ends_with(file) && error.element.is_some(),
+            "{error}"
+        );
+    }
+}
+
 /// The shipped world of a protocol's points with an ego that coasts, as the
 /// protocol has it: at how many points it is in contact, and with whom.
 fn coasting(name: &str) -> (usize, Vec<String>) {
