@@ -25,6 +25,7 @@ mod roads;
 mod scenario;
 mod scope;
 mod seen;
+mod spot;
 mod tree;
 mod triggers;
 mod ways;

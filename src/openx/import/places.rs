@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use super::catalog::Catalogs;
 use super::error::ImportError;
 use super::files::Files;
-use super::roads::{RoadMap, Spot, wrapped};
+use super::roads::RoadMap;
 use super::scope::Scope;
+use super::spot::{Spot, wrapped};
 use super::tree::Node;
 use super::ways::{OnWay, Spiral, Way};
 

@@ -13,8 +13,9 @@ use super::files::Files;
 use super::motion;
 use super::places::{Ground, OnLane, Placed};
 use super::points::ImportedPoint;
-use super::roads::{RoadMap, Spot};
+use super::roads::RoadMap;
 use super::scope::Scope;
+use super::spot::Spot;
 use super::tree::Node;
 use super::ways::{Bend, OnWay, Way};
 

@@ -5,8 +5,8 @@ use core::f64::consts::{FRAC_PI_2, PI};
 use super::entity::Entity;
 use super::error::ImportError;
 use super::places::is_along;
-use super::roads::Spot;
 use super::scenario::Concrete;
+use super::spot::Spot;
 use super::ways::OnWay;
 
 /// A pedestrian who faces a side within this does.

@@ -2,7 +2,7 @@
 //! arcs that stay as near to them as nobody sees.
 
 use super::error::ImportError;
-use super::roads::Spot;
+use super::spot::Spot;
 use super::tree::Node;
 
 /// So far from a spiral its arcs lie at most, in metres.
