@@ -34,6 +34,8 @@ KINDS = {
     "CBFA": ("CBFA", "vru", "A cyclist crosses from the far side."),
     "CCCscp": ("CCCscp", "target", "A car comes straight across at a junction."),
     "CMCscp": ("CCCscp", "target", "A motorcycle comes straight across at a junction."),
+    "CCFtap": ("CCFtap", "target", "The ego turns left across the path of an oncoming car."),
+    "CMFtap": ("CCFtap", "target", "The ego turns left across the path of an oncoming motorcycle."),
     "CCFhos": ("CCFhos", "target", "A car comes towards the ego in its own lane."),
 }
 EGO = """Ego(Aeb(
@@ -53,7 +55,9 @@ REUSE = """    reuse: {
 )
 """
 SCENES = {
+    "4_1_1_free_driving": ("free_driving", None, "The ego drives through all bends of a motorway, and nobody else does."),
     "4_1_2_swerving_lead_vehicle": ("swerving_lead", "lead_vehicle", "The car ahead swerves within its lane."),
+    "4_1_3_side_vehicle": ("side_vehicle", "side_vehicle", "A truck drives beside the ego through all bends of a motorway."),
     "4_2_1_fully_blocking_target": ("pedestrian_standing", "target_blocking", "A pedestrian stands in the lane."),
     "4_2_2_partially_blocking_target": ("pedestrian_offset", "target_blocking", "A pedestrian stands in the lane, off its middle."),
     "4_2_3_crossing_pedestrian": ("pedestrian_crossing", "target_blocking", "A pedestrian crosses the lane."),
@@ -71,7 +75,8 @@ HEAD = """// {what}: {does}
 //
 // Geometry, speeds and points are those of {whose},
 // imported (docs/protocols.md).
-// How far `{ado}` may stray from its plan is not in the protocol: the rules are brakecheck's,
+"""
+STRAYS = """// How far `{ado}` may stray from its plan is not in the protocol: the rules are brakecheck's,
 // to be replaced by the tolerances of your laboratory.
 """
 
@@ -80,17 +85,20 @@ def written(files, what, whose, ado, does):
     """Our words and egos in files just imported."""
     for file in files:
         text = re.sub(r"\A(//.*\n)+", "", file.read_text())
-        text = re.sub(r"question: .*", f'question: "{does} Which points does the ego pass, and which variations of them?",', text)
+        asks = "Which points does the ego pass, and which variations of them?" if ado else "Does the ego keep its lane?"
+        text = re.sub(r"question: .*", f'question: "{does} {asks}",', text)
         text = re.sub(r"source: .*", f'source: "{whose}: {what}",', text)
         text = re.sub(r"Ego\(Coast\(.*?\)\)", EGO, text)
         text = text.rstrip().removesuffix(")") + REUSE
-        file.write_text(HEAD.format(what=what, whose=whose, does=does, ado=ado) + text)
+        head = HEAD + (STRAYS if ado else "")
+        file.write_text(head.format(what=what, whose=whose, does=does, ado=ado) + text)
 
 
 def imported(program, xosc, points, ado, out):
     """The worlds that a file, and its points, make."""
     words = ["--points", points, "--skip-broken"] if points else []
-    subprocess.run([program, "new", "--from", xosc, *words, "--ado", ado, out], check=True)
+    words += ["--ado", ado] if ado else []
+    subprocess.run([program, "new", "--from", xosc, *words, out], check=True)
     return [out] if out.exists() else sorted(out.parent.glob(f"{out.stem}_[0-9].ron"))
 
 

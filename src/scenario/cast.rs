@@ -151,6 +151,7 @@ impl Cast<'_> {
                 road: _,
                 lane,
                 direction,
+                lane_keeping: _,
                 offset_m,
                 start,
                 drive,
@@ -219,6 +220,7 @@ impl Cast<'_> {
             body,
             road: number,
             direction,
+            lane_keeping: entry.lane_keeping(),
             lateral_m,
             facing_rad,
             place: place?,
@@ -461,6 +463,7 @@ fn obstacle(
         body,
         road: number,
         direction: Direction::With,
+        lane_keeping: entry.lane_keeping(),
         lateral_m: lateral_m.0,
         facing_rad: *heading_rad,
         place: StartPlace::At {

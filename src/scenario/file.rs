@@ -14,8 +14,8 @@ use crate::rl::{DqnSettings, LearnerSettings};
 use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::Clock;
 use crate::scene::drive::{
-    Actions, Direction, MeetEgo, MotionPlan, Piece, Priority, Range, Road, RoadPlace, Schedule,
-    Script, ScriptStep, Sensors,
+    Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, Road, RoadPlace,
+    Schedule, Script, ScriptStep, Sensors,
 };
 use crate::scene::grid::{AtWall, Horizon, Starts};
 use crate::sim::{Body, PlantKind};
@@ -113,6 +113,9 @@ pub(super) enum AgentFile {
         lane: usize,
         #[serde(default)]
         direction: Direction,
+        /// Which of its points keeps the line in bends.
+        #[serde(default)]
+        lane_keeping: LaneKeeping,
         /// To the left of the lane's middle.
         #[serde(default = "nothing")]
         offset_m: NumberOrRange,
@@ -175,6 +178,14 @@ impl AgentFile {
 }
 
 impl AgentFile {
+    /// Which point keeps the line of who is driven.
+    pub(super) fn lane_keeping(&self) -> LaneKeeping {
+        match self {
+            AgentFile::Vehicle { lane_keeping, .. } => *lane_keeping,
+            _ => LaneKeeping::default(),
+        }
+    }
+
     /// The named road on which it is, if it names one.
     pub(super) fn road(&self) -> Option<&str> {
         match self {

@@ -40,7 +40,7 @@ const WORLDS: [(&str, &str); 25] = [
 ];
 
 /// Points of test protocols, `examples/openx/protocols.py` makes them.
-const PROTOCOLS: [(&str, &str); 57] = [
+const PROTOCOLS: [(&str, &str); 71] = [
     world!("ncap/cbfa"),
     world!("ncap/cbfa_extended"),
     world!("ncap/cbla"),
@@ -57,6 +57,12 @@ const PROTOCOLS: [(&str, &str); 57] = [
     world!("ncap/cccscp_extended_2"),
     world!("ncap/ccfhos"),
     world!("ncap/ccfhos_extended"),
+    world!("ncap/ccftap_1"),
+    world!("ncap/ccftap_2"),
+    world!("ncap/ccftap_3"),
+    world!("ncap/ccftap_extended_1"),
+    world!("ncap/ccftap_extended_2"),
+    world!("ncap/ccftap_extended_3"),
     world!("ncap/ccrb"),
     world!("ncap/ccrb_extended"),
     world!("ncap/ccrm"),
@@ -69,6 +75,12 @@ const PROTOCOLS: [(&str, &str); 57] = [
     world!("ncap/cmcscp_2"),
     world!("ncap/cmcscp_extended_1"),
     world!("ncap/cmcscp_extended_2"),
+    world!("ncap/cmftap_1"),
+    world!("ncap/cmftap_2"),
+    world!("ncap/cmftap_3"),
+    world!("ncap/cmftap_extended_1"),
+    world!("ncap/cmftap_extended_2"),
+    world!("ncap/cmftap_extended_3"),
     world!("ncap/cmrb"),
     world!("ncap/cmrb_extended"),
     world!("ncap/cmrs"),
@@ -91,11 +103,13 @@ const PROTOCOLS: [(&str, &str); 57] = [
     world!("r157/cut_out_two"),
     world!("r157/detection_ahead"),
     world!("r157/detection_beside"),
+    world!("r157/free_driving"),
     world!("r157/lead_brakes"),
     world!("r157/lead_slows"),
     world!("r157/pedestrian_crossing"),
     world!("r157/pedestrian_offset"),
     world!("r157/pedestrian_standing"),
+    world!("r157/side_vehicle"),
     world!("r157/swerving_lead"),
     world!("r157/two_standing"),
 ];

@@ -16,13 +16,20 @@ mod entity;
 mod error;
 mod expression;
 mod files;
+mod laws;
 mod motion;
 mod places;
+mod plans;
 mod points;
 mod roads;
 mod scenario;
 mod scope;
+mod seen;
+mod spot;
 mod tree;
+mod triggers;
+mod ways;
+mod world;
 
 pub use draft::ImportedWorld;
 pub use error::ImportError;
@@ -108,7 +115,7 @@ impl Import<'_> {
                 }
                 concrete => concrete?,
             };
-            drafts.push((index, draft::draft(&concrete, self.ado).map_err(at)?));
+            drafts.push((index, world::draft(&concrete, self.ado).map_err(at)?));
         }
         if drafts.is_empty() {
             let error =

@@ -1,22 +1,15 @@
 //! What a storyboard lets somebody do: where they begin, and their laws.
 
-use super::entity::{Approached, Entity, Law, Steady, Step, Watch};
+use super::entity::{Approached, Entity, Law, Step};
 use super::error::ImportError;
-use super::places::{Ground, OnWay, Placed, lane_beside, lane_change_m};
-use super::scope::{Scope, compared};
+use super::laws::{approached, dynamics, gap_of, speed, walked};
+use super::places::{Ground, Placed, lane_beside, lane_change_m};
+use super::scope::Scope;
 use super::tree::Node;
+use super::triggers::{Starts, starts};
 
 /// Acts that begin so soon begin at once.
 const SOON_S: f64 = 1.0;
-
-/// When something begins.
-enum Starts {
-    Never,
-    Now,
-    At(f64),
-    After { element: String, delay_s: f64 },
-    When { watch: Watch, delay_s: f64 },
-}
 
 /// What an action does to nobody's motion: the ego's controller, lights,
 /// weather, logs.
@@ -58,12 +51,12 @@ pub(super) fn begins(
 
 fn on_trajectory(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<Placed, ImportError> {
     let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
-    let begins = ground.straight(&trajectory, &own)?;
-    let along_m = scope.number_or_zero(it, "initialDistanceOffset")?;
+    let mut on = ground.way(&trajectory, &own)?;
+    on.along_m += scope.number_or_zero(it, "initialDistanceOffset")?;
     Ok(Placed {
-        spot: begins.moved(along_m, 0.0),
+        spot: on.spot(),
         lane: None,
-        way: Some(OnWay { begins, along_m }),
+        way: Some(on),
     })
 }
 
@@ -112,22 +105,6 @@ pub(super) fn first_gap_m(
         gap_m = Some(gap_of(action, scope, speed_mps)?);
     }
     Ok(gap_m)
-}
-
-fn gap_of(action: &Node, scope: &Scope, speed_mps: f64) -> Result<f64, ImportError> {
-    let is = |name: &str, value: &str| action.raw(name).is_none_or(|it| it == value);
-    let fits = is("continuous", "false")
-        && is("freespace", "true")
-        && is("displacement", "leadingReferencedEntity")
-        && is("entityRef", "Ego");
-    if !fits {
-        let what = "only a clear gap before the ego is read, taken once";
-        return Err(action.error(what));
-    }
-    match action.raw("timeGap") {
-        Some(_) => Ok(scope.number(action, "timeGap")? * speed_mps),
-        None => scope.number(action, "distance"),
-    }
 }
 
 /// When the file ends a run, if it says so by a time.
@@ -428,221 +405,4 @@ impl Reader<'_> {
         }
         Ok(())
     }
-}
-
-/// Rates are those of the file, but no body does more than its `Performance` says.
-fn speed(
-    it: &Node,
-    scope: &Scope,
-    (now_mps, most_mps2): (f64, (f64, f64)),
-) -> Result<Law, ImportError> {
-    let target = it.inner("SpeedActionTarget")?.only()?;
-    let to_mps = scope.number(target, "value")?;
-    let relative_to = match target.name.as_str() {
-        "AbsoluteTargetSpeed" => None,
-        "RelativeTargetSpeed"
-            if target.raw("continuous").is_none_or(|it| it == "false")
-                && target
-                    .raw("speedTargetValueType")
-                    .is_none_or(|it| it == "delta") =>
-        {
-            Some(scope.text(target, "entityRef")?)
-        }
-        _ => return Err(target.error("a target speed of this kind is not read")),
-    };
-    let dynamics = it.inner("SpeedActionDynamics")?;
-    let value = scope.number_or_zero(dynamics, "value")?;
-    let shape = dynamics.raw("dynamicsShape").unwrap_or_default();
-    let rate_mps2 = match (shape, dynamics.raw("dynamicsDimension").unwrap_or_default()) {
-        ("step", _) => None,
-        ("linear", "rate") => Some(value.abs()),
-        ("linear", "time") if relative_to.is_none() => match 0.0 < value {
-            true => Some((to_mps - now_mps).abs() / value),
-            false => None,
-        },
-        _ => return Err(dynamics.error("a speed that changes in this way is not read")),
-    };
-    let gains = now_mps <= to_mps;
-    let most_mps2 = match (&relative_to, gains) {
-        (Some(_), _) => most_mps2.0.min(most_mps2.1),
-        (None, true) => most_mps2.0,
-        (None, false) => most_mps2.1,
-    };
-    let rate_mps2 = rate_mps2.map(|rate| rate.min(most_mps2));
-    // A rate of 0 never gets anywhere: the speed stays.
-    Ok(match rate_mps2 == Some(0.0) {
-        true => Law::Speed {
-            to_mps: now_mps,
-            relative_to: None,
-            rate_mps2: None,
-        },
-        false => Law::Speed {
-            to_mps,
-            relative_to,
-            rate_mps2,
-        },
-    })
-}
-
-fn dynamics(it: &Node, scope: &Scope, dimension: &str) -> Result<f64, ImportError> {
-    let fits = it.raw("dynamicsShape") == Some("sinusoidal")
-        && it.raw("dynamicsDimension") == Some(dimension);
-    match fits {
-        true => scope.number(it, "value"),
-        false => Err(it.error(format!("only sinusoidal changes by {dimension} are read"))),
-    }
-}
-
-fn approached(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<Approached, ImportError> {
-    if scope.text(it, "masterEntityRef")? != "Ego" {
-        return Err(it.error("only meetings with the ego are read"));
-    }
-    let end = it.inner("FinalSpeed")?.inner("AbsoluteSpeed")?;
-    let steady = match end.children.first() {
-        Some(it) if it.name == "TargetDistanceSteadyState" => {
-            Steady::Metres(scope.number(it, "distance")?)
-        }
-        Some(it) if it.name == "TargetTimeSteadyState" => {
-            Steady::Seconds(scope.number(it, "time")?)
-        }
-        _ => Steady::Metres(0.0),
-    };
-    Ok(Approached {
-        ego: ground.place(it.inner("TargetPositionMaster")?, scope)?,
-        here: ground.place(it.inner("TargetPosition")?, scope)?,
-        speed_mps: scope.number(end, "value")?,
-        steady,
-    })
-}
-
-/// A straight way that is walked in the time that its vertices give.
-fn walked(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<(OnWay, Law), ImportError> {
-    let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
-    let begins = ground.straight(&trajectory, &own)?;
-    let shape = trajectory.inner("Shape")?.only()?;
-    let vertices: Vec<&Node> = shape.all("Vertex").collect();
-    let (Some(first), Some(last)) = (vertices.first(), vertices.last()) else {
-        return Err(shape.error("a way without places"));
-    };
-    let end = ground.place(last.inner("Position")?, &own)?;
-    let way_m = begins.sees(&end.spot).x_m;
-    let lasts_s = own.number(last, "time")? - own.number(first, "time")?;
-    if vertices.len() != 2 || lasts_s <= 0.0 {
-        return Err(shape.error("only a way between two times is read"));
-    }
-    Ok((
-        OnWay {
-            begins,
-            along_m: 0.0,
-        },
-        Law::Walk {
-            speed_mps: way_m / lasts_s,
-            way_m,
-        },
-    ))
-}
-
-/// When an act or an event begins.
-fn starts(node: &Node, scope: &Scope) -> Result<Starts, ImportError> {
-    let Some(trigger) = node.child("StartTrigger") else {
-        return Ok(Starts::Now);
-    };
-    let mut possible: Vec<Starts> = Vec::new();
-    let mut groups = 0;
-    for group in trigger.all("ConditionGroup") {
-        groups += 1;
-        let mut all: Vec<Starts> = Vec::new();
-        for condition in group.all("Condition") {
-            all.push(condition_of(condition, scope)?);
-        }
-        if all.iter().any(|it| matches!(it, Starts::Never)) {
-            continue;
-        }
-        all.retain(|it| !matches!(it, Starts::Now));
-        match (all.pop(), all.is_empty()) {
-            (None, _) => return Ok(Starts::Now),
-            (Some(one), true) => possible.push(one),
-            _ => return Err(group.error("several conditions at a time are not read")),
-        }
-    }
-    match (possible.pop(), possible.is_empty()) {
-        (None, _) if groups == 0 => Ok(Starts::Now),
-        (None, _) => Ok(Starts::Never),
-        (Some(one), true) => Ok(one),
-        _ => Err(trigger.error("several ways to begin are not read")),
-    }
-}
-
-fn condition_of(condition: &Node, scope: &Scope) -> Result<Starts, ImportError> {
-    let delay_s = scope.number_or_zero(condition, "delay")?;
-    let (kind, by) = condition
-        .children
-        .iter()
-        .find_map(|it| Some((it, it.children.last()?)))
-        .ok_or_else(|| condition.error("there is nothing in it"))?;
-    if kind.name == "ByValueCondition" {
-        return match by.name.as_str() {
-            "SimulationTimeCondition" => {
-                let at_s = scope.number(by, "value")?;
-                match by.raw("rule") {
-                    Some("greaterThan" | "greaterOrEqual") => Ok(match at_s + delay_s <= 0.0 {
-                        true => Starts::Now,
-                        false => Starts::At(at_s + delay_s),
-                    }),
-                    _ => Err(by.error("only times that have come are read")),
-                }
-            }
-            "ParameterCondition" => {
-                let name = by.need("parameterRef")?;
-                let value = scope.get(name);
-                let value = value.ok_or_else(|| by.error(format!("there is no `{name}`")))?;
-                let rule = by.need("rule")?;
-                match compared(value, rule, &scope.text(by, "value")?) {
-                    Some(true) => Ok(Starts::Now),
-                    Some(false) => Ok(Starts::Never),
-                    None => Err(by.error(format!("the rule `{rule}` is not understood"))),
-                }
-            }
-            "StoryboardElementStateCondition" => {
-                let ended = ["endTransition", "completeState"];
-                if !by.raw("state").is_some_and(|state| ended.contains(&state)) {
-                    return Err(by.error("only the end of an element is read"));
-                }
-                Ok(Starts::After {
-                    element: by.need("storyboardElementRef")?.to_owned(),
-                    delay_s,
-                })
-            }
-            _ => Err(by.error("a condition of this kind is not read")),
-        };
-    }
-    let entities = kind.inner("TriggeringEntities")?;
-    let who = scope.text(entities.only()?, "entityRef")?;
-    let it = kind.inner("EntityCondition")?.only()?;
-    let is_time = match it.name.as_str() {
-        "RelativeDistanceCondition" => false,
-        "TimeHeadwayCondition" => true,
-        _ => return Err(it.error("a condition of this kind is not read")),
-    };
-    let is_longitudinal = it
-        .raw("relativeDistanceType")
-        .is_none_or(|it| it == "longitudinal");
-    if !is_longitudinal || it.raw("freespace") != Some("true") {
-        return Err(it.error("only clear distances along the road are read"));
-    }
-    let is_below = match it.need("rule")? {
-        "lessThan" | "lessOrEqual" => true,
-        "greaterThan" | "greaterOrEqual" => false,
-        rule => return Err(it.error(format!("the rule `{rule}` is not read here"))),
-    };
-    Ok(Starts::When {
-        watch: Watch {
-            who,
-            whom: scope.text(it, "entityRef")?,
-            is_below,
-            value: scope.number(it, "value")?,
-            is_time,
-        },
-        delay_s,
-    })
 }

@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 use super::catalog::Catalogs;
 use super::error::ImportError;
 use super::files::Files;
-use super::roads::{RoadMap, Spot, wrapped};
+use super::roads::RoadMap;
 use super::scope::Scope;
+use super::spot::{Spot, wrapped};
 use super::tree::Node;
+use super::ways::{OnWay, Spiral, Way};
 
 /// Nearer than this two directions are one.
 const SAME_RAD: f64 = 1e-6;
@@ -18,7 +20,7 @@ pub(super) struct Placed {
     pub spot: Spot,
     /// The lane, if it is given by one.
     pub lane: Option<OnLane>,
-    /// The straight way on which it is, if it is given by one.
+    /// The way on which it is, if it is given by one.
     pub way: Option<OnWay>,
 }
 
@@ -30,13 +32,6 @@ pub(super) struct OnLane {
     pub lane: i32,
     pub s_m: f64,
     pub t_m: f64,
-}
-
-/// A place along a straight way.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct OnWay {
-    pub begins: Spot,
-    pub along_m: f64,
 }
 
 /// What positions may refer to.
@@ -101,13 +96,13 @@ impl Ground<'_> {
             }
             "TrajectoryPosition" => {
                 let (trajectory, own) = self.trajectory(it.inner("TrajectoryRef")?, scope)?;
-                let begins = self.straight(&trajectory, &own)?;
-                let (along_m, aside_m) = (scope.number(it, "s")?, scope.number_or_zero(it, "t")?);
-                let spot = begins.moved(along_m, aside_m);
+                let mut on = self.way(&trajectory, &own)?;
+                on.along_m += scope.number(it, "s")?;
+                let spot = on.spot().moved(0.0, scope.number_or_zero(it, "t")?);
                 Ok(Placed {
                     spot: turned(it, scope, spot)?,
                     lane: None,
-                    way: Some(OnWay { begins, along_m }),
+                    way: Some(on),
                 })
             }
             "RoutePosition" => self.on_route(it, scope),
@@ -128,22 +123,73 @@ impl Ground<'_> {
         }
     }
 
-    /// Where a trajectory begins and which way it goes, if it is straight.
-    pub fn straight(&self, trajectory: &Node, scope: &Scope) -> Result<Spot, ImportError> {
+    /// The way that a trajectory says, and where on it the trajectory begins.
+    pub fn way(&self, trajectory: &Node, scope: &Scope) -> Result<OnWay, ImportError> {
         let shape = trajectory.inner("Shape")?.only()?;
-        if shape.name != "Polyline" {
-            let what = format!(
-                "a way along a `{}`: only straight ways are read",
-                shape.name
-            );
-            return Err(shape.error(what));
+        match shape.name.as_str() {
+            "Polyline" => {
+                let vertices = shape.all("Vertex").map(|vertex| {
+                    let placed = self.place(vertex.inner("Position")?, scope)?;
+                    Ok(placed.spot)
+                });
+                let vertices = vertices.collect::<Result<Vec<Spot>, ImportError>>()?;
+                Ok(OnWay {
+                    way: Way::through(shape, &vertices)?,
+                    along_m: 0.0,
+                })
+            }
+            "ClothoidSpline" => self.spline(shape, scope),
+            other => Err(shape.error(format!("a way along a `{other}` is not read"))),
         }
-        let vertices = shape.all("Vertex").map(|vertex| {
-            let placed = self.place(vertex.inner("Position")?, scope)?;
-            Ok(placed.spot)
-        });
-        let vertices = vertices.collect::<Result<Vec<Spot>, ImportError>>()?;
-        straight_through(shape, &vertices)
+    }
+
+    /// A way of lines, arcs and spirals.
+    fn spline(&self, shape: &Node, scope: &Scope) -> Result<OnWay, ImportError> {
+        let mut begins = None;
+        let mut pieces = Vec::new();
+        for segment in shape.all("ClothoidSplineSegment") {
+            match (segment.child("PositionStart"), begins.is_none()) {
+                (Some(position), true) => begins = Some(self.place(position, scope)?),
+                (None, true) => return Err(segment.error("nothing says where it begins")),
+                (Some(_), false) => {
+                    return Err(segment.error("a way that begins anew is not read"));
+                }
+                (None, false) => {}
+            }
+            let turns = scope.number_or_zero(segment, "hOffset")? != 0.0;
+            if turns || shape.raw("timeEnd").is_some() {
+                return Err(segment.error("a way with corners or times is not read"));
+            }
+            let spiral = Spiral {
+                length_m: scope.number(segment, "length")?,
+                from_per_m: scope.number(segment, "curvatureStart")?,
+                to_per_m: scope.number(segment, "curvatureEnd")?,
+            };
+            if spiral.length_m <= 0.0 {
+                return Err(segment.error(format!("a piece of {} m", spiral.length_m)));
+            }
+            pieces.extend(spiral.arcs(0.0));
+        }
+        let begins = begins.ok_or_else(|| shape.error("a way without pieces"))?;
+        let mut on = OnWay {
+            way: Way {
+                begins: begins.spot,
+                pieces,
+            },
+            along_m: 0.0,
+        };
+        // A way that begins on a straight road goes on from where that does, so
+        // that points which begin elsewhere on it share a world.
+        let lane = begins.lane.as_ref().filter(|at| 0.0 < at.s_m);
+        if let Some((line, at)) = lane.and_then(|at| Some((self.roads.get(&at.road)?, at))) {
+            let first = line.at(0.0, at.t_m);
+            let is_on = line.is_straight() && is_along(first.sees(&begins.spot).heading_rad, 0.0);
+            if is_on {
+                on.begin_at(first);
+            }
+        }
+        on.way.end_straight();
+        Ok(on)
     }
 
     fn other(&self, it: &Node, scope: &Scope) -> Result<&Placed, ImportError> {
@@ -215,7 +261,7 @@ impl Ground<'_> {
         });
         let stops = stops.collect::<Result<Vec<Placed>, ImportError>>()?;
         let spots: Vec<Spot> = stops.iter().map(|stop| stop.spot).collect();
-        let begins = straight_through(&route, &spots)?;
+        let begins = Way::through(&route, &spots)?.begins;
         let within = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(within, "pathS")?;
         let aside_m = match within.name.as_str() {
@@ -231,27 +277,11 @@ impl Ground<'_> {
         Ok(Placed {
             spot: begins.moved(along_m, 0.0),
             lane: None,
-            way: Some(OnWay { begins, along_m }),
+            way: Some(OnWay {
+                way: Way::straight(begins),
+                along_m,
+            }),
         })
-    }
-}
-
-/// Where a way through places begins and which way it goes, if they lie on one
-/// line.
-fn straight_through(asks: &Node, spots: &[Spot]) -> Result<Spot, ImportError> {
-    let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
-        return Err(asks.error("a way without places"));
-    };
-    let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
-    let begins = Spot {
-        heading_rad: libm::atan2(dy, dx),
-        ..*first
-    };
-    let aside = spots.iter().find(|spot| 1e-3 < begins.sees(spot).y_m.abs());
-    match aside {
-        Some(_) => Err(asks.error("a way that turns: only straight ways are read")),
-        None if dx == 0.0 && dy == 0.0 => Err(asks.error("a way that leads nowhere")),
-        None => Ok(begins),
     }
 }
 

@@ -1,18 +1,15 @@
-//! Roads from OpenDRIVE: lines and arcs, with lanes of one width.
+//! Roads from OpenDRIVE: lines, arcs and spirals, with lanes of one width.
 
 use std::collections::BTreeMap;
 
 use super::error::ImportError;
 use super::scope::Scope;
+use super::spot::Spot;
 use super::tree::Node;
+use super::ways::{Bend, Spiral};
 
-/// A place in the plane, and where it faces.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Spot {
-    pub x_m: f64,
-    pub y_m: f64,
-    pub heading_rad: f64,
-}
+/// Lanes so far beside the reference line are near their spirals, too.
+const LANES_M: f64 = 12.0;
 
 /// A piece of a reference line.
 #[derive(Clone, Copy, Debug)]
@@ -39,34 +36,6 @@ pub(super) struct Line {
 /// All roads of a file, by their id.
 #[derive(Clone, Debug)]
 pub(super) struct RoadMap(BTreeMap<String, Line>);
-
-impl Spot {
-    /// The place so far ahead and to the left, facing the same way.
-    pub fn moved(&self, ahead_m: f64, left_m: f64) -> Spot {
-        let (sin, cos) = libm::sincos(self.heading_rad);
-        Spot {
-            x_m: self.x_m + ahead_m * cos - left_m * sin,
-            y_m: self.y_m + ahead_m * sin + left_m * cos,
-            heading_rad: self.heading_rad,
-        }
-    }
-
-    /// Another place as it is seen from here: ahead, to the left, turned.
-    pub fn sees(&self, other: &Spot) -> Spot {
-        let (dx, dy) = (other.x_m - self.x_m, other.y_m - self.y_m);
-        let (sin, cos) = libm::sincos(self.heading_rad);
-        Spot {
-            x_m: dx * cos + dy * sin,
-            y_m: dy * cos - dx * sin,
-            heading_rad: wrapped(other.heading_rad - self.heading_rad),
-        }
-    }
-}
-
-/// An angle in −π ..= π.
-pub(super) fn wrapped(angle_rad: f64) -> f64 {
-    libm::remainder(angle_rad, core::f64::consts::TAU)
-}
 
 impl RoadMap {
     pub fn of(root: &Node) -> Result<RoadMap, ImportError> {
@@ -100,25 +69,42 @@ impl Line {
         let mut pieces = Vec::new();
         for geometry in road.inner("planView")?.all("geometry") {
             let shape = geometry.only()?;
-            let per_m = match shape.name.as_str() {
-                "line" => 0.0,
-                "arc" => plain.number(shape, "curvature")?,
+            let length_m = plain.number(geometry, "length")?;
+            let bend = |per_m| vec![Bend { length_m, per_m }];
+            let bends = match shape.name.as_str() {
+                "line" => bend(0.0),
+                "arc" => bend(plain.number(shape, "curvature")?),
+                "spiral" => {
+                    let spiral = Spiral {
+                        length_m,
+                        from_per_m: plain.number(shape, "curvStart")?,
+                        to_per_m: plain.number(shape, "curvEnd")?,
+                    };
+                    spiral.arcs(LANES_M)
+                }
                 other => {
-                    let what = format!("a road with a `{other}`: only lines and arcs are read");
+                    let what =
+                        format!("a road with a `{other}`: only lines, arcs and spirals are read");
                     refused.get_or_insert_with(|| shape.error(what));
-                    0.0
+                    bend(0.0)
                 }
             };
-            pieces.push(Stretch {
-                s_m: plain.number(geometry, "s")?,
-                start: Spot {
-                    x_m: plain.number(geometry, "x")?,
-                    y_m: plain.number(geometry, "y")?,
-                    heading_rad: plain.number(geometry, "hdg")?,
-                },
-                length_m: plain.number(geometry, "length")?,
-                per_m,
-            });
+            let mut s_m = plain.number(geometry, "s")?;
+            let mut start = Spot {
+                x_m: plain.number(geometry, "x")?,
+                y_m: plain.number(geometry, "y")?,
+                heading_rad: plain.number(geometry, "hdg")?,
+            };
+            for Bend { length_m, per_m } in bends {
+                pieces.push(Stretch {
+                    s_m,
+                    start,
+                    length_m,
+                    per_m,
+                });
+                s_m += length_m;
+                start = start.bent(length_m, per_m);
+            }
         }
         if pieces.is_empty() {
             return Err(road.error("a road without geometry"));
@@ -165,19 +151,7 @@ impl Line {
     pub fn at(&self, s_m: f64, t_m: f64) -> Spot {
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         let piece = before.unwrap_or(&self.pieces[0]);
-        let along_m = s_m - piece.s_m;
-        let turn_rad = piece.per_m * along_m;
-        let (ahead_m, left_m) = match piece.per_m == 0.0 {
-            true => (along_m, 0.0),
-            false => (
-                libm::sin(turn_rad) / piece.per_m,
-                (1.0 - libm::cos(turn_rad)) / piece.per_m,
-            ),
-        };
-        let on = Spot {
-            heading_rad: wrapped(piece.start.heading_rad + turn_rad),
-            ..piece.start.moved(ahead_m, left_m)
-        };
+        let on = piece.start.bent(s_m - piece.s_m, piece.per_m);
         on.moved(0.0, t_m)
     }
 

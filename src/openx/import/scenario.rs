@@ -13,9 +13,11 @@ use super::files::Files;
 use super::motion;
 use super::places::{Ground, OnLane, Placed};
 use super::points::ImportedPoint;
-use super::roads::{RoadMap, Spot};
+use super::roads::RoadMap;
 use super::scope::Scope;
+use super::spot::Spot;
 use super::tree::Node;
+use super::ways::{Bend, OnWay, Way};
 
 /// A lane with less than this ahead of the ego leads off the road.
 const LEAST_AHEAD_M: f64 = 100.0;
@@ -37,6 +39,8 @@ pub(super) enum Frame {
     Straight(Spot),
     /// Beside a reference line, so far to its left.
     Beside { road: String, t_m: f64 },
+    /// Along a way that bends.
+    Along(Way),
 }
 
 /// A scenario at a point.
@@ -202,8 +206,12 @@ impl Protocol {
         ego: &Entity,
     ) -> Result<(Frame, f64, usize, f64), ImportError> {
         let asks = &self.root;
-        if let Some(way) = &ego.placed.way {
-            return Ok((Frame::Straight(way.begins), 0.0, 2, 3.5));
+        if let Some(OnWay { way, .. }) = &ego.placed.way {
+            let frame = match way.pieces.is_empty() {
+                true => Frame::Straight(way.begins),
+                false => Frame::Along(way.clone()),
+            };
+            return Ok((frame, 0.0, 2, 3.5));
         }
         let lane = ego.placed.lane.as_ref().filter(|at| at.lane != 0);
         let at = lane.ok_or_else(|| asks.error("the ego is on no lane and on no way"))?;
@@ -246,11 +254,19 @@ impl Protocol {
 }
 
 impl Concrete {
-    /// A place along the ego's road, to its left, and turned from it.
+    /// A place along the ego's road, to its left, and turned from it; beside a way
+    /// that bends one that is not on it is a place in the plane.
     pub fn in_frame(&self, placed: &Placed) -> Result<Spot, ImportError> {
         let refused = |what: String| self.at.error(what);
         match &self.frame {
             Frame::Straight(origin) => Ok(origin.sees(&placed.spot)),
+            Frame::Along(way) => Ok(match &placed.way {
+                Some(on) if on.way == *way => Spot {
+                    x_m: on.along_m,
+                    ..on.spot().sees(&placed.spot)
+                },
+                _ => way.begins.sees(&placed.spot),
+            }),
             Frame::Beside { road, t_m } => {
                 let OnLane {
                     road: own,
@@ -285,21 +301,49 @@ impl Concrete {
 
     /// The curvature of the ego's lane 0 where its road begins.
     pub fn bend_per_m(&self) -> f64 {
-        self.pieces(1.0).first().map_or(0.0, |(_, per_m)| *per_m)
+        self.pieces(1.0).first().map_or(0.0, |piece| piece.per_m)
+    }
+
+    /// Whether the ego's road is that of a place, too: all are on it but where
+    /// the ego turns off.
+    pub fn is_on_road(&self, placed: &Placed) -> bool {
+        match &self.frame {
+            Frame::Along(way) => placed.way.as_ref().is_some_and(|on| on.way == *way),
+            Frame::Straight(_) | Frame::Beside { .. } => true,
+        }
+    }
+
+    /// Whether the ego's lane bends anywhere.
+    pub fn bends(&self) -> bool {
+        !matches!(self.frame, Frame::Straight(_))
+    }
+
+    /// Whether the ego's lane is bent in different ways as it goes on.
+    pub fn bends_change(&self) -> bool {
+        let pieces = self.pieces(f64::INFINITY);
+        pieces.windows(2).any(|pair| pair[0].per_m != pair[1].per_m)
     }
 
     /// Where lane 0 is beside the reference line of the ego's road.
     pub fn zero_m(&self) -> f64 {
         match &self.frame {
             Frame::Beside { t_m, .. } => *t_m,
-            Frame::Straight(_) => self.straight_zero_m,
+            Frame::Straight(_) | Frame::Along(_) => self.straight_zero_m,
         }
     }
 
+    /// The number of the lane in which a place beside lane 0's middle lies.
+    pub fn lane_at(&self, left_m: f64) -> f64 {
+        let lane = (left_m / self.lane_width_m).round().max(0.0);
+        lane.min(self.lanes as f64 - 1.0)
+    }
+
     /// The pieces of the ego's lane 0 for so far; none where it is straight.
-    pub fn pieces(&self, until_m: f64) -> Vec<(f64, f64)> {
-        let Frame::Beside { road, t_m } = &self.frame else {
-            return Vec::new();
+    pub fn pieces(&self, until_m: f64) -> Vec<Bend> {
+        let (road, t_m) = match &self.frame {
+            Frame::Straight(_) => return Vec::new(),
+            Frame::Along(way) => return way.pieces.clone(),
+            Frame::Beside { road, t_m } => (road, t_m),
         };
         let Some(line) = self.roads.get(road) else {
             return Vec::new();
@@ -311,11 +355,7 @@ impl Concrete {
             let length_m = (piece.length_m * scale).min(left_m);
             left_m -= length_m;
             let per_m = piece.per_m / scale;
-            // An arc of a world turns by half a circle at most.
-            let parts = ((length_m * per_m).abs() / 3.0).ceil().max(1.0);
-            for _ in 0..parts as usize {
-                pieces.push((length_m / parts, per_m));
-            }
+            pieces.push(Bend { length_m, per_m });
             if left_m <= 0.0 {
                 break;
             }

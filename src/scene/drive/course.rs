@@ -87,7 +87,11 @@ pub struct Course {
 const RUN_OUT_M: f64 = 10_000.0;
 /// Distance of the points by which borders are drawn on arcs.
 const DRAWN_M: f64 = 2.0;
-/// How far borders are drawn before and behind the pieces.
+/// Of so many pieces none is passed over: it would cost more than it saves.
+const FEW_LEGS: usize = 8;
+/// Lengths that are as near as this may be one.
+const SAME_M: f64 = 1e-6;
+/// How far borders are drawn before and behind what happens on a road.
 const DRAWN_BEYOND_M: f64 = 100.0;
 
 impl Course {
@@ -249,7 +253,18 @@ impl Course {
     /// Where on the road a pose is: beside the nearest point of the course.
     pub fn locate(&self, pose: &Pose) -> OnRoad {
         let mut nearest: Option<(f64, OnRoad)> = None;
+        let within_m = match self.legs.len() <= FEW_LEGS {
+            true => f64::INFINITY,
+            // No piece is nearer than its beginning, less its length.
+            false => {
+                let starts_m = self.legs.iter().map(|leg| leg.start_away_m(pose));
+                starts_m.fold(f64::INFINITY, f64::min) + SAME_M
+            }
+        };
         for leg in &self.legs {
+            if within_m < leg.start_away_m(pose) - leg.length_m {
+                continue;
+            }
             let (away_m, at) = leg.locate(pose);
             if nearest.as_ref().is_none_or(|(best_m, _)| away_m < *best_m) {
                 nearest = Some((away_m, at));
@@ -272,6 +287,15 @@ impl Course {
         leg.map_or(0.0, |leg| leg.curvature_per_m)
     }
 
+    /// Its curvature on the whole over a way that begins at a place.
+    pub(super) fn mean_curvature_per_m(&self, s_m: f64, way_m: f64) -> f64 {
+        if way_m.abs() < 1e-6 {
+            return self.curvature_per_m(s_m);
+        }
+        let heading_rad = |s_m| self.pose(s_m, 0.0).heading_rad;
+        wrapped(heading_rad(s_m + way_m) - heading_rad(s_m)) / way_m
+    }
+
     /// Where the pieces end, along the course; 0 without any.
     pub fn end_s_m(&self) -> f64 {
         self.legs.last().map_or(0.0, |last| last.from_s_m)
@@ -290,8 +314,9 @@ impl Course {
         }
     }
 
-    /// A line beside the course, as a polyline on the ground.
-    pub fn polyline_m(&self, lateral_m: f64) -> Vec<[f64; 3]> {
+    /// A line beside the course, as a polyline on the ground: along all pieces
+    /// and between two places, and 100 m beyond.
+    pub fn polyline_m(&self, lateral_m: f64, (from_m, to_m): (f64, f64)) -> Vec<[f64; 3]> {
         let point = |s_m: f64| {
             let pose = self.pose(s_m, lateral_m);
             [pose.x_m, pose.y_m, 0.0]
@@ -299,7 +324,7 @@ impl Course {
         let Some(last) = self.legs.last() else {
             return vec![point(-100.0), point(900.0)];
         };
-        let mut stations_m = vec![-DRAWN_BEYOND_M];
+        let mut stations_m = vec![from_m.min(0.0) - DRAWN_BEYOND_M];
         for leg in self.legs.iter().filter(|leg| 0.0 <= leg.from_s_m) {
             let points = match leg.curvature_per_m == 0.0 {
                 true => 1,
@@ -308,12 +333,18 @@ impl Course {
             let step_m = leg.length_m / points as f64;
             stations_m.extend((0..points).map(|i| leg.from_s_m + i as f64 * step_m));
         }
-        stations_m.push(last.from_s_m + DRAWN_BEYOND_M);
+        stations_m.push(last.from_s_m.max(to_m) + DRAWN_BEYOND_M);
         stations_m.into_iter().map(point).collect()
     }
 }
 
 impl Leg {
+    /// From a pose to where it begins.
+    fn start_away_m(&self, pose: &Pose) -> f64 {
+        let (dx, dy) = (pose.x_m - self.x_m, pose.y_m - self.y_m);
+        (dx * dx + dy * dy).sqrt()
+    }
+
     fn pose(&self, along_m: f64, lateral_m: f64) -> Pose {
         let k = self.curvature_per_m;
         let turn_rad = k * along_m;
@@ -397,6 +428,32 @@ mod tests {
                     assert!((at.lateral_m - lateral_m).abs() < 1e-6, "{s_m} {at:?}");
                     assert!(at.heading_rad.abs() < 1e-9, "{s_m} {at:?}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn on_many_pieces_the_nearest_one_is_found_as_if_all_were_looked_at() {
+        let pieces: Vec<Piece> = (0..60)
+            .map(|i| match i % 3 {
+                0 => Piece::Line { length_m: 7.0 },
+                _ => Piece::Arc {
+                    length_m: 5.0 + f64::from(i),
+                    radius_m: if i % 2 == 0 { 40.0 } else { -55.0 },
+                },
+            })
+            .collect();
+        let course = Course::of_pieces(&pieces, 7.0).expect("a course");
+        for x in (-40..40).map(|i| f64::from(i) * 13.0) {
+            for y in (-40..40).map(|i| f64::from(i) * 11.0) {
+                let pose = Pose {
+                    x_m: x,
+                    y_m: y,
+                    heading_rad: 0.3,
+                };
+                let all = course.legs.iter().map(|leg| leg.locate(&pose));
+                let nearest = all.reduce(|best, it| if it.0 < best.0 { it } else { best });
+                assert_eq!(Some(course.locate(&pose)), nearest.map(|(_, at)| at));
             }
         }
     }

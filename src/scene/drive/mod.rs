@@ -54,6 +54,7 @@ pub use signals::{SignalSource, TTC_CAP_S, current_name, schema_of};
 pub use spec::{
     Agent, ControllerFactory, Drive, DriveSpec, EgoController, EgoDrive, PlanSpec, StartPlace,
 };
+pub use steering::LaneKeeping;
 pub use trained::{TrainedAdo, TrainingWorld};
 pub use variant::EgoVariant;
 pub use world::DriveWorld;

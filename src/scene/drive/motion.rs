@@ -84,7 +84,10 @@ impl DriveScene {
     }
 
     fn spawn(&mut self, agent: &Agent, s_m: f64, lateral_m: f64, speed_mps: f64) {
-        let pose = self.layout.network.courses()[agent.road].pose(s_m, lateral_m);
+        let course = &self.layout.network.courses()[agent.road];
+        let place = (s_m, lateral_m);
+        let keeps = agent.lane_keeping;
+        let pose = keeps.begun(&agent.body, (course, agent.direction), place);
         let heading_rad = pose.heading_rad + agent.facing_rad;
         let pose = Pose {
             heading_rad: match agent.is_with_road() {
@@ -115,7 +118,7 @@ impl DriveScene {
             Direction::Against => -lateral_m,
         };
         self.keepers.push(LaneKeeper::new(
-            &agent.body,
+            (&agent.body, agent.lane_keeping),
             kept_m,
             lateral_lag_s,
             sample_s,
@@ -193,28 +196,31 @@ impl DriveScene {
     }
 
     fn command(&mut self, agent: usize, wish: Choice) {
-        let (state, at) = (&self.state.states[agent], &self.state.on_road[agent]);
-        let reversed;
-        let driven = match self.layout.spec.agents[agent].direction {
-            Direction::With => at,
-            Direction::Against => {
-                reversed = at.reversed();
-                &reversed
-            }
-        };
+        let (state, at) = (&self.state.states[agent], self.state.on_road[agent]);
+        let sample_s = self.layout.spec.clock.sample_s;
         let command = match wish {
             Choice::Drive {
                 accel_mps2,
                 lateral_mps,
-            } => BodyCommand::Drive {
-                accel_mps2: self.actuators[agent].step(accel_mps2),
-                curvature_per_m: self.keepers[agent].curvature(
-                    driven,
-                    state.speed_mps,
-                    lateral_mps,
-                    self.layout.spec.clock.sample_s,
-                ),
-            },
+            } => {
+                let own = &self.layout.spec.agents[agent];
+                let course = self.layout.network.course_of(agent);
+                let driven = own.lane_keeping.seen(
+                    &own.body,
+                    (&state.pose, at),
+                    (course, own.direction),
+                    state.speed_mps * sample_s,
+                );
+                BodyCommand::Drive {
+                    accel_mps2: self.actuators[agent].step(accel_mps2),
+                    curvature_per_m: self.keepers[agent].curvature(
+                        &driven,
+                        state.speed_mps,
+                        lateral_mps,
+                        sample_s,
+                    ),
+                }
+            }
             Choice::Walk {
                 along_mps,
                 left_mps,

@@ -11,6 +11,7 @@ use super::range::Range;
 use super::road::Road;
 use super::script::Script;
 use super::sensors::Sensors;
+use super::steering::LaneKeeping;
 use super::trained::{TrainedAdo, TrainingWorld};
 use indexmap::IndexMap;
 
@@ -147,6 +148,8 @@ pub struct Agent {
     pub road: usize,
     /// Which way it drives there.
     pub direction: Direction,
+    /// Which of its points keeps its line where it is driven.
+    pub lane_keeping: LaneKeeping,
     /// Where it starts, to the left of lane 0's middle.
     pub lateral_m: Range,
     /// Its heading at the start, counter-clockwise from the road's.

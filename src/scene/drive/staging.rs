@@ -1,7 +1,7 @@
 //! What of a driving scene does not move, for viewers.
 
 use super::layout::Layout;
-use super::spec::Drive;
+use super::spec::{Drive, StartPlace};
 use crate::scene::{Cast, LightPost, Role, Stage};
 
 /// The cast, the lanes and the lights.
@@ -35,18 +35,38 @@ pub(super) fn stage(layout: &Layout) -> Stage {
         }
     });
     let named = spec.roads.values().zip(&layout.network.courses()[1..]);
-    let side_roads = named.map(|(placed, course)| {
+    let side_roads = named.zip(1..).map(|((placed, course), road)| {
+        let reach_m = used_m(layout, road);
         let borders = placed.road.borders_m();
         borders
-            .map(|lateral_m| course.polyline_m(lateral_m))
+            .map(|lateral_m| course.polyline_m(lateral_m, reach_m))
             .collect()
     });
     Stage {
         cast: cast.collect(),
         lane_borders_m: borders
-            .map(|lateral_m| layout.network.main().polyline_m(lateral_m))
+            .map(|lateral_m| layout.network.main().polyline_m(lateral_m, (0.0, 0.0)))
             .collect(),
         side_roads_m: side_roads.collect(),
         lights: lights.collect(),
     }
+}
+
+/// The part of a named road on which something happens: where somebody starts,
+/// and where a way of it is crossed.
+fn used_m(layout: &Layout, road: usize) -> (f64, f64) {
+    let agents = layout.spec.agents.iter().enumerate();
+    let on_it = agents.filter(|(_, agent)| agent.road == road);
+    let places = on_it.flat_map(|(i, agent)| {
+        let starts = match agent.place {
+            StartPlace::At { x_m, .. } => vec![x_m.lo, x_m.hi],
+            StartPlace::Ahead { .. } => Vec::new(),
+        };
+        let others = 0..layout.spec.agents.len();
+        let crossings = others.flat_map(move |other| layout.network.crossings(i, other));
+        starts.into_iter().chain(crossings.map(|it| it.s_m))
+    });
+    places.fold((0.0, 0.0), |(from_m, to_m), it| {
+        (f64::min(from_m, it), f64::max(to_m, it))
+    })
 }

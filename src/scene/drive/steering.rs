@@ -1,8 +1,11 @@
 //! Keeping and changing the lateral position: a path curvature from an offset.
 
-use super::course::OnRoad;
+use serde::Deserialize;
+
+use super::course::{Course, OnRoad};
+use super::placed::Direction;
 use crate::ego::Actuator;
-use crate::sim::Body;
+use crate::sim::{Body, Pose};
 
 /// Natural frequency of the lateral loop, 1/s.
 const OMEGA_PER_S: f64 = 1.2;
@@ -12,6 +15,68 @@ const ZETA: f64 = 1.0;
 const MIN_SPEED_MPS: f64 = 3.0;
 /// No car moves sideways faster than this share of its speed.
 const MAX_SLIP: f64 = 0.4;
+
+/// Which point of a driven vehicle keeps its line. On a straight road it is the
+/// same; in a bend the front swings out of the line that the rear axle keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum LaneKeeping {
+    /// The middle of the front bumper.
+    #[default]
+    Front,
+    /// The middle of the rear axle, as paths of test protocols mean it.
+    RearAxle,
+}
+
+impl LaneKeeping {
+    /// The pose of who begins with the front at a place of the road, as the road
+    /// goes: the body lies along the tangent at the point that keeps the line.
+    pub(super) fn begun(
+        self,
+        body: &Body,
+        (course, direction): (&Course, Direction),
+        (s_m, lateral_m): (f64, f64),
+    ) -> Pose {
+        let lever_m = match (self, direction) {
+            (LaneKeeping::Front, _) => return course.pose(s_m, lateral_m),
+            (LaneKeeping::RearAxle, Direction::With) => body.lever_m(),
+            (LaneKeeping::RearAxle, Direction::Against) => -body.lever_m(),
+        };
+        ahead(&course.pose(s_m - lever_m, lateral_m), lever_m)
+    }
+
+    /// What the keeper steers by: the place of the point that keeps the line, as
+    /// it is driven; `at` is that of the front, in the pose `front`.
+    ///
+    /// A rear axle runs along arcs of a sample each: the curvature that keeps it
+    /// on its line is the mean of the road's over the way of that sample.
+    pub(super) fn seen(
+        self,
+        body: &Body,
+        (front, at): (&Pose, OnRoad),
+        (course, direction): (&Course, Direction),
+        way_m: f64,
+    ) -> OnRoad {
+        let along_m = match direction {
+            Direction::With => way_m,
+            Direction::Against => -way_m,
+        };
+        let at = match self {
+            LaneKeeping::Front => at,
+            LaneKeeping::RearAxle => {
+                let at = course.locate(&ahead(front, -body.lever_m()));
+                let curvature_per_m = course.mean_curvature_per_m(at.s_m, along_m);
+                OnRoad {
+                    curvature_per_m,
+                    ..at
+                }
+            }
+        };
+        match direction {
+            Direction::With => at,
+            Direction::Against => at.reversed(),
+        }
+    }
+}
 
 /// Follows a lateral reference that may itself move.
 ///
@@ -24,18 +89,27 @@ pub(super) struct LaneKeeper {
     reference_m: f64,
     reference_mps: f64,
     lag: Actuator,
-    /// From the rear axle, which follows the path, to the front bumper.
+    /// From the rear axle, which follows the path, to the point that keeps the
+    /// line.
     lever_m: f64,
 }
 
 impl LaneKeeper {
-    /// Keeps `lateral_m` with a body; lateral speeds follow with a lag.
-    pub(super) fn new(body: &Body, lateral_m: f64, lag_s: f64, sample_s: f64) -> LaneKeeper {
+    /// Keeps `lateral_m` with a point of a body; lateral speeds follow with a lag.
+    pub(super) fn new(
+        (body, keeps): (&Body, LaneKeeping),
+        lateral_m: f64,
+        lag_s: f64,
+        sample_s: f64,
+    ) -> LaneKeeper {
         LaneKeeper {
             reference_m: lateral_m,
             reference_mps: 0.0,
             lag: Actuator::new(lag_s, sample_s),
-            lever_m: body.lever_m(),
+            lever_m: match keeps {
+                LaneKeeping::Front => body.lever_m(),
+                LaneKeeping::RearAxle => 0.0,
+            },
         }
     }
 
@@ -67,5 +141,15 @@ impl LaneKeeper {
             true => keeping_per_m,
             false => keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m),
         }
+    }
+}
+
+/// The pose so far ahead of another.
+fn ahead(pose: &Pose, by_m: f64) -> Pose {
+    let (sin, cos) = libm::sincos(pose.heading_rad);
+    Pose {
+        x_m: pose.x_m + by_m * cos,
+        y_m: pose.y_m + by_m * sin,
+        heading_rad: pose.heading_rad,
     }
 }

@@ -1,0 +1,178 @@
+//! What somebody does, as a world file has it: meetings and scripts.
+
+use super::draft::{Draft, tidy};
+use super::entity::{Law, Steady, Step, Watch};
+use super::error::ImportError;
+use super::scenario::Concrete;
+use super::seen::{Path, Seen, ego_lever_m, named};
+
+/// The plan of somebody, as `drive` or as `base`.
+pub(super) fn plan(
+    draft: &mut Draft,
+    concrete: &Concrete,
+    all: &[Seen],
+    it: &Seen,
+    trigger: &mut Option<(String, f64)>,
+) -> Result<(), ImportError> {
+    let name = &it.name;
+    if let Some(meets) = &it.entity.meets {
+        let ego = concrete.in_frame(&meets.ego)?;
+        let here = concrete.in_frame(&meets.here)?;
+        let here_m = match it.path {
+            Path::Left | Path::Right => here.y_m + it.front_left_m(),
+            Path::Own(begins, on) => {
+                let along_m = match &meets.here.way {
+                    Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
+                    _ => begins.sees(&here).x_m,
+                };
+                along_m + it.front_along_m()
+            }
+            _ => here.x_m + it.front_along_m(),
+        };
+        draft.text("Meet(ego_at_m: ");
+        draft.hole(&format!("{name}.meet.ego_at"), ego.x_m + ego_lever_m(all));
+        draft.text(", here_at_m: ");
+        draft.hole(&format!("{name}.meet.here_at"), here_m);
+        draft.text(", speed_mps: ");
+        draft.hole(&format!("{name}.meet.speed"), meets.speed_mps);
+        let (kind, value) = match meets.steady {
+            Steady::Metres(value) => ("Metres", value),
+            Steady::Seconds(value) => ("Seconds", value),
+        };
+        draft.text(&format!(", steady: {kind}("));
+        draft.hole(&format!("{name}.meet.steady"), value);
+        draft.text("))");
+        return Ok(());
+    }
+    draft.text("Script([");
+    for (step, number) in it.entity.steps.iter().zip(1..) {
+        step_of(draft, concrete, all, it, (step, number), trigger)?;
+    }
+    draft.text(match it.entity.steps.is_empty() {
+        true => "])",
+        false => "\n            ])",
+    });
+    Ok(())
+}
+
+fn step_of(
+    draft: &mut Draft,
+    concrete: &Concrete,
+    all: &[Seen],
+    it: &Seen,
+    (step, number): (&Step, usize),
+    trigger: &mut Option<(String, f64)>,
+) -> Result<(), ImportError> {
+    let axis = |what: &str| format!("{}.step{number}.{what}", it.name);
+    draft.text("\n                (");
+    if let Some(watch) = &step.when {
+        let parameter = format!("{}_trigger", it.name);
+        if trigger.is_some() {
+            return Err(concrete
+                .at
+                .error("several steps that wait for somebody are not read"));
+        }
+        *trigger = Some((parameter.clone(), watch.value));
+        let formula = formula(concrete, all, watch, &parameter)?;
+        draft.text(&format!("when: \"{formula}\", "));
+    }
+    if step.after_s != 0.0 {
+        draft.text("after_s: ");
+        draft.hole(&axis("after"), step.after_s);
+        draft.text(", ");
+    }
+    draft.text("does: [");
+    for (i, law) in step.laws.iter().enumerate() {
+        if 0 < i {
+            draft.text(", ");
+        }
+        law_of(draft, concrete, it, law, &axis);
+    }
+    draft.text("]),");
+    Ok(())
+}
+
+fn law_of(
+    draft: &mut Draft,
+    concrete: &Concrete,
+    it: &Seen,
+    law: &Law,
+    axis: &impl Fn(&str) -> String,
+) {
+    match law {
+        Law::Speed {
+            to_mps,
+            relative_to,
+            rate_mps2,
+        } => {
+            draft.text("Speed(to_mps: ");
+            draft.hole(&axis("speed.to"), *to_mps);
+            if let Some(other) = relative_to {
+                draft.text(&format!(", relative_to: \"{}\"", named(other)));
+            }
+            if let Some(rate_mps2) = rate_mps2 {
+                draft.text(", rate_mps2: ");
+                draft.hole(&axis("speed.rate"), *rate_mps2);
+            }
+            draft.text(")");
+        }
+        Law::LaneChange { by_m, rate_mps } => {
+            draft.text("LaneChange(by_m: ");
+            draft.hole(&axis("lane_change.by"), *by_m);
+            draft.text(", rate_mps: ");
+            draft.hole(&axis("lane_change.rate"), *rate_mps);
+            draft.text(")");
+        }
+        Law::Beside {
+            t_m,
+            most_lateral_mps2,
+        } => {
+            let width_m = concrete.lane_width_m;
+            let middle_m = concrete.lane_at(it.spot.y_m) * width_m;
+            draft.text("LaneOffset(to_m: ");
+            draft.hole(&axis("lane_offset.to"), t_m - concrete.zero_m() - middle_m);
+            draft.text(", most_lateral_mps2: ");
+            draft.hole(&axis("lane_offset.most_lateral"), *most_lateral_mps2);
+            draft.text(")");
+        }
+        Law::Walk { speed_mps, way_m } => {
+            draft.text("Walk(speed_mps: ");
+            draft.hole(&axis("walk.speed"), *speed_mps);
+            draft.text(", way_m: ");
+            draft.hole(&axis("walk.way"), *way_m);
+            draft.text(")");
+        }
+    }
+}
+
+/// A clearance along the road below or above a parameter.
+fn formula(
+    concrete: &Concrete,
+    all: &[Seen],
+    watch: &Watch,
+    parameter: &str,
+) -> Result<String, ImportError> {
+    let find = |name: &str| {
+        let found = all.iter().find(|it| it.entity.name == name);
+        found.ok_or_else(|| {
+            concrete
+                .at
+                .error(format!("there is nobody called `{name}`"))
+        })
+    };
+    let (who, whom) = (find(&watch.who)?, find(&watch.whom)?);
+    let headway = format!("{}.{}.headway", who.name, whom.name);
+    let clearance = match who.spot.x_m <= whom.spot.x_m {
+        true => format!("{headway} - {}", tidy(whom.rear_m())),
+        false => format!("-{headway} - {}", tidy(who.rear_m())),
+    };
+    let bound = match watch.is_time {
+        true => format!("{parameter} * {}.speed", who.name),
+        false => parameter.to_owned(),
+    };
+    // Strictly: who touches is not nearer than 0 m.
+    Ok(match watch.is_below {
+        true => format!("max({clearance}, 0) + 0.000001 <= {bound}"),
+        false => format!("{clearance} >= {bound} + 0.000001"),
+    })
+}

@@ -1,0 +1,228 @@
+//! Ways through the plane: lines and arcs one after the other, and spirals as
+//! arcs that stay as near to them as nobody sees.
+
+use super::error::ImportError;
+use super::spot::Spot;
+use super::tree::Node;
+
+/// So far from a spiral its arcs lie at most, in metres.
+const NEAR_M: f64 = 0.001;
+/// What shares a line is no farther from it than this.
+const STRAIGHT_M: f64 = 1e-3;
+/// An arc of a world turns by half a circle at most.
+const MOST_TURN_RAD: f64 = 3.0;
+
+/// A piece of a way: a line, or an arc.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Bend {
+    pub length_m: f64,
+    /// To the left.
+    pub per_m: f64,
+}
+
+/// Where somebody goes: pieces from a place on, and straight on behind them.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Way {
+    pub begins: Spot,
+    /// None: straight on.
+    pub pieces: Vec<Bend>,
+}
+
+/// A place along a way.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct OnWay {
+    pub way: Way,
+    pub along_m: f64,
+}
+
+/// A piece whose curvature changes evenly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spiral {
+    pub length_m: f64,
+    pub from_per_m: f64,
+    pub to_per_m: f64,
+}
+
+impl Way {
+    /// Straight on from a place.
+    pub fn straight(begins: Spot) -> Way {
+        Way {
+            begins,
+            pieces: Vec::new(),
+        }
+    }
+
+    /// The way through places, if they lie on one line.
+    pub fn through(asks: &Node, spots: &[Spot]) -> Result<Way, ImportError> {
+        let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
+            return Err(asks.error("a way without places"));
+        };
+        let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
+        let begins = Spot {
+            heading_rad: libm::atan2(dy, dx),
+            ..*first
+        };
+        let aside = spots
+            .iter()
+            .find(|spot| STRAIGHT_M < begins.sees(spot).y_m.abs());
+        match aside {
+            Some(_) => Err(asks.error("a way that turns at its places is not read")),
+            None if dx == 0.0 && dy == 0.0 => Err(asks.error("a way that leads nowhere")),
+            None => Ok(Way::straight(begins)),
+        }
+    }
+
+    /// The same without the line at its end, since behind its pieces a way goes
+    /// straight on.
+    pub fn end_straight(&mut self) {
+        while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
+    }
+
+    /// The place so far along it, facing along it.
+    pub fn at(&self, along_m: f64) -> Spot {
+        let mut spot = self.begins;
+        let mut left_m = along_m;
+        for piece in &self.pieces {
+            if left_m <= piece.length_m {
+                return spot.bent(left_m, piece.per_m);
+            }
+            spot = spot.bent(piece.length_m, piece.per_m);
+            left_m -= piece.length_m;
+        }
+        spot.moved(left_m, 0.0)
+    }
+}
+
+impl OnWay {
+    /// The place.
+    pub fn spot(&self) -> Spot {
+        self.way.at(self.along_m)
+    }
+
+    /// The same with its first line from a place behind it on.
+    pub fn begin_at(&mut self, first: Spot) {
+        let by_m = first.sees(&self.way.begins).x_m;
+        if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
+            piece.length_m += by_m;
+            self.along_m += by_m;
+            self.way.begins = first;
+        }
+    }
+}
+
+impl Spiral {
+    /// Arcs in its place, of which no point is farther from it than [`NEAR_M`],
+    /// nor are those of lines up to `beside_m` beside both.
+    ///
+    /// With the curvature κ₀ + c·s, and arcs of a length h that have its curvature
+    /// in their middles, the heading is off by c·v²/2 − δ at v from a middle. A
+    /// first and a last arc that reach h/√12 over their middles, and h/2 inwards,
+    /// make δ = c·h²/24: the mean of c·v²/2 over an arc. So the heading is right
+    /// at both ends, off by c·h²/12 at most, and on the whole by nothing: the place
+    /// beside the spiral, its integral, does not add up from arc to arc. It is 0
+    /// at both ends and c·h³/(36·√3) at most.
+    pub fn arcs(&self, beside_m: f64) -> Vec<Bend> {
+        if self.from_per_m == self.to_per_m {
+            return vec![Bend {
+                length_m: self.length_m,
+                per_m: self.from_per_m,
+            }];
+        }
+        let change_per_m2 = ((self.to_per_m - self.from_per_m) / self.length_m).abs();
+        let most = 36.0 * 3f64.sqrt();
+        let by_place_m = libm::cbrt(most * NEAR_M / change_per_m2);
+        let by_heading_m = (12.0 * NEAR_M / (change_per_m2 * beside_m)).sqrt();
+        let most_m = by_place_m.min(by_heading_m);
+        let outer = 1.0 / 12f64.sqrt();
+        // Both ends together reach 2·outer over the middles.
+        let arcs = (self.length_m / most_m + 1.0 - 2.0 * outer).ceil().max(1.0);
+        let step_m = self.length_m / (arcs - 1.0 + 2.0 * outer);
+        let last = arcs as usize - 1;
+        let arcs = (0..=last).map(|i| {
+            let middle_m = step_m * (outer + i as f64);
+            let reach = |is_end: bool| if is_end { outer } else { 0.5 };
+            Bend {
+                length_m: step_m * (reach(i == 0) + reach(i == last)),
+                per_m: self.from_per_m
+                    + (self.to_per_m - self.from_per_m) * middle_m / self.length_m,
+            }
+        });
+        arcs.collect()
+    }
+}
+
+/// The piece in parts that a world takes.
+pub(super) fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
+    let parts = ((piece.length_m * piece.per_m).abs() / MOST_TURN_RAD)
+        .ceil()
+        .max(1.0);
+    let part = Bend {
+        length_m: piece.length_m / parts,
+        ..piece
+    };
+    core::iter::repeat_n(part, parts as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The spiral itself, by its equation in small steps: places and headings at
+    /// even distances.
+    fn exact(spiral: Spiral, steps: usize) -> Vec<Spot> {
+        let step_m = spiral.length_m / steps as f64;
+        let change_per_m2 = (spiral.to_per_m - spiral.from_per_m) / spiral.length_m;
+        let heading_rad = |s_m: f64| s_m * (spiral.from_per_m + 0.5 * change_per_m2 * s_m);
+        let mut spot = Spot::default();
+        let mut all = vec![spot];
+        for i in 0..steps {
+            // Simpson's rule.
+            let s_m = i as f64 * step_m;
+            let mean = |f: fn(f64) -> f64| {
+                let at = |share: f64| f(heading_rad(s_m + share * step_m));
+                (at(0.0) + 4.0 * at(0.5) + at(1.0)) / 6.0
+            };
+            spot = Spot {
+                x_m: spot.x_m + step_m * mean(libm::cos),
+                y_m: spot.y_m + step_m * mean(libm::sin),
+                heading_rad: heading_rad(s_m + step_m),
+            };
+            all.push(spot);
+        }
+        all
+    }
+
+    #[test]
+    fn arcs_lie_within_a_millimetre_of_their_spiral_and_of_lines_beside_it() {
+        // Turns at junctions, and the longest and the sharpest bends of motorways.
+        let cases = [
+            (6.439317, 1.0 / 1500.0, 1.0 / 9.0, 0.0),
+            (11.109693, 1.0 / 14.75, 1.0 / 1500.0, 0.0),
+            (100.0, 0.0, 0.004, 12.0),
+            (100.0, -0.004, 0.0, 12.0),
+            (300.0, 0.001, -0.001, 12.0),
+        ];
+        for (length_m, from_per_m, to_per_m, beside_m) in cases {
+            let spiral = Spiral {
+                length_m,
+                from_per_m,
+                to_per_m,
+            };
+            let way = Way {
+                begins: Spot::default(),
+                pieces: spiral.arcs(beside_m),
+            };
+            let arcs_m: f64 = way.pieces.iter().map(|piece| piece.length_m).sum();
+            assert!((arcs_m - length_m).abs() < 1e-9, "{arcs_m}");
+            let steps = 2000;
+            for (i, there) in exact(spiral, steps).iter().enumerate() {
+                let here = way.at(length_m * i as f64 / steps as f64);
+                for aside_m in [0.0, -beside_m] {
+                    let (a, b) = (here.moved(0.0, aside_m), there.moved(0.0, aside_m));
+                    let off_m = (a.x_m - b.x_m).hypot(a.y_m - b.y_m);
+                    assert!(off_m < 1.1 * NEAR_M, "{length_m}: {off_m} m at {i}");
+                }
+            }
+        }
+    }
+}

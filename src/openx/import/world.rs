@@ -1,0 +1,340 @@
+//! The world of a concrete scenario: its road, who is on it, and what they do.
+
+use super::draft::{Draft, tidy};
+use super::error::ImportError;
+use super::plans::plan;
+use super::scenario::Concrete;
+use super::seen::{Path, Seen, ego_lever_m, seen};
+use super::ways::{Bend, laid};
+
+/// How long a run goes on behind what is expected to happen.
+const BEYOND_S: f64 = 5.0;
+/// Time between two samples.
+const SAMPLE_S: f64 = 0.05;
+/// Time between two decisions of who strays.
+const DECISION_S: f64 = 0.5;
+/// Runs up to so long have that many decisions; longer ones have fewer a second.
+const OFTEN_UNTIL_S: f64 = 60.0;
+/// What a run lasts if nothing says.
+const USUAL_S: f64 = 60.0;
+/// The road goes on so far ahead of everybody.
+const AHEAD_M: f64 = 400.0;
+
+/// The world of a point as a text with holes.
+pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, ImportError> {
+    let all = concrete
+        .entities
+        .iter()
+        .map(|entity| seen(concrete, entity));
+    let mut all = all.collect::<Result<Vec<Seen>, ImportError>>()?;
+    let ego = all.iter().position(|it| it.entity.is_ego);
+    let ego = ego.ok_or_else(|| concrete.at.error("nobody is called `Ego`"))?;
+    // A gap to the ego is what it says, wherever the file puts somebody first.
+    let (ego_front_m, ego_mps) = (
+        all[ego].spot.x_m + all[ego].entity.body.front_m,
+        all[ego].entity.speed_mps,
+    );
+    let scale = 1.0 - concrete.bend_per_m() * all[ego].spot.y_m;
+    for it in &mut all {
+        if let Some(gap_m) = it.entity.gap_m {
+            let body = &it.entity.body;
+            let way_m = (gap_m + body.length_m) / scale;
+            it.spot.x_m = ego_front_m + way_m - body.front_m;
+        }
+    }
+    let mut draft = Draft::default();
+    let until_s = ends_s(concrete, &all, (ego_front_m, ego_mps))?;
+    draft.text("    clock: (horizon_s: ");
+    draft.most((until_s / SAMPLE_S).ceil() * SAMPLE_S);
+    draft.text(", decision_s: ");
+    draft.most(DECISION_S * (until_s / OFTEN_UNTIL_S).ceil().max(1.0));
+    draft.text(&format!(
+        ", sample_s: {SAMPLE_S}, substeps: 5),\n    plant: Kinematic,\n    \
+         judge: UntilContact,\n"
+    ));
+    road(&mut draft, concrete, &all);
+    bodies(&mut draft, &all);
+    draft.text("    agents: [\n");
+    let hides = all
+        .iter()
+        .any(|it| it.stands() && matches!(it.path, Path::Turned));
+    let hides = hides
+        || all
+            .iter()
+            .filter(|it| it.stands() && !it.entity.body.on_foot)
+            .count()
+            > 1;
+    let mut trigger = None;
+    // Who is placed first is known to those behind in the file.
+    for it in std::iter::once(&all[ego]).chain(all.iter().filter(|it| !it.entity.is_ego)) {
+        agent(&mut draft, concrete, &all, it, ado, &mut trigger)?;
+    }
+    draft.text("    ],\n");
+    if hides {
+        draft.text("    sensors: (line_of_sight: true),\n");
+    }
+    if let Some((name, value)) = trigger {
+        draft.text(&format!("    parameters: {{ \"{name}\": "));
+        draft.hole(&name, value);
+        draft.text(" },\n");
+    }
+    let others = all.iter().filter(|it| !it.entity.is_ego);
+    let clear: Vec<String> = others
+        .map(|it| format!("{}.{}.gap >= 0.01", all[ego].name, it.name))
+        .collect();
+    let passed = match clear.is_empty() {
+        true => within_lane(concrete, &all[ego]),
+        false => clear.join(" and "),
+    };
+    draft.text(&format!("    ego_spec: \"always ({passed})\",\n"));
+    Ok(draft)
+}
+
+/// What is asked of an ego that is alone: its sides stay within its lane.
+fn within_lane(concrete: &Concrete, ego: &Seen) -> String {
+    let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
+    let room_m = 0.5 * (concrete.lane_width_m - ego.entity.body.width_m);
+    format!(
+        "{}.lateral in [{}, {}]",
+        ego.name,
+        tidy(middle_m - room_m),
+        tidy(middle_m + room_m)
+    )
+}
+
+/// When all that is expected has happened.
+fn ends_s(
+    concrete: &Concrete,
+    all: &[Seen],
+    (ego_front_m, ego_mps): (f64, f64),
+) -> Result<f64, ImportError> {
+    let mut until_s: Option<f64> = None;
+    for it in all.iter().filter(|it| !it.entity.is_ego) {
+        let met_s = match &it.entity.meets {
+            Some(meets) => {
+                let ego = concrete.in_frame(&meets.ego)?;
+                (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
+            }
+            None => {
+                let way_m = it.spot.x_m - ego_front_m;
+                let away_mps = match it.path {
+                    Path::With => it.entity.speed_mps,
+                    Path::Against => -it.entity.speed_mps,
+                    _ => 0.0,
+                };
+                match way_m / (ego_mps - away_mps) {
+                    met_s if it.entity.steps.is_empty() => met_s,
+                    _ => continue,
+                }
+            }
+        };
+        if met_s.is_finite() && 0.0 < met_s {
+            until_s = Some(until_s.unwrap_or(0.0).max(met_s + BEYOND_S));
+        }
+    }
+    Ok(concrete.stop_s.or(until_s).unwrap_or(USUAL_S).max(1.0))
+}
+
+fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen]) {
+    let farthest_m = all.iter().map(|it| it.spot.x_m).fold(0.0, f64::max);
+    // A bend goes on as it is; where bends follow one another all are driven.
+    let pieces = match concrete.bends_change() {
+        true => concrete.pieces(f64::INFINITY),
+        false => concrete.pieces(farthest_m + AHEAD_M),
+    };
+    let lanes = format!(
+        "lanes: {}, lane_width_m: {}, friction: 1.0",
+        concrete.lanes, concrete.lane_width_m
+    );
+    match pieces.is_empty() {
+        true => draft.text(&format!("    road: Straight({lanes}),\n")),
+        false => {
+            draft.text(&format!(
+                "    road: Curved({lanes}, pieces: [{}]),\n",
+                bends(&pieces)
+            ));
+        }
+    }
+    let ways = all.iter().filter_map(|it| match it.path {
+        Path::Own(begins, on) => Some((it, begins, on)),
+        _ => None,
+    });
+    let ways: Vec<String> = ways
+        .map(|(it, begins, on)| {
+            let pieces = match on.way.pieces.is_empty() {
+                true => String::new(),
+                false => format!(", pieces: [{}]", bends(&on.way.pieces)),
+            };
+            format!(
+                "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {}){pieces}),\n",
+                it.name,
+                tidy(begins.x_m),
+                tidy(begins.y_m),
+                begins.heading_rad
+            )
+        })
+        .collect();
+    if !ways.is_empty() {
+        draft.text(&format!("    roads: {{\n{}    }},\n", ways.concat()));
+    }
+}
+
+/// Pieces as a world file has them.
+fn bends(pieces: &[Bend]) -> String {
+    let pieces = pieces.iter().copied().flat_map(laid);
+    let pieces = pieces.map(|piece| match piece.per_m == 0.0 {
+        true => format!("Line(length_m: {})", tidy(piece.length_m)),
+        false => format!(
+            "Arc(length_m: {}, radius_m: {})",
+            tidy(piece.length_m),
+            tidy(1.0 / piece.per_m)
+        ),
+    });
+    pieces.collect::<Vec<_>>().join(", ")
+}
+
+fn bodies(draft: &mut Draft, all: &[Seen]) {
+    let mut known: Vec<&str> = Vec::new();
+    draft.text("    bodies: {\n");
+    for it in all {
+        let body = &it.entity.body;
+        if !known.contains(&body.name.as_str()) {
+            known.push(&body.name);
+            draft.text(&format!("        \"{}\": {},\n", body.name, body.ron));
+        }
+    }
+    draft.text("    },\n");
+}
+
+fn agent(
+    draft: &mut Draft,
+    concrete: &Concrete,
+    all: &[Seen],
+    it: &Seen,
+    ado: Option<&str>,
+    trigger: &mut Option<(String, f64)>,
+) -> Result<(), ImportError> {
+    let (name, body) = (&it.name, &it.entity.body);
+    let (x, lateral, speed) = (
+        format!("{name}.x"),
+        format!("{name}.lateral"),
+        format!("{name}.speed"),
+    );
+    let front_m = match it.path {
+        Path::Own(_, on) => on.along_m + it.front_along_m(),
+        _ => it.spot.x_m + it.front_along_m(),
+    };
+    let left_m = it.spot.y_m + it.front_left_m();
+    if let Path::Turned = it.path {
+        return obstacle(draft, concrete, all, it);
+    }
+    match body.on_foot {
+        true => {
+            let facing = match it.path {
+                Path::Left => "Left",
+                Path::Right => "Right",
+                Path::Against => "Back",
+                _ => "Ahead",
+            };
+            draft.text(&format!(
+                "        Pedestrian(\n            name: \"{name}\", body: \"{}\", facing: {facing}, \
+                 lateral_m: ",
+                body.name
+            ));
+            draft.hole(&lateral, left_m);
+        }
+        false => {
+            draft.text(&format!(
+                "        Vehicle(\n            name: \"{name}\", body: \"{}\"",
+                body.name
+            ));
+            match it.path {
+                Path::Own(..) => draft.text(&format!(", road: \"{name}_way\"")),
+                _ => {
+                    let width_m = concrete.lane_width_m;
+                    let lane = concrete.lane_at(left_m);
+                    draft.text(&format!(", lane: {lane}"));
+                    // In bends a protocol's rear axle keeps the line.
+                    if it.entity.is_ego && concrete.bends() {
+                        draft.text(", lane_keeping: RearAxle");
+                    }
+                    if let Path::Against = it.path {
+                        draft.text(", direction: Against");
+                    }
+                    draft.text(", offset_m: ");
+                    let middle_m = lane * width_m;
+                    draft.beside(&lateral, left_m - middle_m, middle_m);
+                }
+            }
+        }
+    }
+    draft.text(",\n            start: At(x_m: ");
+    draft.hole(&x, front_m);
+    draft.text(", speed_mps: ");
+    match it.entity.meets {
+        Some(_) => draft.text("0.0"),
+        None => draft.hole(&speed, it.entity.speed_mps),
+    }
+    draft.text("),\n            drive: ");
+    if it.entity.is_ego {
+        draft.text("Ego(Coast(accel_mps2: 0.0, lag_s: 0.0)),\n        ),\n");
+        return Ok(());
+    }
+    let is_ado = ado == Some(it.entity.name.as_str()) || ado == Some(name.as_str());
+    if is_ado {
+        draft.text("Ado(\n                base: ");
+    }
+    plan(draft, concrete, all, it, trigger)?;
+    if is_ado {
+        draft.text(&format!(
+            ",\n                actions: Deviate(accelerations: [-1.0, 0.0, 1.0], lateral_mps: \
+             [-0.3, 0.0, 0.3]), neutral: 4,\n                rulebook: [\n\
+             \x20                   Rule(name: \"keeps its speed\", stl: \"always ({name}.speed - \
+             {name}.planned.speed in [-0.5, 0.5])\"),\n\
+             \x20                   Rule(name: \"keeps its place\", stl: \"always ({name}.s - \
+             {name}.planned.s in [-0.5, 0.5])\"),\n\
+             \x20                   Rule(name: \"keeps its line\", stl: \"always ({name}.lateral - \
+             {name}.planned.lateral in [-0.3, 0.3])\"),\n                ],\n            )"
+        ));
+    }
+    draft.text(",\n        ),\n");
+    Ok(())
+}
+
+/// Somebody who stands, on the straight road beside whose middle it is nearest.
+fn obstacle(
+    draft: &mut Draft,
+    concrete: &Concrete,
+    all: &[Seen],
+    it: &Seen,
+) -> Result<(), ImportError> {
+    let (name, body) = (&it.name, &it.entity.body);
+    let front = it.spot.moved(body.front_m, 0.0);
+    let shares_road = concrete.is_on_road(&it.entity.placed);
+    let mut nearest = shares_road.then(|| (String::new(), front));
+    for other in all {
+        match other.path {
+            Path::Own(begins, on) if on.way.pieces.is_empty() => {
+                let seen = begins.sees(&front);
+                let best_m = nearest.as_ref().map_or(f64::INFINITY, |it| it.1.y_m.abs());
+                if seen.y_m.abs() < best_m {
+                    nearest = Some((format!("road: \"{}_way\", ", other.name), seen));
+                }
+            }
+            _ => {}
+        }
+    }
+    let Some((road, at)) = nearest else {
+        let what = format!("`{}` stands beside no straight way", it.entity.name);
+        return Err(concrete.at.error(what));
+    };
+    draft.text(&format!(
+        "        Obstacle(name: \"{name}\", body: \"{}\", {road}s_m: ",
+        body.name
+    ));
+    draft.hole(&format!("{name}.x"), at.x_m);
+    draft.text(", lateral_m: ");
+    draft.hole(&format!("{name}.lateral"), at.y_m);
+    draft.text(&format!(", heading_rad: {}),\n", at.heading_rad));
+    Ok(())
+}
