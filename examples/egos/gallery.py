@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""What a rule-keeping ado does to other people's egos: pip install libsumo highway-env
+"""What a rule-keeping ado does to other people's egos: pip install libsumo highway-env fiss-planner fmpy
 
-    python3 examples/egos/gallery.py target/release/brakecheck runs/acc_iso 60 > gallery.md
+    python3 examples/egos/gallery.py target/release/brakecheck runs/acc_iso 40 [Mine.fmu …] > gallery.md
 
-RUN is what `train worlds/acc_iso.ron` made; 60 starts of a seed that training never saw.
-A success counts if the cars touch and a careful driver would have avoided it.
+RUN is what `train worlds/acc_iso.ron --seed 120` made; 40 starts of a seed that training never saw.
+A success counts if the cars touch and a careful driver would have avoided it; search has one switch.
 """
 import json
 import pathlib
@@ -19,6 +19,9 @@ EGOS = {
     "SUMO CACC": ("sumo.py", "CACC"),
     "highway-env IDM": ("highway.py",),
     "highway-env IDM, sporty": ("highway.py", "TIME_WANTED=0.5", "DISTANCE_WANTED=2"),
+    "MPC": ("mpc.py",),
+    "MPC, brakes with 3.5 m/s²": ("mpc.py", "brake_mps2=3.5"),
+    "fiss-planner, FISS+": ("fiss.py", "fiss_plus"),
 }
 HERE = pathlib.Path(__file__).parent
 
@@ -32,19 +35,21 @@ def closing(row):
     return "–" if not speed else f"{speed['median']:.1f} / {speed['p90']:.1f}"
 
 
-def main(program, run, starts):
-    print("| ego | trained, untouched | held random | best constant | adapted by 100 runs [95 %] | closing m/s, median / 90 % | expected |")
-    print("| --- | --- | --- | --- | --- | --- | --- |", flush=True)
-    for name, (script, *words) in EGOS.items():
+def main(program, run, starts, *fmus):
+    print("| ego | trained, untouched | held random | best constant | search, one switch | adapted by 100 runs [95 %] "
+          "| closing m/s, median / 90 % | expected |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |", flush=True)
+    for name, (script, *words) in {**EGOS, **{fmu: ("fmu.py", fmu) for fmu in fmus}}.items():
         ego = [sys.executable, str(HERE / script), *words]
-        command = [program, "eval", run, "--starts", starts, "--seed", "113", "--runs", "100", "--json", "--", *ego]
+        command = [program, "eval", run, "--starts", starts, "--seed", "120", "--runs", "100",
+                   "--search", "1", "--json", "--", *ego]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True)
         if done.returncode:
             sys.exit(f"{name}: brakecheck ended with {done.returncode}")
         found = json.loads(done.stdout)
         rows = {row["ado"]: row for row in found["rows"]}
         low, high = rows["adapted"]["ci95"]
-        cells = [name, percent(rows["trained"]), percent(rows["hold"]), percent(rows["constant"]),
+        cells = [name, percent(rows["trained"]), percent(rows["hold"]), percent(rows["constant"]), percent(rows["search"]),
                  f"{percent(rows['adapted'])} [{100 * low:.0f}, {100 * high:.0f}]", closing(rows["adapted"]),
                  f"{100 * found['adapted'][0]['expected']:.0f} %"]
         print("| " + " | ".join(cells) + " |", flush=True)
