@@ -159,7 +159,7 @@ pub(crate) fn eval_run<'py>(
     });
     let ados = ados.collect::<PyResult<Vec<_>>>()?;
     let rows = running.watched(py, |watch| {
-        let context = ContextSource::find(&run, asked.params.as_deref(), watch)?;
+        let context = ContextSource::find(&run, asked.params.as_deref(), asked.runs, watch)?;
         let evaluation = Evaluation {
             run: &run,
             nominal: &nominal,
@@ -170,6 +170,7 @@ pub(crate) fn eval_run<'py>(
             search: asked.search,
             tries: asked.tries,
             runs: asked.runs,
+            unknown: &[],
             keeps: asked.keep.is_some(),
         };
         let Some(table) = evaluation.run(watch)? else {

@@ -45,6 +45,8 @@ pub struct ConditionedAdo {
 impl ContextSource {
     /// What `asked` means for a run: `nominal`, `true`, `identified`, `adapted`,
     /// or a RON file that `identify` wrote; nothing for an ado that is told nothing.
+    /// An ado that learns every ego from so many `runs` identifies it if nothing is
+    /// asked for.
     ///
     /// # Errors
     /// The ado is told something and nothing was asked for, or the other way
@@ -52,9 +54,11 @@ impl ContextSource {
     pub fn find(
         run: &RunDir,
         asked: Option<&str>,
+        runs: u64,
         watch: &Watch<'_>,
     ) -> Result<Option<ContextSource>, CampaignError> {
-        let Some(asked) = asked else {
+        let learns = 0 < runs && run.manifest().against == Against::Conditional;
+        let Some(asked) = asked.or(learns.then_some("identified")) else {
             // A conditional ado refuses here to be played untold.
             run.policy()?;
             return Ok(None);

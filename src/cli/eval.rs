@@ -17,7 +17,7 @@ use crate::campaign::{
     TheoremsChecked, Watch, on_plant, summarise, untrained,
 };
 use crate::run::RunDir;
-use crate::scenario::{Against, Scenario};
+use crate::scenario::Scenario;
 use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
@@ -146,11 +146,8 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common)?;
     let bar = talk::bar("evaluating");
     let watch = bar.watch();
-    let context = ContextSource::find(&run, params(args, &run), &watch)?;
-    let mut nominal = run.scenario()?;
-    if let Some(plant) = args.plant {
-        nominal = on_plant(&nominal, plant)?;
-    }
+    let context = ContextSource::find(&run, args.params.as_deref(), args.runs, &watch)?;
+    let nominal = nominal(args, &run)?;
     let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
     let egos = egos(args, sweep.as_ref(), &nominal)?;
     check(args, &nominal)?;
@@ -181,10 +178,13 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     ended(args, evaluated, theorems, &compared)
 }
 
-/// What a conditional ado is told: one that learns egos identifies them first.
-fn params<'a>(args: &'a EvalArgs, run: &RunDir) -> Option<&'a str> {
-    let learns = 0 < args.runs && run.manifest().against == Against::Conditional;
-    args.params.as_deref().or(learns.then_some("identified"))
+/// The world of the run, on the plant to test on.
+fn nominal(args: &EvalArgs, run: &RunDir) -> Result<Scenario, Failure> {
+    let world = run.scenario()?;
+    match args.plant {
+        Some(plant) => Ok(on_plant(&world, plant)?),
+        None => Ok(world),
+    }
 }
 
 /// Who plays: beside an ado that learns egos, unless somebody is named, what it

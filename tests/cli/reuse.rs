@@ -119,6 +119,6 @@ fn all_ados_are_the_trained_one_the_baselines_and_the_rivals() {
     let rows = rows.as_array().expect("rows");
     let ados: Vec<&str> = rows.iter().filter_map(|row| row["ado"].as_str()).collect();
     let baselines = ["trained", "hold", "random", "constant"];
-    let rivals = ["heuristic", "replay", "replays"];
+    let rivals = ["switch", "heuristic", "replay", "replays"];
     assert_eq!(ados, [&baselines[..], &rivals[..]].concat());
 }

@@ -128,6 +128,7 @@ impl<'a> Planner<'a> {
     /// the first of so many leading ones on which anything does.
     fn choose(&mut self, from: Origin<'_>, so_far: &SoFar, leads: usize) -> Choice {
         for lead in 0..leads {
+            let is_thorough = lead == 0 && so_far.actions.is_empty();
             let mut best = Choice {
                 strategy: Strategy::Policy,
                 lead,
@@ -137,14 +138,14 @@ impl<'a> Planner<'a> {
                 if ENOUGH <= best.score || self.watch.stopped() {
                     break;
                 }
-                let stride = match (switches < SWITCHES, lead == 0 && so_far.actions.is_empty()) {
+                let stride = match (switches < SWITCHES, is_thorough) {
                     (true, _) => 1,
                     (false, true) => STRIDE,
                     (false, false) => QUICK_STRIDE,
                 };
                 self.search(from, so_far, (switches, stride), &mut best);
             }
-            if best.score == 0 && lead == 0 && so_far.actions.is_empty() {
+            if best.score == 0 && is_thorough && self.earlier.count() == 0 {
                 self.search(from, so_far, (SWITCHES, 1), &mut best);
             }
             if 0 < best.score {
