@@ -91,6 +91,7 @@ impl<'a> Evaluation<'a> {
     pub fn run(self, watch: &Watch<'_>) -> Result<Option<EvaluationTable<'a>>, CampaignError> {
         let world = self.run.world()?;
         consent(&world, self.egos)?;
+        self.can_learn()?;
         if let Some(context) = self.context {
             context.check(self.run, self.egos)?;
         }

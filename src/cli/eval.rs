@@ -13,8 +13,8 @@ use super::{
     table, talk, theorems,
 };
 use crate::campaign::{
-    AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, LEAST_RUNS, Sweep,
-    TheoremsChecked, Watch, on_plant, summarise, untrained,
+    AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
+    Watch, on_plant, summarise, untrained,
 };
 use crate::run::RunDir;
 use crate::scenario::Scenario;
@@ -211,21 +211,12 @@ fn check(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     can_learn(args, nominal)
 }
 
-/// Refuses to learn egos from next to nothing, or where nobody drives.
+/// Refuses to learn egos where nobody drives.
 fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
-    if args.runs == 0 {
-        return Ok(());
-    }
-    if nominal.drive().is_none() {
+    if 0 < args.runs && nominal.drive().is_none() {
         return Err(Failure::input(
             "`--runs` learns how an ego drives, and in this world nobody does",
             "leave it out: the ado of a grid plays as it was trained",
-        ));
-    }
-    if args.runs < LEAST_RUNS {
-        return Err(Failure::input(
-            format!("an ego is not learned from {} runs", args.runs),
-            format!("`--runs` takes {LEAST_RUNS} at least; 100 are enough for most"),
         ));
     }
     Ok(())

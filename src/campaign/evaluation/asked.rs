@@ -1,11 +1,12 @@
 //! What is asked of an evaluation, and what is found for it.
 
 use crate::campaign::baselines::AdoKind;
-use crate::campaign::conditioning::{ConditionedAdo, ContextSource};
+use crate::campaign::conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS};
 use crate::campaign::ego_under_test::EgoUnderTest;
+use crate::campaign::error::CampaignError;
 use crate::campaign::eval::{Ado, EvalRequest, Evaluated};
 use crate::campaign::starts::TestStarts;
-use crate::campaign::surrogate::AdaptedRow;
+use crate::campaign::surrogate::{AdaptedRow, LEAST_RUNS};
 use crate::campaign::tries::{Tried, Tries};
 use crate::run::RunDir;
 use crate::scenario::Scenario;
@@ -40,6 +41,31 @@ pub struct Evaluation<'a> {
 }
 
 impl Evaluation<'_> {
+    /// Runs of an ego from which a conditional ado is told what it meets.
+    pub(super) fn identified_from(&self) -> u64 {
+        match self.context {
+            Some(ContextSource::Identified) => RECORDED_RUNS as u64,
+            _ => 0,
+        }
+    }
+
+    /// Refuses more to be learned than the runs are enough for.
+    pub(super) fn can_learn(&self) -> Result<(), CampaignError> {
+        let least = LEAST_RUNS + self.identified_from();
+        if self.runs == 0 || least <= self.runs {
+            return Ok(());
+        }
+        Err(CampaignError::request(
+            format!("an ego is not learned from {} runs", self.runs),
+            match self.identified_from() {
+                0 => format!("`--runs` takes {least} at least; 100 are enough for most"),
+                of_those => format!(
+                    "`--runs` takes {least} at least, {of_those} of them to identify it; or say with `--params` what the ado is told"
+                ),
+            },
+        ))
+    }
+
     pub(super) fn trained<'b>(
         &self,
         ego: &'b EgoUnderTest,

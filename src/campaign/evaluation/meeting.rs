@@ -4,14 +4,14 @@ use super::asked::{Evaluation, ExplainedCounterexample, FoundBy};
 use crate::campaign::alike::{best_constant, best_then_brake};
 use crate::campaign::baselines::{AdoKind, Baselines};
 use crate::campaign::by_rule::ByRule;
-use crate::campaign::conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS};
+use crate::campaign::conditioning::ConditionedAdo;
 use crate::campaign::ego_under_test::EgoUnderTest;
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::{Ado, EvalRequest, Evaluated, eval, explain_first};
 use crate::campaign::retrained::retrained;
 use crate::campaign::search::{SearchRequest, Switches, search};
 use crate::campaign::starts::TestStarts;
-use crate::campaign::surrogate::{AdaptedTo, LEAST_RUNS, LearnEgoRequest, learn_ego, learned};
+use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learn_ego, learned};
 use crate::campaign::watch::Watch;
 use crate::run::Row;
 
@@ -122,16 +122,12 @@ impl<'a> Meeting<'a> {
         let asked = self.asked;
         let policy = &*self.ado.policy;
         // Runs with which the ado was told what it meets are runs of the ego too.
-        let identified_from = match asked.context {
-            Some(ContextSource::Identified) => RECORDED_RUNS as u64,
-            _ => 0,
-        };
-        let left = asked.runs.saturating_sub(identified_from);
+        let identified_from = asked.identified_from();
         let request = LearnEgoRequest {
             nominal: asked.nominal,
             ego: self.ego.scenario(),
             policy,
-            runs: left.max(LEAST_RUNS),
+            runs: asked.runs - identified_from,
             unknown: asked.unknown,
             seed: self.starts.seed,
         };

@@ -248,24 +248,13 @@ mod tests {
     fn an_ego_that_keeps_its_lane_is_none_that_steers() {
         let watch = Watch::unwatched();
         let mut seen = samples(50, |x, _| f64::from(x));
-        assert_eq!(
-            fit(&seen, &Arc::default(), (10, 1), &watch)
-                .expect("fitted")
-                .unit[1],
-            0.0
-        );
+        let learned = |seen: &Samples| fit(seen, &Arc::default(), (10, 1), &watch);
+        let across = |seen: &Samples| learned(seen).expect("fitted").unit[1];
+        assert_eq!(across(&seen), 0.0);
         for answer in &mut seen.answers {
             answer[2] = 0.5;
         }
-        assert_eq!(
-            fit(&seen, &Arc::default(), (10, 1), &watch)
-                .expect("fitted")
-                .unit[1],
-            0.5
-        );
-        assert_eq!(
-            fit(&Samples::default(), &Arc::default(), (10, 1), &watch),
-            None
-        );
+        assert_eq!(across(&seen), 0.5);
+        assert_eq!(learned(&Samples::default()), None);
     }
 }

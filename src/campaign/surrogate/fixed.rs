@@ -30,9 +30,19 @@ pub struct TriedActions {
     pub successes: u64,
 }
 
+/// What actions come to on the surrogate.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worth {
+    successes: usize,
+    /// Starts on which a rule was broken, or nothing counted.
+    fouls: usize,
+    /// Over all other starts.
+    margins: f64,
+}
+
 /// The constant, or one action and then another, with most successes on the
-/// surrogate; of equals the one that comes nearest to it elsewhere. `None`: nobody
-/// drives.
+/// surrogate; of equals the one that breaks fewest rules, and then the one that comes
+/// nearest elsewhere. `None`: nobody drives.
 pub(super) fn best_fixed(
     world: &Scenario,
     surrogate: &Arc<Surrogate>,
@@ -42,21 +52,21 @@ pub(super) fn best_fixed(
     let actions = model.bench.spaces().actions;
     let decisions = model.bench.clock().decisions();
     let starts = &starts[..starts.len().min(STARTS)];
-    let mut worth = |actions: &[usize]| -> (usize, f64) {
-        let (mut successes, mut margins) = (0, 0.0);
+    let mut worth = |actions: &[usize]| {
+        let mut worth = Worth::default();
         for (start, noise) in starts {
             let from = (start, *noise);
             model.begin(from, &SoFar::default(), Some(surrogate), VARIATIONS[0]);
             model.go_on(actions);
             match model.bench.verdict() {
-                Some(Verdict::Counterexample { .. }) => successes += 1,
-                Some(Verdict::Held { margin }) => margins += margin,
-                _ => margins += 1.0,
+                Some(Verdict::Counterexample { .. }) => worth.successes += 1,
+                Some(Verdict::Held { margin }) => worth.margins += margin,
+                _ => worth.fouls += 1,
             }
         }
-        (successes, margins)
+        worth
     };
-    let mut tried: Vec<(Vec<usize>, (usize, f64))> = (0..actions)
+    let mut tried: Vec<(Vec<usize>, Worth)> = (0..actions)
         .map(|action| (vec![action], worth(&[action])))
         .collect();
     sort(&mut tried);
@@ -78,8 +88,14 @@ pub(super) fn best_fixed(
 }
 
 /// The best first; equals stay in their order.
-fn sort(tried: &mut [(Vec<usize>, (usize, f64))]) {
-    tried.sort_by(|(_, a), (_, b)| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
+fn sort(tried: &mut [(Vec<usize>, Worth)]) {
+    tried.sort_by(|(_, a), (_, b)| {
+        let by_successes = b.successes.cmp(&a.successes);
+        let by_fouls = a.fouls.cmp(&b.fouls);
+        by_successes
+            .then(by_fouls)
+            .then(a.margins.total_cmp(&b.margins))
+    });
 }
 
 #[cfg(test)]

@@ -99,6 +99,14 @@ fn law_of(
     law: &Law,
     axis: &impl Fn(&str) -> String,
 ) {
+    let mut call = |law: &str, fields: [(&str, &str, f64); 2]| {
+        let before = [format!("{law}("), ", ".to_owned()];
+        for (before, (field, of, value)) in before.iter().zip(fields) {
+            draft.text(&format!("{before}{field}: "));
+            draft.hole(&axis(of), value);
+        }
+        draft.text(")");
+    };
     match law {
         Law::Speed {
             to_mps,
@@ -117,11 +125,11 @@ fn law_of(
             draft.text(")");
         }
         Law::LaneChange { by_m, rate_mps } => {
-            draft.text("LaneChange(by_m: ");
-            draft.hole(&axis("lane_change.by"), *by_m);
-            draft.text(", rate_mps: ");
-            draft.hole(&axis("lane_change.rate"), *rate_mps);
-            draft.text(")");
+            let by = ("by_m", "lane_change.by", *by_m);
+            call(
+                "LaneChange",
+                [by, ("rate_mps", "lane_change.rate", *rate_mps)],
+            );
         }
         Law::Beside {
             t_m,
@@ -129,18 +137,17 @@ fn law_of(
         } => {
             let width_m = concrete.lane_width_m;
             let middle_m = concrete.lane_at(it.spot.y_m) * width_m;
-            draft.text("LaneOffset(to_m: ");
-            draft.hole(&axis("lane_offset.to"), t_m - concrete.zero_m() - middle_m);
-            draft.text(", most_lateral_mps2: ");
-            draft.hole(&axis("lane_offset.most_lateral"), *most_lateral_mps2);
-            draft.text(")");
+            let to_m = t_m - concrete.zero_m() - middle_m;
+            let most = (
+                "most_lateral_mps2",
+                "lane_offset.most_lateral",
+                *most_lateral_mps2,
+            );
+            call("LaneOffset", [("to_m", "lane_offset.to", to_m), most]);
         }
         Law::Walk { speed_mps, way_m } => {
-            draft.text("Walk(speed_mps: ");
-            draft.hole(&axis("walk.speed"), *speed_mps);
-            draft.text(", way_m: ");
-            draft.hole(&axis("walk.way"), *way_m);
-            draft.text(")");
+            let speed = ("speed_mps", "walk.speed", *speed_mps);
+            call("Walk", [speed, ("way_m", "walk.way", *way_m)]);
         }
     }
 }
