@@ -140,7 +140,7 @@ impl Seen {
     }
 
     /// Whether a follower has it ahead: in its path, or about to cross it.
-    pub(super) fn is_ahead_of(&self, own: &Own) -> bool {
+    pub(crate) fn is_ahead_of(&self, own: &Own) -> bool {
         match self.is_along() {
             true => {
                 0.0 < self.headway_m && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0

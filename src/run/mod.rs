@@ -53,7 +53,8 @@ pub use error::RunError;
 pub use finished::Finished;
 pub use identified::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, IdentifiedError};
 pub use interval::{
-    at_most, mcnemar, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
+    at_most, mcnemar, mean_difference, paired_difference, predicted, runs_interval, seeds_interval,
+    wilson,
 };
 pub use kept::{Counterexample, KeptError, csv_of, digests_of};
 pub use manifest::{ChangedEgo, Done, Grown, Manifest, Sought, Window};

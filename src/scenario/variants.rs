@@ -196,15 +196,15 @@ impl Scenario {
 
     /// A model of the same world, in which the ego is what `factory` makes.
     ///
-    /// It is on the kinematic plant, and nothing stands between what that ego
+    /// Nothing stands between what that ego
     /// sees or commands and what is there or happens. A world that is not driven
     /// stays as it is.
-    pub(crate) fn as_model(&self, factory: ControllerFactory) -> Scenario {
+    pub(crate) fn as_model(&self, plant: PlantKind, factory: ControllerFactory) -> Scenario {
         let World::Drive(world) = &self.world else {
             return self.clone();
         };
         let mut spec = world.spec().clone();
-        spec.plant = PlantKind::Kinematic;
+        spec.plant = plant;
         spec.sensors = Sensors::default();
         spec.ego.lag_s = 0.0;
         spec.ego.controller = EgoController::Own {

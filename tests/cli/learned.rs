@@ -40,7 +40,18 @@ fn an_ego_of_another_structure_is_learned_from_runs_of_it_and_remembered() {
     assert_eq!(adapted["sims_per_start"], 1.0);
     assert_eq!(adapted["method"], "planned in a surrogate of 40 runs");
     // What it must never be below stands beside it.
-    row(&first, "hold");
+    let rows = first["rows"].as_array().expect("rows");
+    let held: Vec<_> = rows.iter().filter(|row| row["ado"] == "hold").collect();
+    let [once, for_as_much] = held[..] else {
+        panic!("{held:?}");
+    };
+    // 40 runs to learn from, and one for every start.
+    let starts = once["starts"].as_u64().expect("starts");
+    let most = (40 + starts).div_ceil(starts);
+    let method = format!("at most {most} runs per start, as many as adapting takes");
+    assert_eq!(for_as_much["method"], *method);
+    let spent = for_as_much["sims_per_start"].as_f64().expect("runs");
+    assert!(1.0 < spent && spent <= most as f64, "{for_as_much}");
     for beside in ["constant", "switch", "replays"] {
         row(&first, beside);
     }

@@ -9,7 +9,7 @@ use crate::campaign::ego_under_test::EgoUnderTest;
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::{Ado, EvalRequest, Evaluated, eval, explain_first};
 use crate::campaign::retrained::retrained;
-use crate::campaign::search::{SearchRequest, Switches, search};
+use crate::campaign::search::{Hold, SearchRequest, Switches, search};
 use crate::campaign::starts::TestStarts;
 use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learn_ego, learned};
 use crate::campaign::watch::Watch;
@@ -37,6 +37,10 @@ impl<'a> Meeting<'a> {
             }
             let row = self.one_ado(kind)?;
             self.rows.extend(row);
+            if kind == AdoKind::Hold && 0 < self.asked.runs {
+                let row = self.held_for_as_much();
+                self.rows.push(row);
+            }
         }
         if 0 < self.asked.runs {
             let row = self.adapted()?;
@@ -87,6 +91,28 @@ impl<'a> Meeting<'a> {
                 Some(row)
             }
         })
+    }
+
+    /// Random actions, held, with as many runs of the ego as it takes to learn it and
+    /// to play every start then.
+    fn held_for_as_much(&self) -> Row {
+        let trivial = &self.starts.trivial;
+        let starts = trivial.iter().filter(|trivial| !**trivial).count() as u64;
+        let spent = self.asked.runs + starts * self.asked.tries;
+        let request = SearchRequest {
+            scenario: self.ego.scenario(),
+            ego: self.ego.name(),
+            method: Hold.into(),
+            budget: spent.div_ceil(starts.max(1)),
+            starts: self.starts,
+        };
+        let mut row = search(&request, self.watch).row;
+        row.ado = "hold".to_owned();
+        row.method = format!(
+            "at most {} runs per start, as many as adapting takes",
+            request.budget
+        );
+        row
     }
 
     fn evaluated(&self, ado: Ado<'_>) -> Evaluated {

@@ -57,7 +57,8 @@ pub struct AdaptedTo {
     pub acts: Acts,
     /// The same in words, and why.
     pub how: String,
-    /// The share of starts that was to be expected, with its 95 % interval.
+    /// The share of starts that was to be expected, with the 95 % interval in which
+    /// it was to lie.
     pub expected: f64,
     /// That interval.
     pub expected_ci95: [f64; 2],
@@ -73,7 +74,7 @@ impl AdaptedTo {
         identified_from: u64,
         row: &AdaptedRow,
     ) -> AdaptedTo {
-        let (expected, expected_ci95) = learned.expected();
+        let (expected, expected_ci95) = learned.expected(row.evaluated.row.starts);
         AdaptedTo {
             ego: ego.to_owned(),
             learned: learned.clone(),

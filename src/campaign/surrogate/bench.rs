@@ -9,6 +9,7 @@ use super::motion::{Moment, MotionReader};
 use crate::rl::Policy;
 use crate::scenario::Scenario;
 use crate::scene::Start;
+use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Testbench};
 
 /// A start with the seed of its noise.
@@ -32,11 +33,11 @@ impl SoFar {
     }
 }
 
-/// Another ego that might be there instead: a member of the ensemble, made a
-/// little more or less careful.
+/// Another ego that might be there instead: what a member of the ensemble says, or
+/// the mean of all, made a little more or less careful.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Variation {
-    pub member: usize,
+    pub member: Option<usize>,
     pub bias_mps3: f64,
 }
 
@@ -47,33 +48,28 @@ pub(super) struct Variation {
 /// The more careful ones are close together: an ego that brakes at the last moment
 /// leaves some centimetres, and of the plans that fit them the one with most room
 /// is to be found.
-pub(super) const VARIATIONS: [Variation; 22] = {
-    const fn variation(member: usize, bias_mps3: f64) -> Variation {
+pub(super) const VARIATIONS: [Variation; 12] = {
+    const fn mean(bias_mps3: f64) -> Variation {
+        let member = None;
+        Variation { member, bias_mps3 }
+    }
+    const fn one(member: usize, bias_mps3: f64) -> Variation {
+        let member = Some(member);
         Variation { member, bias_mps3 }
     }
     [
-        variation(0, 0.0),
-        variation(1, 0.0),
-        variation(0, 0.05),
-        variation(1, 0.05),
-        variation(0, 0.2),
-        variation(1, 0.2),
-        variation(0, 0.5),
-        variation(1, 0.5),
-        variation(0, -0.01),
-        variation(1, -0.01),
-        variation(0, -0.02),
-        variation(1, -0.02),
-        variation(0, -0.03),
-        variation(1, -0.03),
-        variation(0, -0.05),
-        variation(1, -0.05),
-        variation(0, -0.1),
-        variation(1, -0.1),
-        variation(0, -0.2),
-        variation(1, -0.2),
-        variation(0, -0.5),
-        variation(1, -0.5),
+        mean(0.0),
+        one(0, 0.0),
+        one(1, 0.0),
+        one(0, 0.05),
+        one(1, 0.2),
+        one(0, 0.5),
+        mean(-0.02),
+        one(0, -0.05),
+        one(1, -0.05),
+        one(0, -0.1),
+        one(1, -0.2),
+        one(0, -0.5),
     ]
 };
 
@@ -93,11 +89,21 @@ pub(super) struct ModelBench {
 }
 
 impl ModelBench {
-    /// A model of `world`; `None`: nobody drives in it.
+    /// A model of `world`, on its own plant; `None`: nobody drives in it.
     pub fn of(world: &Scenario) -> Option<ModelBench> {
+        ModelBench::on(world, world.drive()?.plant)
+    }
+
+    /// The same on the kinematic plant, which is faster, and of the ado's motion
+    /// some centimetres off.
+    pub fn quick(world: &Scenario) -> Option<ModelBench> {
+        ModelBench::on(world, PlantKind::Kinematic)
+    }
+
+    fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
         let reader = MotionReader::of(world)?;
         let casting = Casting::default();
-        let bench = world.as_model(casting.factory()).bench();
+        let bench = world.as_model(plant, casting.factory()).bench();
         Some(ModelBench {
             obs: vec![0.0; bench.spaces().observation],
             bench,
@@ -189,7 +195,6 @@ impl ModelBench {
 mod tests {
     use super::*;
     use crate::seed::{Purpose, StartKey};
-    use crate::sim::PlantKind;
     use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
 
     /// A run of the real ego of `world` under random actions.
@@ -220,19 +225,57 @@ mod tests {
         ] {
             let world = Scenario::shipped(name).expect("shipped").expect("sound");
             let world = world.on(plant);
-            let mut model = ModelBench::of(&world).expect("driven");
-            for index in 0..4 {
-                let (start, noise, run) = run_of(&world, index);
-                model.begin((&start, noise), &run, None, VARIATIONS[0]);
-                for (sample, (there, here)) in run.motion.iter().zip(model.motion()).enumerate() {
-                    let off_m = there.distance_m(&here);
-                    assert!(
-                        off_m < apart_m,
-                        "{name} {plant:?} {index}: {off_m} m at {sample}"
-                    );
+            for model in [ModelBench::of(&world), ModelBench::quick(&world)] {
+                let mut model = model.expect("driven");
+                for index in 0..4 {
+                    let (start, noise, run) = run_of(&world, index);
+                    model.begin((&start, noise), &run, None, VARIATIONS[0]);
+                    let both = run.motion.iter().zip(model.motion());
+                    for (sample, (there, here)) in both.enumerate() {
+                        let off_m = there.distance_m(&here);
+                        assert!(
+                            off_m < apart_m,
+                            "{name} {plant:?} {index}: {off_m} m at {sample}"
+                        );
+                    }
                 }
             }
         }
+    }
+
+    #[test]
+    fn on_the_worlds_own_plant_the_ado_moves_as_it_does_there() {
+        let world = Scenario::shipped("merge_fair");
+        let world = world.expect("shipped").expect("sound");
+        assert_eq!(world.drive().expect("driven").plant, PlantKind::Rigid);
+        let (mut own, mut quick) = (ModelBench::of(&world), ModelBench::quick(&world));
+        let columns = ["ado.x", "ado.y"].map(|name| world.world().schema().position(name));
+        let [x, y] = columns.map(|column| column.expect("published"));
+        let place = |bench: &Testbench| -> Vec<(f64, f64)> {
+            let of = |column| bench.trace().column(column).iter().copied();
+            of(x).zip(of(y)).collect()
+        };
+        let [mut off_own_m, mut off_quick_m] = [0.0f64; 2];
+        for index in 0..4 {
+            let (start, noise, run) = run_of(&world, index);
+            let mut real = world.bench();
+            real.begin(&start, noise, Aftermath::Skip);
+            run.actions.iter().for_each(|&action| real.decide(action));
+            let off_m = |model: &mut Option<ModelBench>| {
+                let model = model.as_mut().expect("driven");
+                model.begin((&start, noise), &run, None, VARIATIONS[0]);
+                let pairs = place(&real).into_iter().zip(place(&model.bench));
+                let apart = pairs.map(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1));
+                apart.fold(0.0, f64::max)
+            };
+            off_own_m = off_own_m.max(off_m(&mut own));
+            off_quick_m = off_quick_m.max(off_m(&mut quick));
+        }
+        assert!(off_own_m < 1e-3, "{off_own_m}");
+        assert!(
+            10.0 * off_own_m < off_quick_m && 0.01 < off_quick_m,
+            "{off_quick_m}"
+        );
     }
 
     #[test]

@@ -16,9 +16,11 @@ const BRAKE_MPS2: f64 = 6.0;
 const BRAKES_MPS2: f64 = 1.0;
 /// Longer than this nothing is counted.
 const LONG_S: f64 = 4.0;
+/// Who will be in the way so soon counts as coming.
+const SOON_S: f64 = 2.0;
 
 const OWN: usize = 8 + 2 * PAST_S.len();
-const PER_OTHER: usize = 15 + 3 * PAST_S.len();
+const PER_OTHER: usize = 22 + 3 * PAST_S.len();
 const PER_LIGHT: usize = 5;
 
 /// Turns percepts into numbers, one row per sample.
@@ -39,6 +41,40 @@ pub(super) struct Features {
     braking_s: f64,
     /// The worst that everybody else was so far.
     worst: Vec<Danger>,
+    /// Whether everybody else is in the way, and for how long.
+    ways: Vec<Way>,
+}
+
+/// Whether somebody is in the ego's way, and for how long: most egos answer nobody
+/// else, and some only after a while.
+#[derive(Clone, Copy, Debug, Default)]
+struct Way {
+    /// For how long it has been ahead in the ego's path; 0: it is not.
+    in_s: f64,
+    /// For how long it has been there or about to come.
+    coming_s: f64,
+}
+
+impl Way {
+    fn follow(&mut self, own: &Own, seen: &Seen, sample_s: f64) {
+        let count = |since_s: f64, is: bool| if is { since_s + sample_s } else { 0.0 };
+        let is_in = seen.is_ahead_of(own);
+        let towards_mps = -seen.lateral_mps * seen.lateral_m.signum();
+        let is_coming = side_m(own, seen) < SOON_S * towards_mps.max(0.0);
+        self.in_s = count(self.in_s, is_in);
+        self.coming_s = count(self.coming_s, is_in || is_coming);
+    }
+
+    /// 1 where it is so, and how long.
+    fn state([in_s, coming_s]: [f64; 2]) -> [f64; 4] {
+        let is = |since_s: f64| f64::from(u8::from(0.0 < since_s));
+        [
+            is(in_s),
+            is(coming_s),
+            in_s.min(LONG_S),
+            coming_s.min(LONG_S),
+        ]
+    }
 }
 
 /// How dangerous somebody was, up to now: an ego that has begun an emergency
@@ -84,6 +120,7 @@ impl Features {
             hardest_mps2: 0.0,
             braking_s: 0.0,
             worst: vec![Danger::default(); percept.others.len()],
+            ways: vec![Way::default(); percept.others.len()],
         }
     }
 
@@ -117,13 +154,14 @@ impl Features {
     fn read_other(&self, own: &Own, seen: &Seen, i: usize, row: &mut Vec<f32>) {
         let (gap_m, closing_mps) = approach(own, seen);
         let near_m = gap_m.abs().max(NEAR_M);
-        let side_m = seen.lateral_m.abs() - 0.5 * (seen.width_m + own.width_m);
         let ahead = if 0.0 <= gap_m { 1.0 } else { -1.0 };
         let [brake_mps2, closing_per_s] = danger(gap_m, closing_mps);
-        let worst = &self.worst[i];
+        let (worst, way) = (&self.worst[i], &self.ways[i]);
+        let [is_in, is_coming, in_s, coming_s] = Way::state([way.in_s, way.coming_s]);
+        let nearness = ahead * 10.0 / (near_m + 5.0);
         let state = [
             gap_m,
-            ahead * 10.0 / (near_m + 5.0),
+            nearness,
             closing_mps,
             // What it takes not to hit, and how soon it would be hit.
             brake_mps2,
@@ -132,12 +170,20 @@ impl Features {
             seen.speed_mps,
             seen.ax_mps2,
             seen.lateral_m.clamp(-20.0, 20.0),
-            side_m.clamp(-2.0, 5.0),
+            side_m(own, seen).clamp(-2.0, 5.0),
             seen.lateral_mps,
             stopping_m(seen.speed_mps),
             worst.brake_mps2,
             worst.closing_per_s,
             worst.ago_s.min(LONG_S),
+            is_in,
+            is_coming,
+            in_s,
+            coming_s,
+            // What counts for those who answer nobody else.
+            is_in * nearness,
+            is_in * brake_mps2,
+            is_in * closing_per_s,
         ];
         row.extend(state.map(|value| value as f32));
         for ago in self.delays {
@@ -166,9 +212,17 @@ impl Features {
             true => self.braking_s + percept.sample_s,
             false => 0.0,
         };
-        for (worst, seen) in self.worst.iter_mut().zip(&percept.others) {
-            let (gap_m, closing_mps) = approach(&percept.own, seen);
-            let [brake_mps2, closing_per_s] = danger(gap_m, closing_mps);
+        let own = &percept.own;
+        for (way, seen) in self.ways.iter_mut().zip(&percept.others) {
+            way.follow(own, seen, percept.sample_s);
+        }
+        let dangers = self.worst.iter_mut().zip(&self.ways);
+        for ((worst, way), seen) in dangers.zip(&percept.others) {
+            let (gap_m, closing_mps) = approach(own, seen);
+            let [brake_mps2, closing_per_s] = match 0.0 < way.coming_s {
+                true => danger(gap_m, closing_mps),
+                false => [0.0; 2],
+            };
             worst.grow(brake_mps2, closing_per_s, percept.sample_s);
         }
         let frame = &mut self.frames[slot * self.width..][..self.width];
@@ -207,6 +261,11 @@ fn approach(own: &Own, seen: &Seen) -> (f64, f64) {
         false => seen.headway_m + own.length_m,
     };
     (gap_m.clamp(-FAR_M, FAR_M), own.speed_mps - seen.speed_mps)
+}
+
+/// Between their sides, negative where they overlap.
+fn side_m(own: &Own, seen: &Seen) -> f64 {
+    seen.lateral_m.abs() - 0.5 * (seen.width_m + own.width_m)
 }
 
 fn of_light(light: &SeenLight) -> [f64; PER_LIGHT] {
@@ -272,7 +331,7 @@ mod tests {
         assert_eq!(row[8..11], [3.5, 3.0, 2.1]);
         let stopping = [35.0_f32, 30.0, 21.0].map(|mps| mps * mps / 12.0);
         assert_eq!(row[11..14], stopping);
-        let past = &row[OWN + 15..];
+        let past = &row[OWN + 22..];
         let other = 100.0 / 12.0;
         assert_eq!(
             past,
@@ -288,6 +347,41 @@ mod tests {
         features.read(&first, &mut row);
         features.read(&second, &mut row);
         assert_eq!(row[8..11], [1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn who_is_in_the_way_or_about_to_come_there_is_told_and_for_how_long() {
+        let mut row = Vec::new();
+        let seen = |lateral_m: f64, lateral_mps: f64| {
+            let mut percept = percept(14.0, 13.0);
+            (percept.others[0].lateral_m, percept.others[0].lateral_mps) = (lateral_m, lateral_mps);
+            percept
+        };
+        let mut features = Features::begin(&seen(3.5, 0.0));
+        let mut told = |percept: &Percept| {
+            features.read(percept, &mut row);
+            let other = &row[OWN..];
+            (
+                [other[12], other[13]],
+                [15, 16, 17, 18, 19, 20, 21].map(|i| other[i]),
+            )
+        };
+        let nobody = ([0.0; 2], [0.0; 7]);
+        assert_eq!(told(&seen(3.5, 0.0)), nobody, "beside, it endangers nobody");
+        assert_eq!(told(&seen(3.5, 1.0)), nobody, "nor going away");
+        assert_eq!(
+            told(&seen(3.5, -1.0)),
+            ([1.0, 0.5], [0.0, 1.0, 0.0, 0.05, 0.0, 0.0, 0.0])
+        );
+        let nearness = 10.0 / 13.0;
+        let in_the_way = [1.0, 1.0, 0.05, 0.1, nearness, 1.0, 0.5];
+        assert_eq!(told(&seen(1.9, -1.0)), ([1.0, 0.5], in_the_way));
+        let gone = told(&seen(3.5, 0.0));
+        assert_eq!(
+            gone,
+            ([1.0, 0.5], [0.0; 7]),
+            "a danger that is over is remembered"
+        );
     }
 
     #[test]

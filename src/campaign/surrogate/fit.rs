@@ -68,6 +68,17 @@ impl Samples {
         [left_mps2, if steers { across_mps } else { 0.0 }]
     }
 
+    /// The least and the greatest acceleration of the ego.
+    fn range_mps2(&self) -> [f64; 2] {
+        let answers = self
+            .answers
+            .iter()
+            .flat_map(|[now, change, _]| [*now, now + change]);
+        answers.fold([0.0; 2], |[least, most], mps2| {
+            [mps2.min(least), mps2.max(most)]
+        })
+    }
+
     /// The root mean square of something over all samples.
     fn rms(&self, of: impl Fn(&[f32], &[f64; 3]) -> f64) -> f64 {
         let rows = self.inputs.chunks_exact(self.width.max(1));
@@ -107,6 +118,7 @@ pub(super) fn fit(
         mean,
         inverse_sd,
         unit: samples.units(alike),
+        range_mps2: samples.range_mps2(),
         alike: Arc::clone(alike),
         members: Vec::new(),
     };

@@ -48,7 +48,7 @@ pub(super) fn best_fixed(
     surrogate: &Arc<Surrogate>,
     starts: &[(Start, u64)],
 ) -> Option<Vec<usize>> {
-    let mut model = ModelBench::of(world)?;
+    let mut model = ModelBench::quick(world)?;
     let actions = model.bench.spaces().actions;
     let decisions = model.bench.clock().decisions();
     let starts = &starts[..starts.len().min(STARTS)];
@@ -112,6 +112,7 @@ mod tests {
             mean: vec![0.0; width],
             inverse_sd: vec![1.0; width],
             unit: [0.0, 0.0],
+            range_mps2: [-9.0, 9.0],
             alike: Arc::default(),
             members: vec![Mlp::orthogonal(
                 &[width, 4, 2],

@@ -15,7 +15,7 @@ use super::plan::Planner;
 use super::record::{Run, alike, answered, mixed, planned, samples, starts};
 use crate::campaign::Watch;
 use crate::rl::Policy;
-use crate::run::wilson;
+use crate::run::{predicted, wilson};
 use crate::scenario::Scenario;
 use crate::scene::Start;
 
@@ -101,15 +101,16 @@ pub struct LearnedFrom {
 }
 
 impl LearnedFrom {
-    /// The share of starts to expect, and Wilson's 95 % interval of it.
-    pub fn expected(&self) -> (f64, [f64; 2]) {
+    /// The share of so many starts to expect, and the 95 % interval in which it will
+    /// lie.
+    pub fn expected(&self, starts: usize) -> (f64, [f64; 2]) {
         let (successes, runs) = match self.acts() {
             Acts::Planned => self.by_plans(),
             Acts::AsTrained => (self.as_trained_successes, self.as_trained),
             Acts::Alike => self.alike_everywhere(),
         };
         let rate = successes as f64 / runs.max(1) as f64;
-        (rate, wilson(successes as usize, runs as usize))
+        (rate, predicted(successes as usize, runs as usize, starts))
     }
 
     /// How the ado acts: by plans, unless something simpler did better in the runs of
@@ -230,7 +231,7 @@ fn in_turn(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
 
 /// How far a surrogate is off in runs it was not fitted to.
 fn error_of(world: &Scenario, surrogate: &Arc<Surrogate>, runs: &[Run]) -> Option<SurrogateError> {
-    let mut model = ModelBench::of(world)?;
+    let mut model = ModelBench::quick(world)?;
     let (mut squares, mut count) = ([0.0; 2], 0u32);
     for run in runs {
         for [learned_m, keeping_m] in errors_m(&mut model, surrogate, run) {
@@ -304,7 +305,7 @@ mod tests {
         assert_eq!(seen((5, 16), (2, 8), Some((5, 16))).acts(), Acts::Planned);
         let alike = seen((5, 16), (2, 8), Some((6, 16)));
         assert_eq!(alike.acts(), Acts::Alike);
-        assert_eq!(alike.expected().0, 6.0 / 16.0);
+        assert_eq!(alike.expected(40).0, 6.0 / 16.0);
         assert_eq!(seen((0, 16), (8, 8), Some((1, 16))).acts(), Acts::AsTrained);
     }
 }

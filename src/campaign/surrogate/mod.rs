@@ -29,6 +29,7 @@ mod plan;
 mod reading;
 mod record;
 mod stored;
+mod trial;
 
 pub use acting::{AdaptedRow, AdaptedTo};
 pub use fixed::TriedActions;

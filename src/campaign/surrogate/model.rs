@@ -31,6 +31,8 @@ pub(super) struct Surrogate {
     pub inverse_sd: Vec<f32>,
     /// What an output of 1 stands for: m/s² and m/s.
     pub unit: [f64; 2],
+    /// The hardest braking and acceleration that were seen, m/s²: it does no more.
+    pub range_mps2: [f64; 2],
     /// The stock controllers that it is most like; what they would do is part of
     /// a row.
     pub alike: Arc<[Likeness]>,
@@ -39,13 +41,21 @@ pub(super) struct Surrogate {
 }
 
 impl Surrogate {
-    /// Change of acceleration, and speed across the road.
-    fn answer(&self, member: usize, row: &[f32], scaled: &mut Vec<f32>) -> [f64; 2] {
+    /// Change of acceleration, and speed across the road: what one member says, or
+    /// the mean of all.
+    fn answer(&self, member: Option<usize>, row: &[f32], scaled: &mut Vec<f32>) -> [f64; 2] {
         scaled.clear();
         scaled.extend(self.scaled(row));
-        let member = &self.members[member % self.members.len()];
-        let outputs = member.evaluate(scaled, |out| [out[0], out[1]]);
-        let [change, across] = [0, 1].map(|i| f64::from(outputs[i]) * self.unit[i]);
+        let asked = match member {
+            Some(member) => std::slice::from_ref(&self.members[member % self.members.len()]),
+            None => &self.members[..],
+        };
+        let said = asked.iter().map(|member| {
+            let outputs = member.evaluate(scaled, |out| [out[0], out[1]]);
+            [0, 1].map(|i| f64::from(outputs[i]) * self.unit[i])
+        });
+        let sum = said.fold([0.0; 2], |sum, said| [sum[0] + said[0], sum[1] + said[1]]);
+        let [change, across] = sum.map(|sum| sum / asked.len() as f64);
         [change + expected_mps2(&self.alike, row), across]
     }
 
@@ -73,8 +83,8 @@ pub(super) struct Part {
     pub known: Arc<[Moment]>,
     /// What it does after that; without one it keeps its acceleration.
     pub surrogate: Option<Arc<Surrogate>>,
-    /// Which member of the ensemble.
-    pub member: usize,
+    /// Which member of the ensemble; `None`: the mean of all.
+    pub member: Option<usize>,
     /// Added to every answer: an ego that is a little more, or less, careful.
     pub bias_mps3: f64,
     /// Where the percepts of every sample are written down.
@@ -142,8 +152,10 @@ impl ModelDriver {
         };
         let [change_mps2, lateral_mps] =
             surrogate.answer(self.part.member, &self.row, &mut self.scaled);
+        let accel_mps2 = own.accel_mps2 + change_mps2 + self.part.bias_mps3 * percept.sample_s;
+        let [least, most] = surrogate.range_mps2;
         Command {
-            accel_mps2: own.accel_mps2 + change_mps2 + self.part.bias_mps3 * percept.sample_s,
+            accel_mps2: accel_mps2.clamp(least, most),
             lateral_mps,
         }
     }
@@ -185,5 +197,60 @@ impl Controller for ModelDriver {
 
     fn fork(&self) -> Option<Box<dyn Controller>> {
         Some(Box::new(self.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ego::Own;
+    use crate::rl::Dice;
+
+    fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
+        let width = crate::campaign::surrogate::features::Features::width(0, 0) + MODELS;
+        let mut dice = Dice::new(3);
+        let mut member = || Mlp::orthogonal(&[width, 8, 2], 1.0, &mut dice);
+        Surrogate {
+            mean: vec![0.0; width],
+            inverse_sd: vec![1.0; width],
+            unit: [unit_mps2, 0.0],
+            range_mps2,
+            alike: Arc::default(),
+            members: vec![member(), member()],
+        }
+    }
+
+    #[test]
+    fn the_mean_of_all_members_lies_between_them() {
+        let surrogate = surrogate([-9.0, 9.0], 1.0);
+        let row: Vec<f32> = (0..surrogate.mean.len()).map(|i| 0.1 * i as f32).collect();
+        let mut answer = |member| surrogate.answer(member, &row, &mut Vec::new())[0];
+        let [one, other, mean] = [Some(0), Some(1), None].map(&mut answer);
+        assert_ne!(one, other);
+        assert!((mean - 0.5 * (one + other)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn it_brakes_and_accelerates_no_harder_than_was_seen() {
+        let percept = Percept {
+            sample_s: 0.05,
+            own: Own {
+                speed_mps: 20.0,
+                ..Own::default()
+            },
+            ..Percept::default()
+        };
+        // An answer of this size is beyond anything.
+        for unit_mps2 in [1e6, -1e6] {
+            let casting = Casting::default();
+            casting.give(Part {
+                surrogate: Some(Arc::new(surrogate([-4.0, 2.0], unit_mps2))),
+                ..Part::default()
+            });
+            let mut driver = casting.factory()();
+            driver.reset(0);
+            let command = driver.control(&percept).expect("it drives");
+            assert!([-4.0, 2.0].contains(&command.accel_mps2), "{command:?}");
+        }
     }
 }

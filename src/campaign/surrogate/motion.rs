@@ -27,8 +27,8 @@ impl Moment {
     /// Whether two motions are so far apart that a plan for one may not do for
     /// the other.
     pub fn strays_from(&self, other: &Moment) -> bool {
-        const APART_M: f64 = 0.4;
-        const APART_MPS: f64 = 0.4;
+        const APART_M: f64 = 0.1;
+        const APART_MPS: f64 = 0.1;
         APART_M < self.distance_m(other) || APART_MPS < (self.speed_mps - other.speed_mps).abs()
     }
 }

@@ -7,6 +7,7 @@ use super::again::Earlier;
 use super::bench::{ModelBench, Origin, SoFar, VARIATIONS};
 use super::model::Surrogate;
 use super::motion::{Moment, MotionReader};
+use super::trial::{Strategy, Trial, go_on};
 use crate::campaign::Watch;
 use crate::campaign::search::{Next, Tree};
 use crate::rl::Policy;
@@ -16,11 +17,16 @@ use crate::testbench::{Aftermath, Testbench};
 
 /// Most switches of action in a plan.
 const SWITCHES: usize = 2;
-/// In plans with so many switches these are at every so many-th decision, unless
-/// there is none.
+/// In plans with so many switches these are at every so many-th decision at least,
+/// unless there is none.
 const STRIDE: usize = 2;
 /// The same where it is not planned for the surrogate itself, and on the way.
 const QUICK_STRIDE: usize = 4;
+/// With many actions or decisions switches are further apart: so many sequences, as
+/// many as three actions and 30 decisions come to, are looked through at most.
+const MANY: usize = 6_000;
+/// The same where it is not planned for the surrogate itself, and on the way.
+const QUICK_MANY: usize = 2_000;
 /// Sequences that are tried on all variations, per number of switches.
 const TRIED: usize = 64;
 /// Beyond the first of them only every so many-th that is found is tried, so
@@ -29,23 +35,14 @@ const FIRST: usize = 16;
 const EVERY: usize = 8;
 /// Variations on which a plan must succeed to be taken without looking at
 /// sequences with more switches, or to be kept when the ego strays from it.
-const ENOUGH: usize = 12;
+const ENOUGH: usize = 7;
 /// Decisions after which one who has no sure plan looks for one again.
 const PATIENCE: usize = 4;
 /// The variations that plans are made for, as positions in [`VARIATIONS`]: where
 /// nothing succeeds on the surrogate, what would if the ego were a little less
 /// careful, this way or that. Such a plan may succeed, and if it does not it has
 /// led to where the surrogate should have known better.
-const LEADS: [usize; 6] = [0, 1, 2, 4, 6, 18];
-
-/// How the ado goes on.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Strategy {
-    /// As it was trained.
-    Policy,
-    /// These actions from the start on, the last one held.
-    Plan(Vec<usize>),
-}
+const LEADS: [usize; 4] = [0, 4, 5, 10];
 
 /// A strategy, and what it is worth.
 #[derive(Clone, Debug)]
@@ -90,9 +87,10 @@ impl PlannedRun {
 
 /// Plans and acts; one per thread.
 pub(super) struct Planner<'a> {
-    /// Explores the tree of sequences.
+    /// Explores the tree of sequences, on the kinematic plant.
     tree: ModelBench,
-    /// Plays one sequence after the other.
+    /// Plays one sequence after the other on the world's own plant: where a rule is
+    /// kept by centimetres, what succeeds on the other one mostly breaks it.
     judge: ModelBench,
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
@@ -113,7 +111,7 @@ impl<'a> Planner<'a> {
         watch: &'a Watch<'a>,
     ) -> Option<Planner<'a>> {
         Some(Planner {
-            tree: ModelBench::of(world)?,
+            tree: ModelBench::quick(world)?,
             judge: ModelBench::of(world)?,
             reader: MotionReader::of(world)?,
             surrogate: Arc::clone(surrogate),
@@ -132,7 +130,7 @@ impl<'a> Planner<'a> {
             let mut best = Choice {
                 strategy: Strategy::Policy,
                 lead,
-                score: self.score(from, so_far, (&Strategy::Policy, lead)),
+                score: self.score(from, so_far, (&Strategy::Policy, lead), VARIATIONS.len()),
             };
             for switches in 0..=SWITCHES {
                 if ENOUGH <= best.score || self.watch.stopped() {
@@ -140,13 +138,16 @@ impl<'a> Planner<'a> {
                 }
                 let stride = match (switches < SWITCHES, is_thorough) {
                     (true, _) => 1,
-                    (false, true) => STRIDE,
-                    (false, false) => QUICK_STRIDE,
+                    (false, true) => self.stride(STRIDE, MANY),
+                    (false, false) => self.stride(QUICK_STRIDE, QUICK_MANY),
                 };
                 self.search(from, so_far, (switches, stride), &mut best);
             }
             if best.score == 0 && is_thorough && self.earlier.count() == 0 {
-                self.search(from, so_far, (SWITCHES, 1), &mut best);
+                let finest = self.stride(1, MANY);
+                if finest < STRIDE {
+                    self.search(from, so_far, (SWITCHES, finest), &mut best);
+                }
             }
             if 0 < best.score {
                 return best;
@@ -180,6 +181,14 @@ impl<'a> Planner<'a> {
             best = self.choose(from, so_far, LEADS.len());
         }
         best
+    }
+
+    /// How far apart switches are, at least so many decisions, for no more than so
+    /// many sequences with two of them.
+    fn stride(&self, least: usize, most: usize) -> usize {
+        let bench = &self.judge.bench;
+        let size = (bench.spaces().actions, bench.clock().decisions());
+        stride(size, least, most)
     }
 
     /// Looks through all sequences with so many switches for a better one.
@@ -217,7 +226,7 @@ impl<'a> Planner<'a> {
                 earlier,
                 lead,
             };
-            let score = trial.score((&strategy, None), best.score);
+            let score = trial.score((&strategy, None), best.score..VARIATIONS.len());
             if best.score < score {
                 *best = Choice {
                     strategy,
@@ -247,12 +256,14 @@ impl<'a> Planner<'a> {
         LEADS[(lead + self.attempt) % LEADS.len()]
     }
 
-    /// On how many variations a strategy succeeds that was made for a leading one.
+    /// On how many variations a strategy succeeds that was made for a leading one;
+    /// no more than `enough` are counted.
     fn score(
         &mut self,
         from: Origin<'_>,
         so_far: &SoFar,
         (strategy, lead): (&Strategy, usize),
+        enough: usize,
     ) -> usize {
         let lead = self.variation(lead);
         let mut trial = Trial {
@@ -263,7 +274,7 @@ impl<'a> Planner<'a> {
             earlier: &self.earlier,
             lead,
         };
-        trial.score((strategy, Some(self.policy)), 0)
+        trial.score((strategy, Some(self.policy)), 0..enough)
     }
 
     /// Where nothing succeeds: what comes nearest to it, of the policy and the
@@ -314,7 +325,7 @@ impl<'a> Planner<'a> {
 
     /// A better choice than the present one, whose worth is found anew.
     fn rethink(&mut self, from: Origin<'_>, so_far: &SoFar, now: &mut Choice) -> Option<Choice> {
-        now.score = self.score(from, so_far, (&now.strategy, now.lead));
+        now.score = self.score(from, so_far, (&now.strategy, now.lead), ENOUGH);
         if now.is_sure() && ENOUGH <= now.score {
             return None;
         }
@@ -390,62 +401,33 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// A strategy and, if it may be one, the policy.
-type Played<'a> = (&'a Strategy, Option<&'a dyn Policy>);
-
-/// Goes on from what is so far.
-fn go_on(judge: &mut ModelBench, so_far: &SoFar, (strategy, policy): Played<'_>) {
-    match (strategy, policy) {
-        (Strategy::Plan(actions), _) => {
-            let from = so_far.actions.len().min(actions.len().saturating_sub(1));
-            judge.go_on(&actions[from..]);
-        }
-        (Strategy::Policy, Some(policy)) => {
-            judge.follow(policy);
-        }
-        // Invariant: whoever plays a policy has one.
-        (Strategy::Policy, None) => {}
-    }
+/// How far apart two switches are, at least so many decisions, for so many sequences
+/// of actions at most.
+fn stride((actions, decisions): (usize, usize), least: usize, most: usize) -> usize {
+    let others = actions.saturating_sub(1);
+    let sequences = |stride: usize| {
+        let places = decisions / stride;
+        actions * others * others * places * places.saturating_sub(1) / 2
+    };
+    (least..decisions)
+        .find(|&stride| sequences(stride) <= most)
+        .unwrap_or(decisions.max(1))
 }
 
-/// Tries strategies on all variations.
-struct Trial<'a> {
-    judge: &'a mut ModelBench,
-    surrogate: &'a Arc<Surrogate>,
-    from: Origin<'a>,
-    so_far: &'a SoFar,
-    earlier: &'a Earlier,
-    lead: usize,
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl Trial<'_> {
-    /// On how many variations a strategy succeeds, none if not on the leading
-    /// one; less than `best` or as many, if that is not surpassed.
-    fn score(&mut self, strategy: Played<'_>, best: usize) -> usize {
-        let samples = self.judge.bench.clock().samples_per_decision();
-        let known = match strategy.0 {
-            Strategy::Policy if self.so_far.actions.is_empty() && self.earlier.is_as_trained() => {
-                return 0;
-            }
-            Strategy::Policy => Cow::Borrowed(self.so_far),
-            Strategy::Plan(actions) => self.earlier.known(self.so_far, actions, samples),
-        };
-        let others = (0..VARIATIONS.len()).filter(|&other| other != self.lead);
-        let mut score = 0;
-        for (tried, variation) in std::iter::once(self.lead).chain(others).enumerate() {
-            if score + (VARIATIONS.len() - tried) <= best {
-                break;
-            }
-            let variation = VARIATIONS[variation];
-            self.judge
-                .begin(self.from, &known, Some(self.surrogate), variation);
-            go_on(self.judge, &known, strategy);
-            match (self.judge.is_success(), tried) {
-                (true, _) => score += 1,
-                (false, 0) => return 0,
-                (false, _) => {}
-            }
-        }
-        score
+    #[test]
+    fn with_many_actions_switches_are_further_apart() {
+        // `acc`: all of them; `cut_in`: every fifth decision, and every seventh.
+        assert_eq!(stride((3, 30), 1, MANY), 1);
+        assert_eq!(stride((3, 30), QUICK_STRIDE, QUICK_MANY), QUICK_STRIDE);
+        assert_eq!(stride((6, 40), 1, MANY), 5);
+        assert_eq!(stride((6, 40), 1, QUICK_MANY), 7);
+        // Nothing to switch to, and so much that nothing is left to switch at.
+        assert_eq!(stride((1, 40), 1, MANY), 1);
+        assert_eq!(stride((1000, 40), 1, MANY), 21);
+        assert_eq!(stride((3, 1), 1, MANY), 1);
     }
 }

@@ -191,7 +191,7 @@ pub(super) fn planned<'a>(
 /// What it was told is read in the model, with the ego moved as it was recorded:
 /// so it is there what it will be in plans. `None`: nobody drives.
 pub(super) fn answered(world: &Scenario, runs: &[Run]) -> Option<Vec<Answered>> {
-    let mut model = ModelBench::of(world)?;
+    let mut model = ModelBench::quick(world)?;
     let sample_s = model.bench.clock().sample_s;
     let one = |run: &Run| {
         let heard = model.percepts(run.from(), &run.so_far);

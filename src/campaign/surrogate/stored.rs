@@ -91,6 +91,7 @@ fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
     bundle.put("mean", &[width], surrogate.mean.clone());
     bundle.put("inverse_sd", &[width], surrogate.inverse_sd.clone());
     bundle.put("unit", &[2], surrogate.unit.to_vec());
+    bundle.put("range_mps2", &[2], surrogate.range_mps2.to_vec());
     for (i, member) in surrogate.members.iter().enumerate() {
         member.save(&format!("member/{i}"), &mut bundle);
     }
@@ -116,10 +117,12 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
         }
     }
     let unit = bundle.get::<f64>("unit", &[2])?;
+    let range = bundle.get::<f64>("range_mps2", &[2])?;
     let surrogate = Surrogate {
         mean: bundle.get("mean", &[width])?.to_vec(),
         inverse_sd: bundle.get("inverse_sd", &[width])?.to_vec(),
         unit: [unit[0], unit[1]],
+        range_mps2: [range[0], range[1]],
         alike: from.alike.clone().into(),
         members,
     };

@@ -14,12 +14,14 @@
 //! docs/intervals.md has the method in formulas, docs/lab/coverage.md its coverage.
 
 mod mcnemar;
+mod predicted;
 mod scores;
 #[cfg(test)]
 mod tests;
 mod trainings;
 
 pub use mcnemar::mcnemar;
+pub use predicted::predicted;
 
 use super::outcome::{Outcomes, StartOutcome};
 use scores::{Scores, Side};
