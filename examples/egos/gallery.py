@@ -47,7 +47,8 @@ def main(program, run, starts, *fmus):
         if done.returncode:
             sys.exit(f"{name}: brakecheck ended with {done.returncode}")
         found = json.loads(done.stdout)
-        rows = {row["ado"]: row for row in found["rows"]}
+        # Held random actions have two rows, the first one with one run per start.
+        rows = {row["ado"]: row for row in reversed(found["rows"])}
         low, high = rows["adapted"]["ci95"]
         cells = [name, percent(rows["trained"]), percent(rows["hold"]), percent(rows["constant"]), percent(rows["search"]),
                  f"{percent(rows['adapted'])} [{100 * low:.0f}, {100 * high:.0f}]", closing(rows["adapted"]),
