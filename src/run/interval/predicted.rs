@@ -7,8 +7,7 @@ use super::Z;
 ///
 /// Both vary: the rate is not known from n trials, and the others are few. The rate
 /// has Jeffreys' prior Beta(½, ½), so the others' successes are beta-binomial; the
-/// interval leaves 2.5 % of them on either side. It is never narrower than the
-/// interval of the rate itself; [0, 1] for `of` = 0.
+/// interval leaves 2.5 % of them at most on either side; [0, 1] for `of` = 0.
 pub fn predicted(successes: usize, n: usize, of: usize) -> [f64; 2] {
     if of == 0 {
         return [0.0, 1.0];
