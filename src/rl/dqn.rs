@@ -112,6 +112,18 @@ impl Default for DqnSettings {
     }
 }
 
+impl DqnSettings {
+    /// For a policy that is good already: small steps, and most actions its own.
+    pub(super) fn fine_tuning(decisions: u64) -> DqnSettings {
+        DqnSettings {
+            decisions,
+            learning_rate: 5e-4,
+            exploration: 0.3,
+            ..DqnSettings::default()
+        }
+    }
+}
+
 impl Kind for DqnSettings {
     fn bundles(&self) -> [&'static str; 2] {
         [POLICY, CHECKPOINT]

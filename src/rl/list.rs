@@ -193,6 +193,21 @@ impl LearnerConfig {
     }
 }
 
+/// A learner that goes on from a kept policy of deep Q-learning, in small steps, for
+/// so many decisions. `None`: the policy is of another learner, or its shapes are
+/// others.
+pub(crate) fn fine_tuner(
+    spaces: &Spaces,
+    (decisions, seed): (u64, u64),
+    policy: &Bundle,
+) -> Option<Box<dyn Learner>> {
+    let settings = DqnSettings::fine_tuning(decisions);
+    let kinds = [settings.bundles(), DqfdSettings::default().bundles()];
+    let is_of_q = kinds.iter().any(|[kept, _]| *kept == policy.meta());
+    let learner = is_of_q.then(|| settings.build_from(spaces, seed, policy));
+    learner?.ok()
+}
+
 /// The policy of any learner, from what [`Learner::policy_bundle`] gave.
 ///
 /// # Errors

@@ -45,6 +45,7 @@ pub use dice::Dice;
 pub use dqfd::DqfdSettings;
 pub use dqn::DqnSettings;
 pub use learner::{ConfigError, Demonstration, Learner, Tally};
+pub(crate) use list::fine_tuner;
 pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};
 pub use ppo::PpoSettings;
 pub use q_table::{Bins, LearningRate, QTableSettings};

@@ -62,6 +62,9 @@ fn an_ego_of_another_structure_is_learned_from_runs_of_it_and_remembered() {
     assert_eq!((&told["runs"], &told["planned"]), (&40.into(), &20.into()));
     assert_eq!(told["as_trained"], 5);
     assert_eq!(told["acts"], "planned");
+    // Some starts it plays as it learned to inside the surrogate.
+    let learned_on = told["starts_trained_on"].as_u64().expect("it learns on");
+    assert!((1..=starts).contains(&learned_on), "{told}");
     // It is a published model, and found to be one.
     let alike = &told["alike"][0];
     assert!(alike["controller"]["Idm"].is_object(), "{alike}");

@@ -149,10 +149,12 @@ impl<'a> Meeting<'a> {
         let policy = &*self.ado.policy;
         // Runs with which the ado was told what it meets are runs of the ego too.
         let identified_from = asked.identified_from();
+        let kept = asked.run.policy_bundle()?;
         let request = LearnEgoRequest {
             nominal: asked.nominal,
             ego: self.ego.scenario(),
             policy,
+            kept: Some(&kept),
             runs: asked.runs - identified_from,
             unknown: asked.unknown,
             seed: self.starts.seed,

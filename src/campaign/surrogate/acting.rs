@@ -5,14 +5,16 @@ use std::fmt::{self, Display, Formatter};
 use serde::Serialize;
 
 use super::again::Earlier;
+use super::care::Care;
 use super::learn::{Acts, LearnedEgo, LearnedFrom, SurrogateError};
 use super::plan::Planner;
+use super::strategy::{Policies, Strategy};
 use crate::campaign::TestStarts;
 use crate::campaign::Watch;
 use crate::campaign::alike::in_words;
 use crate::campaign::episodes::Turn;
 use crate::campaign::eval::{Attempt, EvalRequest, Evaluated, Played};
-use crate::rl::Policy;
+use crate::rl::{Policy, load_policy};
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
@@ -26,6 +28,9 @@ pub struct AdaptedRow {
     pub actions: Vec<Option<Vec<usize>>>,
     /// Starts on which the ado acted as it was trained from beginning to end.
     pub as_trained: usize,
+    /// Starts on which it acted throughout as it learned to inside the surrogate;
+    /// `None`: it did not learn there.
+    pub trained_on: Option<usize>,
 }
 
 impl AdaptedRow {
@@ -64,6 +69,9 @@ pub struct AdaptedTo {
     pub expected_ci95: [f64; 2],
     /// Test starts on which the ado acted as it was trained throughout.
     pub starts_as_trained: usize,
+    /// Test starts on which it acted throughout as it learned to inside the surrogate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub starts_trained_on: Option<usize>,
 }
 
 impl AdaptedTo {
@@ -84,6 +92,7 @@ impl AdaptedTo {
             expected,
             expected_ci95,
             starts_as_trained: row.as_trained,
+            starts_trained_on: row.trained_on,
         }
     }
 }
@@ -118,7 +127,11 @@ impl Display for AdaptedTo {
             self.how,
             100.0 * self.expected,
             self.starts_as_trained
-        )
+        )?;
+        match self.starts_trained_on {
+            Some(starts) => write!(f, ", on {starts} as it learned to inside the surrogate"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -162,7 +175,8 @@ struct Worker<'a> {
 struct One {
     played: Played,
     actions: Vec<usize>,
-    as_trained: bool,
+    /// What the ado kept to from beginning to end.
+    kept: Option<Strategy>,
 }
 
 impl LearnedEgo {
@@ -175,8 +189,19 @@ impl LearnedEgo {
         tries: u64,
         watch: &Watch<'_>,
     ) -> AdaptedRow {
+        let stored = self.trained_on.as_deref();
+        let trained_on = stored.and_then(|stored| load_policy(stored).ok());
+        let policies = Policies {
+            as_trained: policy,
+            trained_on: trained_on.as_deref(),
+        };
         let worker = || Worker {
-            planner: Planner::new(request.scenario, &self.surrogate, policy, watch),
+            planner: Planner::new(
+                request.scenario,
+                &self.surrogate,
+                (policies, Care::FULL),
+                watch,
+            ),
             bench: request.scenario.bench(),
         };
         let one = |worker: &mut Worker<'_>, from: &(Start, u64), turn: &Turn| {
@@ -185,7 +210,14 @@ impl LearnedEgo {
             self.solve(request, (planner, bench), from, (turn, tries), watch)
         };
         let all = request.starts.each(watch, worker, one);
-        let as_trained = all.iter().flatten().filter(|one| one.as_trained).count();
+        let kept_to = |strategy: Strategy| {
+            let played = all.iter().flatten();
+            played
+                .filter(|one| one.kept.as_ref() == Some(&strategy))
+                .count()
+        };
+        let as_trained = kept_to(Strategy::AsTrained);
+        let trained_on = policies.trained_on.map(|_| kept_to(Strategy::TrainedOn));
         let actions = all.iter().map(|one| Some(one.as_ref()?.actions.clone()));
         let actions = actions.collect();
         let played = all.into_iter().map(|one| Some(one?.played));
@@ -204,6 +236,7 @@ impl LearnedEgo {
             evaluated,
             actions,
             as_trained,
+            trained_on,
         }
     }
 
@@ -236,19 +269,19 @@ impl LearnedEgo {
                 break;
             }
             let from = (start, *noise);
-            let (episode, as_trained) = match acts {
+            let (episode, kept) = match acts {
                 Acts::Planned => {
                     let run = planner.run(bench, from, Aftermath::Play, &earlier);
-                    let as_trained = run.is_as_trained();
+                    let kept = run.kept().cloned();
                     let actions = run.so_far.actions.clone();
-                    earlier.add(run.so_far, as_trained);
-                    (bench.episode(start, *noise, actions), as_trained)
+                    earlier.add(run.so_far, kept.clone());
+                    (bench.episode(start, *noise, actions), kept)
                 }
-                Acts::AsTrained => (request.play(bench, turn.index), true),
+                Acts::AsTrained => (request.play(bench, turn.index), Some(Strategy::AsTrained)),
                 Acts::Alike => {
                     let mut alike = Replay::holding(self.alike());
                     let played = play(bench, start, *noise, &mut alike, Aftermath::Play);
-                    (played, false)
+                    (played, None)
                 }
             };
             watch.faults.note(turn.index as u64, episode.fault.as_ref());
@@ -259,7 +292,7 @@ impl LearnedEgo {
             let one = One {
                 played: attempt.played(request.scenario, turn.cpu_s()),
                 actions,
-                as_trained,
+                kept,
             };
             if one.played.outcome.verdict.is_success() {
                 return Some(one);

@@ -7,6 +7,7 @@
 use std::borrow::Cow;
 
 use super::bench::SoFar;
+use super::strategy::Strategy;
 
 /// Every so many-th decision of an earlier run is a place to leave it.
 const EVERY: usize = 2;
@@ -15,14 +16,14 @@ const EVERY: usize = 2;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Earlier {
     runs: Vec<SoFar>,
-    /// Whether the ado acted as it was trained in one of them.
-    as_trained: bool,
+    /// The policies that the ado followed from beginning to end.
+    followed: Vec<Strategy>,
 }
 
 impl Earlier {
-    /// One more run that did not succeed.
-    pub fn add(&mut self, run: SoFar, as_trained: bool) {
-        self.as_trained |= as_trained;
+    /// One more run that did not succeed, and what the ado kept to throughout.
+    pub fn add(&mut self, run: SoFar, kept: Option<Strategy>) {
+        self.followed.extend(kept);
         self.runs.push(run);
     }
 
@@ -31,13 +32,16 @@ impl Earlier {
         self.runs.len()
     }
 
-    /// Whether it is known what comes of acting as trained: no success.
-    pub fn is_as_trained(&self) -> bool {
-        self.as_trained
+    /// Whether it is known what comes of a strategy from the start on: no success.
+    pub fn has_followed(&self, strategy: &Strategy) -> bool {
+        match strategy {
+            Strategy::Plan(actions) => self.has_played(actions),
+            policy => self.followed.contains(policy),
+        }
     }
 
     /// Whether these actions, the last one held, were played to the end.
-    pub fn has_played(&self, actions: &[usize]) -> bool {
+    fn has_played(&self, actions: &[usize]) -> bool {
         let mut runs = self.runs.iter();
         runs.any(|run| common(run, actions) == run.actions.len())
     }
@@ -100,7 +104,7 @@ mod tests {
     fn earlier(runs: &[&[usize]]) -> Earlier {
         Earlier {
             runs: runs.iter().map(|actions| run(actions)).collect(),
-            as_trained: false,
+            followed: vec![Strategy::AsTrained],
         }
     }
 
@@ -128,6 +132,9 @@ mod tests {
         assert!(earlier.has_played(&[0, 1, 1, 2]));
         assert!(!earlier.has_played(&[0, 1, 1]));
         assert!(!earlier.has_played(&[0, 1]));
+        assert!(earlier.has_followed(&Strategy::Plan(vec![0, 1, 1, 2])));
+        assert!(earlier.has_followed(&Strategy::AsTrained));
+        assert!(!earlier.has_followed(&Strategy::TrainedOn));
         assert!(super::Earlier::default().beginnings(2).is_empty());
         let from: Vec<_> = earlier.beginnings(2);
         assert_eq!(from.len(), 1);

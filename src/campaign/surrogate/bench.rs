@@ -83,7 +83,7 @@ pub(super) fn width_of(world: &Scenario) -> usize {
 /// A model world, played decision by decision.
 pub(super) struct ModelBench {
     pub bench: Testbench,
-    casting: Casting,
+    pub casting: Casting,
     reader: MotionReader,
     obs: Vec<f32>,
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::bench::{ModelBench, SoFar, VARIATIONS};
+use super::care::Care;
 use super::fit::fit;
 use super::fixed::{TriedActions, best_fixed};
 use super::kinds::kinds_but;
@@ -13,8 +14,10 @@ use super::likening::likenesses;
 use super::model::Surrogate;
 use super::plan::Planner;
 use super::record::{Run, alike, answered, mixed, planned, samples, starts};
+use super::strategy::Policies;
+use super::trained_on::trained_on;
 use crate::campaign::Watch;
-use crate::rl::Policy;
+use crate::rl::{Bundle, Policy, load_policy};
 use crate::run::{predicted, wilson};
 use crate::scenario::Scenario;
 use crate::scene::Start;
@@ -39,6 +42,8 @@ pub struct LearnEgoRequest<'a> {
     pub ego: &'a Scenario,
     /// The trained ado.
     pub policy: &'a dyn Policy,
+    /// What it goes on learning from inside the surrogate, if it is to.
+    pub kept: Option<&'a Bundle>,
     /// Runs of the ego that may be recorded, [`LEAST_RUNS`] at least.
     pub runs: u64,
     /// Kinds of stock controllers that it may not be likened to, as if nobody had
@@ -148,6 +153,8 @@ impl LearnedFrom {
 #[derive(Clone, Debug)]
 pub struct LearnedEgo {
     pub(super) surrogate: Arc<Surrogate>,
+    /// What the ado learned inside it.
+    pub(super) trained_on: Option<Arc<Bundle>>,
     /// What was seen of the ego.
     pub from: LearnedFrom,
 }
@@ -162,6 +169,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         nominal,
         ego,
         policy,
+        kept,
         runs,
         unknown,
         seed,
@@ -191,9 +199,19 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
     };
     let mut surrogate = learned(&recorded, UPDATES)?;
     let rounds: Vec<_> = rounds.collect();
+    let mut inside = None;
     for (round, starts) in rounds.iter().enumerate() {
-        let planner = || Planner::new(ego, &surrogate, policy, watch);
         let is_last = round + 1 == rounds.len();
+        // The runs of the last round are played as those to come.
+        if is_last {
+            inside = trained_on(ego, kept, (&surrogate, seed), watch);
+        }
+        let followed = inside.as_ref().and_then(|inside| load_policy(inside).ok());
+        let policies = Policies {
+            as_trained: policy,
+            trained_on: followed.as_deref(),
+        };
+        let planner = || Planner::new(ego, &surrogate, (policies, Care::BRIEF), watch);
         let doubts = is_last && from.error.is_some_and(|error| !error.is_telling());
         let [to_plan, to_compare] = match doubts {
             true => in_turn(starts),
@@ -221,7 +239,15 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         surrogate = learned(&recorded, updates)?;
     }
     from.alike = surrogate.alike.to_vec();
-    Some(LearnedEgo { surrogate, from })
+    let inside = trained_on(ego, inside.as_ref().or(kept), (&surrogate, seed), watch);
+    if watch.stopped() {
+        return None;
+    }
+    Some(LearnedEgo {
+        surrogate,
+        trained_on: inside.map(Arc::new),
+        from,
+    })
 }
 
 /// Every other start, and those between.

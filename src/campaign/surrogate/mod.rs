@@ -16,6 +16,7 @@
 mod acting;
 mod again;
 mod bench;
+mod care;
 mod features;
 mod fit;
 mod fixed;
@@ -29,6 +30,8 @@ mod plan;
 mod reading;
 mod record;
 mod stored;
+mod strategy;
+mod trained_on;
 mod trial;
 
 pub use acting::{AdaptedRow, AdaptedTo};

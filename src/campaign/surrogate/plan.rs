@@ -5,28 +5,19 @@ use std::sync::Arc;
 
 use super::again::Earlier;
 use super::bench::{ModelBench, Origin, SoFar, VARIATIONS};
+use super::care::Care;
 use super::model::Surrogate;
 use super::motion::{Moment, MotionReader};
-use super::trial::{Strategy, Trial, go_on};
+use super::strategy::{Policies, Strategy};
+use super::trial::{Trial, go_on};
 use crate::campaign::Watch;
 use crate::campaign::search::{Next, Tree};
-use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
 use crate::testbench::{Aftermath, Testbench};
 
 /// Most switches of action in a plan.
 const SWITCHES: usize = 2;
-/// In plans with so many switches these are at every so many-th decision at least,
-/// unless there is none.
-const STRIDE: usize = 2;
-/// The same where it is not planned for the surrogate itself, and on the way.
-const QUICK_STRIDE: usize = 4;
-/// With many actions or decisions switches are further apart: so many sequences, as
-/// many as three actions and 30 decisions come to, are looked through at most.
-const MANY: usize = 6_000;
-/// The same where it is not planned for the surrogate itself, and on the way.
-const QUICK_MANY: usize = 2_000;
 /// Sequences that are tried on all variations, per number of switches.
 const TRIED: usize = 64;
 /// Beyond the first of them only every so many-th that is found is tried, so
@@ -79,9 +70,9 @@ pub(super) struct PlannedRun {
 }
 
 impl PlannedRun {
-    /// Whether the ado acted as it was trained from beginning to end.
-    pub fn is_as_trained(&self) -> bool {
-        self.first.strategy == Strategy::Policy && self.replans == 0
+    /// What the ado kept to from beginning to end.
+    pub fn kept(&self) -> Option<&Strategy> {
+        (self.replans == 0).then_some(&self.first.strategy)
     }
 }
 
@@ -94,7 +85,10 @@ pub(super) struct Planner<'a> {
     judge: ModelBench,
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
-    policy: &'a dyn Policy,
+    policies: Policies<'a>,
+    care: Care,
+    /// Searches on the way of the run at hand that found nothing.
+    in_vain: u32,
     /// Earlier runs from the start at hand.
     earlier: Earlier,
     /// By how many the leading variations are moved on.
@@ -107,7 +101,7 @@ impl<'a> Planner<'a> {
     pub fn new(
         world: &Scenario,
         surrogate: &Arc<Surrogate>,
-        policy: &'a dyn Policy,
+        (policies, care): (Policies<'a>, Care),
         watch: &'a Watch<'a>,
     ) -> Option<Planner<'a>> {
         Some(Planner {
@@ -115,7 +109,9 @@ impl<'a> Planner<'a> {
             judge: ModelBench::of(world)?,
             reader: MotionReader::of(world)?,
             surrogate: Arc::clone(surrogate),
-            policy,
+            policies,
+            care,
+            in_vain: 0,
             earlier: Earlier::default(),
             attempt: 0,
             watch,
@@ -125,36 +121,48 @@ impl<'a> Planner<'a> {
     /// The strategy that succeeds on most variations, from what is so far on; on
     /// the first of so many leading ones on which anything does.
     fn choose(&mut self, from: Origin<'_>, so_far: &SoFar, leads: usize) -> Choice {
+        let bench = &self.judge.bench;
+        let size = (bench.spaces().actions, bench.clock().decisions());
         for lead in 0..leads {
-            let is_thorough = lead == 0 && so_far.actions.is_empty();
+            let is_first = lead == 0 && so_far.actions.is_empty();
             let mut best = Choice {
-                strategy: Strategy::Policy,
+                strategy: Strategy::AsTrained,
                 lead,
-                score: self.score(from, so_far, (&Strategy::Policy, lead), VARIATIONS.len()),
+                score: 0,
             };
+            for strategy in self.policies.strategies() {
+                if ENOUGH <= best.score {
+                    break;
+                }
+                let score = self.score(from, so_far, (&strategy, lead), VARIATIONS.len());
+                if best.score < score {
+                    best = Choice {
+                        strategy,
+                        score,
+                        ..best
+                    };
+                }
+            }
             for switches in 0..=SWITCHES {
                 if ENOUGH <= best.score || self.watch.stopped() {
                     break;
                 }
-                let stride = match (switches < SWITCHES, is_thorough) {
-                    (true, _) => 1,
-                    (false, true) => self.stride(STRIDE, MANY),
-                    (false, false) => self.stride(QUICK_STRIDE, QUICK_MANY),
-                };
+                let stride = self.care.stride(size, switches, is_first);
                 self.search(from, so_far, (switches, stride), &mut best);
             }
-            if best.score == 0 && is_thorough && self.earlier.count() == 0 {
-                let finest = self.stride(1, MANY);
-                if finest < STRIDE {
-                    self.search(from, so_far, (SWITCHES, finest), &mut best);
-                }
+            if best.score == 0
+                && is_first
+                && self.earlier.count() == 0
+                && let Some(finest) = self.care.finest(size)
+            {
+                self.search(from, so_far, (SWITCHES, finest), &mut best);
             }
             if 0 < best.score {
                 return best;
             }
         }
         Choice {
-            strategy: Strategy::Policy,
+            strategy: Strategy::AsTrained,
             lead: LEADS.len(),
             score: 0,
         }
@@ -171,24 +179,16 @@ impl<'a> Planner<'a> {
                 return best;
             }
             let other = self.choose(from, &beginning, 1);
-            // As it was trained the ado would not come by there.
-            if other.strategy != Strategy::Policy && best.score < other.score {
+            // By itself no policy would come by there.
+            if matches!(other.strategy, Strategy::Plan(_)) && best.score < other.score {
                 best = other;
             }
         }
         if best.score == 0 {
             self.attempt = self.earlier.count();
-            best = self.choose(from, so_far, LEADS.len());
+            best = self.choose(from, so_far, self.care.leads);
         }
         best
-    }
-
-    /// How far apart switches are, at least so many decisions, for no more than so
-    /// many sequences with two of them.
-    fn stride(&self, least: usize, most: usize) -> usize {
-        let bench = &self.judge.bench;
-        let size = (bench.spaces().actions, bench.clock().decisions());
-        stride(size, least, most)
     }
 
     /// Looks through all sequences with so many switches for a better one.
@@ -207,6 +207,7 @@ impl<'a> Planner<'a> {
             judge,
             surrogate,
             earlier,
+            policies,
             ..
         } = self;
         tree.cast(so_far, Some(surrogate), VARIATIONS[lead]);
@@ -223,10 +224,11 @@ impl<'a> Planner<'a> {
                 surrogate,
                 from,
                 so_far,
+                policies: *policies,
                 earlier,
                 lead,
             };
-            let score = trial.score((&strategy, None), best.score..VARIATIONS.len());
+            let score = trial.score(&strategy, best.score..VARIATIONS.len());
             if best.score < score {
                 *best = Choice {
                     strategy,
@@ -271,13 +273,14 @@ impl<'a> Planner<'a> {
             surrogate: &self.surrogate,
             from,
             so_far,
+            policies: self.policies,
             earlier: &self.earlier,
             lead,
         };
-        trial.score((strategy, Some(self.policy)), 0..enough)
+        trial.score(strategy, 0..enough)
     }
 
-    /// Where nothing succeeds: what comes nearest to it, of the policy and the
+    /// Where nothing succeeds: what comes nearest to it, of the policies and the
     /// constants.
     fn nearest(&mut self, from: Origin<'_>, so_far: &SoFar) -> Strategy {
         let actions = self.judge.bench.spaces().actions;
@@ -286,18 +289,14 @@ impl<'a> Planner<'a> {
             whole.push(action);
             Strategy::Plan(whole)
         });
-        let mut best = (f64::INFINITY, Strategy::Policy);
-        for strategy in std::iter::once(Strategy::Policy).chain(constants) {
-            let is_played = match &strategy {
-                Strategy::Policy => self.earlier.is_as_trained(),
-                Strategy::Plan(actions) => self.earlier.has_played(actions),
-            };
-            if is_played {
+        let mut best = (f64::INFINITY, Strategy::AsTrained);
+        for strategy in self.policies.strategies().chain(constants) {
+            if self.earlier.has_followed(&strategy) {
                 continue;
             }
             self.judge
                 .begin(from, so_far, Some(&self.surrogate), VARIATIONS[0]);
-            go_on(&mut self.judge, so_far, (&strategy, Some(self.policy)));
+            go_on(&mut self.judge, so_far, (&strategy, self.policies));
             let margin = match self.judge.bench.verdict() {
                 Some(Verdict::Held { margin }) => margin,
                 Some(Verdict::Uncounted { .. } | Verdict::Counterexample { .. }) => 0.0,
@@ -314,12 +313,12 @@ impl<'a> Planner<'a> {
     fn predict(&mut self, from: Origin<'_>, so_far: &SoFar, strategy: &Strategy) -> Vec<Moment> {
         let samples = self.judge.bench.clock().samples_per_decision();
         let known = match strategy {
-            Strategy::Policy => Cow::Borrowed(so_far),
             Strategy::Plan(actions) => self.earlier.known(so_far, actions, samples),
+            _ => Cow::Borrowed(so_far),
         };
         self.judge
             .begin(from, &known, Some(&self.surrogate), VARIATIONS[0]);
-        go_on(&mut self.judge, &known, (strategy, Some(self.policy)));
+        go_on(&mut self.judge, &known, (strategy, self.policies));
         self.judge.motion()
     }
 
@@ -330,6 +329,7 @@ impl<'a> Planner<'a> {
             return None;
         }
         let other = self.choose(from, so_far, 1);
+        self.in_vain += u32::from(other.score == 0);
         other.is_better_than(now).then_some(other)
     }
 
@@ -350,8 +350,9 @@ impl<'a> Planner<'a> {
         self.reader.follow(real, &mut so_far.motion);
         self.earlier = earlier.clone();
         self.attempt = 0;
+        self.in_vain = 0;
         let mut first = match earlier.count() {
-            0 => self.choose(from, &so_far, LEADS.len()),
+            0 => self.choose(from, &so_far, self.care.leads),
             _ => self.choose_again(from, &so_far),
         };
         if first.score == 0 {
@@ -364,13 +365,15 @@ impl<'a> Planner<'a> {
         let mut obs = vec![0.0; real.spaces().observation];
         while !real.is_done() {
             let decision = so_far.actions.len();
-            let action = match &now.strategy {
-                Strategy::Policy => {
+            let action = match (&now.strategy, self.policies.of(&now.strategy)) {
+                (_, Some(policy)) => {
                     real.observe(&mut obs);
-                    self.policy.act(&obs)
+                    policy.act(&obs)
                 }
                 // Invariant: a plan holds an action at least.
-                Strategy::Plan(actions) => *actions.get(decision).or(actions.last()).unwrap_or(&0),
+                (Strategy::Plan(plan), _) => *plan.get(decision).or(plan.last()).unwrap_or(&0),
+                // Invariant: nobody chooses a policy that there is not.
+                _ => 0,
             };
             real.decide(action);
             so_far.actions.push(action);
@@ -383,7 +386,8 @@ impl<'a> Planner<'a> {
                 .get(here)
                 .is_none_or(|expected| so_far.motion[here].strays_from(expected));
             let late = !now.is_sure() && PATIENCE <= decision + 1 - chosen_at;
-            if !strays && !late {
+            let rests = decision + 1 - chosen_at < self.care.rest(self.in_vain);
+            if rests || (!strays && !late) {
                 continue;
             }
             chosen_at = decision + 1;
@@ -398,36 +402,5 @@ impl<'a> Planner<'a> {
             so_far,
             replans,
         }
-    }
-}
-
-/// How far apart two switches are, at least so many decisions, for so many sequences
-/// of actions at most.
-fn stride((actions, decisions): (usize, usize), least: usize, most: usize) -> usize {
-    let others = actions.saturating_sub(1);
-    let sequences = |stride: usize| {
-        let places = decisions / stride;
-        actions * others * others * places * places.saturating_sub(1) / 2
-    };
-    (least..decisions)
-        .find(|&stride| sequences(stride) <= most)
-        .unwrap_or(decisions.max(1))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn with_many_actions_switches_are_further_apart() {
-        // `acc`: all of them; `cut_in`: every fifth decision, and every seventh.
-        assert_eq!(stride((3, 30), 1, MANY), 1);
-        assert_eq!(stride((3, 30), QUICK_STRIDE, QUICK_MANY), QUICK_STRIDE);
-        assert_eq!(stride((6, 40), 1, MANY), 5);
-        assert_eq!(stride((6, 40), 1, QUICK_MANY), 7);
-        // Nothing to switch to, and so much that nothing is left to switch at.
-        assert_eq!(stride((1, 40), 1, MANY), 1);
-        assert_eq!(stride((1000, 40), 1, MANY), 21);
-        assert_eq!(stride((3, 1), 1, MANY), 1);
     }
 }

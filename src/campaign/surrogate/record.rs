@@ -11,6 +11,7 @@ use super::likeness::{Answered, Likeness};
 use super::motion::MotionReader;
 use super::plan::Planner;
 use super::reading::Reading;
+use super::strategy::Strategy;
 use crate::campaign::Watch;
 use crate::campaign::episodes::{EpisodeLoop, Turn};
 use crate::rl::Policy;
@@ -178,7 +179,7 @@ pub(super) fn planned<'a>(
             start: start.clone(),
             noise,
             is_success: bench.verdict().is_some_and(|verdict| verdict.is_success()),
-            as_trained: run.is_as_trained(),
+            as_trained: run.kept() == Some(&Strategy::AsTrained),
             so_far: run.so_far,
         })
     };

@@ -9,13 +9,15 @@ use super::model::Surrogate;
 use crate::campaign::Watch;
 use crate::campaign::ego_under_test::EgoUnderTest;
 use crate::rl::nn::Mlp;
-use crate::rl::{Bundle, BundleError};
+use crate::rl::{Bundle, BundleError, load_policy_for};
 use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
 use crate::seal::sha256;
 
 /// Where a run keeps them.
 const DIR: &str = "learned";
+/// The tensor that holds a whole bundle: what the ado learned in the surrogate.
+const TRAINED_ON: &str = "trained_on";
 
 /// The learned ego of a request: the one that `run` keeps, or learned now and
 /// kept there. `None`: as [`learn_ego`].
@@ -61,7 +63,7 @@ pub(in crate::campaign) fn learned(
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> PathBuf {
     let manifest = run.manifest();
     let mut key = format!(
-        "{} {} {:?} {:?} {:?} {} {} {:?}",
+        "{} {} {:?} {:?} {:?} {} {} {:?} {}",
         env!("CARGO_PKG_VERSION"),
         manifest.world_sha256,
         manifest.policy_sha256,
@@ -70,6 +72,7 @@ fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> P
         request.runs,
         request.seed,
         request.unknown,
+        request.kept.is_some(),
     );
     if let Some(program) = ego.scenario().program() {
         let files = program.command.iter().map(Path::new);
@@ -94,6 +97,10 @@ fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
     bundle.put("range_mps2", &[2], surrogate.range_mps2.to_vec());
     for (i, member) in surrogate.members.iter().enumerate() {
         member.save(&format!("member/{i}"), &mut bundle);
+    }
+    if let Some(policy) = &learned.trained_on {
+        let bytes = policy.to_bytes()?;
+        bundle.put(TRAINED_ON, &[bytes.len()], bytes);
     }
     bundle.to_bytes()
 }
@@ -126,8 +133,16 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
         alike: from.alike.clone().into(),
         members,
     };
+    let trained_on = match bundle.shape(TRAINED_ON) {
+        Some(_) => Some(Bundle::from_bytes(bundle.rows::<u8>(TRAINED_ON, &[])?)?),
+        None => None,
+    };
+    if let Some(policy) = &trained_on {
+        load_policy_for(&world.spaces(), policy)?;
+    }
     Ok(LearnedEgo {
         surrogate: Arc::new(surrogate),
+        trained_on: trained_on.map(Arc::new),
         from,
     })
 }

@@ -7,32 +7,19 @@ use std::sync::Arc;
 use super::again::Earlier;
 use super::bench::{ModelBench, Origin, SoFar, VARIATIONS};
 use super::model::Surrogate;
-use crate::rl::Policy;
-
-/// How the ado goes on.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Strategy {
-    /// As it was trained.
-    Policy,
-    /// These actions from the start on, the last one held.
-    Plan(Vec<usize>),
-}
-
-/// A strategy and, if it may be one, the policy.
-pub(super) type Played<'a> = (&'a Strategy, Option<&'a dyn Policy>);
+use super::strategy::{Policies, Strategy};
 
 /// Goes on from what is so far.
-pub(super) fn go_on(judge: &mut ModelBench, so_far: &SoFar, (strategy, policy): Played<'_>) {
-    match (strategy, policy) {
-        (Strategy::Plan(actions), _) => {
-            let from = so_far.actions.len().min(actions.len().saturating_sub(1));
-            judge.go_on(&actions[from..]);
-        }
-        (Strategy::Policy, Some(policy)) => {
-            judge.follow(policy);
-        }
-        // Invariant: whoever plays a policy has one.
-        (Strategy::Policy, None) => {}
+pub(super) fn go_on(
+    judge: &mut ModelBench,
+    so_far: &SoFar,
+    (strategy, policies): (&Strategy, Policies<'_>),
+) {
+    if let Strategy::Plan(actions) = strategy {
+        let from = so_far.actions.len().min(actions.len().saturating_sub(1));
+        judge.go_on(&actions[from..]);
+    } else if let Some(policy) = policies.of(strategy) {
+        judge.follow(policy);
     }
 }
 
@@ -42,6 +29,7 @@ pub(super) struct Trial<'a> {
     pub surrogate: &'a Arc<Surrogate>,
     pub from: Origin<'a>,
     pub so_far: &'a SoFar,
+    pub policies: Policies<'a>,
     pub earlier: &'a Earlier,
     pub lead: usize,
 }
@@ -50,14 +38,14 @@ impl Trial<'_> {
     /// On how many variations a strategy succeeds, none if not on the leading
     /// one; no more than the first number if that is not surpassed, nor than the
     /// second.
-    pub fn score(&mut self, strategy: Played<'_>, asked: Range<usize>) -> usize {
+    pub fn score(&mut self, strategy: &Strategy, asked: Range<usize>) -> usize {
         let samples = self.judge.bench.clock().samples_per_decision();
-        let known = match strategy.0 {
-            Strategy::Policy if self.so_far.actions.is_empty() && self.earlier.is_as_trained() => {
-                return 0;
-            }
-            Strategy::Policy => Cow::Borrowed(self.so_far),
+        if self.so_far.actions.is_empty() && self.earlier.has_followed(strategy) {
+            return 0;
+        }
+        let known = match strategy {
             Strategy::Plan(actions) => self.earlier.known(self.so_far, actions, samples),
+            _ => Cow::Borrowed(self.so_far),
         };
         let others = (0..VARIATIONS.len()).filter(|&other| other != self.lead);
         let mut score = 0;
@@ -68,7 +56,7 @@ impl Trial<'_> {
             let variation = VARIATIONS[variation];
             self.judge
                 .begin(self.from, &known, Some(self.surrogate), variation);
-            go_on(self.judge, &known, strategy);
+            go_on(self.judge, &known, (strategy, self.policies));
             match (self.judge.is_success(), tried) {
                 (true, _) => score += 1,
                 (false, 0) => return 0,
