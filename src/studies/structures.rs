@@ -258,7 +258,7 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
         "`{world}`: recall of the starts that a search with at most {SWITCHES} switches solves. \
          *Reused*: the policy as it was trained, without a run of the ego. *Best constant* and \
          *best switch* are the best of all constants, and of six that accelerate and then brake, \
-         on these very starts. *Adapted*: a plan per start after {RUNS} or {FEW_RUNS} runs of an ego of \
+         on these very starts. *Adapted*: made for the ego, start by start, after {RUNS} or {FEW_RUNS} runs of an ego of \
          unknown structure, neither its kind nor relatives of it among the stock controllers that it \
          is likened to; *kind known*: all of them.\n\n\
          | ego | training | search solves | reused policy | held random | best constant | best switch | \
