@@ -143,9 +143,9 @@ fn how(world: &Scenario, learned: &LearnedFrom) -> String {
         ..
     } = learned;
     match (learned.acts(), &learned.fixed) {
-        (Acts::Planned, None) => "by plans".to_owned(),
+        (Acts::Planned, None) => "start by start as it does best in the surrogate".to_owned(),
         (Acts::Planned, Some(tried)) => format!(
-            "by plans, which solved {planned_successes} of {planned} recorded starts ({}: {} of {})",
+            "start by start as it does best in the surrogate, which solved {planned_successes} of {planned} recorded starts ({}: {} of {})",
             in_words(world, &tried.actions),
             tried.successes,
             tried.runs

@@ -18,6 +18,9 @@ const FINE: Grid = Grid {
     two: 2,
     most: 6_000,
 };
+/// So many sequences are looked through where nothing else was found: some five times
+/// as long.
+const FINEST: usize = 30_000;
 /// What is looked through again and again.
 const QUICK: Grid = Grid {
     one: 1,
@@ -35,7 +38,7 @@ pub(super) struct Care {
     first: Grid,
     /// For its variations, and on the way.
     later: Grid,
-    /// Whether every decision is looked at in the end where nothing else was found.
+    /// Whether switches are closer together in the end where nothing else was found.
     is_finest: bool,
     /// After a search in vain so many decisions pass until the next one, and after
     /// every further one twice as many.
@@ -71,11 +74,10 @@ impl Care {
         }
     }
 
-    /// The same where nothing was found and every decision is looked at, if that is
-    /// any finer.
+    /// The same where nothing was found and more is looked at, if that is any finer.
     pub fn finest(&self, size: (usize, usize)) -> Option<usize> {
-        let finest = stride(size, 1, FINE.most);
-        (self.is_finest && finest < self.first.two).then_some(finest)
+        let finest = stride(size, 1, FINEST);
+        (self.is_finest && finest < self.stride(size, 2, true)).then_some(finest)
     }
 
     /// For how many decisions nothing is thought over after so many searches in vain.
@@ -106,11 +108,13 @@ mod tests {
 
     #[test]
     fn with_many_actions_switches_are_further_apart() {
-        // `acc`: all of them; `cut_in`: every fifth decision, and every seventh.
+        // `acc`: all of them; `cut_in`: every fifth decision, every seventh, and every
+        // other one in the end.
         assert_eq!(Care::FULL.finest((3, 30)), Some(1));
         assert_eq!(Care::FULL.stride((3, 30), 2, true), 2);
         assert_eq!(Care::FULL.stride((3, 30), 2, false), 4);
-        assert_eq!(Care::FULL.finest((6, 40)), None);
+        assert_eq!(Care::FULL.finest((6, 40)), Some(2));
+        assert_eq!(Care::FULL.finest((10, 100)), Some(11));
         assert_eq!(Care::FULL.stride((6, 40), 2, true), 5);
         assert_eq!(Care::FULL.stride((6, 40), 2, false), 7);
         // Nothing to switch to, and so much that nothing is left to switch at.

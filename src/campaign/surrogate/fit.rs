@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::likeness::Likeness;
-use super::model::{Surrogate, expected_mps2};
+use super::model::{OUTPUTS, Surrogate, expected_mps2, said};
 use crate::campaign::Watch;
 use crate::campaign::episodes::EpisodeLoop;
 use crate::rl::Dice;
@@ -16,8 +16,8 @@ const BATCH: usize = 32;
 const LEARNING_RATE: f64 = 3e-3;
 /// The learning rate falls to this share of itself, evenly.
 const LAST_RATE: f64 = 0.03;
-/// Outputs per sample: change of acceleration, speed across the road.
-const OUTPUTS: usize = 2;
+/// What a sample is answered with: change of acceleration, speed across the road.
+const ANSWERS: usize = 2;
 /// A sample is critical if the ego's acceleration, or its change in standard
 /// deviations, is beyond this.
 const CRITICAL: f64 = 1.0;
@@ -139,7 +139,7 @@ struct Lesson<'a> {
     samples: &'a Samples,
     /// All rows in standard deviations.
     scaled: Vec<f32>,
-    targets: Vec<[f32; OUTPUTS]>,
+    targets: Vec<[f32; ANSWERS]>,
     critical: Vec<usize>,
     dice: Dice,
 }
@@ -181,7 +181,7 @@ impl<'a> Lesson<'a> {
         let mut adam = Adam::new(net.parameters().len());
         let (mut tape, mut gradient) = (net.tape(BATCH), vec![0.0; net.parameters().len()]);
         let mut batch = vec![0.0; BATCH * width];
-        let mut wanted = [[0.0; OUTPUTS]; BATCH];
+        let mut wanted = [[0.0; ANSWERS]; BATCH];
         for update in 0..updates {
             for (i, wanted) in wanted.iter_mut().enumerate() {
                 let sample = self.draw(i);
@@ -202,7 +202,7 @@ impl<'a> Lesson<'a> {
 
 /// The gradient of the mean Huber loss, which follows no single jump of a
 /// controller that switches.
-fn huber(net: &Mlp, wanted: &[[f32; OUTPUTS]; BATCH], tape: &mut crate::rl::nn::Tape) {
+fn huber(net: &Mlp, wanted: &[[f32; ANSWERS]; BATCH], tape: &mut crate::rl::nn::Tape) {
     let stride = net.output_stride();
     let (output, gradient) = net.output_and_gradient(BATCH, tape);
     let rows = output
@@ -210,8 +210,12 @@ fn huber(net: &Mlp, wanted: &[[f32; OUTPUTS]; BATCH], tape: &mut crate::rl::nn::
         .zip(gradient.chunks_exact_mut(stride));
     for ((output, gradient), wanted) in rows.zip(wanted) {
         gradient.fill(0.0);
-        for ((slope, output), wanted) in gradient.iter_mut().zip(output).zip(wanted) {
-            *slope = (output - wanted).clamp(-1.0, 1.0) / BATCH as f32;
+        let (said, slopes) = said(output);
+        for ((said, wanted), slopes) in said.into_iter().zip(wanted).zip(slopes) {
+            let off = (said - wanted).clamp(-1.0, 1.0) / BATCH as f32;
+            for (slope, by) in gradient.iter_mut().zip(slopes) {
+                *slope += off * by;
+            }
         }
     }
 }
@@ -244,7 +248,7 @@ mod tests {
         let answer = |member: usize, row: [f32; 2]| {
             let scaled: Vec<f32> = learned.scaled(&row).collect();
             let net = &learned.members[member];
-            net.evaluate(&scaled, |out| f64::from(out[0]) * learned.unit[0])
+            net.evaluate(&scaled, |out| f64::from(said(out).0[0]) * learned.unit[0])
         };
         let mut squares = 0.0;
         for row in samples(200, law).inputs.chunks_exact(2) {

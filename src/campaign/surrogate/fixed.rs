@@ -101,6 +101,7 @@ fn sort(tried: &mut [(Vec<usize>, Worth)]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::surrogate::model::OUTPUTS;
     use crate::rl::nn::Mlp;
 
     #[test]
@@ -115,7 +116,7 @@ mod tests {
             range_mps2: [-9.0, 9.0],
             alike: Arc::default(),
             members: vec![Mlp::orthogonal(
-                &[width, 4, 2],
+                &[width, 4, OUTPUTS],
                 0.1,
                 &mut crate::rl::Dice::new(1),
             )],

@@ -12,6 +12,7 @@ use super::kinds::kinds_but;
 use super::likeness::Likeness;
 use super::likening::likenesses;
 use super::model::Surrogate;
+use super::motion::Moment;
 use super::plan::Planner;
 use super::record::{Run, alike, answered, mixed, planned, samples, starts};
 use super::strategy::Policies;
@@ -27,9 +28,11 @@ pub const LEAST_RUNS: u64 = 10;
 /// From so many runs on they are recorded in three rounds, else in two.
 const THREE_ROUNDS: u64 = 90;
 /// Updates of each network after every round but the last one.
-const UPDATES: u64 = 16_000;
+const UPDATES: u64 = 40_000;
 /// Updates after the last round.
-const LAST_UPDATES: u64 = 60_000;
+const LAST_UPDATES: u64 = 150_000;
+/// A surrogate that is no further off foresees its ego, however little that does.
+const CLOSE_M: f64 = 0.1;
 /// How far ahead a surrogate is asked to see.
 const AHEAD_S: f64 = 2.0;
 
@@ -65,7 +68,7 @@ pub struct SurrogateError {
 impl SurrogateError {
     /// Whether it foresees the ego at all.
     pub fn is_telling(&self) -> bool {
-        self.rms_m < 0.5 * self.keeps_acceleration_m
+        self.rms_m < f64::max(CLOSE_M, 0.5 * self.keeps_acceleration_m)
     }
 }
 
@@ -274,7 +277,8 @@ fn error_of(world: &Scenario, surrogate: &Arc<Surrogate>, runs: &[Run]) -> Optio
 }
 
 /// How far the surrogate, and an ego that keeps its acceleration, are from the
-/// ego, [`AHEAD_S`] after every so many seconds of a run.
+/// ego, [`AHEAD_S`] after every so many seconds of a run, or where the first of them
+/// ends.
 fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Vec<[f64; 2]> {
     let clock = *model.bench.clock();
     let ahead = (AHEAD_S / clock.sample_s).round() as usize;
@@ -283,22 +287,24 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
     let mut errors = Vec::new();
     for decision in (0..actions.len()).step_by(step) {
         let now = decision * clock.samples_per_decision();
-        let Some(then) = motion.get(now + ahead) else {
+        if motion.len() <= now + ahead {
             break;
-        };
+        }
         let so_far = SoFar {
             actions: actions[..decision].to_vec(),
             motion: motion[..=now].to_vec(),
         };
-        let mut off_m = |surrogate| {
+        let mut foreseen = |surrogate| {
             model.begin(run.from(), &so_far, surrogate, VARIATIONS[0]);
             model.go_on(&actions[decision..]);
-            let motion = model.motion();
-            // Where the model's run is the shorter one it stays where it ended.
-            let at = motion.get(now + ahead).or(motion.last());
-            at.map_or(0.0, |at| at.distance_m(then))
+            model.motion()
         };
-        errors.push([off_m(Some(surrogate)), off_m(None)]);
+        let foreseen = [foreseen(Some(surrogate)), foreseen(None)];
+        // A model's run may end where the ego's goes on: nothing is foreseen of later.
+        let ends = foreseen.iter().map(|motion| motion.len().saturating_sub(1));
+        let at = ends.fold(now + ahead, usize::min);
+        let off_m = |moments: Vec<Moment>| Some(moments.get(at)?.distance_m(&motion[at]));
+        errors.push(foreseen.map(|moments| off_m(moments).unwrap_or(0.0)));
     }
     errors
 }
@@ -306,6 +312,9 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::surrogate::bench::width_of;
+    use crate::campaign::surrogate::model::OUTPUTS;
+    use crate::rl::nn::Mlp;
 
     fn seen(planned: (u64, u64), as_trained: (u64, u64), alike: Option<(u64, u64)>) -> LearnedFrom {
         LearnedFrom {
@@ -333,5 +342,32 @@ mod tests {
         assert_eq!(alike.acts(), Acts::Alike);
         assert_eq!(alike.expected(40).0, 6.0 / 16.0);
         assert_eq!(seen((0, 16), (8, 8), Some((1, 16))).acts(), Acts::AsTrained);
+    }
+
+    #[test]
+    fn where_a_models_run_ends_nothing_is_held_against_it_any_more() {
+        let shipped = |name| Scenario::shipped(name).expect("shipped").expect("sound");
+        let (structures, world) = (shipped("acc_structures"), shipped("merge_fair"));
+        let ego = world.with(&structures.reuse()["rss"]).expect("an ego");
+        // It is cut in upon and brakes; one that keeps its acceleration is hit at once,
+        // and was exact so far.
+        let from = starts(&world, 24, 8);
+        let mut actions = vec![2; 6];
+        actions.push(4);
+        let runs = alike(&ego, &actions, &from, &Watch::unwatched());
+        let width = width_of(&world);
+        let keeps = Arc::new(Surrogate {
+            mean: vec![0.0; width],
+            inverse_sd: vec![1.0; width],
+            unit: [0.0, 0.0],
+            range_mps2: [-8.0, 2.0],
+            alike: Arc::default(),
+            members: vec![Mlp::zeros(&[width, OUTPUTS])],
+        });
+        let error = error_of(&ego, &keeps, &runs).expect("long enough");
+        // With what the ego did afterwards it would be 3 m.
+        assert!(error.rms_m < 0.5, "{error:?}");
+        assert_eq!(error.rms_m, error.keeps_acceleration_m);
+        assert!(error.is_telling(), "nothing is left to foresee");
     }
 }

@@ -51,7 +51,7 @@ impl Surrogate {
             None => &self.members[..],
         };
         let said = asked.iter().map(|member| {
-            let outputs = member.evaluate(scaled, |out| [out[0], out[1]]);
+            let outputs = member.evaluate(scaled, |out| said(out).0);
             [0, 1].map(|i| f64::from(outputs[i]) * self.unit[i])
         });
         let sum = said.fold([0.0; 2], |sum, said| [sum[0] + said[0], sum[1] + said[1]]);
@@ -65,6 +65,24 @@ impl Surrogate {
         let pairs = row.iter().zip(scales);
         pairs.map(|(value, (mean, inverse_sd))| ((value - mean) * inverse_sd).clamp(-EDGE, EDGE))
     }
+}
+
+/// Outputs of a network: change of acceleration, speed across the road, by how much
+/// the former is another one behind a gate, and how far that is open.
+pub(super) const OUTPUTS: usize = 4;
+/// How steep the gate is.
+const STEEP: f32 = 16.0;
+
+/// What a network's outputs say, change of acceleration and speed across the road, and
+/// the slopes of both in all outputs.
+///
+/// Many an ego brakes in quite another way beyond a threshold; a network of straight
+/// pieces rounds that off, a gate does not.
+pub(super) fn said(out: &[f32]) -> ([f32; 2], [[f32; OUTPUTS]; 2]) {
+    let open = 1.0 / (1.0 + libm::expf(-STEEP * out[3]));
+    let by_gate = out[2] * STEEP * open * (1.0 - open);
+    let slopes = [[1.0, 0.0, open, by_gate], [0.0, 1.0, 0.0, 0.0]];
+    ([out[0] + open * out[2], out[1]], slopes)
 }
 
 /// The change of acceleration that the networks' answer is added to: what the
@@ -209,7 +227,7 @@ mod tests {
     fn surrogate(range_mps2: [f64; 2], unit_mps2: f64) -> Surrogate {
         let width = crate::campaign::surrogate::features::Features::width(0, 0) + MODELS;
         let mut dice = Dice::new(3);
-        let mut member = || Mlp::orthogonal(&[width, 8, 2], 1.0, &mut dice);
+        let mut member = || Mlp::orthogonal(&[width, 8, OUTPUTS], 1.0, &mut dice);
         Surrogate {
             mean: vec![0.0; width],
             inverse_sd: vec![1.0; width],
@@ -228,6 +246,29 @@ mod tests {
         let [one, other, mean] = [Some(0), Some(1), None].map(&mut answer);
         assert_ne!(one, other);
         assert!((mean - 0.5 * (one + other)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn slopes_of_what_is_said_are_those_of_the_gate_and_of_both_sides_of_it() {
+        let near = 1e-3;
+        for gate in [-0.1, 0.0, 0.03, 0.2] {
+            let out = [0.3, -0.2, -1.5, gate];
+            let (_, slopes) = said(&out);
+            for i in 0..OUTPUTS {
+                let [more, less] = [near, -near].map(|by: f32| {
+                    let mut there = out;
+                    there[i] += by;
+                    said(&there).0
+                });
+                for (said, slopes) in slopes.iter().enumerate() {
+                    let slope = (more[said] - less[said]) / (2.0 * near);
+                    assert!((slope - slopes[i]).abs() < 1e-2, "{said} by {i}: {slope}");
+                }
+            }
+        }
+        // All of it, or nothing.
+        assert_eq!(said(&[0.3, 0.0, -1.5, 9.0]).0[0], -1.2);
+        assert_eq!(said(&[0.3, 0.0, -1.5, -9.0]).0[0], 0.3);
     }
 
     #[test]

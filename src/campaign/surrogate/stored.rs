@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::fit::MEMBERS;
 use super::learn::{LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
-use super::model::Surrogate;
+use super::model::{OUTPUTS, Surrogate};
 use crate::campaign::Watch;
 use crate::campaign::ego_under_test::EgoUnderTest;
 use crate::rl::nn::Mlp;
@@ -115,10 +115,10 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
     let members: Vec<Mlp> = members.collect::<Result<_, _>>()?;
     let width = super::bench::width_of(world);
     for member in &members {
-        if member.ends() != [width, 2] {
+        if member.ends() != [width, OUTPUTS] {
             return Err(BundleError::Mismatch {
                 what: "the surrogate",
-                expected: format!("{width} inputs and 2 outputs"),
+                expected: format!("{width} inputs and {OUTPUTS} outputs"),
                 found: format!("{:?}", member.ends()),
             });
         }

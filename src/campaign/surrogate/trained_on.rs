@@ -74,6 +74,7 @@ pub(super) fn trained_on(
 mod tests {
     use super::*;
     use crate::campaign::surrogate::bench::width_of;
+    use crate::campaign::surrogate::model::OUTPUTS;
     use crate::rl::nn::Mlp;
     use crate::rl::{DqnSettings, LearnerConfig, Policy, PpoSettings, load_policy};
     use crate::testbench::{Aftermath, PolicyActor, play};
@@ -82,7 +83,7 @@ mod tests {
     fn surrogate_of(world: &Scenario, change_mps2: f64) -> Arc<Surrogate> {
         let width = width_of(world);
         // One layer: the biases come first, then the weights.
-        let mut net = Mlp::zeros(&[width, 2]);
+        let mut net = Mlp::zeros(&[width, OUTPUTS]);
         net.parameters_mut()[0] = 1.0;
         Arc::new(Surrogate {
             mean: vec![0.0; width],
