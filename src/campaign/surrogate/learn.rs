@@ -121,24 +121,27 @@ impl LearnedFrom {
         (rate, predicted(successes as usize, runs as usize, starts))
     }
 
-    /// How the ado acts: by plans, unless something simpler did better in the runs of
-    /// the ego. Of the ado as it was trained there are few runs, so it has to have
-    /// done clearly better.
+    /// How the ado acts: by plans, unless something simpler did clearly better in the
+    /// runs of the ego. The plans to come are made with more runs than those that are
+    /// counted, so actions that are the same everywhere must have done better than can
+    /// be said of plans; of the ado as it was trained there are few runs, so all that
+    /// can be said of it must be better.
     pub fn acts(&self) -> Acts {
         let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
-        let (planned, alike) = (self.by_plans(), self.alike_everywhere());
-        let best = if rate(planned) < rate(alike) {
-            alike
-        } else {
-            planned
-        };
         let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
-        let [as_trained, _] = interval((self.as_trained_successes, self.as_trained));
-        let [_, most] = interval(best);
-        match (most < as_trained, best == planned) {
-            (true, _) => Acts::AsTrained,
-            (false, true) => Acts::Planned,
-            (false, false) => Acts::Alike,
+        let (planned, alike) = (self.by_plans(), self.alike_everywhere());
+        let [_, most] = interval(planned);
+        let (best, acts) = match most < rate(alike) {
+            true => (alike, Acts::Alike),
+            false => (planned, Acts::Planned),
+        };
+        let ([as_trained, _], [_, most]) = (
+            interval((self.as_trained_successes, self.as_trained)),
+            interval(best),
+        );
+        match most < as_trained {
+            true => Acts::AsTrained,
+            false => acts,
         }
     }
 
@@ -338,10 +341,13 @@ mod tests {
         assert_eq!(seen((20, 32), (4, 8), None).acts(), Acts::Planned);
         assert_eq!(seen((2, 32), (8, 8), None).acts(), Acts::AsTrained);
         assert_eq!(seen((5, 16), (2, 8), Some((5, 16))).acts(), Acts::Planned);
-        let alike = seen((5, 16), (2, 8), Some((6, 16)));
+        // 5 of 16 may be 56 % as well.
+        assert_eq!(seen((5, 16), (2, 8), Some((8, 16))).acts(), Acts::Planned);
+        assert_eq!(seen((0, 16), (0, 8), Some((1, 16))).acts(), Acts::Planned);
+        let alike = seen((5, 16), (2, 8), Some((10, 16)));
         assert_eq!(alike.acts(), Acts::Alike);
-        assert_eq!(alike.expected(40).0, 6.0 / 16.0);
-        assert_eq!(seen((0, 16), (8, 8), Some((1, 16))).acts(), Acts::AsTrained);
+        assert_eq!(alike.expected(40).0, 10.0 / 16.0);
+        assert_eq!(seen((0, 16), (8, 8), Some((4, 16))).acts(), Acts::AsTrained);
     }
 
     #[test]
