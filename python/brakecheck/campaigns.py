@@ -100,7 +100,6 @@ def eval(
     seed: int = 0,
     plant: str | None = None,
     search: int | None = None,
-    params: str | None = None,
     tries: int = 1,
     runs: int = 0,
     keep: Path | None = None,
@@ -125,10 +124,9 @@ def eval(
         seed: of the test starts.
         plant: the physics to test in.
         search: also search with so many switches, and fill in `recall`.
-        params: what a conditional ado is told: nominal, true, identified,
-            adapted, or a RON file that `brakecheck identify` wrote.
         tries: runs of the trained ado per start.
-        runs: runs of the ego that the ado may learn it from.
+        runs: runs of the ego that the ado may learn it from: 100 are enough, and a
+            conditional one identifies it from 10.
         keep: a directory for counterexamples.
         keep_most: how many of each ego; None keeps all.
         as_found: keep them as they were found, not as small as they get.
@@ -151,7 +149,6 @@ def eval(
             "seed": seed,
             "plant": plant,
             "search": search,
-            "params": params,
             "tries": tries,
             "runs": runs,
             "keep": keeping,
@@ -159,8 +156,8 @@ def eval(
         }
         rows = raw.eval_run(asked, _running(jobs, progress, allow_invalid, ego))
         return Rows(rows, what if isinstance(what, Run) else Run(os.fspath(what)))  # type: ignore[arg-type]
-    if params is not None or tries != 1 or runs != 0:
-        raise InputError("`params`, `tries` and `runs` are about the ado of a run: evaluate one")
+    if tries != 1 or runs != 0:
+        raise InputError("`tries` and `runs` are about the ado of a run: evaluate one")
     of = World.of(what, plant=plant, allow_programs=allow_programs)
     ego = of.ego if ego is None else ego
     met = {

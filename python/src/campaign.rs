@@ -133,7 +133,6 @@ pub(crate) struct EvalAsked {
     seed: u64,
     plant: Option<String>,
     search: Option<usize>,
-    params: Option<String>,
     tries: u64,
     runs: u64,
     keep: Option<Keeping>,
@@ -159,7 +158,7 @@ pub(crate) fn eval_run<'py>(
     });
     let ados = ados.collect::<PyResult<Vec<_>>>()?;
     let rows = running.watched(py, |watch| {
-        let context = ContextSource::find(&run, asked.params.as_deref(), asked.runs, watch)?;
+        let context = ContextSource::of(&run, asked.runs)?;
         let evaluation = Evaluation {
             run: &run,
             nominal: &nominal,
@@ -375,6 +374,7 @@ pub(crate) fn identify_ego<'py>(
             world: &world.0,
             ego: ego.scenario(),
             runs: asked.runs,
+            at_most: asked.runs as u64,
             seed: asked.seed,
             fixed: &[],
         };

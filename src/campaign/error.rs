@@ -5,7 +5,7 @@ use super::replay::RegressionError;
 use super::theorems::TheoremsError;
 use super::train::TrainError;
 use crate::rl::ConfigError;
-use crate::run::{IdentifiedError, KeptError, RunError};
+use crate::run::{KeptError, RunError};
 use crate::scenario::LoadError;
 use crate::testbench::Complaint;
 
@@ -46,9 +46,6 @@ pub enum CampaignError {
     /// Counterexamples could not be kept.
     #[error(transparent)]
     Kept(#[from] KeptError),
-    /// A file of identified egos.
-    #[error(transparent)]
-    Identified(#[from] IdentifiedError),
     /// An ego could not be identified.
     #[error(transparent)]
     Identify(#[from] IdentifyError),

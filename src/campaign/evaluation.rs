@@ -18,6 +18,7 @@ use super::conditioning::{ConditionedAdo, conditioned};
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{EvalRequest, Evaluated};
+use super::identification::IdentifiedAs;
 use super::keep::{Again, Choice, Form, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
 use super::reuse::{ReusedOn, reused_on};
@@ -62,6 +63,8 @@ pub struct EvaluationTable<'a> {
     pub egos: Vec<ReusedOn>,
     /// Why each fails, if the trained ado made it.
     pub reasons: Vec<ExplainedCounterexample>,
+    /// Who each is to a conditional ado, if that was asked for.
+    pub identified: Vec<IdentifiedAs>,
     /// What was learned of each, if that was asked for.
     pub adapted_to: Vec<AdaptedTo>,
     /// Why it ended early, if it did.
@@ -92,9 +95,6 @@ impl<'a> Evaluation<'a> {
         let world = self.run.world()?;
         consent(&world, self.egos)?;
         self.can_learn()?;
-        if let Some(context) = self.context {
-            context.check(self.run, self.egos)?;
-        }
         let Some(starts) = self.starts(&world, watch) else {
             return Ok(None);
         };
@@ -102,6 +102,7 @@ impl<'a> Evaluation<'a> {
         let mut table = EvaluationTable {
             egos: Vec::new(),
             reasons: Vec::new(),
+            identified: Vec::new(),
             adapted_to: Vec::new(),
             failure: None,
             starts,
@@ -150,6 +151,7 @@ impl<'a> EvaluationTable<'a> {
         };
         let (_, seed) = asked.starts;
         let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
+        self.identified.extend(ado.identified.clone());
         let starts = own.as_ref().unwrap_or(&self.starts);
         let mut meeting = Meeting {
             asked,

@@ -1,206 +1,176 @@
-//! Identifying egos one after the other, and adapting a conditional ado to each.
+//! Who an ego is, for a conditional ado: identified once, and kept with the run.
 
-use std::path::Path;
+use serde::{Deserialize, Serialize};
 
-use indexmap::IndexMap;
-
-use super::adapt::Adapted;
-use super::conditioning::adapted;
-use super::ego_under_test::{EgoUnderTest, consent};
+use super::ego_under_test::EgoUnderTest;
 use super::error::CampaignError;
-use super::identify::{Identified, IdentifyRequest, identify};
+use super::identify::{Identified, IdentifyRequest, identify, is_telling};
+use super::of_egos::{DIR, place_of};
 use super::watch::Watch;
-use crate::run::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, RunDir};
-use crate::scenario::{Against, Family, Scenario};
+use crate::run::{RunDir, RunError, make_dir, write_file};
+use crate::scenario::{Family, Member, Scenario};
+use crate::seal::{BLANK, check, seal};
+use crate::sim::PlantKind;
 
-/// What to identify.
-#[derive(Clone, Copy)]
-pub struct Identification<'a> {
-    /// The run of a conditional ado.
-    pub run: &'a RunDir,
-    /// Its world, on the plant to record on.
-    pub world: &'a Scenario,
-    /// The egos, which are only run.
-    pub egos: &'a [EgoUnderTest],
-    /// Runs of each to record.
-    pub runs: usize,
-    /// Quantities that stay nominal, as if the family did not vary them.
-    pub leave_out: &'a [String],
-    /// Simulations of each ego with which to look for what the ado is best told.
-    pub adapt: Option<u64>,
-    /// Seed of the recorded runs.
-    pub seed: u64,
-    /// The file to write, whenever something is known.
-    pub output: Option<&'a Path>,
+/// An ego as the nearest member of a family, and how far that is to be trusted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdentifiedAs {
+    /// Name of the ego, as rows call it.
+    pub ego: String,
+    /// Every quantity of the family, in its order.
+    pub parameters: Vec<Parameter>,
+    /// Whether the member follows the ego about as closely as noise allows.
+    pub explains: bool,
+    /// How far the member stays from the ego: the root of the mean square over all
+    /// samples, 1 m/s in speed counting like 1 m.
+    pub residual_m: f64,
+    /// The residual up to which a member explains the ego.
+    pub bound_m: f64,
+    /// How far the nominal ego stays from it.
+    pub nominal_residual_m: f64,
+    /// How far its noise may move the recorded runs; 0 without any.
+    pub noise_m: f64,
+    /// The residuals of all independent fits.
+    pub refits_m: Vec<f64>,
+    /// Runs recorded of the ego.
+    pub recorded: u64,
+    /// Runs simulated of members.
+    pub simulations: u64,
 }
 
-/// What is known now of an ego.
-pub struct IdentifyStep<'a> {
-    /// The family.
-    pub family: &'a Family,
-    /// The ego.
-    pub ego: &'a EgoUnderTest,
-    /// What was found.
-    pub found: IdentifyFound<'a>,
+/// A quantity of a family, as it was found of an ego.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameter {
+    /// Its name, with its unit.
+    pub name: String,
+    /// That of the nearest member.
+    pub fitted: f64,
+    /// Standard deviation over independent fits.
+    pub spread: f64,
+    /// Whether it does not show in the runs, and is nominal.
+    pub hidden: bool,
+    /// The one of the world's own ego.
+    pub nominal: f64,
+    /// Least and most of the family.
+    pub range: [f64; 2],
 }
 
-/// What one step of an identification found.
-pub enum IdentifyFound<'a> {
-    /// The nearest member.
-    Identified(&'a Identified),
-    /// What the ado is best told, and what it would be told otherwise.
-    Adapted(&'a Adapted, &'static str),
-}
-
-impl Identification<'_> {
-    /// Identifies one ego after the other and says of each what is known.
-    ///
-    /// Stopped from outside it gives what was finished; the file, if one is
-    /// asked for, is written after every step.
-    ///
-    /// # Errors
-    /// The ado is not conditional, an ego gives no runs, or the disk refuses.
-    pub fn run(
-        &self,
-        watch: &Watch<'_>,
-        show: &mut dyn FnMut(IdentifyStep<'_>),
-    ) -> Result<IdentifiedEgos, CampaignError> {
-        let family = self.family()?;
-        if let Some(path) = self.output {
-            can_be_written(path)?;
-        }
-        consent(self.world, self.egos)?;
-        let manifest = self.run.manifest();
-        let mut file = IdentifiedEgos::new(&manifest.world, &manifest.world_sha256, self.seed);
-        for ego in self.egos {
-            watch.phase(&format!("identifying: {}", ego.name()));
-            let request = IdentifyRequest {
-                world: self.world,
-                ego: ego.scenario(),
-                runs: self.runs,
-                seed: self.seed,
-                fixed: self.leave_out,
-            };
-            let Some(found) = identify(&request, watch)? else {
-                break;
-            };
-            show(IdentifyStep {
-                family,
-                ego,
-                found: IdentifyFound::Identified(&found),
-            });
-            let kept = self.kept(family, ego, &found);
-            file.egos.insert(ego.name().to_owned(), kept);
-            self.save(&file)?;
-            let Some(simulations) = self.adapt else {
-                continue;
-            };
-            watch.phase(&format!("adapting: {}", ego.name()));
-            let (first, told) = found.told(family);
-            let budget = (simulations, self.seed);
-            let Some(adapted) = adapted(self.run, family, ego, &first, budget, watch)? else {
-                watch.note(&format!(
-                    "`{}` is kept as identified, not adapted",
-                    ego.name()
-                ));
-                break;
-            };
-            show(IdentifyStep {
-                family,
-                ego,
-                found: IdentifyFound::Adapted(&adapted, told),
-            });
-            if let Some(kept) = file.egos.get_mut(ego.name()) {
-                kept.adapted = Some(self.kept_adapted(family, &adapted, told));
-            }
-            self.save(&file)?;
-        }
-        Ok(file)
-    }
-
-    /// The family of a conditional ado's world.
-    fn family(&self) -> Result<&Family, CampaignError> {
-        let manifest = self.run.manifest();
-        if manifest.against != Against::Conditional {
-            return Err(CampaignError::request(
-                format!(
-                    "the ado in `{}` is {}: it has no use for an ego's parameters",
-                    self.run.path().display(),
-                    manifest.against
-                ),
-                "train one that has: `brakecheck train WORLD --against conditional`",
-            ));
-        }
-        if self.adapt.is_some() {
-            // Adapting plays the ado: an unfinished run is found out now.
-            self.run.policy_bundle()?;
-        }
-        let family = self.world.family();
-        family.ok_or_else(|| CampaignError::Fault("a conditional ado without a family".to_owned()))
-    }
-
-    /// What is known so far, so that nothing is lost later.
-    fn save(&self, file: &IdentifiedEgos) -> Result<(), CampaignError> {
-        match self.output {
-            Some(path) => Ok(file.save(path)?),
-            None => Ok(()),
-        }
-    }
-
-    fn kept(&self, family: &Family, ego: &EgoUnderTest, found: &Identified) -> IdentifiedEgo {
-        let hidden = named(family, &found.hidden).into_iter();
-        IdentifiedEgo {
-            parameters: named(family, &found.member.values),
-            spread: named(family, &found.spread),
-            hidden: hidden
-                .filter(|(name, hidden)| *hidden && !self.leave_out.contains(name))
-                .map(|(name, _)| name)
-                .collect(),
+impl IdentifiedAs {
+    fn of(ego: &str, family: &Family, found: &Identified) -> IdentifiedAs {
+        let quantities = family.quantities.iter().enumerate();
+        let parameters = quantities.map(|(i, quantity)| Parameter {
+            name: quantity.varied.name().to_owned(),
+            fitted: found.member.values[i],
+            spread: found.spread[i],
+            hidden: found.hidden[i],
+            nominal: quantity.nominal,
+            range: [quantity.lo, quantity.hi],
+        });
+        IdentifiedAs {
+            ego: ego.to_owned(),
+            parameters: parameters.collect(),
             explains: found.explains(),
             residual_m: found.residual_m,
+            bound_m: found.bound_m(),
             nominal_residual_m: found.nominal_residual_m,
             noise_m: found.noise_m,
             refits_m: found.refits_m.clone(),
             recorded: found.recorded,
             simulations: found.simulations,
-            change: Some(ego.change().clone()),
-            adapted: None,
         }
     }
 
-    fn kept_adapted(&self, family: &Family, adapted: &Adapted, otherwise: &str) -> AdaptedEgo {
-        let sha256 = self.run.manifest().policy_sha256.clone();
-        let others = adapted.others.iter();
-        AdaptedEgo {
-            policy_sha256: sha256.unwrap_or_default(),
-            parameters: named(family, &adapted.member.values),
-            others: others.map(|other| named(family, &other.values)).collect(),
-            is_better: adapted.is_better,
-            otherwise: otherwise.to_owned(),
-            success_rate: adapted.success_rate,
-            otherwise_success_rate: adapted.first_success_rate,
-            starts: adapted.starts,
-            tried: adapted.tried,
-            simulations: adapted.simulations,
-            invalid: adapted.invalid,
+    /// What a conditional ado is to be told of it: the nearest member, or the nominal
+    /// values if that says nothing of it ([`is_telling`]).
+    pub(super) fn told(
+        &self,
+        family: &Family,
+        plant: PlantKind,
+    ) -> Result<(Member, &'static str), CampaignError> {
+        if !is_telling(self.explains, self.residual_m, self.nominal_residual_m) {
+            return Ok((family.nominal(plant), "nominal"));
+        }
+        let values = self.parameters.iter().map(|p| (p.name.clone(), p.fitted));
+        let member = family.member_named(&values.collect(), plant);
+        // It was found in this family, or read from a file under its hash.
+        let member = member.map_err(|error| CampaignError::Fault(error.to_string()))?;
+        Ok((member, "identified"))
+    }
+}
+
+/// What a run keeps of an ego.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    sha256: String,
+    identified: IdentifiedAs,
+}
+
+impl Kept {
+    fn read(text: &str) -> Result<IdentifiedAs, String> {
+        let kept: Kept = serde_json::from_str(text).map_err(|error| error.to_string())?;
+        check(text, &kept.sha256)?;
+        Ok(kept.identified)
+    }
+
+    fn written(found: &IdentifiedAs) -> Result<String, serde_json::Error> {
+        let kept = Kept {
+            sha256: BLANK.to_owned(),
+            identified: found.clone(),
+        };
+        Ok(seal(&serde_json::to_string_pretty(&kept)?))
+    }
+}
+
+/// Who an ego is, from so many runs of it under a seed: as the run keeps it, or found
+/// now and kept there. `None`: stopped from outside.
+///
+/// # Errors
+/// It cannot be identified, or the disk refuses.
+pub(super) fn identified(
+    run: &RunDir,
+    world: &Scenario,
+    ego: &EgoUnderTest,
+    (runs, seed): (u64, u64),
+    watch: &Watch<'_>,
+) -> Result<Option<IdentifiedAs>, CampaignError> {
+    let asked = format!("identified {runs} {seed}");
+    let place = place_of(run, ego, &asked).map(|place| place.with_extension("json"));
+    if let Some(place) = &place
+        && let Ok(text) = std::fs::read_to_string(place)
+    {
+        let (name, place) = (ego.name(), place.display());
+        match Kept::read(&text) {
+            Ok(kept) => {
+                watch.note(&format!("`{name}`: identified before ({place})"));
+                return Ok(Some(kept));
+            }
+            Err(error) => watch.note(&format!("{place}: {error}; identified anew")),
         }
     }
-}
-
-/// A place that is none is found out before anything is run.
-fn can_be_written(path: &Path) -> Result<(), CampaignError> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    match folder.as_os_str().is_empty() || folder.is_dir() {
-        true => Ok(()),
-        false => Err(CampaignError::request(
-            format!("`{}` is no directory", folder.display()),
-            "make it, or name another file with `-o`",
-        )),
+    let request = IdentifyRequest {
+        world,
+        ego: ego.scenario(),
+        runs: runs as usize,
+        at_most: runs,
+        seed,
+        fixed: &[],
+    };
+    let Some(found) = identify(&request, &watch.quiet())? else {
+        return Ok(None);
+    };
+    let family = world.family();
+    let family =
+        family.ok_or_else(|| CampaignError::Fault("identified without a family".to_owned()))?;
+    let found = IdentifiedAs::of(ego.name(), family, &found);
+    if let Some(place) = &place {
+        let text = Kept::written(&found).map_err(|error| RunError::Damaged {
+            path: place.clone(),
+            why: error.to_string(),
+        })?;
+        make_dir(&run.path().join(DIR))?;
+        write_file(place, text.as_bytes())?;
     }
-}
-
-/// By name, in the order of the family.
-fn named<T: Copy>(family: &Family, values: &[T]) -> IndexMap<String, T> {
-    let names = family.quantities.iter().map(|q| q.varied.name().to_owned());
-    names.zip(values.iter().copied()).collect()
+    Ok(Some(found))
 }

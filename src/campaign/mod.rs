@@ -25,6 +25,7 @@ mod identification;
 mod identify;
 mod in_the_way;
 mod keep;
+mod of_egos;
 mod patience;
 mod persistence;
 mod picture;
@@ -52,9 +53,7 @@ mod untrained;
 mod watch;
 mod why;
 
-pub use adapt::{
-    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, MOST_SIMULATIONS, adapt,
-};
+pub use adapt::{AdaptRequest, Adapted, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, adapt};
 pub use alike::{best_constant, best_then_brake};
 pub use baselines::AdoKind;
 pub use break_even::{BreakEven, PerStart, break_even};
@@ -71,7 +70,7 @@ pub use evaluation::{
 };
 pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
 pub use heuristic::{Heuristic, tune_heuristic};
-pub use identification::{Identification, IdentifyFound, IdentifyStep};
+pub use identification::{IdentifiedAs, Parameter};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
 pub use in_the_way::InTheWay;
 pub use keep::{Again, Choice, Form, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep};

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 
 pub use difference::Difference;
 use difference::first_difference;
-pub(super) use find::wrong_kind;
 pub use kept::Kept;
 
 use crate::ego::Fault;

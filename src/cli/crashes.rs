@@ -234,12 +234,11 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         ))
     };
     let identified = |dir: &Path| {
-        let (run, file) = (told.display(), dir.join("egos.ron"));
-        let file = file.display();
-        let others = ["kp_per_s2", "kd_per_s", "time_gap_s", "lag_s", "delay_s"];
-        let others = others.map(|name| format!("--leave-out {name}")).join(" ");
+        let run = dir.join("run");
+        copied(&told, &run);
+        let run = run.display();
         words(&format!(
-            "identify {run} --ego softer~brakes --runs 1 -o {file} --jobs 1 {others}"
+            "eval {run} --ego softer~brakes --runs 1 --starts 4 --jobs 1"
         ))
     };
     let reproduced = |dir: &Path| {
@@ -278,7 +277,7 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
         ("train, acc", &on_a_road),
         ("train --from", &fine_tuned),
         ("eval --keep", &kept),
-        ("identify", &identified),
+        ("eval --runs", &identified),
         ("reproduce", &reproduced),
         ("campaign plan", &planned),
         ("campaign run", &pieces),

@@ -9,8 +9,8 @@ use super::compared::{Compared, GateOn};
 use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
-    Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
-    table, talk, theorems,
+    Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run,
+    print_json, table, talk, theorems,
 };
 use crate::campaign::{
     AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
@@ -41,16 +41,14 @@ pub(super) struct EvalArgs {
     /// Also search with at most so many switches, and fill in recall.
     #[arg(long, value_name = "M")]
     search: Option<usize>,
-    /// What a conditional ado is told of each ego: its nominal or its true
-    /// parameters, those identified from recorded runs, those adapted by how the
-    /// ado then fares, or those of a file that `identify` wrote.
-    #[arg(long, value_name = "nominal|true|identified|adapted|P.ron")]
+    /// As earlier versions said what a conditional ado is told.
+    #[arg(long, hide = true)]
     params: Option<String>,
     /// Runs of the trained ado per start: the greedy one, then explored ones.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = count(1..=1_000_000))]
     pub(super) tries: u64,
-    /// Runs of the ego that the ado may learn it from (100 are enough); 0: it
-    /// plays every ego as it was trained.
+    /// Runs of the ego that the ado may learn it from (100 are enough; a conditional
+    /// one identifies it from 10); 0: it plays every ego as it was trained.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
     runs: u64,
     #[command(flatten)]
@@ -88,6 +86,9 @@ pub(super) struct EvalArgs {
     pub(super) common: Common,
 }
 
+/// What becomes of a conditional ado that no run of an ego is granted.
+const UNTOLD: &str = "the ado is told the parameters of the world's own ego: `--runs 10` identifies every ego from ten runs of it, `--runs 100` also learns how it drives";
+
 /// Whether a file or a shipped world is meant, and no run.
 fn is_world(path: &Path) -> bool {
     let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
@@ -98,7 +99,6 @@ fn is_world(path: &Path) -> bool {
 /// A world that nobody has trained in yet.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let asks_for_an_ado = !args.ado.is_empty()
-        || args.params.is_some()
         || 1 < args.tries
         || 0 < args.runs
         || args.keep.dir().is_some()
@@ -109,7 +109,7 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         let world = args.run.display();
         return Err(Failure::input(
             format!(
-                "`{world}` is a world, and no run of an ado: of the options, --starts, --seed, --ego, --plant, --search and those of every verb do something for it, and --ado, --params, --tries, --runs, --keep, --theorems, --baseline-ego and --over do not"
+                "`{world}` is a world, and no run of an ado: of the options, --starts, --seed, --ego, --plant, --search and those of every verb do something for it, and --ado, --tries, --runs, --keep, --theorems, --baseline-ego and --over do not"
             ),
             "leave them out: the baselines play anyway; or train an ado first and evaluate its run: `brakecheck train WORLD`",
         ));
@@ -140,13 +140,19 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
+    if let Some(params) = &args.params {
+        return Err(gone::params(params));
+    }
     if is_world(&args.run) {
         return of_world(args);
     }
     let run = open_run(&args.run, &args.common)?;
     let bar = talk::bar("evaluating");
     let watch = bar.watch();
-    let context = ContextSource::find(&run, args.params.as_deref(), args.runs, &watch)?;
+    let context = ContextSource::of(&run, args.runs)?;
+    if context == Some(ContextSource::Nominal) {
+        talk::say(UNTOLD);
+    }
     let nominal = nominal(args, &run)?;
     let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
     let egos = egos(args, sweep.as_ref(), &nominal)?;
@@ -299,6 +305,9 @@ fn show(
             "summary": summary,
             "explain": evaluated.reasons,
         });
+        if !evaluated.identified.is_empty() {
+            object["identified"] = json!(evaluated.identified);
+        }
         if !evaluated.adapted_to.is_empty() {
             object["adapted"] = json!(evaluated.adapted_to);
         }
@@ -309,6 +318,9 @@ fn show(
         return print_json(&object);
     }
     talk::data(&table::reuse(&evaluated.egos, &summary))?;
+    for found in &evaluated.identified {
+        talk::data(&format!("\n{}", table::identified(found)))?;
+    }
     for adapted in &evaluated.adapted_to {
         talk::data(&format!("\n{adapted}"))?;
     }

@@ -13,7 +13,7 @@ use crate::campaign::{
 };
 use crate::openx::OpenXError;
 use crate::rl::ConfigError;
-use crate::run::{IdentifiedError, KeptError, RunError};
+use crate::run::{KeptError, RunError};
 use crate::scenario::{LoadError, Problem, Scenario, ScenarioError, guessed};
 use crate::studies::{ReuseError, Table1Error};
 use crate::testbench::Complaint;
@@ -211,7 +211,6 @@ impl From<CampaignError> for Failure {
             CampaignError::Config(error) => error.into(),
             CampaignError::Regression(error) => error.into(),
             CampaignError::Kept(error) => error.into(),
-            CampaignError::Identified(error) => error.into(),
             CampaignError::Identify(error) => error.into(),
             CampaignError::Theorems(error) => error.into(),
             CampaignError::Faults { complaint, .. } => complaint.into(),
@@ -238,18 +237,6 @@ impl From<TheoremsError> for Failure {
             }
         };
         Failure::input(error.to_string(), help)
-    }
-}
-
-impl From<IdentifiedError> for Failure {
-    fn from(error: IdentifiedError) -> Failure {
-        match error {
-            IdentifiedError::Run(error) => Failure::from(error),
-            IdentifiedError::Format { .. } => Failure::input(
-                error.to_string(),
-                "such files are written by `brakecheck identify RUN --ego … -o P.ron`",
-            ),
-        }
     }
 }
 

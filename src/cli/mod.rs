@@ -11,7 +11,7 @@ mod eval;
 mod examples;
 mod export;
 mod failure;
-mod identify;
+mod gone;
 mod keep;
 mod kept;
 mod new;
@@ -92,9 +92,9 @@ enum Verb {
     /// Search action sequences per start: what an adversary can do at all.
     #[command(after_help = examples::SEARCH)]
     Search(search::SearchArgs),
-    /// Fit a family's parameters to an ego seen only from outside.
-    #[command(after_help = examples::IDENTIFY)]
-    Identify(identify::IdentifyArgs),
+    /// As earlier versions fitted a family's parameters to an ego.
+    #[command(hide = true, after_help = examples::IDENTIFY)]
+    Identify(gone::GoneArgs),
     /// Play kept counterexamples again, bit for bit or against a changed ego.
     #[command(after_help = examples::REPLAY)]
     Replay(kept::ReplayArgs),
@@ -129,7 +129,7 @@ impl Verb {
             Verb::Train(args) => args.common.clone(),
             Verb::Eval(args) => args.common.clone(),
             Verb::Search(args) => args.common.clone(),
-            Verb::Identify(args) => args.common.clone(),
+            Verb::Identify(_) => Common::default(),
             Verb::Replay(args) => args.common.clone(),
             Verb::Stl(args) => args.common(),
             Verb::Report(args) => args.common.clone(),
@@ -148,7 +148,6 @@ impl Verb {
             Verb::Train(_)
                 | Verb::Eval(_)
                 | Verb::Search(_)
-                | Verb::Identify(_)
                 | Verb::Report(_)
                 | Verb::Reproduce(_)
                 | Verb::Campaign(_)
@@ -196,7 +195,7 @@ fn carry_out(verb: Verb) -> Result<Exit, Failure> {
         Verb::Train(args) => train::run(&args),
         Verb::Eval(args) => eval::run(&args),
         Verb::Search(args) => search::run(&args),
-        Verb::Identify(args) => identify::run(&args),
+        Verb::Identify(args) => Err(gone::identify(&args)),
         Verb::Replay(args) => kept::replay(&args),
         Verb::Stl(args) => stl::run(&args),
         Verb::Report(args) => report::run(&args),

@@ -145,11 +145,6 @@ impl Bar {
             faults: faults(),
         }
     }
-
-    /// Does something that prints, with the bar out of the way.
-    pub(super) fn aside<T>(&self, print: impl FnOnce() -> T) -> T {
-        self.shown.suspend(print)
-    }
 }
 
 impl Drop for Bar {

@@ -119,8 +119,7 @@ impl RunError {
                 Some("restore the file from a backup, or make it again".to_owned())
             }
             RunError::Untold { .. } => Some(
-                "`eval` takes `--params identified`, `true`, `nominal`, or a file that \
-                 `brakecheck identify` wrote"
+                "`brakecheck eval RUN --ego E --runs 10` tells it what ten runs of the ego show"
                     .to_owned(),
             ),
             RunError::World(_) => None,

@@ -26,7 +26,6 @@ pub(crate) mod disk;
 mod error;
 mod finished;
 mod grown;
-mod identified;
 mod interval;
 mod kept;
 mod manifest;
@@ -51,7 +50,6 @@ pub use differences::{Asked, RunDifference};
 pub use disk::{WholeFile, file_name, make_dir, write_file};
 pub use error::RunError;
 pub use finished::Finished;
-pub use identified::{AdaptedEgo, IdentifiedEgo, IdentifiedEgos, IdentifiedError};
 pub use interval::{
     at_most, mcnemar, mean_difference, paired_difference, predicted, runs_interval, seeds_interval,
     wilson,

@@ -1,11 +1,10 @@
-//! Run directories, changes and identified egos: refused, or as they say.
+//! Run directories and changes: refused, or as they say.
 
 use std::path::Path;
 
 use brakecheck::rl::LearnerConfig;
-use brakecheck::run::{Done, IdentifiedEgo, IdentifiedEgos, RunDir};
-use brakecheck::scenario::{Change, LoadError, Scenario};
-use indexmap::IndexMap;
+use brakecheck::run::{Done, RunDir};
+use brakecheck::scenario::{LoadError, Scenario};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use serde_json::Value;
@@ -174,86 +173,4 @@ fn any_change_of_a_driven_world_is_refused_or_plays() {
 #[test]
 fn any_change_of_a_grid_is_refused_or_plays() {
     any_change("grid", &world("grid.ron"), changes("Grid"));
-}
-
-/// One ego with every field set.
-fn identified(dir: &Path) -> Source {
-    let values = |value: f64| -> IndexMap<String, f64> {
-        [
-            ("time_gap_s".to_owned(), value),
-            ("friction".to_owned(), 0.5),
-        ]
-        .into()
-    };
-    let mut egos = IdentifiedEgos::new("acc", &"0".repeat(64), 3);
-    let ego = IdentifiedEgo {
-        parameters: values(0.75),
-        spread: values(0.01),
-        hidden: vec!["lag_s".to_owned()],
-        explains: true,
-        residual_m: 0.5,
-        nominal_residual_m: 2.0,
-        noise_m: 0.25,
-        refits_m: vec![0.5, 0.75],
-        recorded: 10,
-        simulations: 400,
-        change: Some(Change {
-            friction: Some(0.4),
-            ..Change::default()
-        }),
-        adapted: Some(brakecheck::run::AdaptedEgo {
-            policy_sha256: "0".repeat(64),
-            parameters: values(0.5),
-            others: vec![values(0.25), values(1.0)],
-            is_better: true,
-            otherwise: "identified".to_owned(),
-            success_rate: 0.5,
-            otherwise_success_rate: 0.25,
-            starts: 40,
-            tried: 12,
-            simulations: 600,
-            invalid: 0,
-        }),
-    };
-    egos.egos.insert("wet road".to_owned(), ego);
-    let file = dir.join("egos.ron");
-    egos.save(&file).expect("written");
-    Source::new("egos.ron", std::fs::read_to_string(&file).expect("a text"))
-}
-
-#[test]
-fn any_file_of_identified_egos_is_refused_or_reads_back() {
-    let dir = tempfile::tempdir().expect("a directory");
-    let (file, again) = (dir.path().join("mutant.ron"), dir.path().join("again.ron"));
-    let target = Target {
-        name: "identified",
-        cases: 200,
-        shrinks: 1000,
-        least_percent: (10, 20),
-    };
-    target.run(&mutants(vec![identified(dir.path())].into()), |mutant| {
-        std::fs::write(&file, &mutant.text).expect("written");
-        let egos = match IdentifiedEgos::load(&file) {
-            Ok(egos) => egos,
-            Err(error) => {
-                assert!(error.to_string().contains("mutant.ron"), "{error}");
-                return Seen::Refused;
-            }
-        };
-        for ego in egos.egos.values() {
-            let adapted = ego
-                .adapted
-                .iter()
-                .flat_map(|a| a.others.iter().chain([&a.parameters]));
-            let mut told = adapted
-                .chain([&ego.parameters])
-                .flat_map(|member| member.values());
-            assert!(told.all(|value| value.is_finite()));
-        }
-        egos.save(&again).expect("written");
-        let back = IdentifiedEgos::load(&again).unwrap_or_else(|error| panic!("{error}"));
-        // A distance may be none: NaN is not itself.
-        assert_eq!(format!("{back:?}"), format!("{egos:?}"));
-        Seen::Accepted
-    });
 }

@@ -280,6 +280,7 @@ fn identifying_finds_the_parameters_of_an_ego_seen_only_from_outside() {
         world: &world,
         ego: &ego,
         runs: 5,
+        at_most: u64::MAX,
         seed: 4,
         fixed: &[],
     };
@@ -319,6 +320,7 @@ fn whoever_is_stopped_identifies_nothing() {
         world: &world,
         ego: &world,
         runs: 2,
+        at_most: u64::MAX,
         seed: 0,
         fixed: &[],
     };
@@ -332,6 +334,36 @@ fn whoever_is_stopped_identifies_nothing() {
 }
 
 #[test]
+fn an_ego_is_never_run_more_often_than_granted() {
+    let world = acc().on(PlantKind::Kinematic);
+    let noisy = world.with(&brakecheck::scenario::Change {
+        sensors: Some(brakecheck::scene::drive::Sensors {
+            position_sd_m: 0.5,
+            ..Default::default()
+        }),
+        ..Change::default()
+    });
+    let noisy = noisy.expect("it fits");
+    let recorded = |ego, at_most| {
+        let found = identified(&IdentifyRequest {
+            world: &world,
+            ego,
+            runs: 3,
+            at_most,
+            seed: 0,
+            fixed: &[],
+        });
+        (found.recorded, 0.0 < found.noise_m)
+    };
+    // The first start is run twice; with noise every one is.
+    assert_eq!(recorded(&world, u64::MAX), (4, false));
+    assert_eq!(recorded(&world, 3), (3, false));
+    assert_eq!(recorded(&noisy, u64::MAX), (6, true));
+    assert_eq!(recorded(&noisy, 5), (4, true));
+    assert_eq!(recorded(&noisy, 1), (1, false));
+}
+
+#[test]
 fn an_ego_that_switches_is_found_where_no_slope_leads() {
     // Its threshold shows in when it brakes: in whole samples.
     let text = include_str!("../../worlds/merge.ron");
@@ -340,6 +372,7 @@ fn an_ego_that_switches_is_found_where_no_slope_leads() {
         world: &world,
         ego: &world,
         runs: 2,
+        at_most: u64::MAX,
         seed: 0,
         fixed: &[],
     };
@@ -357,6 +390,7 @@ fn an_ego_of_another_kind_is_not_explained() {
         world: &world,
         ego: &ego.on(PlantKind::Kinematic),
         runs: 4,
+        at_most: u64::MAX,
         seed: 4,
         fixed: &[],
     };

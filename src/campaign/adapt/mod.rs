@@ -28,8 +28,6 @@ use crate::testbench::{Aftermath, PolicyActor, Testbench};
 pub const ENOUGH_SIMULATIONS: u64 = 600;
 /// With fewer, hardly a member would be proposed.
 pub const LEAST_SIMULATIONS: u64 = 200;
-/// More would keep a network in memory for each of thousands of members.
-pub const MOST_SIMULATIONS: u64 = 10_000;
 
 /// Calibration starts from here on are for this alone.
 const FIRST_START: u64 = 1 << 32;
@@ -45,8 +43,7 @@ pub struct AdaptRequest<'a> {
     pub ego: &'a Scenario,
     /// What the ado would be told otherwise.
     pub first: &'a Member,
-    /// Simulations of the ego, at most; meant to lie between
-    /// [`LEAST_SIMULATIONS`] and [`MOST_SIMULATIONS`].
+    /// Simulations of the ego, at most; [`LEAST_SIMULATIONS`] at least.
     pub simulations: u64,
     /// Seed of the starts and of the search.
     pub seed: u64,

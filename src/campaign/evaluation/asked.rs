@@ -1,7 +1,7 @@
 //! What is asked of an evaluation, and what is found for it.
 
 use crate::campaign::baselines::AdoKind;
-use crate::campaign::conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS};
+use crate::campaign::conditioning::{ConditionedAdo, ContextSource};
 use crate::campaign::ego_under_test::EgoUnderTest;
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::{Ado, EvalRequest, Evaluated};
@@ -41,29 +41,25 @@ pub struct Evaluation<'a> {
 }
 
 impl Evaluation<'_> {
-    /// Runs of an ego from which a conditional ado is told what it meets.
+    /// Runs of an ego that go into identifying it.
     pub(super) fn identified_from(&self) -> u64 {
-        match self.context {
-            Some(ContextSource::Identified) => RECORDED_RUNS as u64,
-            _ => 0,
-        }
+        self.context.map_or(0, ContextSource::runs)
+    }
+
+    /// Whether more than who it is is learned of every ego.
+    pub(super) fn learns(&self) -> bool {
+        self.identified_from() < self.runs
     }
 
     /// Refuses more to be learned than the runs are enough for.
     pub(super) fn can_learn(&self) -> Result<(), CampaignError> {
-        let least = LEAST_RUNS + self.identified_from();
-        if self.runs == 0 || least <= self.runs {
-            return Ok(());
+        match self.learns() && self.runs < LEAST_RUNS + self.identified_from() {
+            false => Ok(()),
+            true => Err(CampaignError::request(
+                format!("an ego is not learned from {} runs", self.runs),
+                format!("`--runs` takes {LEAST_RUNS} at least; 100 are enough for most"),
+            )),
         }
-        Err(CampaignError::request(
-            format!("an ego is not learned from {} runs", self.runs),
-            match self.identified_from() {
-                0 => format!("`--runs` takes {least} at least; 100 are enough for most"),
-                of_those => format!(
-                    "`--runs` takes {least} at least, {of_those} of them to identify it; or say with `--params` what the ado is told"
-                ),
-            },
-        ))
     }
 
     pub(super) fn trained<'b>(

@@ -11,7 +11,7 @@ use crate::campaign::eval::{Ado, EvalRequest, Evaluated, eval, explain_first};
 use crate::campaign::retrained::retrained;
 use crate::campaign::search::{Hold, SearchRequest, Switches, search};
 use crate::campaign::starts::TestStarts;
-use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learn_ego, learned};
+use crate::campaign::surrogate::{AdaptedTo, LearnEgoRequest, learned};
 use crate::campaign::watch::Watch;
 use crate::run::Row;
 
@@ -42,7 +42,7 @@ impl<'a> Meeting<'a> {
                 self.rows.push(row);
             }
         }
-        if 0 < self.asked.runs {
+        if self.asked.learns() {
             let row = self.adapted()?;
             self.rows.extend(row);
         }
@@ -67,7 +67,11 @@ impl<'a> Meeting<'a> {
     fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, CampaignError> {
         Ok(match kind {
             AdoKind::Heuristic | AdoKind::Replays => None,
-            AdoKind::Trained | AdoKind::All => Some(self.trained()),
+            AdoKind::Trained | AdoKind::All => {
+                let row = self.trained();
+                self.rows.push(row);
+                self.untold()
+            }
             AdoKind::Random => Some(self.evaluated(Ado::Random).row),
             AdoKind::Hold => Some(self.evaluated(Ado::Held).row),
             AdoKind::Constant => {
@@ -119,6 +123,17 @@ impl<'a> Meeting<'a> {
         eval(&self.ego.met_by(ado, self.starts), self.watch)
     }
 
+    /// An ado that was told who this ego is, as it plays without a run of it.
+    fn untold(&self) -> Option<Row> {
+        let policy = self.ado.untold.as_deref()?;
+        let mut row = self
+            .evaluated(Ado::Trained(policy, self.asked.run.manifest().seed))
+            .row;
+        row.ado = "zero-shot".to_owned();
+        row.context = Some("nominal".to_owned());
+        Some(row)
+    }
+
     /// The trained ado, with several tries per start where they are asked for.
     fn trained(&mut self) -> Row {
         let request = self.asked.trained(self.ego, self.ado, self.starts);
@@ -161,12 +176,7 @@ impl<'a> Meeting<'a> {
         };
         self.watch.phase(&format!("learning: {}", self.ego.name()));
         let quiet = self.watch.quiet();
-        // What is in no file may be another controller the next time.
-        let ego = match self.ego.is_own() {
-            true => learn_ego(&request, &quiet),
-            false => learned(asked.run, self.ego, &request, &quiet)?,
-        };
-        let Some(ego) = ego else {
+        let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
             return Ok(None);
         };
         self.watch.phase(&format!("planning: {}", self.ego.name()));

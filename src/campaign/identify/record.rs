@@ -14,8 +14,10 @@ pub struct IdentifyRequest<'a> {
     pub world: &'a Scenario,
     /// The ego, which is only run.
     pub ego: &'a Scenario,
-    /// Runs of it to record.
+    /// Starts to record it from.
     pub runs: usize,
+    /// Runs of it at most: the first start, and with noise every start, is run twice.
+    pub at_most: u64,
     /// Seed of the runs and of the search.
     pub seed: u64,
     /// Quantities that stay nominal, as if the family did not vary them.
@@ -46,7 +48,7 @@ pub(super) struct Recorded {
 /// Starts are of the calibration stream: never those that are reported. The
 /// first start is run twice under different noise; if that makes a difference
 /// every start is, and the two runs are averaged. Starts on which the ego fails
-/// at once are left out.
+/// at once are left out, and so are those for which too few runs are left.
 pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Recorded {
     let (ego, starts, seed) = (request.ego, request.runs, request.seed);
     let mut scene = ego.world().scene();
@@ -58,7 +60,8 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
     };
     let mut noisy = false;
     for index in 0..starts as u64 {
-        if watch.stopped() {
+        let left = request.at_most - recorded.runs;
+        if watch.stopped() || left < 1 + u64::from(noisy) {
             break;
         }
         let key = StartKey {
@@ -79,7 +82,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
             continue;
         };
         let mut apart = 0.0;
-        if noisy || index == 0 {
+        if noisy || (index == 0 && 1 < left) {
             let again = run(&mut *scene, &start, !noise, &actions, columns);
             recorded.runs += 1;
             watch.faults.note(index, again.as_ref().err());

@@ -86,7 +86,7 @@ impl Regressions {
 }
 
 /// A path is given as one thing and is another.
-pub(in crate::campaign) fn wrong_kind(path: &Path, want: &str) -> CampaignError {
+fn wrong_kind(path: &Path, want: &str) -> CampaignError {
     let what = match path.exists() {
         true => format!("`{}` is no {want}", path.display()),
         false => format!("there is no `{}`", path.display()),

@@ -1,6 +1,6 @@
 //! Learned egos, kept in the run directory of the ado that met them.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::fit::MEMBERS;
@@ -8,23 +8,17 @@ use super::learn::{LearnEgoRequest, LearnedEgo, LearnedFrom, learn_ego};
 use super::model::{OUTPUTS, Surrogate};
 use crate::campaign::Watch;
 use crate::campaign::ego_under_test::EgoUnderTest;
+use crate::campaign::of_egos::{DIR, place_of};
 use crate::rl::nn::Mlp;
 use crate::rl::{Bundle, BundleError, load_policy_for};
 use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
-use crate::seal::sha256;
 
-/// Where a run keeps them.
-const DIR: &str = "learned";
 /// The tensor that holds a whole bundle: what the ado learned in the surrogate.
 const TRAINED_ON: &str = "trained_on";
 
 /// The learned ego of a request: the one that `run` keeps, or learned now and
-/// kept there. `None`: as [`learn_ego`].
-///
-/// It is kept under a hash of everything that it depends on: the version, the
-/// world, the ado, the ego and, if that is a program, the files its command
-/// names.
+/// kept there, if it is one that files say. `None`: as [`learn_ego`].
 ///
 /// # Errors
 /// The disk refuses.
@@ -34,18 +28,17 @@ pub(in crate::campaign) fn learned(
     request: &LearnEgoRequest<'_>,
     watch: &Watch<'_>,
 ) -> Result<Option<LearnedEgo>, RunError> {
-    let path = path_of(run, ego, request);
+    let Some(path) = path_of(run, ego, request) else {
+        return Ok(learn_ego(request, watch));
+    };
     if let Ok(bytes) = std::fs::read(&path) {
+        let (name, path) = (ego.name(), path.display());
         match read(&bytes, request.ego) {
             Ok(kept) => {
-                watch.note(&format!(
-                    "`{}`: learned before ({})",
-                    ego.name(),
-                    path.display()
-                ));
+                watch.note(&format!("`{name}`: learned before ({path})"));
                 return Ok(Some(kept));
             }
-            Err(error) => watch.note(&format!("{}: {error}; learned anew", path.display())),
+            Err(error) => watch.note(&format!("{path}: {error}; learned anew")),
         }
     }
     let found = learn_ego(request, watch);
@@ -60,28 +53,17 @@ pub(in crate::campaign) fn learned(
     Ok(found)
 }
 
-fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> PathBuf {
-    let manifest = run.manifest();
-    let mut key = format!(
-        "{} {} {:?} {:?} {:?} {} {} {:?} {}",
-        env!("CARGO_PKG_VERSION"),
-        manifest.world_sha256,
-        manifest.policy_sha256,
-        ego.change(),
-        request.ego.plant(),
+/// The file of what is asked: it depends on the ado as well.
+fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
+    let asked = format!(
+        "{:?} {} {} {:?} {}",
+        run.manifest().policy_sha256,
         request.runs,
         request.seed,
         request.unknown,
         request.kept.is_some(),
     );
-    if let Some(program) = ego.scenario().program() {
-        let files = program.command.iter().map(Path::new);
-        for bytes in files.filter_map(|path| std::fs::read(path).ok()) {
-            key.push_str(&sha256(&bytes));
-        }
-    }
-    let name = format!("{}.safetensors", &sha256(key.as_bytes())[..16]);
-    run.path().join(DIR).join(name)
+    place_of(run, ego, &asked).map(|place| place.with_extension("safetensors"))
 }
 
 fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {

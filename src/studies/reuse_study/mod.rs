@@ -280,7 +280,8 @@ impl<'a> ReuseStudy<'a> {
         let request = IdentifyRequest {
             world: self.scenario,
             ego: changed,
-            runs: RECORDED_RUNS,
+            runs: RECORDED_RUNS as usize,
+            at_most: u64::MAX,
             seed: 0,
             fixed,
         };
