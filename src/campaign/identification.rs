@@ -19,7 +19,7 @@ pub struct IdentifiedAs {
     /// Name of the ego, as rows call it.
     pub ego: String,
     /// Every quantity of the family, in its order.
-    pub parameters: Vec<Parameter>,
+    pub parameters: Vec<FoundParameter>,
     /// Whether the member follows the ego about as closely as noise allows.
     pub explains: bool,
     /// How far the member stays from the ego: the root of the mean square over all
@@ -42,7 +42,7 @@ pub struct IdentifiedAs {
 /// A quantity of a family, as it was found of an ego.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Parameter {
+pub struct FoundParameter {
     /// Its name, with its unit.
     pub name: String,
     /// That of the nearest member.
@@ -60,7 +60,7 @@ pub struct Parameter {
 impl IdentifiedAs {
     fn of(ego: &str, family: &Family, found: &Identified) -> IdentifiedAs {
         let quantities = family.quantities.iter().enumerate();
-        let parameters = quantities.map(|(i, quantity)| Parameter {
+        let parameters = quantities.map(|(i, quantity)| FoundParameter {
             name: quantity.varied.name().to_owned(),
             fitted: found.member.values[i],
             spread: found.spread[i],

@@ -70,7 +70,7 @@ pub use evaluation::{
 };
 pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
 pub use heuristic::{Heuristic, tune_heuristic};
-pub use identification::{IdentifiedAs, Parameter};
+pub use identification::{FoundParameter, IdentifiedAs};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
 pub use in_the_way::InTheWay;
 pub use keep::{Again, Choice, Form, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep};

@@ -140,19 +140,15 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
 }
 
 pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
-    if let Some(params) = &args.params {
-        return Err(gone::params(params));
-    }
+    let refused = args.params.as_deref().map(gone::params);
+    refused.map_or(Ok(()), Err)?;
     if is_world(&args.run) {
         return of_world(args);
     }
     let run = open_run(&args.run, &args.common)?;
     let bar = talk::bar("evaluating");
     let watch = bar.watch();
-    let context = ContextSource::of(&run, args.runs)?;
-    if context == Some(ContextSource::Nominal) {
-        talk::say(UNTOLD);
-    }
+    let context = told(args, &run)?;
     let nominal = nominal(args, &run)?;
     let sweep = args.over.as_deref().map(Sweep::parse).transpose()?;
     let egos = egos(args, sweep.as_ref(), &nominal)?;
@@ -182,6 +178,15 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         evaluated.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
     }
     ended(args, evaluated, theorems, &compared)
+}
+
+/// What a conditional ado is told of the egos; says so if that is nothing.
+fn told(args: &EvalArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
+    let context = ContextSource::of(run, args.runs)?;
+    if context == Some(ContextSource::Nominal) {
+        talk::say(UNTOLD);
+    }
+    Ok(context)
 }
 
 /// The world of the run, on the plant to test on.
