@@ -45,9 +45,10 @@ pub(in crate::campaign) fn descend(
                 pairs.map(|(there, here)| (there - here) / by).collect()
             })
             .collect();
+        let equations = equations(&slopes, &deviations);
         let candidates: Vec<Vec<f64>> = DAMPINGS
             .iter()
-            .filter_map(|damping| step(&here, free, &slopes, &deviations, *damping))
+            .filter_map(|damping| step(&here, free, equations.clone(), *damping))
             .collect();
         let measured = measure(&candidates).into_iter().zip(candidates);
         let best = measured.min_by(|(a, _), (b, _)| cost(a).total_cmp(&cost(b)));
@@ -90,31 +91,37 @@ fn beside(here: &[f64], d: usize) -> Vec<f64> {
     there
 }
 
+/// JᵀJ d = −Jᵀr as rows `[a … | b]`: the same for every damping.
+fn equations(slopes: &[Vec<f64>], deviations: &[f64]) -> Vec<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut rows: Vec<Vec<f64>> = Vec::with_capacity(slopes.len());
+    for (i, a) in slopes.iter().enumerate() {
+        // What is left of the diagonal stands above it already.
+        let left: Vec<f64> = rows.iter().map(|above| above[i]).collect();
+        let right = slopes[i..].iter().map(|b| dot(a, b));
+        rows.push(left.into_iter().chain(right).collect());
+    }
+    for (row, a) in rows.iter_mut().zip(slopes) {
+        row.push(-dot(a, deviations));
+    }
+    rows
+}
+
 /// Where a damped step leads; `None` if the equations have no solution.
 fn step(
     here: &[f64],
     free: &[usize],
-    slopes: &[Vec<f64>],
-    deviations: &[f64],
+    mut equations: Vec<Vec<f64>>,
     damping: f64,
 ) -> Option<Vec<f64>> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let mut rows: Vec<Vec<f64>> = slopes
-        .iter()
-        .map(|a| {
-            let mut row: Vec<f64> = slopes.iter().map(|b| dot(a, b)).collect();
-            row.push(-dot(a, deviations));
-            row
-        })
-        .collect();
-    for (i, row) in rows.iter_mut().enumerate() {
+    for (i, row) in equations.iter_mut().enumerate() {
         // Marquardt: in proportion to the diagonal, so that flat dimensions are not
         // damped as hard as steep ones.
         row[i] *= 1.0 + damping;
         // A dimension without any slope does not move.
         row[i] += 1e-12;
     }
-    let by = solve(rows)?;
+    let by = solve(equations)?;
     let mut there = here.to_vec();
     for (&d, by) in free.iter().zip(by) {
         there[d] = (there[d] + by).clamp(-1.0, 1.0);
