@@ -92,8 +92,8 @@ pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, drawn_starts, test_noise, test_starts};
 pub use surrogate::{
-    Acts, AdaptedRow, AdaptedTo, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, Likeness,
-    SurrogateError, TriedActions, learn_ego,
+    Acts, AdaptedRow, AdaptedTo, BrakedFor, EmergencyBrake, LEAST_RUNS, LearnEgoRequest,
+    LearnedEgo, LearnedFrom, Likeness, SurrogateError, TriedActions, learn_ego,
 };
 pub use sweep::{Point, Sweep, Swept};
 pub use telling::{Telling, telling};

@@ -107,6 +107,12 @@ impl Display for AdaptedTo {
         if let Some(like) = self.learned.alike.first() {
             write!(f, "; most like {like}")?;
         }
+        if let Some(brake) = &self.learned.brake {
+            write!(
+                f,
+                "; it {brake} (own speed v, the other's w, closing with c)"
+            )?;
+        }
         if let Some(error) = error {
             let SurrogateError {
                 rms_m,
@@ -198,7 +204,7 @@ impl LearnedEgo {
         let worker = || Worker {
             planner: Planner::new(
                 request.scenario,
-                &self.surrogate,
+                (&self.surrogate, self.from.judged_on),
                 (policies, Care::FULL),
                 watch,
             ),

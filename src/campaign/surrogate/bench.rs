@@ -89,18 +89,14 @@ pub(super) struct ModelBench {
 }
 
 impl ModelBench {
-    /// A model of `world`, on its own plant; `None`: nobody drives in it.
-    pub fn of(world: &Scenario) -> Option<ModelBench> {
-        ModelBench::on(world, world.drive()?.plant)
-    }
-
-    /// The same on the kinematic plant, which is faster, and of the ado's motion
-    /// some centimetres off.
+    /// A model of `world` on the kinematic plant, which is the faster one, and of the
+    /// motion of who changes lanes some centimetres off; `None`: nobody drives in it.
     pub fn quick(world: &Scenario) -> Option<ModelBench> {
         ModelBench::on(world, PlantKind::Kinematic)
     }
 
-    fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
+    /// The same on any plant.
+    pub fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
         let reader = MotionReader::of(world)?;
         let casting = Casting::default();
         let bench = world.as_model(plant, casting.factory()).bench();
@@ -197,6 +193,11 @@ mod tests {
     use crate::seed::{Purpose, StartKey};
     use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
 
+    /// A model on the world's own plant.
+    fn own(world: &Scenario) -> Option<ModelBench> {
+        ModelBench::on(world, world.drive()?.plant)
+    }
+
     /// A run of the real ego of `world` under random actions.
     fn run_of(world: &Scenario, index: u64) -> (Start, u64, SoFar) {
         let mut bench = world.bench();
@@ -225,7 +226,7 @@ mod tests {
         ] {
             let world = Scenario::shipped(name).expect("shipped").expect("sound");
             let world = world.on(plant);
-            for model in [ModelBench::of(&world), ModelBench::quick(&world)] {
+            for model in [own(&world), ModelBench::quick(&world)] {
                 let mut model = model.expect("driven");
                 for index in 0..4 {
                     let (start, noise, run) = run_of(&world, index);
@@ -248,7 +249,7 @@ mod tests {
         let world = Scenario::shipped("merge_fair");
         let world = world.expect("shipped").expect("sound");
         assert_eq!(world.drive().expect("driven").plant, PlantKind::Rigid);
-        let (mut own, mut quick) = (ModelBench::of(&world), ModelBench::quick(&world));
+        let (mut own, mut quick) = (own(&world), ModelBench::quick(&world));
         let columns = ["ado.x", "ado.y"].map(|name| world.world().schema().position(name));
         let [x, y] = columns.map(|column| column.expect("published"));
         let place = |bench: &Testbench| -> Vec<(f64, f64)> {
@@ -284,7 +285,7 @@ mod tests {
             .expect("shipped")
             .expect("sound");
         let (start, noise, run) = run_of(&world, 1);
-        let mut model = ModelBench::of(&world).expect("driven");
+        let mut model = own(&world).expect("driven");
         let heard = model.percepts((&start, noise), &run);
         assert!(run.motion.len().abs_diff(heard.percepts.len() + 1) <= 1);
         assert!(0.0 < heard.briefing.sample_s);

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::brake::{EmergencyBrake, Situation};
+use super::braking::brake_in;
 use super::likeness::Likeness;
 use super::model::{OUTPUTS, Surrogate, expected_mps2, said};
 use crate::campaign::Watch;
@@ -25,6 +27,8 @@ const CRITICAL: f64 = 1.0;
 const LEAST_SD: f32 = 1e-3;
 /// Across the road an ego that moves slower keeps its place.
 const LEAST_LATERAL_MPS: f64 = 0.05;
+/// Updates by which it is seen whether a brake makes an ego simpler.
+const BRIEF_UPDATES: u64 = 10_000;
 
 /// What an ego saw and what it did next, sample by sample.
 #[derive(Clone, Debug, Default)]
@@ -36,6 +40,8 @@ pub(super) struct Samples {
     /// Acceleration now, its change until the next sample, and speed across the
     /// road until then.
     pub answers: Vec<[f64; 3]>,
+    /// What of it an emergency brake would see.
+    pub situations: Vec<Situation>,
 }
 
 impl Samples {
@@ -79,6 +85,12 @@ impl Samples {
         })
     }
 
+    /// The emergency brake that is in it, if one is.
+    fn brake(&self, before: Option<EmergencyBrake>, seed: u64) -> Option<EmergencyBrake> {
+        let changes: Vec<f64> = self.answers.iter().map(|answer| answer[1]).collect();
+        brake_in(&self.situations, &changes, (before, seed))
+    }
+
     /// The root mean square of something over all samples.
     fn rms(&self, of: impl Fn(&[f32], &[f64; 3]) -> f64) -> f64 {
         let rows = self.inputs.chunks_exact(self.width.max(1));
@@ -100,14 +112,14 @@ impl Samples {
     }
 }
 
-/// Fits an ensemble with so many updates of each member. `None`: stopped, or
-/// there is nothing to fit.
+/// Fits an ensemble with so many updates of each member, and the brake over it, of
+/// which one was found before. `None`: stopped, or there is nothing to fit.
 ///
 /// Equal samples and seeds give equal networks, on any number of threads.
 pub(super) fn fit(
     samples: &Samples,
     alike: &Arc<[Likeness]>,
-    (updates, seed): (u64, u64),
+    (before, updates, seed): (Option<EmergencyBrake>, u64, u64),
     watch: &Watch<'_>,
 ) -> Option<Arc<Surrogate>> {
     if samples.answers.is_empty() {
@@ -121,7 +133,24 @@ pub(super) fn fit(
         range_mps2: samples.range_mps2(),
         alike: Arc::clone(alike),
         members: Vec::new(),
+        brake: None,
     };
+    if let Some(brake) = samples.brake(before, seed) {
+        // A brake may as well be how a smooth ego ends: it has to make it simpler to
+        // learn.
+        let with = Surrogate {
+            brake: Some(brake),
+            ..surrogate.clone()
+        };
+        let [left, less] = [&surrogate, &with].map(|surrogate| {
+            let mut lesson = Lesson::new(samples, surrogate, seed);
+            let net = lesson.taught(BRIEF_UPDATES);
+            lesson.loss(&net)
+        });
+        if less < left {
+            surrogate = with;
+        }
+    }
     let seeds: Vec<u64> = (0..MEMBERS as u64)
         .map(|member| seed ^ (member + 1))
         .collect();
@@ -140,6 +169,8 @@ struct Lesson<'a> {
     /// All rows in standard deviations.
     scaled: Vec<f32>,
     targets: Vec<[f32; ANSWERS]>,
+    /// What the brake says of the first answer at most.
+    limits: Vec<f32>,
     critical: Vec<usize>,
     dice: Dice,
 }
@@ -157,12 +188,30 @@ impl<'a> Lesson<'a> {
             };
             [(left_mps2 / accel) as f32, across as f32]
         };
-        Lesson {
+        let mut lesson = Lesson {
             samples,
+            limits: vec![f32::INFINITY; samples.answers.len()],
             scaled: scaled.collect(),
             targets: samples.answers.iter().enumerate().map(target).collect(),
             critical: samples.critical(samples.rms(|_, answer| answer[1])),
             dice: Dice::new(seed),
+        };
+        if let Some(brake) = &surrogate.brake {
+            lesson.limit(surrogate, brake);
+        }
+        lesson
+    }
+
+    /// Where a brake grips, what it does need not be learned.
+    fn limit(&mut self, surrogate: &Surrogate, brake: &EmergencyBrake) {
+        for (sample, limit) in self.limits.iter_mut().enumerate() {
+            let braking = self.samples.situations.get(sample);
+            let braking = braking.and_then(|situation| brake.change_mps2(situation));
+            *limit = braking.map_or(f32::INFINITY, |change_mps2| {
+                let row = self.samples.row(sample);
+                let left_mps2 = change_mps2 - expected_mps2(&surrogate.alike, row);
+                (left_mps2 / surrogate.unit[0]) as f32
+            });
         }
     }
 
@@ -174,20 +223,42 @@ impl<'a> Lesson<'a> {
         }
     }
 
-    fn taught(mut self, updates: u64) -> Mlp {
+    /// What a network leaves: the mean Huber loss over all samples and that over the
+    /// critical ones.
+    fn loss(&self, net: &Mlp) -> f64 {
+        let width = self.samples.width;
+        let loss = |sample: usize| {
+            let row = &self.scaled[sample * width..][..width];
+            let said = net.evaluate(row, |out| said(out).0[0]);
+            let off = said.min(self.limits[sample]) - self.targets[sample][0];
+            f64::from(match off.abs() < 1.0 {
+                true => 0.5 * off * off,
+                false => off.abs() - 0.5,
+            })
+        };
+        let mean = |samples: &mut dyn Iterator<Item = usize>| {
+            let (sum, count) = samples.fold((0.0, 0.0), |(sum, count), sample| {
+                (sum + loss(sample), count + 1.0)
+            });
+            if count == 0.0 { 0.0 } else { sum / count }
+        };
+        mean(&mut (0..self.targets.len())) + mean(&mut self.critical.iter().copied())
+    }
+
+    fn taught(&mut self, updates: u64) -> Mlp {
         let width = self.samples.width;
         let sizes = [width, HIDDEN, HIDDEN, OUTPUTS];
         let mut net = Mlp::orthogonal(&sizes, 0.1, &mut self.dice);
         let mut adam = Adam::new(net.parameters().len());
         let (mut tape, mut gradient) = (net.tape(BATCH), vec![0.0; net.parameters().len()]);
         let mut batch = vec![0.0; BATCH * width];
-        let mut wanted = [[0.0; ANSWERS]; BATCH];
+        let mut wanted = [([0.0; ANSWERS], f32::INFINITY); BATCH];
         for update in 0..updates {
             for (i, wanted) in wanted.iter_mut().enumerate() {
                 let sample = self.draw(i);
                 let row = &self.scaled[sample * width..][..width];
                 batch[i * width..][..width].copy_from_slice(row);
-                *wanted = self.targets[sample];
+                *wanted = (self.targets[sample], self.limits[sample]);
             }
             net.forward(&batch, BATCH, &mut tape);
             huber(&net, &wanted, &mut tape);
@@ -200,17 +271,23 @@ impl<'a> Lesson<'a> {
     }
 }
 
+/// What an answer should be, and what the brake says of the first one at most.
+type Wanted = ([f32; ANSWERS], f32);
+
 /// The gradient of the mean Huber loss, which follows no single jump of a
 /// controller that switches.
-fn huber(net: &Mlp, wanted: &[[f32; ANSWERS]; BATCH], tape: &mut crate::rl::nn::Tape) {
+fn huber(net: &Mlp, wanted: &[Wanted; BATCH], tape: &mut crate::rl::nn::Tape) {
     let stride = net.output_stride();
     let (output, gradient) = net.output_and_gradient(BATCH, tape);
     let rows = output
         .chunks_exact(stride)
         .zip(gradient.chunks_exact_mut(stride));
-    for ((output, gradient), wanted) in rows.zip(wanted) {
+    for ((output, gradient), (wanted, limit)) in rows.zip(wanted) {
         gradient.fill(0.0);
-        let (said, slopes) = said(output);
+        let (said, mut slopes) = said(output);
+        if *limit < said[0] {
+            slopes[0].fill(0.0);
+        }
         for ((said, wanted), slopes) in said.into_iter().zip(wanted).zip(slopes) {
             let off = (said - wanted).clamp(-1.0, 1.0) / BATCH as f32;
             for (slope, by) in gradient.iter_mut().zip(slopes) {
@@ -244,7 +321,7 @@ mod tests {
         let law = |x: f32, y: f32| f64::from(0.3 * x - 0.2 * y.max(0.0));
         let seen = samples(2000, law);
         let watch = Watch::unwatched();
-        let learned = fit(&seen, &Arc::default(), (3000, 1), &watch).expect("fitted");
+        let learned = fit(&seen, &Arc::default(), (None, 3000, 1), &watch).expect("fitted");
         let answer = |member: usize, row: [f32; 2]| {
             let scaled: Vec<f32> = learned.scaled(&row).collect();
             let net = &learned.members[member];
@@ -261,10 +338,27 @@ mod tests {
     }
 
     #[test]
+    fn what_a_brake_does_is_not_learned() {
+        let net = Mlp::orthogonal(&[2, 4, OUTPUTS], 1.0, &mut Dice::new(3));
+        let batch = vec![0.5; 2 * BATCH];
+        let gradient = |limit: f32| {
+            let (mut tape, mut gradient) = (net.tape(BATCH), vec![0.0; net.parameters().len()]);
+            net.forward(&batch, BATCH, &mut tape);
+            huber(&net, &[([0.7, 0.0], limit); BATCH], &mut tape);
+            net.backward(&batch, BATCH, &mut tape, &mut gradient);
+            gradient.iter().map(|slope| slope.abs()).sum::<f32>()
+        };
+        let said = net.evaluate(&[0.5, 0.5], |out| said(out).0);
+        let across = |limit| gradient(limit) - gradient(said[0] - 1.0);
+        assert!(0.0 < across(f32::INFINITY) && across(said[0] + 1.0) == across(f32::INFINITY));
+        assert_eq!(across(said[0] - 0.1), 0.0);
+    }
+
+    #[test]
     fn an_ego_that_keeps_its_lane_is_none_that_steers() {
         let watch = Watch::unwatched();
         let mut seen = samples(50, |x, _| f64::from(x));
-        let learned = |seen: &Samples| fit(seen, &Arc::default(), (10, 1), &watch);
+        let learned = |seen: &Samples| fit(seen, &Arc::default(), (None, 10, 1), &watch);
         let across = |seen: &Samples| learned(seen).expect("fitted").unit[1];
         assert_eq!(across(&seen), 0.0);
         for answer in &mut seen.answers {

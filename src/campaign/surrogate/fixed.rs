@@ -120,6 +120,7 @@ mod tests {
                 0.1,
                 &mut crate::rl::Dice::new(1),
             )],
+            brake: None,
         });
         let from = super::super::record::starts(&world, 20, 3);
         let found = best_fixed(&world, &idle, &from).expect("driven");

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::bench::{ModelBench, SoFar, VARIATIONS};
+use super::brake::EmergencyBrake;
 use super::care::Care;
 use super::fit::fit;
 use super::fixed::{TriedActions, best_fixed};
@@ -14,6 +15,7 @@ use super::likening::likenesses;
 use super::model::Surrogate;
 use super::motion::Moment;
 use super::plan::Planner;
+use super::plant::judged_on;
 use super::record::{Run, alike, answered, mixed, planned, samples, starts};
 use super::strategy::Policies;
 use super::trained_on::trained_on;
@@ -22,6 +24,7 @@ use crate::rl::{Bundle, Policy, load_policy};
 use crate::run::{predicted, wilson};
 use crate::scenario::Scenario;
 use crate::scene::Start;
+use crate::sim::PlantKind;
 
 /// With fewer runs there is nothing to fit.
 pub const LEAST_RUNS: u64 = 10;
@@ -30,7 +33,7 @@ const THREE_ROUNDS: u64 = 90;
 /// Updates of each network after every round but the last one.
 const UPDATES: u64 = 40_000;
 /// Updates after the last round.
-const LAST_UPDATES: u64 = 150_000;
+const LAST_UPDATES: u64 = 120_000;
 /// A surrogate that is no further off foresees its ego, however little that does.
 const CLOSE_M: f64 = 0.1;
 /// How far ahead a surrogate is asked to see.
@@ -104,6 +107,12 @@ pub struct LearnedFrom {
     /// every start, tried in turn with the plans of the last round.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fixed: Option<TriedActions>,
+    /// The plant on which plans are judged: the kinematic one where everybody moves on
+    /// it as on the world's own, which is slower.
+    pub judged_on: PlantKind,
+    /// The emergency brake it was found to have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub brake: Option<EmergencyBrake>,
     /// The stock controllers that it is most like, the nearest first.
     pub alike: Vec<Likeness>,
 }
@@ -181,12 +190,13 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         seed,
     } = *request;
     let mut kinds = kinds_but(unknown);
-    let mut learned = |runs: &[Run], updates: u64| {
+    let mut learned = |runs: &[Run], (brake, updates): (Option<EmergencyBrake>, u64)| {
         let answered = answered(ego, runs)?;
         let found = likenesses(&answered, &kinds, seed, watch);
         let alike: Arc<[Likeness]> = found.nearest.into();
         kinds = found.kinds;
-        fit(&samples(&answered, &alike), &alike, (updates, seed), watch)
+        let asked = (brake, updates, seed);
+        fit(&samples(&answered, &alike), &alike, asked, watch)
     };
     let all = starts(nominal, runs, seed);
     let rounds = if THREE_ROUNDS <= runs { 3 } else { 2 };
@@ -201,9 +211,11 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         as_trained: as_trained.clone().count() as u64,
         as_trained_successes: as_trained.filter(|run| run.is_success).count() as u64,
         fixed: None,
+        judged_on: judged_on(ego, &recorded)?,
+        brake: None,
         alike: Vec::new(),
     };
-    let mut surrogate = learned(&recorded, UPDATES)?;
+    let mut surrogate = learned(&recorded, (None, UPDATES))?;
     let rounds: Vec<_> = rounds.collect();
     let mut inside = None;
     for (round, starts) in rounds.iter().enumerate() {
@@ -217,7 +229,8 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
             as_trained: policy,
             trained_on: followed.as_deref(),
         };
-        let planner = || Planner::new(ego, &surrogate, (policies, Care::BRIEF), watch);
+        let model = (&surrogate, from.judged_on);
+        let planner = || Planner::new(ego, model, (policies, Care::BRIEF), watch);
         let doubts = is_last && from.error.is_some_and(|error| !error.is_telling());
         let [to_plan, to_compare] = match doubts {
             true => in_turn(starts),
@@ -242,9 +255,10 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         from.planned_successes = found.iter().filter(|run| run.is_success).count() as u64;
         recorded.extend(found);
         let updates = if is_last { LAST_UPDATES } else { UPDATES };
-        surrogate = learned(&recorded, updates)?;
+        surrogate = learned(&recorded, (surrogate.brake, updates))?;
     }
     from.alike = surrogate.alike.to_vec();
+    from.brake = surrogate.brake;
     let inside = trained_on(ego, inside.as_ref().or(kept), (&surrogate, seed), watch);
     if watch.stopped() {
         return None;
@@ -332,6 +346,8 @@ mod tests {
                 runs,
                 successes,
             }),
+            judged_on: PlantKind::Kinematic,
+            brake: None,
             alike: Vec::new(),
         }
     }
@@ -369,6 +385,7 @@ mod tests {
             range_mps2: [-8.0, 2.0],
             alike: Arc::default(),
             members: vec![Mlp::zeros(&[width, OUTPUTS])],
+            brake: None,
         });
         let error = error_of(&ego, &keeps, &runs).expect("long enough");
         // With what the ego did afterwards it would be 3 m.

@@ -17,7 +17,7 @@ use crate::ego::{KINDS, Percept};
 use crate::seed;
 
 /// Samples for searching, and those on which what was found is settled.
-const SAMPLES: [usize; 2] = [800, 4000];
+const SAMPLES: [usize; 2] = [600, 3000];
 /// How many kinds are tried again when more is known of an ego.
 const WORTH: usize = 6;
 /// Searches per kind.
@@ -297,34 +297,11 @@ fn mean_square(deviations: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign::EgoUnderTest;
     use crate::campaign::surrogate::kinds::kinds_but;
-    use crate::campaign::surrogate::record::{answered, mixed, starts};
+    use crate::campaign::surrogate::recorded::runs_of;
     use crate::ego::{Actuated, Briefing};
-    use crate::rl::Policy;
     use crate::scenario::Scenario;
     use crate::sim::PlantKind;
-
-    struct Coasts;
-
-    impl Policy for Coasts {
-        fn act(&self, _: &[f32]) -> usize {
-            1
-        }
-
-        fn value(&self, _: &[f32]) -> f32 {
-            0.0
-        }
-    }
-
-    fn runs_of(name: &str, plant: PlantKind) -> Vec<Answered> {
-        let world = Scenario::shipped("acc_structures").expect("shipped");
-        let world = world.expect("sound").on(plant);
-        let ego = EgoUnderTest::find(&world, name).expect("an ego").remove(0);
-        let from = starts(&world, 33, 8);
-        let runs = mixed(ego.scenario(), &Coasts, &from, &Watch::unwatched());
-        answered(ego.scenario(), &runs).expect("driven")
-    }
 
     fn parameter(like: &Likeness, name: &str) -> f64 {
         let all = like.controller.parameters();
@@ -335,7 +312,7 @@ mod tests {
     #[test]
     fn a_published_model_is_found_with_its_parameters() {
         let watch = Watch::unwatched();
-        let idm = runs_of("idm", PlantKind::Rigid);
+        let idm = runs_of("idm", PlantKind::Rigid, 33);
         let kinds = ["Acc", "Idm", "Gipps", "Aeb"];
         let found = likenesses(&idm, &kinds, 1, &watch);
         assert_eq!((found.kinds.len(), found.kinds[0]), (4, "Idm"));
@@ -363,7 +340,7 @@ mod tests {
 
     #[test]
     fn what_is_most_like_another_controller_is_begun_with_that_one() {
-        let runs = runs_of("filter", PlantKind::Kinematic);
+        let runs = runs_of("filter", PlantKind::Kinematic, 33);
         let kinds = ["Acc", "FilteredAcc", "Gipps"];
         let found = likenesses(&runs, &kinds, 1, &Watch::unwatched()).nearest;
         // It follows as the ACC does, and now and then its filter brakes.
@@ -399,7 +376,7 @@ mod tests {
             delay_s: 0.0,
             ..like.clone()
         };
-        let runs = runs_of("idm", PlantKind::Kinematic);
+        let runs = runs_of("idm", PlantKind::Kinematic, 33);
         let percepts = &runs[0].heard.percepts;
         let (mut delayed, mut prompt) = (like.model(&briefing), at_once.model(&briefing));
         for (sample, percept) in percepts.iter().enumerate() {
@@ -411,7 +388,7 @@ mod tests {
 
     #[test]
     fn an_ego_that_never_changes_its_acceleration_is_like_nobody() {
-        let mut runs = runs_of("idm", PlantKind::Kinematic);
+        let mut runs = runs_of("idm", PlantKind::Kinematic, 33);
         for run in &mut runs {
             run.answers.fill([0.0, 0.0]);
         }

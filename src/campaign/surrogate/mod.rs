@@ -10,12 +10,17 @@
 //! lead to. Every counterexample is a run of the real ego: a surrogate that is
 //! wrong can miss, but it can claim nothing false.
 //!
+//! What an ego does beyond a threshold, a network rounds off: its emergency brake is
+//! looked for first ([`braking`]).
+//!
 //! The trained policy is one of the strategies that a plan has to beat, and what
 //! acts where none is found.
 
 mod acting;
 mod again;
 mod bench;
+mod brake;
+mod braking;
 mod care;
 mod features;
 mod fit;
@@ -27,14 +32,18 @@ mod likening;
 mod model;
 mod motion;
 mod plan;
+mod plant;
 mod reading;
 mod record;
+#[cfg(test)]
+mod recorded;
 mod stored;
 mod strategy;
 mod trained_on;
 mod trial;
 
 pub use acting::{AdaptedRow, AdaptedTo};
+pub use brake::{BrakedFor, EmergencyBrake};
 pub use fixed::TriedActions;
 pub use learn::{
     Acts, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego,

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::brake::{EmergencyBrake, Situation};
 use super::likeness::{Heard, Likeness, MODELS};
 use super::motion::Moment;
 use super::reading::Reading;
@@ -38,11 +39,13 @@ pub(super) struct Surrogate {
     pub alike: Arc<[Likeness]>,
     /// The members of the ensemble.
     pub members: Vec<Mlp>,
+    /// An emergency brake over all of them.
+    pub brake: Option<EmergencyBrake>,
 }
 
 impl Surrogate {
     /// Change of acceleration, and speed across the road: what one member says, or
-    /// the mean of all.
+    /// the mean of all, without the brake.
     fn answer(&self, member: Option<usize>, row: &[f32], scaled: &mut Vec<f32>) -> [f64; 2] {
         scaled.clear();
         scaled.extend(self.scaled(row));
@@ -170,6 +173,10 @@ impl ModelDriver {
         };
         let [change_mps2, lateral_mps] =
             surrogate.answer(self.part.member, &self.row, &mut self.scaled);
+        let braking_mps2 = surrogate
+            .brake
+            .and_then(|brake| brake.change_mps2(&Situation::of(percept)));
+        let change_mps2 = braking_mps2.map_or(change_mps2, |braking| change_mps2.min(braking));
         let accel_mps2 = own.accel_mps2 + change_mps2 + self.part.bias_mps3 * percept.sample_s;
         let [least, most] = surrogate.range_mps2;
         Command {
@@ -235,6 +242,7 @@ mod tests {
             range_mps2,
             alike: Arc::default(),
             members: vec![member(), member()],
+            brake: None,
         }
     }
 

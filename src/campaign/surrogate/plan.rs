@@ -14,6 +14,7 @@ use crate::campaign::Watch;
 use crate::campaign::search::{Next, Tree};
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
+use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Testbench};
 
 /// Most switches of action in a plan.
@@ -80,8 +81,9 @@ impl PlannedRun {
 pub(super) struct Planner<'a> {
     /// Explores the tree of sequences, on the kinematic plant.
     tree: ModelBench,
-    /// Plays one sequence after the other on the world's own plant: where a rule is
-    /// kept by centimetres, what succeeds on the other one mostly breaks it.
+    /// Plays one sequence after the other, on the world's own plant where somebody moves
+    /// otherwise on the kinematic one: where a rule is kept by centimetres, what succeeds
+    /// on that mostly breaks it.
     judge: ModelBench,
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
@@ -97,16 +99,16 @@ pub(super) struct Planner<'a> {
 }
 
 impl<'a> Planner<'a> {
-    /// For `world`; `None`: nobody drives in it.
+    /// For `world`, plans being judged on a plant; `None`: nobody drives in it.
     pub fn new(
         world: &Scenario,
-        surrogate: &Arc<Surrogate>,
+        (surrogate, plant): (&Arc<Surrogate>, PlantKind),
         (policies, care): (Policies<'a>, Care),
         watch: &'a Watch<'a>,
     ) -> Option<Planner<'a>> {
         Some(Planner {
             tree: ModelBench::quick(world)?,
-            judge: ModelBench::of(world)?,
+            judge: ModelBench::on(world, plant)?,
             reader: MotionReader::of(world)?,
             surrogate: Arc::clone(surrogate),
             policies,

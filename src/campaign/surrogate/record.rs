@@ -6,6 +6,7 @@ use rand::RngExt;
 
 use super::again::Earlier;
 use super::bench::{ModelBench, Origin, SoFar};
+use super::brake::Situation;
 use super::fit::Samples;
 use super::likeness::{Answered, Likeness};
 use super::motion::MotionReader;
@@ -223,6 +224,7 @@ pub(super) fn samples(runs: &[Answered], alike: &Arc<[Likeness]>) -> Samples {
             samples.inputs.extend_from_slice(&row);
             let answer = [percept.own.accel_mps2, *change_mps2, *lateral_mps];
             samples.answers.push(answer);
+            samples.situations.push(Situation::of(percept));
         }
     }
     samples

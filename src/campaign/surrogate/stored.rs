@@ -114,6 +114,7 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
         range_mps2: [range[0], range[1]],
         alike: from.alike.clone().into(),
         members,
+        brake: from.brake,
     };
     let trained_on = match bundle.shape(TRAINED_ON) {
         Some(_) => Some(Bundle::from_bytes(bundle.rows::<u8>(TRAINED_ON, &[])?)?),

@@ -92,6 +92,7 @@ mod tests {
             range_mps2: [-8.0, 2.0],
             alike: Arc::default(),
             members: vec![net.clone(), net],
+            brake: None,
         })
     }
 
