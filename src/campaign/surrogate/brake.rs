@@ -80,14 +80,15 @@ pub(super) struct Ahead {
 impl Ahead {
     /// `None`: it is not ahead.
     fn of(own: &Own, seen: &Seen) -> Option<Ahead> {
-        if seen.headway_m <= 0.0 {
+        let room = seen.room();
+        if room.far_m <= 0.0 {
             return None;
         }
         Some(Ahead {
-            clearance_m: seen.clearance_m(),
+            clearance_m: room.near_m,
             own_mps: own.speed_mps,
             other_mps: seen.speed_mps,
-            side_m: seen.lateral_m.abs() - 0.5 * (own.width_m + seen.width_m),
+            side_m: room.right_m.max(-room.left_m) - 0.5 * own.width_m,
             towards_mps: (-seen.lateral_mps * seen.lateral_m.signum()).max(0.0),
         })
     }
@@ -154,9 +155,9 @@ impl EmergencyBrake {
     /// The same, gripping.
     pub(super) fn gripping_mps2(&self, situation: &Situation) -> f64 {
         let Situation { own, sample_s, .. } = situation;
-        let actuator = Actuator::new(self.lag_s, *sample_s).from(own.accel_mps2);
+        let actuator = Actuator::new(self.lag_s, *sample_s);
         // Whoever brakes to a stop stands.
-        let next_mps2 = { actuator }.step(-self.brake_mps2);
+        let next_mps2 = actuator.from(own.accel_mps2).step(-self.brake_mps2);
         next_mps2.max(-own.speed_mps / sample_s) - own.accel_mps2
     }
 

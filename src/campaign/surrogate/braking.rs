@@ -1,9 +1,10 @@
 //! Finding the emergency brake of an ego in what it did.
 //!
 //! While a brake grips, the acceleration goes to the same value from wherever it is:
-//! its changes lie on a line over the acceleration, whoever is ahead. Nothing else
-//! that an ego does lies on one line, so that line is found first, by consensus
-//! (Fischler & Bolles 1981), and with it which samples were braked. When it grips is
+//! its changes lie on a line over the acceleration, whoever is ahead. Little else
+//! that an ego does lies on one line (its other limits do), so that line is found
+//! first, by consensus (Fischler & Bolles 1981), and with it which samples were braked.
+//! When it grips is
 //! then a matter of telling two kinds of samples apart by a weighted sum: between the
 //! samples at which it began or ended, and by logistic regression of those nearby.
 
@@ -25,7 +26,7 @@ const NEAR_MPS2: [f64; 4] = [1e-3, 1e-2, 3e-2, 1e-1];
 const AROUND: f64 = 10.0;
 /// Less is no braking, m/s².
 const LEAST_MPS2: f64 = 0.05;
-/// The hardest braking that a line may lead to, and the softest.
+/// The softest braking that a line may lead to, and the hardest.
 const BRAKES_MPS2: std::ops::Range<f64> = 2.0..12.0;
 /// The longest time constant, s.
 const LONGEST_LAG_S: f64 = 1.0;
@@ -93,6 +94,9 @@ pub(super) fn brake_in(
     let pairs = situations.iter().zip(changes);
     let worths = pairs.map(|(situation, change)| worth(&brake, situation, *change, near_mps2));
     let worths: Vec<f64> = worths.collect();
+    if !worths.iter().any(|worth| 0.0 < *worth) {
+        return None;
+    }
     let mut kinds: Vec<Cases> = Vec::new();
     for counts in COUNTS {
         for only_closing in [false, true] {
@@ -212,7 +216,7 @@ fn line(
     }
     let every = all.len().div_ceil(HELD_AGAINST);
     let few: Vec<(f64, f64)> = all.iter().step_by(every).copied().collect();
-    // On it, and so much as lies around it for no reason off.
+    // On it, less twice what lies there by chance if all around is chance.
     let excess = |line: &Line, near_mps2: f64| {
         let mut on_and_around = [0.0; 2];
         for &(accel_mps2, change_mps2) in &few {
@@ -354,7 +358,7 @@ impl Cases {
         let thinned = self.all.iter().filter_map(|case| {
             let more = if case.worth < 0.0 { every as f64 } else { 1.0 };
             wrong += usize::from(case.worth < 0.0);
-            (0.0 < case.worth || wrong.is_multiple_of(every)).then(|| Case {
+            (0.0 < case.worth || wrong.is_multiple_of(every)).then_some(Case {
                 worth: more * case.worth,
                 ..*case
             })
@@ -519,7 +523,9 @@ impl<'a> Sum<'a> {
         let cases = &self.few.all;
         let size = |way: usize| {
             let squares = cases.iter().map(|case| case.ways[way] * case.ways[way]);
-            (squares.sum::<f64>() / cases.len().max(1) as f64).sqrt() + 1e-9
+            let size = (squares.sum::<f64>() / cases.len().max(1) as f64).sqrt();
+            // A way that is never gone needs no other weight.
+            if size < 1e-6 { f64::INFINITY } else { size }
         };
         let sizes: Vec<f64> = self.ways.iter().map(|&way| size(way)).collect();
         // A point is what each of the weights makes of its way, in m.
@@ -577,7 +583,9 @@ fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
         true => 1.0,
         false => {
             let squares = rows.iter().map(|row| (row[i] - means[i]).powi(2));
-            (squares.sum::<f64>() / count).sqrt() + 1e-9
+            // What is the same everywhere is not blown up.
+            let sd = (squares.sum::<f64>() / count).sqrt();
+            sd.max(1e-6 * (1.0 + means[i].abs()))
         }
     };
     let sds: Vec<f64> = (0..width).map(sd).collect();
