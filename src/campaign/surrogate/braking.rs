@@ -13,6 +13,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::brake::{BrakedFor, EmergencyBrake, MARGIN, Situation, WAYS};
+use super::regression::{SMALL_WEIGHTS, add, logistic};
 use crate::campaign::entropy::Search;
 use crate::seed;
 
@@ -52,10 +53,6 @@ const SETTLED: usize = 12;
 const NEARBY_M: [f64; 5] = [1.0, 0.5, 0.3, 0.2, 0.1];
 /// From fewer samples of a kind nothing is told apart.
 const FEW: usize = 5;
-/// What large weights cost, in standard deviations.
-const SMALL_WEIGHTS: f64 = 1e-4;
-/// Steps of a logistic regression.
-const NEWTON_STEPS: usize = 40;
 /// How far from the threshold samples may be that a sum with a way less is begun with, m.
 const SIMPLER_M: f64 = 2.0;
 /// Who may count as being ahead.
@@ -552,105 +549,6 @@ impl<'a> Sum<'a> {
     }
 }
 
-/// Adds a row to normal equations, with a weight and what it should come to.
-fn add(
-    left: &mut DMatrix<f64>,
-    right: &mut DVector<f64>,
-    row: &[f64],
-    (weight, wanted): (f64, f64),
-) {
-    for (i, a) in row.iter().enumerate() {
-        right[i] += weight * a * wanted;
-        for (j, b) in row.iter().enumerate() {
-            left[(i, j)] += weight * a * b;
-        }
-    }
-}
-
-/// Logistic regression of the signs of `worths`, which are weights as well, on rows
-/// whose last but one column is constant: Newton steps, halved where they go too far.
-/// `None`: it has no solution.
-fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
-    let width = rows.first()?.len();
-    let constant = width - 2;
-    let count = rows.len() as f64;
-    let mean = |i: usize| match i == constant {
-        true => 0.0,
-        false => rows.iter().map(|row| row[i]).sum::<f64>() / count,
-    };
-    let means: Vec<f64> = (0..width).map(mean).collect();
-    let sd = |i: usize| match i == constant {
-        true => 1.0,
-        false => {
-            let squares = rows.iter().map(|row| (row[i] - means[i]).powi(2));
-            // What is the same everywhere is not blown up.
-            let sd = (squares.sum::<f64>() / count).sqrt();
-            sd.max(1e-6 * (1.0 + means[i].abs()))
-        }
-    };
-    let sds: Vec<f64> = (0..width).map(sd).collect();
-    let scaled = |row: &Vec<f64>| {
-        let row = row.iter().zip(&means).zip(&sds);
-        row.map(|((value, mean), sd)| (value - mean) / sd)
-            .collect::<Vec<f64>>()
-    };
-    let rows: Vec<Vec<f64>> = rows.iter().map(scaled).collect();
-    let at = |weights: &DVector<f64>, row: &[f64]| -> f64 {
-        row.iter().zip(weights.iter()).map(|(a, b)| a * b).sum()
-    };
-    let loss = |weights: &DVector<f64>| {
-        let losses = rows.iter().zip(worths).map(|(row, worth)| {
-            let wrong = -worth.signum() * at(weights, row);
-            worth.abs() * (wrong.max(0.0) + libm::log1p(libm::exp(-wrong.abs())))
-        });
-        losses.sum::<f64>() + 0.5 * SMALL_WEIGHTS * weights.norm_squared()
-    };
-    let mut weights = DVector::zeros(width);
-    let mut here = loss(&weights);
-    for _ in 0..NEWTON_STEPS {
-        let mut left = DMatrix::identity(width, width) * SMALL_WEIGHTS;
-        let mut right = &weights * -SMALL_WEIGHTS;
-        for (row, worth) in rows.iter().zip(worths) {
-            let braked = 1.0 / (1.0 + libm::exp(-at(&weights, row)));
-            let curved = worth.abs() * (braked * (1.0 - braked)).max(1e-12);
-            let wanted = f64::from(u8::from(0.0 < *worth)) - braked;
-            // The gradient, as a row that should come to it.
-            let wanted = worth.abs() * wanted / curved;
-            add(&mut left, &mut right, row, (curved, wanted));
-        }
-        let step = left.cholesky()?.solve(&right);
-        let mut share = 1.0;
-        let there = loop {
-            let there = &weights + &step * share;
-            if loss(&there) < here || share < 1e-3 {
-                break there;
-            }
-            share *= 0.5;
-        };
-        let lower = loss(&there);
-        if here <= lower {
-            break;
-        }
-        let gained = here - lower;
-        (weights, here) = (there, lower);
-        if gained < 1e-6 * here {
-            break;
-        }
-    }
-    let mut raw: Vec<f64> = weights
-        .iter()
-        .zip(&sds)
-        .map(|(weight, sd)| weight / sd)
-        .collect();
-    let shift: f64 = raw
-        .iter()
-        .zip(&means)
-        .map(|(weight, mean)| weight * mean)
-        .sum();
-    raw[constant] -= shift;
-    Some(raw)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -720,18 +618,5 @@ mod tests {
         changes.fill(0.0);
         assert_eq!(brake_in(&situations, &changes, (None, 1)), None);
         assert_eq!(brake_in(&[], &[], (None, 1)), None);
-    }
-
-    #[test]
-    fn a_regression_finds_where_signs_change() {
-        let rows: Vec<Vec<f64>> = (0..200)
-            .map(|i| vec![f64::from(i), 1.0, -7.0 + f64::from(i % 3)])
-            .collect();
-        let worths: Vec<f64> = (0..200)
-            .map(|i| if 120 <= i { 1.0 } else { -0.5 })
-            .collect();
-        let found = logistic(&rows, &worths).expect("solved");
-        let over = |i: usize| rows[i].iter().zip(&found).map(|(a, b)| a * b).sum::<f64>();
-        assert!(over(119) < 0.0 && 0.0 < over(120), "{found:?}");
     }
 }

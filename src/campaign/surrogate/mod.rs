@@ -37,6 +37,7 @@ mod reading;
 mod record;
 #[cfg(test)]
 mod recorded;
+mod regression;
 mod stored;
 mod strategy;
 mod trained_on;
