@@ -8,7 +8,7 @@ use super::parameters::parameters;
 use super::{Command, Controller, Fault, Percept};
 
 parameters! {
-    /// The follower of Eqs. (12) and (13), with a constant time gap.
+    /// The follower of Sec. V-B, with a constant time gap.
     pub struct Acc {
         /// Gain on the headway error, 1/s².
         kp_per_s2, at_least 0.0;
@@ -26,7 +26,7 @@ parameters! {
 }
 
 impl Acc {
-    /// The law of Eq. (12) before saturation; 0 with nobody ahead.
+    /// The law u before saturation; 0 with nobody ahead.
     fn wish_mps2(&self, percept: &Percept) -> f64 {
         let Some(lead) = percept.leader() else {
             return 0.0;

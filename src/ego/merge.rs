@@ -1,4 +1,4 @@
-//! The switching merge controller (Sec. V-C, Eqs. (14) and (15)).
+//! The switching merge controller (Sec. V-B).
 //!
 //! d_lka = d_lat − v_ado,lat · t_lka says how far beside the ego another road
 //! user will be t_lka from now. While somebody ahead has d_lka at or below the
@@ -24,7 +24,7 @@ parameters! {
 }
 
 impl Merge {
-    /// d_lka of Eq. (14); negative when the other will have crossed over.
+    /// Predicted lateral distance d_lka; negative when the other will have crossed over.
     fn d_lka_m(&self, seen: &Seen) -> f64 {
         let towards_mps = -seen.lateral_mps * seen.lateral_m.signum();
         seen.lateral_m.abs() - towards_mps * self.t_lka_s

@@ -178,9 +178,9 @@ egos! {
     aeb::Aeb by build;
     /// The same, keeps its lane by pure pursuit and steers around what braking leaves.
     pursuit::PurePursuit by build;
-    /// The switching merge controller, Sec. V-C.
+    /// The switching merge controller, Sec. V-B.
     merge::Merge by build;
-    /// Follows, and stops for lights by the paper's d(t), Sec. V-D.
+    /// Follows, and stops for lights by the d(t) of the paper's appendix.
     yellow::YellowLight by build;
     /// The same by the stopping distance.
     yellow::YellowLightFixed by build;

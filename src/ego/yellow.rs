@@ -1,9 +1,10 @@
-//! Followers that stop for traffic lights (Sec. V-D, Eqs. (16) to (18)).
+//! Followers that stop for traffic lights (the paper's appendix).
 //!
 //! On yellow the paper's ego cruises while d(t) + δ < d_l, with d_l the
 //! distance to the line and d(t) = v (τ − t) + ½ a_max (τ − t)², and brakes
-//! with a_max < 0 otherwise. d(t) is what it covers *until red* under full
-//! braking, not what it takes to stop: that is the flaw an ado exploits.
+//! with a_max otherwise; only a_max < 0 makes sense of both. d(t) is what it
+//! covers *until red* under full braking, not what it takes to stop: that is the
+//! flaw an ado exploits.
 //! [`YellowLightFixed`] has v²/2|a_max| + v·lag in its place.
 //!
 //! Paper: silent on three points. Here: d(t) is clamped at standstill, because
@@ -70,7 +71,7 @@ stops_for_lights! {
 /// What it compares with the distance to the line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Reach {
-    /// d(t): what full braking covers until red, Eq. (17).
+    /// d(t): what full braking covers until red.
     UntilRed,
     /// v²/2a, and the way that the lag of the brakes costs.
     Stopping,

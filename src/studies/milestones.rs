@@ -1,4 +1,4 @@
-//! Success against episodes and time, along one training (Sec. V-B to V-D).
+//! Success against episodes and time, along one training (Sec. V-B and the appendix).
 //!
 //! The paper reports its driving scenes so: 75.76 % after 371 episodes of the
 //! merge, 64 % after 247 of the yellow light. Here the learner is stopped at

@@ -1,6 +1,6 @@
 //! Starts of nearly the same value as a failing one: do they fail too?
 //!
-//! The paper's remark on generalisation (Sec. VI): around a failing start it
+//! The paper's remark on generalisation (Sec. V-B): around a failing start it
 //! finds failing starts with smaller and larger distances and speeds, several
 //! of them never met in training. Near means near in the ado's own value V.
 

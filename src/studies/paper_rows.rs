@@ -1,4 +1,4 @@
-//! The paper's own rows for its driving scenes (Sec. V-B to V-D).
+//! The paper's own rows for its driving scenes (Sec. V-B and the appendix).
 //!
 //! The Q-table beside the DQN on ACC with the time both took; Definition 4 as
 //! printed on the state as printed; success after the paper's numbers of

@@ -3,6 +3,7 @@
 mod circles;
 mod names;
 mod pages;
+mod references;
 mod snippets;
 mod sources;
 
@@ -264,6 +265,48 @@ fn signals_and_robustness_are_double_precision() {
         let double = place.starts_with("crates/stl/") || place.starts_with("src/rulebook");
         assert!(!(double && line.contains("f32")), "{place}");
     }
+}
+
+/// Where numbers become single: bodies of rapier, observations, what an ado is
+/// told, rewards, networks, and pictures.
+const MAY_CAST: [&str; 11] = [
+    "src/campaign/heuristic.rs",
+    "src/campaign/surrogate/",
+    "src/conformance/policy.rs",
+    "src/rl/",
+    "src/scenario/family.rs",
+    "src/scene/drive/observing.rs",
+    "src/scene/grid/",
+    "src/scene/world.rs",
+    "src/sim/rigid/",
+    "src/testbench/gym.rs",
+    "src/view/",
+];
+
+#[test]
+fn numbers_become_single_in_few_places() {
+    let casts = |(place, line): &(String, String)| {
+        line.contains("as f32") && !MAY_CAST.iter().any(|may| place.starts_with(may))
+    };
+    let wrong: Vec<(String, String)> = lines().into_iter().filter(casts).collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// The platform's functions differ in their last bits; `libm` does not.
+#[test]
+fn mathematics_is_not_the_platforms() {
+    const FUNCTIONS: &str = "acos asin atan atan2 cbrt cos cosh exp exp2 exp_m1 hypot ln ln_1p \
+                             log log10 log2 powf sin sin_cos sinh tan tanh";
+    let calls: Vec<String> = FUNCTIONS
+        .split_whitespace()
+        .map(|function| format!(".{function}("))
+        .collect();
+    let asks = |(place, line): &(String, String)| {
+        let drawn = place.starts_with("src/view/");
+        !drawn && calls.iter().any(|call| line.contains(call))
+    };
+    let wrong: Vec<(String, String)> = lines().into_iter().filter(asks).collect();
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 /// In both packages: one is re-exported by the other.

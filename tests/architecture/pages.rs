@@ -5,20 +5,20 @@ use std::path::{Path, PathBuf};
 /// A page that a user reads in one sitting.
 const MOST_WORDS: usize = 2000;
 
-fn root() -> &'static Path {
+pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-fn is_published() -> bool {
+pub fn is_published() -> bool {
     root().join("Cargo.toml.orig").exists()
 }
 
-fn read(page: &Path) -> String {
+pub fn read(page: &Path) -> String {
     std::fs::read_to_string(page).unwrap_or_else(|error| panic!("{}: {error}", page.display()))
 }
 
 /// Everything with this ending in a directory and below.
-fn below(directory: &Path, ending: &str) -> Vec<PathBuf> {
+pub fn below(directory: &Path, ending: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(directory).expect("a directory") {
         let path = entry.expect("an entry").path();
@@ -32,7 +32,7 @@ fn below(directory: &Path, ending: &str) -> Vec<PathBuf> {
     found
 }
 
-fn pages() -> Vec<PathBuf> {
+pub fn pages() -> Vec<PathBuf> {
     let mut pages = below(&root().join("docs"), "md");
     let mut beside = vec!["README.md", "CHANGELOG.md", "ARCHITECTURE.md"];
     if !is_published() {

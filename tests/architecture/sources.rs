@@ -36,6 +36,8 @@ pub struct Mention {
 struct Module {
     file: usize,
     items: BTreeSet<String>,
+    /// Words in macros between its items, any of which may become one.
+    made: BTreeSet<String>,
     /// What its `use`s bring in, as written.
     brought: BTreeMap<String, Names>,
     globs: Vec<Names>,
@@ -130,6 +132,45 @@ impl Sources {
         Some((at, module.file))
     }
 
+    /// The item that a path from its crate on leads to, and what the path names
+    /// of it; nothing behind a module. `None` if a part of it does not exist.
+    pub fn item(&self, path: &[String]) -> Option<Names> {
+        self.item_within(path, 0)
+    }
+
+    fn item_within(&self, path: &[String], steps: usize) -> Option<Names> {
+        let (mut at, mut module) = self.modules.get_key_value(path.get(..1)?)?;
+        for (i, name) in path.iter().enumerate().skip(1) {
+            let last = i + 1 == path.len();
+            match self.modules.get_key_value(&path[..=i]) {
+                Some(child) if !last || !module.has(name) => (at, module) = child,
+                _ if module.items.contains(name) => return Some(path[i..].to_vec()),
+                _ if LONGEST < steps => return None,
+                _ => {
+                    let from = self.brought_in(at, module, name, steps);
+                    let from = from.map(|from| [&from, &path[i + 1..]].concat());
+                    let item = from.and_then(|from| self.item_within(&from, steps + 1));
+                    let made = || {
+                        let through = |glob: &Names| {
+                            let there = self.through(at, glob, name, steps);
+                            let module = self.modules.get(&there[..there.len() - 1]);
+                            module.is_some_and(|module| module.made.contains(name))
+                        };
+                        module.made.contains(name) || module.globs.iter().any(through)
+                    };
+                    return item.or_else(|| made().then(|| path[i..].to_vec()));
+                }
+            }
+        }
+        Some(Names::new())
+    }
+
+    /// Modules that have this name, wherever they are.
+    pub fn modules_called(&self, name: &str) -> impl Iterator<Item = &Names> {
+        let called = move |module: &&Names| module.last().is_some_and(|last| last == name);
+        self.modules.keys().filter(called)
+    }
+
     /// Where a name of a module comes from, if from elsewhere.
     fn brought_in(
         &self,
@@ -141,12 +182,16 @@ impl Sources {
         match module.brought.get(name) {
             Some(written) => Some(self.absolute(at, written, steps + 1)),
             None => module.globs.iter().find_map(|glob| {
-                let mut there = self.absolute(at, glob, steps + 1);
-                let (_, module) = self.modules.get_key_value(&there)?;
-                there.push(name.to_owned());
+                let there = self.through(at, glob, name, steps);
+                let module = self.modules.get(&there[..there.len() - 1])?;
                 (module.has(name) || self.modules.contains_key(&there)).then_some(there)
             }),
         }
+    }
+
+    /// Where a name would come from through a glob.
+    fn through(&self, at: &[String], glob: &[String], name: &str, steps: usize) -> Names {
+        self.absolute(at, &[glob, &[name.to_owned()]].concat(), steps + 1)
     }
 
     /// A path of the module `at`, from the name of its crate on.
@@ -378,6 +423,10 @@ impl<'a> Visit<'a> for Reader<'_> {
         if let Some(name) = name {
             self.enter().items.insert(name.to_string());
         }
+        if let Item::Macro(it) = item {
+            let words = words(it.mac.tokens.clone());
+            self.enter().made.extend(words);
+        }
         visit::visit_item(self, item);
     }
 
@@ -458,6 +507,16 @@ impl<'a> Visit<'a> for Reader<'_> {
             self.scan(list.tokens.clone(), &[]);
         }
     }
+}
+
+/// Every word in tokens, however deep.
+pub fn words(tokens: TokenStream) -> Vec<String> {
+    let of = |token| match token {
+        TokenTree::Group(group) => words(group.stream()),
+        TokenTree::Ident(ident) => vec![ident.to_string()],
+        TokenTree::Punct(_) | TokenTree::Literal(_) => Vec::new(),
+    };
+    tokens.into_iter().flat_map(of).collect()
 }
 
 /// Every Rust file below a directory, from `root`.

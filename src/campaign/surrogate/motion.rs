@@ -21,7 +21,7 @@ pub(super) struct Moment {
 impl Moment {
     /// Between two places on the road.
     pub fn distance_m(&self, other: &Moment) -> f64 {
-        (self.s_m - other.s_m).hypot(self.lateral_m - other.lateral_m)
+        libm::hypot(self.s_m - other.s_m, self.lateral_m - other.lateral_m)
     }
 
     /// Whether two motions are so far apart that a plan for one may not do for

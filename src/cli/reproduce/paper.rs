@@ -32,7 +32,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     (
         "merge_plain",
         None,
-        "merge, Definition 4 and state as printed",
+        "merge, Definition 4 as printed, plain state",
         &[],
     ),
     (
@@ -44,7 +44,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     (
         "yellow_light_plain",
         None,
-        "yellow light, Definition 4 and state as printed",
+        "yellow light, Definition 4 as printed, plain state",
         &[],
     ),
 ];

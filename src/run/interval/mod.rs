@@ -93,8 +93,8 @@ pub fn seeds_interval(solved: &[&Outcomes]) -> [f64; 2] {
     let (centre, slope) = (logit(inside), 1.0 / (inside * (1.0 - inside)));
     let starts = (scores.start_variance(rate) - spread.rest).max(0.0);
     let half = Z * slope * starts.sqrt();
-    let below = half.hypot((centre - logit(lo)).max(0.0));
-    let above = half.hypot((logit(hi) - centre).max(0.0));
+    let below = libm::hypot(half, (centre - logit(lo)).max(0.0));
+    let above = libm::hypot(half, (logit(hi) - centre).max(0.0));
     [
         rate.min(expit(centre - below)),
         rate.max(expit(centre + above)),

@@ -106,7 +106,7 @@ impl DriveScene {
             );
             planned.s_m += share * ahead_m;
             planned.lateral_m += share * left_m;
-            planned.speed_mps = ahead_m.hypot(left_m) / sample_s;
+            planned.speed_mps = libm::hypot(ahead_m, left_m) / sample_s;
         }
     }
 
