@@ -177,7 +177,7 @@ impl Index<'_> {
         leads(&path) || modules.any(|module| leads(&[module, &path[1..]].concat()))
     }
 
-    /// `Type::member`, and whatever a variant has.
+    /// `Type::member`; what a variant has is not looked up.
     fn has_members(&self, path: &[String]) -> bool {
         self.members.has(&path[0], &path[1])
     }
