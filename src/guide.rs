@@ -69,7 +69,7 @@ pub mod learners {}
 #[doc = include_str!("../docs/physics.md")]
 pub mod physics {}
 
-/// Would a careful driver have avoided it.
+/// Which reference drivers avoid a crash.
 #[doc = include_str!("../docs/preventability.md")]
 pub mod preventability {}
 

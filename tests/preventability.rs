@@ -1,5 +1,7 @@
 //! Replays with somebody else in the ego's place.
 
+#[path = "preventability/at_the_wheel.rs"]
+mod at_the_wheel;
 #[path = "preventability/panel.rs"]
 mod panel;
 

@@ -95,7 +95,7 @@ pub fn write_openx(files: &OpenX, dir: &Path, name: &str) -> Result<[PathBuf; 3]
 
 /// The files of a replayed counterexample, if it is what was recorded.
 fn as_recorded(replayed: &Replayed, name: &str, ego: &str) -> Result<OpenX, ExportRefusal> {
-    if !replayed.identical && replayed.scenario.drive().is_some() {
+    if !replayed.is_reproduced() && replayed.scenario.drive().is_some() {
         let difference = replayed.first_difference.as_ref();
         let at = difference.map_or("its verdict".to_owned(), ToString::to_string);
         return Err(ExportRefusal::Differs { at });

@@ -126,10 +126,24 @@ pub type Again<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
 /// What is known of an episode without comparing it to others or shrinking it.
 pub fn about(scenario: &Scenario, episode: &Episode) -> About {
     About {
+        persistence: persistence(scenario, episode),
+        ..about_of_run(scenario, episode)
+    }
+}
+
+/// What is known of an episode from itself: no variation of it is played.
+///
+/// A cause is there only where the ego failed.
+pub(super) fn about_of_run(scenario: &Scenario, episode: &Episode) -> About {
+    let fails = matches!(
+        episode.verdict,
+        Verdict::Counterexample { .. } | Verdict::Uncounted { .. }
+    );
+    About {
         severity: Severity::of(episode),
         shrunk: None,
-        why: Some(why(scenario, episode, None)),
-        persistence: persistence(scenario, episode),
+        why: fails.then(|| why(scenario, episode, None)),
+        persistence: None,
         preventability: episode
             .contact
             .is_some()

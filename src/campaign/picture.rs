@@ -33,13 +33,17 @@ pub fn picture(
     let Replayed {
         scenario, episode, ..
     } = replayed;
-    // What the file says holds for the episode that it recorded.
-    let recorded = replayed.about.clone().filter(|_| replayed.identical);
+    // What the file says holds for the run that it recorded.
+    let recorded = replayed.about.clone();
+    let known = || match replayed.still_fails() {
+        true => about(scenario, episode),
+        false => replayed.known(),
+    };
     let example = Example {
         chosen_for: String::new(),
         start: 0,
         frames: film(&mut scenario.repeating(episode).bench(), episode),
-        about: recorded.unwrap_or_else(|| about(scenario, episode)),
+        about: recorded.unwrap_or_else(known),
         episode: episode.clone(),
         scenarios: Vec::new(),
     };
@@ -58,7 +62,14 @@ pub fn picture(
         Some(kind) => format!("{ego} ({kind})"),
         None => ego.to_owned(),
     };
-    Ok(looping_picture(scenario, &example, &ego, beside.as_ref()))
+    let departure = replayed.departure();
+    let notes = departure.map(|it| format!("Another run: {it}."));
+    Ok(looping_picture(
+        scenario,
+        &example,
+        (&ego, notes.as_deref()),
+        beside.as_ref(),
+    ))
 }
 
 /// Lights as recorded, and as they were last: a motion does not hold them.

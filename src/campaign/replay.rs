@@ -10,7 +10,9 @@ pub use difference::Difference;
 use difference::first_difference;
 pub use kept::Kept;
 
+use super::keep::about_of_run;
 use crate::ego::Fault;
+use crate::report::outcome_in_words;
 use crate::rulebook::Verdict;
 use crate::run::{About, Counterexample, KeptError, RunError, StartRepeated};
 use crate::scenario::{Change, ChangeError, Repeats, Scenario};
@@ -27,23 +29,54 @@ pub struct Replayed {
     /// The episode; of several runs the one that stands for all.
     pub episode: Episode,
     /// Whether verdict, robustness, contact, rules up to it and every sample
-    /// are as recorded.
-    ///
-    /// Where the file holds the ego's commands this is about the world's side
-    /// alone: those commands are repeated.
+    /// of this run are as recorded.
     pub identical: bool,
-    /// Where they first differ.
+    /// The first sample of this run that is not the recorded one.
     pub first_difference: Option<Difference>,
+    /// Whether the commands that the file holds of an ego that nobody here
+    /// wrote give the recorded bits; `None`: it holds none.
+    pub repeats_by_commands: Option<bool>,
     /// Whether an ego that nobody here wrote commanded as recorded; `None`:
     /// the file does not say how it commanded, or it was not asked.
     pub ego_as_recorded: Option<bool>,
     /// The runs, where the world asks for several.
     pub repeated: Option<StartRepeated>,
-    /// What the file says of itself.
+    /// What the file says of the run that it recorded, if this is that run.
     pub about: Option<About>,
 }
 
 impl Replayed {
+    /// Whether this build gives the recorded bits, whoever drives in this run:
+    /// by the recorded commands where the file holds them.
+    pub fn is_reproduced(&self) -> bool {
+        self.repeats_by_commands.unwrap_or(self.identical)
+    }
+
+    /// What is known of this run: what the file says if it is the recorded one,
+    /// else its own severity, cause and preventability.
+    ///
+    /// Variations of another run are not played, so nothing is known of its
+    /// persistence.
+    pub fn known(&self) -> About {
+        let recorded = self.about.clone();
+        recorded.unwrap_or_else(|| about_of_run(&self.scenario, &self.episode))
+    }
+
+    /// What came of this run, in a few words.
+    pub fn in_words(&self) -> String {
+        outcome_in_words(&self.scenario, &self.episode)
+    }
+
+    /// From when on this run is another one than was recorded, and by which
+    /// signal; `None`: it is the recorded one.
+    pub fn departure(&self) -> Option<String> {
+        match &self.first_difference {
+            Some(difference) => Some(difference.since()),
+            None if self.identical => None,
+            None => Some("different from the recorded run in what its verdict says".to_owned()),
+        }
+    }
+
     /// Whether the ego still fails.
     pub fn still_fails(&self) -> bool {
         self.episode.verdict.is_success()
@@ -75,14 +108,20 @@ pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
         )?),
         None => None,
     };
-    let first_difference = first_difference(kept, again.as_ref().unwrap_or(&episode))?;
+    let repeats_by_commands = match &again {
+        Some(again) => Some(first_difference(kept, again)?.is_none() && recorded.is_of(again)),
+        None => None,
+    };
+    let first_difference = first_difference(kept, &episode)?;
+    let identical = first_difference.is_none() && recorded.is_of(&episode);
     Ok(Replayed {
         path: kept.path.clone(),
-        identical: first_difference.is_none() && recorded.is_of(again.as_ref().unwrap_or(&episode)),
+        identical,
         first_difference,
+        repeats_by_commands,
         ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
         repeated: (1 < runs).then_some(repeated),
-        about: recorded.about.clone(),
+        about: recorded.about.clone().filter(|_| identical),
         scenario,
         episode,
     })
@@ -367,7 +406,7 @@ impl Regressions {
     /// A replay differs; the message names the first sample and signal.
     pub fn reproduce(&self) -> Result<(), RegressionError> {
         let replayed = self.replay_recorded()?;
-        let differing = replayed.iter().filter(|replayed| !replayed.identical);
+        let differing = replayed.iter().filter(|replayed| !replayed.is_reproduced());
         let differ: Vec<String> = differing
             .map(|replayed| {
                 let place = match &replayed.first_difference {

@@ -17,7 +17,7 @@ failing        starts from which some ado makes the ego fail with that value, ev
 /// Which newly failing starts hold a change up.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GateOn {
-    /// Those that a careful driver would have avoided.
+    /// Those that CC_LATCHED or FSM would have avoided.
     Preventable,
     /// All of them.
     Any,

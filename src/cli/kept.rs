@@ -4,13 +4,14 @@ use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, finite_or_word, print_json, table_of, talk};
 use crate::campaign::{Regressions, Replayed};
 use crate::rulebook::RulesUntilContact;
-use crate::run::{StartRepeated, wilson};
+use crate::run::{About, StartRepeated, wilson};
 use crate::testbench::Episode;
 
 #[derive(Args, Debug)]
@@ -65,25 +66,31 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     if args.refine {
         refine(&regressions, &mut replayed)?;
     }
-    let rows: Vec<_> = replayed.iter().map(row).collect();
+    let known: Vec<About> = replayed.par_iter().map(Replayed::known).collect();
+    let rows: Vec<_> = replayed
+        .iter()
+        .zip(&known)
+        .map(|(it, about)| row(it, about))
+        .collect();
     let in_all = Tally::of(&replayed);
     match args.common.json {
         true => print_json(&json!({ "rows": rows, "in_all": in_all })),
         false => talk::data(&format!(
             "{}{}\n{in_all}",
             table(&replayed),
-            remarks(&replayed)
+            remarks(&replayed, &known)
         )),
     }?;
     seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
-    let differs = replayed.iter().any(|replayed| !replayed.identical);
+    let differs = replayed.iter().any(|replayed| !replayed.is_reproduced());
     if regressions.is_recorded_ego() && differs {
         return Ok(Exit::NotIdentical);
     }
+    let is_other = replayed.iter().any(|replayed| !replayed.identical);
     let still_fails = replayed.iter().any(Replayed::still_fails);
     Ok(match (args.expect, still_fails) {
-        (Some(Expect::Recorded), _) if differs => Exit::NotIdentical,
+        (Some(Expect::Recorded), _) if is_other => Exit::NotIdentical,
         (None, true) => Exit::Counterexample,
         _ => Exit::Done,
     })
@@ -174,7 +181,7 @@ fn seal(
     Ok(())
 }
 
-fn row(replayed: &Replayed) -> serde_json::Value {
+fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
     let difference = replayed.first_difference.as_ref();
     json!({
         "file": replayed.path.display().to_string(),
@@ -185,9 +192,11 @@ fn row(replayed: &Replayed) -> serde_json::Value {
         "runs": replayed.repeated.as_ref().map(runs),
         "rules_until_contact": rules_until_contact(&replayed.episode),
         "contact_s": replayed.episode.contact.as_ref().map(|touch| touch.time_s),
-        "about": replayed.about,
+        "about": about,
         "identical": replayed.identical,
+        "repeats_by_commands": replayed.repeats_by_commands,
         "first_difference": difference.map(ToString::to_string),
+        "different_from_s": difference.map(|difference| difference.time_s),
     })
 }
 
@@ -203,18 +212,12 @@ fn runs(repeated: &StartRepeated) -> serde_json::Value {
 }
 
 /// What the table has no room for: differences, faults, and egos that answer otherwise.
-fn remarks(replayed: &[Replayed]) -> String {
+fn remarks(replayed: &[Replayed], known: &[About]) -> String {
     let mut text = String::new();
-    for one in replayed {
+    for (one, about) in replayed.iter().zip(known) {
         let file = one.path.display();
-        match &one.first_difference {
-            Some(difference) => {
-                text.push_str(&format!("\n{file}: differs at {difference}"));
-            }
-            None if !one.identical => text.push_str(&format!(
-                "\n{file}: verdict, contact or rules until contact differ"
-            )),
-            None => {}
+        if let Some(departure) = one.departure() {
+            text.push_str(&format!("\n{file}: {departure}"));
         }
         if let Some(fault) = one.fault() {
             text.push_str(&format!("\n{file}: {}: {fault}", fault.kind.word()));
@@ -230,9 +233,12 @@ fn remarks(replayed: &[Replayed]) -> String {
                 }
             ));
         }
-        if let Some(about) = &one.about {
-            let about = about.to_string().replace('\n', "\n  ");
-            text.push_str(&format!("\n{file}:\n  {about}"));
+        if one.fault().is_none() {
+            let about = match *about == About::default() {
+                true => String::new(),
+                false => format!("\n{about}").replace('\n', "\n  "),
+            };
+            text.push_str(&format!("\n{file}: {}{about}", one.in_words()));
         }
         if one.ego_as_recorded == Some(false) && one.fault().is_none() {
             text.push_str(&format!(
@@ -272,7 +278,10 @@ fn table(replayed: &[Replayed]) -> String {
         });
         let bits = match replayed.identical {
             true => "identical".to_owned(),
-            false => "differ, see below".to_owned(),
+            false => match &replayed.first_difference {
+                Some(difference) => format!("differ from {:.2} s", difference.time_s),
+                None => "differ, see below".to_owned(),
+            },
         };
         let rules = replayed.episode.rules_until_contact.as_ref();
         [
@@ -303,7 +312,7 @@ fn table(replayed: &[Replayed]) -> String {
          \nρ(ψ)           robustness of the ego's specification; below 0 it is violated\
          \ncontact        when it is, and at which closing speed; –: there was none\
          \nrules until it whether the ados kept theirs until the contact; –: there was none, or it is not known\
-         \nbits           whether every sample is the recorded one",
+         \nbits           whether every sample of this run is the recorded one, or from when on not",
         table_of(header, lines)
     )
 }

@@ -165,7 +165,11 @@ fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
 /// Writes the recording; its name, bytes and samples.
 #[cfg(feature = "rerun")]
 fn record(replayed: &Replayed, output: &Path) -> Result<(String, u64, usize), Failure> {
-    let caption = replayed.path.display().to_string();
+    let file = replayed.path.display().to_string();
+    let caption = match replayed.departure() {
+        Some(departure) => format!("{file}: {departure}"),
+        None => file,
+    };
     let recorded = crate::view::record(&replayed.scenario, &replayed.episode, &caption, output)
         .map_err(|error| Failure::fault(error.to_string(), Some(error.help().to_owned())))?;
     let file = recorded.path.display().to_string();

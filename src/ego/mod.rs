@@ -81,6 +81,13 @@ pub struct Own {
     pub lane: usize,
     /// Heading relative to the road's, counter-clockwise.
     pub heading_rad: f64,
+    /// Speed of its front bumper to the left of its heading; programs are not
+    /// told.
+    #[serde(skip)]
+    pub lateral_mps: f64,
+    /// Turning rate, counter-clockwise; programs are not told.
+    #[serde(skip)]
+    pub yaw_rate_rad_per_s: f64,
     /// Length of the own body.
     pub length_m: f64,
     /// Width of the own body.
@@ -116,6 +123,9 @@ pub struct Seen {
     /// told.
     #[serde(skip)]
     pub road_heading_rad: f64,
+    /// Its turning rate, counter-clockwise; programs are not told.
+    #[serde(skip)]
+    pub yaw_rate_rad_per_s: f64,
     /// Its velocity over ground, along the ego's x.
     pub vx_mps: f64,
     /// The same, along the ego's y.

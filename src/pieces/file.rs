@@ -145,7 +145,7 @@ pub(super) struct GateEntry {
 /// Which newly failing starts hold a change up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GateOn {
-    /// Those that a careful driver would have survived.
+    /// Those that CC_LATCHED or FSM would have survived.
     #[default]
     Preventable,
     /// Any.

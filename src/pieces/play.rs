@@ -8,7 +8,6 @@ use crate::campaign::{
     Ado, CampaignError, EgoUnderTest, EpisodeLoop, EvalRequest, Method, MethodSettings,
     SearchRequest, TestStarts, Watch, consent, eval, leaf, search,
 };
-use crate::preventability::Band;
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
@@ -185,15 +184,12 @@ impl Stage<'_> {
                 }
                 let episode = again(bench, turn.index);
                 let judged = self.plan.preventability && episode.contact.is_some();
-                let band = judged.then(|| scenario.preventability(&episode).label.band());
+                let known = judged.then(|| scenario.preventability(&episode));
                 Some(Success {
                     robustness: episode.robustness,
                     leaf: leaf(scenario, &episode),
                     impact: episode.contact.as_ref().and_then(|touch| touch.impact),
-                    preventable: match band {
-                        None | Some(Band::NotApplicable) => None,
-                        Some(band) => Some(band == Band::Preventable),
-                    },
+                    preventable: known.and_then(|known| known.human_model_avoids()),
                     actions: episode.actions,
                 })
             },

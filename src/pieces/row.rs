@@ -98,7 +98,7 @@ pub struct StartRow {
     pub ego_delta_v_mps: Option<f64>,
     /// The injury risk, where a published curve applies.
     pub injury_risk: Option<f64>,
-    /// Whether a careful driver would have avoided it; `None`: nobody judged it,
+    /// Whether CC_LATCHED or FSM would have avoided it; `None`: nobody judged it,
     /// or nobody can.
     pub preventable: Option<bool>,
     /// Episodes that it took.

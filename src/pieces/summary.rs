@@ -15,7 +15,7 @@ const NAMED: usize = 100;
 pub(super) struct Tally {
     /// Per start; `None`: not counted yet.
     outcomes: Vec<Option<RowOutcome>>,
-    /// Per start, whether a careful driver would have avoided it.
+    /// Per start, whether CC_LATCHED or FSM would have avoided it.
     preventable: Vec<Option<bool>>,
     /// Closing speeds of the successes.
     closing_mps: Vec<f64>,
@@ -112,7 +112,7 @@ pub struct SummaryRow {
     pub uncounted: usize,
     /// Starts that ended in contact.
     pub contacts: usize,
-    /// Successes that a careful driver would have avoided; `None`: nobody judged.
+    /// Successes that CC_LATCHED or FSM would have avoided; `None`: nobody judged.
     pub preventable: Option<usize>,
     /// Closing speed of the successes that end in contact.
     pub closing_mps: Option<ClosingSpeed>,
@@ -143,7 +143,7 @@ pub struct GateVerdict {
     pub compared: usize,
     /// From which the ego fails and the baseline does not.
     pub newly_failing: usize,
-    /// Those of them that a careful driver would have survived.
+    /// Those of them that CC_LATCHED or FSM would have survived.
     pub newly_preventable: usize,
     /// The first of them.
     pub first: Vec<usize>,
@@ -176,7 +176,7 @@ pub struct CellMap {
     pub ados: Vec<String>,
     /// Per ado and cell, row by row from the least y: how it ended.
     pub outcomes: Vec<Vec<RowOutcome>>,
-    /// The same: whether a careful driver would have avoided it.
+    /// The same: whether CC_LATCHED or FSM would have avoided it.
     pub preventable: Vec<Vec<Option<bool>>>,
 }
 

@@ -1,6 +1,6 @@
-//! Would a careful driver have avoided it?
+//! Which reference drivers avoid a contact in the ego's place?
 //!
-//! A counterexample is worth a developer's time if somebody careful in the
+//! A counterexample is worth a developer's time if another driver in the
 //! ego's place would have come away from it. Each [reference
 //! driver](crate::ego::reference) takes the ego's place on the ego's body, while
 //! everybody else repeats the recorded motion; [`Replayer::assess`] says who avoids the
@@ -32,7 +32,7 @@ mod stint;
 
 pub use moments::CutIn;
 pub use outcome::{
-    Band, DriverOutcome, Exoneration, Label, NotApplicable, Preventability, ReplayContact, Struck,
+    DriverOutcome, Exoneration, Label, NotApplicable, Preventability, ReplayContact, Struck,
 };
 pub use replayer::{Case, FilmedDriver, Replayer, Seat};
 

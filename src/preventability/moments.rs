@@ -41,6 +41,8 @@ pub(super) struct Lanes {
     /// Agents per sample; the first is the ego.
     pub width: usize,
     pub bodies: Vec<LaneBody>,
+    /// Whether the ego sees each of them; it sees itself.
+    pub seen: Vec<bool>,
 }
 
 impl Lanes {
@@ -48,6 +50,16 @@ impl Lanes {
     pub fn rows(&self) -> impl Iterator<Item = (LaneBody, &[LaneBody])> {
         let rows = self.bodies.chunks_exact(self.width.max(1));
         rows.filter_map(|row| row.split_first().map(|(ego, others)| (*ego, others)))
+    }
+
+    /// The first sample at which `holds` of the ego and somebody whom it sees.
+    fn first(&self, holds: impl Fn(LaneBody, &LaneBody) -> bool) -> Option<usize> {
+        let seen = self.seen.chunks_exact(self.width.max(1));
+        let mut rows = self.rows().zip(seen);
+        rows.position(|((ego, others), seen)| {
+            let mut others = others.iter().zip(seen.iter().skip(1));
+            others.any(|(other, seen)| *seen && holds(ego, other))
+        })
     }
 
     fn encounter(&self, ego: LaneBody, other: LaneBody) -> Encounter {
@@ -64,16 +76,14 @@ impl Lanes {
     ///
     /// Somebody is ahead, sideways where it counts, and slower or braking.
     pub fn handover(&self) -> Option<usize> {
-        let counts = |ego: LaneBody, other: &LaneBody| {
+        self.first(|ego, other| {
             let encounter = self.encounter(ego, *other);
             let slower = 0.0 < encounter.closing_mps() || other.accel_mps2 < -NOTABLE_MPS2;
             let beside_m = RssDriver::default().lateral_m(other.lateral_mps);
             let clearance_m = encounter.clearance_m();
             let near = clearance_m <= 0.0 || clearance_m < beside_m;
             ego.x_m < other.x_m && slower && (near || self.leaves_lane(&ego, other))
-        };
-        self.rows()
-            .position(|(ego, others)| others.iter().any(|other| counts(ego, other)))
+        })
     }
 
     /// Whether the other is off its lane's middle, towards the ego.
@@ -94,9 +104,8 @@ impl Lanes {
     /// t_d: the first sample at which the ideal driver brakes.
     pub fn danger(&self) -> Option<usize> {
         let ideal = IdealDriver::default();
-        self.rows().position(|(ego, others)| {
-            let mut ahead = others.iter().filter(|other| ego.x_m <= other.x_m);
-            ahead.any(|other| ideal.danger(&self.encounter(ego, *other)).is_some())
+        self.first(|ego, other| {
+            ego.x_m <= other.x_m && ideal.danger(&self.encounter(ego, *other)).is_some()
         })
     }
 

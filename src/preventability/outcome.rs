@@ -6,33 +6,23 @@ use serde::{Deserialize, Serialize};
 use super::moments::CutIn;
 use crate::ego::reference::ReferenceDriver;
 
-/// Whether a contact was preventable; the first that fits.
+/// Who avoids a contact, summed up; the first that fits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Label {
-    /// Every reference driver avoids it.
+    /// Every reference driver of the [panel](super::PANEL) avoids it.
     AvoidedByAll,
-    /// A competent driver does: CC_LATCHED or FSM.
-    AvoidedByCompetent,
-    /// Only one without delay does.
+    /// At least one of them does, and at least one does not.
+    ///
+    /// Earlier versions wrote `AvoidedByCompetent` where CC_LATCHED or FSM did.
+    #[serde(alias = "AvoidedByCompetent")]
+    AvoidedBySome,
+    /// None of them does; full braking without delay does.
     OnlyByPerfect,
-    /// Only one who brakes from the very beginning does.
+    /// Only full braking from the very beginning does.
     OnlyByForesight,
     /// Not even that one; a driver who steers might.
     UnavoidableByBraking,
     /// The drivers do not apply to such a contact.
-    NotApplicable,
-}
-
-/// The labels in four bands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Band {
-    /// A careful human would have avoided it.
-    Preventable,
-    /// A driver that no human is would have.
-    IdealOnly,
-    /// No braking would have.
-    Unavoidable,
-    /// Nothing is said.
     NotApplicable,
 }
 
@@ -41,21 +31,11 @@ impl Label {
     pub fn words(self) -> &'static str {
         match self {
             Label::AvoidedByAll => "avoided by all",
-            Label::AvoidedByCompetent => "avoided by a competent driver",
+            Label::AvoidedBySome => "avoided by some",
             Label::OnlyByPerfect => "only by a perfect driver",
             Label::OnlyByForesight => "only by foresight",
             Label::UnavoidableByBraking => "unavoidable by braking",
             Label::NotApplicable => "not applicable",
-        }
-    }
-
-    /// The band it lies in.
-    pub fn band(self) -> Band {
-        match self {
-            Label::AvoidedByAll | Label::AvoidedByCompetent => Band::Preventable,
-            Label::OnlyByPerfect | Label::OnlyByForesight => Band::IdealOnly,
-            Label::UnavoidableByBraking => Band::Unavoidable,
-            Label::NotApplicable => Band::NotApplicable,
         }
     }
 }
@@ -208,23 +188,18 @@ impl NotApplicable {
 }
 
 impl std::fmt::Display for Preventability {
-    /// One line: the label, who avoids it and who does not, and whose fault.
+    /// One line: who avoids it and who does not, and whose fault it is not.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "preventability: {}", self.label)?;
+        match self.who_avoids() {
+            Some(who) => f.write_str(&who)?,
+            None => write!(f, "reference drivers: {}", self.label)?,
+        }
         if let Some(why) = self.not_applicable {
             write!(f, ", since {}", why.words())?;
         }
-        let names = |avoided: bool| {
-            let drivers = self.handover.iter();
-            let named = drivers.filter(|(_, outcome)| outcome.avoided == avoided);
-            let named: Vec<&str> = named.map(|(driver, _)| driver.name()).collect();
-            named.join(", ")
-        };
-        for (avoided, verb) in [(true, "avoided by"), (false, "not by")] {
-            let names = names(avoided);
-            if !names.is_empty() {
-                write!(f, "; {verb} {names}")?;
-            }
+        let [_, others] = self.drivers();
+        if self.label == Label::AvoidedBySome {
+            write!(f, ", not by {}", others.join(", "))?;
         }
         if self.self_inflicted {
             f.write_str("; self-inflicted")?;
@@ -254,6 +229,50 @@ impl Preventability {
         }
     }
 
+    /// Names of the drivers that avoid it from the handover on, and of those
+    /// that do not.
+    pub fn drivers(&self) -> [Vec<&'static str>; 2] {
+        [true, false].map(|avoided| {
+            let drivers = self.handover.iter();
+            let drivers = drivers.filter(|(_, outcome)| outcome.avoided == avoided);
+            drivers.map(|(driver, _)| driver.name()).collect()
+        })
+    }
+
+    /// How many of the reference drivers avoid it, and which; where none does,
+    /// what braking could do.
+    ///
+    /// `None`: the drivers do not apply.
+    pub fn who_avoids(&self) -> Option<String> {
+        let all = self.handover.len();
+        let [names, _] = self.drivers();
+        if !names.is_empty() {
+            let (some, names) = (names.len(), names.join(", "));
+            return Some(format!(
+                "avoided by {some} of {all} reference drivers ({names})"
+            ));
+        }
+        let besides = match self.label {
+            Label::OnlyByPerfect => "only full braking without delay avoids it",
+            Label::OnlyByForesight => "only full braking from the very start avoids it",
+            Label::UnavoidableByBraking => "no braking avoids it",
+            // Invariant: of these labels two have drivers that avoid it.
+            Label::AvoidedByAll | Label::AvoidedBySome | Label::NotApplicable => return None,
+        };
+        Some(format!(
+            "avoided by none of {all} reference drivers; {besides}"
+        ))
+    }
+
+    /// Whether a human model of UN R157 avoids it, CC_LATCHED or FSM.
+    ///
+    /// `None`: the drivers do not apply.
+    pub fn human_model_avoids(&self) -> Option<bool> {
+        let applies = self.label != Label::NotApplicable;
+        let humans = [ReferenceDriver::CcLatched, ReferenceDriver::Fsm];
+        applies.then(|| humans.into_iter().any(|driver| self.is_avoided_by(driver)))
+    }
+
     /// Whether the ego touched somebody and nothing says that it is not at fault.
     pub fn is_at_fault(&self) -> bool {
         use NotApplicable::{NoContact, NotDriven, WithoutEgo};
@@ -271,21 +290,18 @@ impl Preventability {
         outcome.is_some_and(|outcome| outcome.avoided)
     }
 
-    /// Label and self-infliction, from the outcomes.
-    pub(super) fn label_outcomes(&mut self) {
-        use ReferenceDriver::{Cc, CcLatched, Fsm, Reg, Rss};
-        let by = |driver| self.is_avoided_by(driver);
+    /// Takes label and self-infliction from the outcomes, as this version reads
+    /// them; where there are none it stays as it is.
+    pub(crate) fn label_outcomes(&mut self) {
         let held = |outcome: &Option<DriverOutcome>| outcome.as_ref().is_some_and(|it| it.avoided);
-        self.label = if [Cc, CcLatched, Reg, Rss, Fsm].into_iter().all(by) {
-            Label::AvoidedByAll
-        } else if by(CcLatched) || by(Fsm) {
-            Label::AvoidedByCompetent
-        } else if held(&self.perfect) {
-            Label::OnlyByPerfect
-        } else if held(&self.foresight) {
-            Label::OnlyByForesight
-        } else {
-            Label::UnavoidableByBraking
+        let [avoids, hits] = self.drivers();
+        self.label = match (avoids.is_empty(), hits.is_empty()) {
+            (true, true) => return,
+            (false, true) => Label::AvoidedByAll,
+            (false, false) => Label::AvoidedBySome,
+            _ if held(&self.perfect) => Label::OnlyByPerfect,
+            _ if held(&self.foresight) => Label::OnlyByForesight,
+            _ => Label::UnavoidableByBraking,
         };
         let from_start = self.t0.iter().filter(|(_, outcome)| outcome.avoided);
         let driver = from_start.map(|(driver, _)| *driver);

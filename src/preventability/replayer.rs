@@ -127,7 +127,12 @@ impl Replayer {
         let traffic: Vec<usize> = vehicles.filter(|&i| !comes(i)).collect();
         let agents = [&[self.world.ego()], &*traffic].concat();
         let samples_of = |at: usize| agents.iter().map(move |&i| body(at, i));
+        let seen_at = |at: usize| {
+            let seen = self.world.seen(motion.at(at));
+            agents.iter().map(move |&i| seen[i]).collect::<Vec<bool>>()
+        };
         let lanes = Lanes {
+            seen: (0..recorded).flat_map(seen_at).collect(),
             sample_s: self.sample_s,
             lane_width_m: self.lane_width_m,
             width: agents.len(),
@@ -294,17 +299,23 @@ impl Replayer {
     }
 
     /// Reads everybody's place, and the gap to who is ahead in the path.
+    ///
+    /// Nobody looks through others: whoever is hidden is nowhere for the driver.
     fn look(&mut self, traffic: &[usize], least_m: &mut Option<f64>) -> LaneBody {
         let ego = self.scene.lane_body(self.world.ego());
-        let bodies = traffic.iter().map(|&i| self.scene.lane_body(i));
+        let seen = self.scene.seen();
         self.others.clear();
-        self.others.extend(bodies);
-        for other in &self.others {
-            let encounter = between(&ego, other);
+        for &i in traffic {
+            let other = self.scene.lane_body(i);
+            let encounter = between(&ego, &other);
             if encounter.clearance_m() < 0.0 && ego.x_m < other.x_m {
                 let gap_m = encounter.gap_m();
                 *least_m = Some(least_m.map_or(gap_m, |least| least.min(gap_m)));
             }
+            self.others.push(match seen[i] {
+                true => other,
+                false => LaneBody::unseen(),
+            });
         }
         ego
     }

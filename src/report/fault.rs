@@ -1,9 +1,9 @@
-//! Whose fault a counterexample is, in two or three words, as far as that can be
-//! said: by careful drivers where they apply, else by who had to give way, whose
-//! lane it was, and what braking could do.
+//! Whose fault a counterexample is, in a few words, as far as the data say: how
+//! many reference drivers avoid it where they apply, else who had to give way,
+//! whose lane it was, and what braking could do.
 
 use super::Example;
-use crate::preventability::{Band, NotApplicable};
+use crate::preventability::{Label, NotApplicable};
 use crate::run::LastChance;
 use crate::scenario::Scenario;
 use crate::scene::World;
@@ -19,11 +19,15 @@ pub(super) fn fault(scenario: &Scenario, example: &Example) -> Fault {
     let Some(known) = &example.about.preventability else {
         return said("no contact", "b-open");
     };
-    match (known.exonerated, known.label.band(), known.not_applicable) {
+    let [avoid, _] = known.drivers();
+    let (some, all) = (avoid.len(), known.handover.len());
+    let drivers = format!("avoided by {some} of {all} drivers");
+    match (known.exonerated, known.label, known.not_applicable) {
         (Some(_), ..) => said("not the ego's fault", "b-not"),
-        (None, Band::Preventable, _) => said("the ego's fault", "b-ego"),
-        (None, Band::IdealOnly, _) => said("hardly avoidable", "b-hard"),
-        (None, Band::Unavoidable, _) => said("unavoidable by braking", "b-hard"),
+        (None, Label::AvoidedByAll, _) => said(&drivers, "b-ego"),
+        (None, Label::AvoidedBySome, _) => said(&drivers, "b-hard"),
+        (None, Label::OnlyByPerfect | Label::OnlyByForesight, _) => said(&drivers, "b-hard"),
+        (None, Label::UnavoidableByBraking, _) => said("unavoidable by braking", "b-hard"),
         (None, _, Some(NotApplicable::WithoutEgo)) => said("not the ego's contact", "b-not"),
         _ => by_right_of_way(scenario, example).unwrap_or_else(|| {
             let why = example.about.why.as_ref();

@@ -30,6 +30,7 @@ pub use animation::{Beside, looping_picture};
 pub use campaign::CampaignPage;
 pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
 pub use start_map::{CellState, MapCell, StartMap};
+pub(crate) use verdict::outcome_in_words;
 
 /// Everything a report shows.
 pub struct Report<'a> {

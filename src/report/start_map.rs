@@ -12,10 +12,10 @@ const MAX_TICKS: usize = 8;
 pub enum CellState {
     /// Nothing that was tried makes the ego fail.
     Holds,
-    /// The ego fails, and a careful driver would not have avoided it, or nobody
-    /// judged.
+    /// The ego fails, and neither CC_LATCHED nor FSM would have avoided it, or
+    /// nobody judged.
     Fails,
-    /// It fails where a careful driver would not have.
+    /// It fails where CC_LATCHED or FSM would not have.
     FailsPreventably,
     /// The ego fails without an adversary.
     Trivial,

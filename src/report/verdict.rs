@@ -1,23 +1,23 @@
 //! What came of a counterexample, in one sentence: who hit whom, how fast,
-//! whether the rules were kept, and whether somebody careful had avoided it.
+//! whether the rules were kept, and which reference drivers avoid it.
 
 use super::Example;
 use super::fault::{Fault, fault};
 use crate::ego::Phase;
-use crate::preventability::Label;
-use crate::rulebook::RulesUntilContact;
+use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::run::{LastChance, Severity};
 use crate::scenario::Scenario;
 use crate::scene::Role;
 use crate::severity::{CrashKind, Side};
+use crate::testbench::Episode;
 
 /// The sentence, in parts.
 pub(super) struct VerdictWords {
     /// Who hit whom, or what the ego broke.
     pub what: String,
-    /// Whether the ados kept their rules.
-    pub rules: String,
-    /// Whether somebody careful had avoided it; `None`: nothing is known.
+    /// Whether the ados kept their rules; `None`: what came of it says so.
+    pub rules: Option<String>,
+    /// Which reference drivers avoid it; `None`: nothing is known.
     pub care: Option<String>,
     /// The blame in two or three words, and the class that colours it.
     pub blame: Fault,
@@ -36,12 +36,49 @@ impl VerdictWords {
 
     /// The whole sentence.
     pub fn sentence(&self) -> String {
+        let rules = self.rules.as_ref().map(|rules| format!(", {rules}"));
         let care = self.care.as_ref().map(|care| format!("; {care}"));
-        format!("{}, {}{}.", self.what, self.rules, care.unwrap_or_default())
+        let (rules, care) = (rules.unwrap_or_default(), care.unwrap_or_default());
+        format!("{}{rules}{care}.", self.what)
     }
 }
 
+/// What came of an episode in a few words, such as `held: ρ 0.238, no contact`.
+pub(crate) fn outcome_in_words(scenario: &Scenario, episode: &Episode) -> String {
+    let rho = format!("ρ {:.3}", episode.robustness);
+    let contact = match &episode.contact {
+        Some(touch) => format!("contact at {:.1} m/s", touch.closing_speed_mps),
+        None => "no contact".to_owned(),
+    };
+    match episode.verdict {
+        Verdict::Held { .. } => format!("held: {rho}, {contact}"),
+        Verdict::Counterexample { .. } => format!("failed: {rho}, {contact}"),
+        Verdict::Uncounted { .. } => format!("failed, but not so that it counts: {rho}, {contact}"),
+        Verdict::Foul { rule, .. } => {
+            let rule = &scenario.rulebook().rules[rule];
+            format!("foul: {} broke “{}”, {contact}", rule.ado, rule.name)
+        }
+        Verdict::Invalid => "did not run".to_owned(),
+    }
+}
+
+/// Whether the ego failed, and not an ado or nobody.
+pub(super) fn ego_failed(episode: &Episode) -> bool {
+    let verdict = episode.verdict;
+    matches!(
+        verdict,
+        Verdict::Counterexample { .. } | Verdict::Uncounted { .. }
+    )
+}
+
 fn what(scenario: &Scenario, example: &Example) -> String {
+    if !ego_failed(&example.episode) {
+        let words = outcome_in_words(scenario, &example.episode);
+        return match example.episode.verdict {
+            Verdict::Held { .. } => format!("The ego {}", words.replacen(':', ",", 1)),
+            _ => capital(&words),
+        };
+    }
     let Some(touch) = &example.episode.contact else {
         return without_contact(scenario, example);
     };
@@ -143,13 +180,16 @@ fn hit(ego: &str, met: &str, severity: &Severity) -> String {
     }
 }
 
-fn rules(example: &Example) -> String {
-    match &example.episode.rules_until_contact {
+fn rules(example: &Example) -> Option<String> {
+    if let Verdict::Foul { .. } | Verdict::Invalid = example.episode.verdict {
+        return None;
+    }
+    Some(match &example.episode.rules_until_contact {
         Some(RulesUntilContact::Broken { rule, time_s, .. }) => format!(
             "every rule kept up to the failure, but “{rule}” broken at {time_s:.2} s, before the contact"
         ),
         _ => "every rule kept".to_owned(),
-    }
+    })
 }
 
 fn care(example: &Example) -> Option<String> {
@@ -164,13 +204,8 @@ fn care(example: &Example) -> Option<String> {
     if let Some(why) = known.exonerated {
         return Some(format!("not the ego's fault: {}", why.words()));
     }
-    let words = match known.label {
-        Label::AvoidedByAll => "any careful driver would have avoided it",
-        Label::AvoidedByCompetent => "a careful driver would have avoided it",
-        Label::OnlyByPerfect => "only a perfect driver would have avoided it",
-        Label::OnlyByForesight => "only braking from the very start would have avoided it",
-        Label::UnavoidableByBraking => "no braking would have avoided it",
-        Label::NotApplicable => return chance.map(by_braking),
+    let Some(words) = known.who_avoids() else {
+        return chance.map(by_braking);
     };
     let own = match known.self_inflicted {
         true => ", and the ego had brought itself there",

@@ -20,7 +20,7 @@ pub enum Counts {
         /// Least approach speed along the contact normal.
         closing_mps: f64,
     },
-    /// Contacts that a careful driver in the ego's place would have avoided.
+    /// Contacts that one of the named reference drivers in the ego's place avoids.
     Preventable {
         /// Drivers, any of whom would have.
         by: Vec<ReferenceDriver>,

@@ -28,7 +28,7 @@ pub struct About {
     /// `None`: nothing of the world can be varied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub persistence: Option<Persistence>,
-    /// Whether a careful driver would have avoided it; `None`: no contact.
+    /// Which reference drivers avoid it; `None`: no contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preventability: Option<Preventability>,
     /// Counterexamples that are like this one, itself included; `None`: they

@@ -202,7 +202,7 @@ impl Counterexample {
             path: path.into(),
             why,
         };
-        let kept: Counterexample =
+        let mut kept: Counterexample =
             ron::from_str(&text).map_err(|error| format(error.to_string()))?;
         if !(1..=FORMAT).contains(&kept.format) {
             return Err(format(format!(
@@ -217,6 +217,14 @@ impl Counterexample {
                 why,
             };
             seal::check(&text, hash).map_err(damaged)?;
+        }
+        // The label that earlier versions took from the same outcomes.
+        if let Some(known) = kept
+            .about
+            .as_mut()
+            .and_then(|it| it.preventability.as_mut())
+        {
+            known.label_outcomes();
         }
         let changed = kept.change.ego.0.values().copied();
         let commands = kept.ego_commands.iter();

@@ -1,4 +1,4 @@
-//! Would a careful driver have avoided what happened in an episode?
+//! Which reference drivers would have avoided what happened in an episode?
 
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
-//! Crashes that a careful driver would have avoided: what each adversary finds.
+//! Crashes that reference drivers avoid: what each adversary finds.
 //!
 //! Training may ask one reference driver (`counts: Preventable(by: [RSS])`);
-//! whether a careful human would have come away is asked here, of the driver
+//! whether CC_LATCHED would have come away is asked here, of the driver
 //! that training never consulted: once among the recorded motions (open loop),
 //! once with that driver as the ego that the same adversary meets (closed loop).
 
@@ -14,7 +14,6 @@ use crate::campaign::{
 };
 use crate::ego::reference::ReferenceDriver;
 use crate::ego::{Actuated, CcLatchedDriver, ControllerSpec};
-use crate::preventability::Band;
 use crate::run::{ClosingSpeed, RunDir, wilson};
 use crate::scenario::{Change, ChangeError, Scenario};
 use crate::severity::CrashKind;
@@ -22,8 +21,8 @@ use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 
 use super::case_studies::{CaseStudies, trained_run};
 
-/// The careful human: reads the next lane, and does not let go.
-const CAREFUL: ReferenceDriver = ReferenceDriver::CcLatched;
+/// The competent driver of UN R157 that reads the next lane, and does not let go.
+const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
 /// Crashes per ado whose variations are played.
 const VARIED: usize = 40;
 /// Speed from which a contact is one to act on.
@@ -41,13 +40,13 @@ pub struct CrashRow {
     pub starts: usize,
     /// Starts with a crash that counts, every rule kept.
     pub found: usize,
-    /// Of these, crashes that the careful human avoids in the recorded motion;
+    /// Of these, crashes that CC_LATCHED avoids in the recorded motion;
     /// `None`: drivers say nothing of such crashes.
     pub avoided: Option<usize>,
-    /// Of these, crashes that any competent driver avoids in it.
+    /// Of these, crashes that CC_LATCHED or FSM avoids in it.
     pub preventable: Option<usize>,
     /// Of these, starts from which the same ado brings about no hard crash when
-    /// the careful human is the ego.
+    /// CC_LATCHED is the ego.
     pub avoided_closed_loop: Option<usize>,
     /// Of these, side-swipes.
     pub side_swipes: usize,
@@ -76,8 +75,8 @@ type Play<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
 /// Who meets whom.
 struct Study<'a> {
     scenario: &'a Scenario,
-    /// The same world with the careful human as the ego.
-    careful: Scenario,
+    /// The same world with CC_LATCHED as the ego.
+    competent: Scenario,
     starts: &'a TestStarts,
     watch: &'a Watch<'a>,
 }
@@ -94,10 +93,10 @@ impl Study<'_> {
     fn look(&self, benches: &mut (Testbench, Testbench), index: usize, play: Play<'_>) -> Looked {
         let episode = play(&mut benches.0, index);
         let said = self.scenario.preventability(&episode);
-        let applies = said.label.band() != Band::NotApplicable;
+        let preventable = said.human_model_avoids();
         Looked {
-            avoided: applies.then(|| said.is_avoided_by(CAREFUL)),
-            preventable: applies.then(|| said.label.band() == Band::Preventable),
+            avoided: preventable.map(|_| said.is_avoided_by(COMPETENT)),
+            preventable,
             closed_loop: !is_hard(&play(&mut benches.1, index)),
             episode,
         }
@@ -113,7 +112,7 @@ impl Study<'_> {
         let all = crate::campaign::EpisodeLoop::uncounted(self.watch);
         let looked = all.run(
             solved,
-            || (self.scenario.bench(), self.careful.bench()),
+            || (self.scenario.bench(), self.competent.bench()),
             |benches, index, _| Some(self.look(benches, *index, play)),
         );
         let looked: Vec<Looked> = looked.into_iter().flatten().collect();
@@ -213,7 +212,7 @@ pub enum CrashStudyError {
     /// A training failed.
     #[error(transparent)]
     Train(#[from] TrainError),
-    /// The careful human cannot drive its ego.
+    /// CC_LATCHED cannot drive its ego.
     #[error(transparent)]
     Change(#[from] ChangeError),
 }
@@ -236,17 +235,17 @@ pub fn crash_study(
         return Ok(None);
     };
     // Its ramp holds how the brakes build up: no lag besides.
-    let careful = Actuated {
+    let competent = Actuated {
         controller: ControllerSpec::CcLatchedDriver(CcLatchedDriver::default()),
         lag_s: 0.0,
     };
     let change = Change {
-        controller: Some(careful),
+        controller: Some(competent),
         ..Change::default()
     };
     let study = Study {
         scenario,
-        careful: scenario.with(&change)?,
+        competent: scenario.with(&change)?,
         starts: &starts,
         watch,
     };
@@ -287,7 +286,7 @@ impl Study<'_> {
 /// What the columns mean, below the table.
 const EXPLAINED: &str = "
 - found: starts with a crash that counts, every rule kept, with the interval of their share
-- avoided by a careful human: by the driver of UN R157, who reads the next lane and does not let go
+- avoided by CC_LATCHED: the competent driver of UN R157 that reads the next lane and does not let go
 - open loop: in the ego's place, the others moving as recorded
 - closed loop: met by the same ado, which brings about no contact at 3 m/s or more then
 - persistence: share of small variations in which a crash stays one
@@ -297,7 +296,7 @@ const EXPLAINED: &str = "
 /// The studies as a Markdown table.
 pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
     let mut text = String::from(
-        "| world | ado | found [95 %] | avoided by a careful human, of all starts: open loop, closed loop | \
+        "| world | ado | found [95 %] | avoided by CC_LATCHED, of all starts: open loop, closed loop | \
          of those found: open loop | side-swipes | closing m/s, median / 90 % | persistence, median | fouls |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );

@@ -8,7 +8,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::campaign::{EgoUnderTest, SearchRequest, Switches, Watch, search, test_starts};
-use crate::preventability::Band;
 use crate::scenario::Scenario;
 use crate::testbench::{Aftermath, Replay, play};
 
@@ -28,9 +27,9 @@ pub struct ProtocolRow {
     pub passed: usize,
     /// Of those, at how many a lawful variation makes it fail.
     pub strayed: usize,
-    /// Of those, at how many a careful driver in its place would not have.
+    /// Of those, at how many CC_LATCHED or FSM in its place would not have.
     pub preventable: usize,
-    /// Of those, at how many the careful drivers have nothing to say: they
+    /// Of those, at how many the reference drivers have nothing to say: they
     /// follow others, and judge nobody who crosses.
     pub unjudged: usize,
     /// The greatest closing speed of a contact, m/s.
@@ -87,10 +86,10 @@ pub fn protocol_row(
         let mut ado = Replay::holding(actions);
         let episode = play(&mut bench, start, *noise, &mut ado, Aftermath::Play);
         row.strayed += 1;
-        match scenario.preventability(&episode).label.band() {
-            Band::Preventable => row.preventable += 1,
-            Band::NotApplicable => row.unjudged += 1,
-            Band::IdealOnly | Band::Unavoidable => {}
+        match scenario.preventability(&episode).human_model_avoids() {
+            Some(true) => row.preventable += 1,
+            Some(false) => {}
+            None => row.unjudged += 1,
         }
         let closing = episode
             .contact
@@ -118,7 +117,7 @@ pub fn protocols_markdown(rows: &[ProtocolRow]) -> String {
     let mut text = format!(
         "Per ego: points passed; *!* at how many of those a lawful variation makes it fail, \
          found by a search with at most {SWITCHES} switches of what is added to the plan; \
-         *c* at how many of those a careful driver in its place would not have failed.\n\n\
+         *c* at how many of those CC_LATCHED or FSM in its place would not have failed.\n\n\
          | world | points |{}\n| --- | --- |{}\n",
         egos.iter()
             .map(|ego| format!(" {ego} |"))

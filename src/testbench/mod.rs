@@ -92,7 +92,7 @@ pub struct Testbench {
     advances: u64,
     aftermath: Aftermath,
     recording: Recording,
-    /// Puts careful drivers into the ego's place; made when it is first needed.
+    /// Puts reference drivers into the ego's place; made when it is first needed.
     replayer: Option<Replayer>,
 }
 

@@ -45,7 +45,7 @@ fn a_gate_and_its_opposite_mirror_each_other() {
     assert_eq!(worse["p_value"], brakecheck::run::mcnemar(failing, fixed));
     assert_eq!(worse_exit, 1);
     assert_eq!(better_exit, i32::from(0 < fixed));
-    // Only what a careful driver would have avoided counts unless asked.
+    // Only what CC_LATCHED or FSM would have avoided counts unless asked.
     let (exit, preventable) = gate("nominal", &harder, "preventable");
     let list = preventable["newly_failing"].as_array().expect("a list");
     let any = list.iter().any(|flipped| flipped["preventable"] == true);

@@ -9,7 +9,6 @@ use crate::campaign::episodes::EpisodeLoop;
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::Evaluated;
 use crate::campaign::tries::Tried;
-use crate::preventability::Band;
 use crate::run::{ClosingSpeed, StartOutcome, mcnemar};
 use crate::testbench::Testbench;
 
@@ -20,7 +19,7 @@ pub struct Flipped {
     pub start: usize,
     /// Closing speed on the ego that fails there, if it ends in contact.
     pub closing_mps: Option<f64>,
-    /// Whether a careful driver in that ego's place would have avoided it;
+    /// Whether CC_LATCHED or FSM in that ego's place would have avoided it;
     /// `None`: nobody judges such an encounter.
     pub preventable: Option<bool>,
 }
@@ -51,7 +50,7 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// Whether a start fails newly that a careful driver would have survived.
+    /// Whether a start fails newly that CC_LATCHED or FSM would have survived.
     pub fn is_newly_preventable(&self) -> bool {
         let mut starts = self.newly_failing.iter();
         starts.any(|start| start.preventable == Some(true))
@@ -145,11 +144,7 @@ impl EvaluationTable<'_> {
                 let evaluated = found.by.evaluated();
                 let mut play = |bench: &mut Testbench, start| play(bench, start);
                 let episode = evaluated.again(&trained, bench, flipped.start, &mut play);
-                let label = scenario.preventability(&episode).label;
-                match label.band() {
-                    Band::NotApplicable => None,
-                    band => Some(band == Band::Preventable),
-                }
+                scenario.preventability(&episode).human_model_avoids()
             },
         );
         for (flipped, label) in gate.newly_failing.iter_mut().zip(labels) {

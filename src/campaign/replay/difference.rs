@@ -11,10 +11,29 @@ use crate::trace::{Schema, Trace};
 pub struct Difference {
     /// Number of the first sample that differs; the start is 0.
     pub sample: usize,
+    /// When that sample is.
+    pub time_s: f64,
     /// The signal and both values, if the samples are stored beside the file.
     pub signal: Option<(String, f64, f64)>,
     /// What was recorded and is not published any more.
     pub unpublished: Option<String>,
+}
+
+impl Difference {
+    /// From when on a run is another one than was recorded.
+    pub fn since(&self) -> String {
+        let from = format!(
+            "different from the recorded run from t = {:.2} s",
+            self.time_s
+        );
+        match (&self.signal, &self.unpublished) {
+            (Some((name, recorded, now)), _) => {
+                format!("{from}: `{name}` is {now:.3}, recorded was {recorded:.3}")
+            }
+            (None, Some(name)) => format!("{from}: `{name}` is no signal any more"),
+            (None, None) => from,
+        }
+    }
 }
 
 impl std::fmt::Display for Difference {
@@ -52,6 +71,7 @@ pub(super) fn first_difference(
         Err(unpublished) => {
             return Ok(Some(Difference {
                 sample: 0,
+                time_s: 0.0,
                 signal: None,
                 unpublished: Some(unpublished),
             }));
@@ -74,6 +94,8 @@ pub(super) fn first_difference(
     });
     Ok(Some(Difference {
         sample: same,
+        // Time is i · dt; rounding hides the dust of binary fractions.
+        time_s: (same as f64 * episode.trace.dt_s() * 1e9).round() / 1e9,
         signal,
         unpublished: None,
     }))

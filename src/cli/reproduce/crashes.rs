@@ -1,4 +1,4 @@
-//! Crashes that a careful driver would have avoided, world by world.
+//! Crashes that reference drivers avoid, world by world.
 
 use serde_json::json;
 

@@ -90,7 +90,7 @@ enum What {
     Reuse,
     /// Starts near the paper's failing ones: do they fail too?
     NearStarts,
-    /// Crashes that a careful driver would have avoided: what each ado finds.
+    /// Crashes that reference drivers avoid: what each ado finds.
     Crashes,
     /// Controllers of structures that no ado met in training, each learned from 100 runs of it
     /// (at most 2 trainings and 100 starts).

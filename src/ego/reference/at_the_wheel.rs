@@ -13,7 +13,10 @@ pub struct AtTheWheel<M> {
     lane_width_m: f64,
     driver: Option<Reflexes<M>>,
     nominal_mps: f64,
-    /// The others of the present percept, kept to save the allocation.
+    /// Everybody whom it has ever seen, by name: whom it brakes for keeps its
+    /// place among them while others are hidden.
+    names: Vec<String>,
+    /// The others of the present percept, in the order of the names.
     others: Vec<LaneBody>,
 }
 
@@ -24,12 +27,42 @@ impl<M> AtTheWheel<M> {
             lane_width_m: 0.0,
             driver: None,
             nominal_mps: 0.0,
+            names: Vec::new(),
             others: Vec::new(),
+        }
+    }
+
+    /// Puts everybody who is seen in their places, and the others nowhere.
+    fn look(&mut self, percept: &Percept) {
+        self.others.fill(LaneBody::unseen());
+        for (at, seen) in percept.others.iter().enumerate() {
+            // Most of the time nobody is hidden, and places do not change.
+            let is_here = self.names.get(at) == Some(&seen.name);
+            let place = match is_here {
+                true => Some(at),
+                false => self.names.iter().position(|name| *name == seen.name),
+            };
+            let body = LaneBody::of_seen(seen);
+            match place {
+                Some(place) => self.others[place] = body,
+                None => {
+                    self.names.push(seen.name.clone());
+                    self.others.push(body);
+                }
+            }
         }
     }
 }
 
 impl LaneBody {
+    /// Somebody who is hidden: far behind, where no driver looks.
+    pub(crate) fn unseen() -> LaneBody {
+        LaneBody {
+            x_m: f64::NEG_INFINITY,
+            ..LaneBody::default()
+        }
+    }
+
     /// A body by its front: where that is in lane coordinates, how it moves
     /// along and across the lane, and the sine and cosine of its heading there.
     pub fn behind_front(
@@ -52,25 +85,29 @@ impl LaneBody {
     /// The ego, with its front at the origin.
     fn of_own(own: &Own) -> LaneBody {
         let (sin, cos) = libm::sincos(own.heading_rad);
-        let velocity = (own.speed_mps * cos, own.speed_mps * sin);
         let size = (own.length_m, own.width_m);
+        // Turning moves the front sideways, not the middle.
+        let lateral_mps = own.lateral_mps - 0.5 * own.length_m * own.yaw_rate_rad_per_s;
+        let velocity = (
+            own.speed_mps * cos - lateral_mps * sin,
+            own.speed_mps * sin + lateral_mps * cos,
+        );
         LaneBody::behind_front((0.0, 0.0), velocity, (sin, cos), size)
     }
 
-    /// Somebody else, whose heading on the road is that of its velocity.
+    /// Somebody else, as a percept shows its front.
     fn of_seen(seen: &Seen) -> LaneBody {
-        let velocity = (seen.speed_mps, seen.lateral_mps);
-        let over_ground_mps = libm::hypot(velocity.0, velocity.1);
-        // Who hardly moves has no direction to speak of, and no lateral motion.
-        let direction = match over_ground_mps < 1.0 {
-            true => (0.0, 1.0),
-            false => (velocity.1 / over_ground_mps, velocity.0 / over_ground_mps),
-        };
+        let (sin, cos) = libm::sincos(seen.road_heading_rad);
+        let lever_mps = 0.5 * seen.length_m * seen.yaw_rate_rad_per_s;
+        let velocity = (
+            seen.speed_mps + lever_mps * sin,
+            seen.lateral_mps - lever_mps * cos,
+        );
         let front = (seen.headway_m, seen.lateral_m);
         let size = (seen.length_m, seen.width_m);
         LaneBody {
             accel_mps2: seen.ax_mps2,
-            ..LaneBody::behind_front(front, velocity, direction, size)
+            ..LaneBody::behind_front(front, velocity, (sin, cos), size)
         }
     }
 }
@@ -82,17 +119,17 @@ impl<M: DriverModel + Clone + 'static> Controller for AtTheWheel<M> {
 
     fn reset(&mut self, _seed: u64) {
         self.driver = None;
+        self.names.clear();
+        self.others.clear();
     }
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        self.look(percept);
         let own = &percept.own;
         let driver = self.driver.get_or_insert_with(|| {
             self.nominal_mps = own.speed_mps;
             Reflexes::new(self.model.clone(), percept.sample_s, self.lane_width_m)
         });
-        self.others.clear();
-        self.others
-            .extend(percept.others.iter().map(LaneBody::of_seen));
         Ok(Command::accelerate(
             match driver.step(&LaneBody::of_own(own), &self.others) {
                 Response::Nominal => {

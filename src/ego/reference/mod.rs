@@ -1,4 +1,4 @@
-//! Reference drivers: what a careful driver in the ego's place would do.
+//! Reference drivers: published models of what a driver in the ego's place would do.
 //!
 //! Each model is a file: [`cc`](CcDriver), the competent and careful human of
 //! UN R157, in three readings; [`reg`](RegDriver), the cut-in formula of the

@@ -77,7 +77,7 @@ impl ReferenceDriver {
             ReferenceDriver::CcLatched => "the competent driver of UN R157 (CC_LATCHED)",
             ReferenceDriver::Reg => "the cut-in formula of UN R157 (REG)",
             ReferenceDriver::Rss => "responsibility-sensitive safety (RSS)",
-            ReferenceDriver::Fsm => "the careful driver of UN R157 (FSM)",
+            ReferenceDriver::Fsm => "the fuzzy safety model of UN R157 (FSM)",
             ReferenceDriver::Ideal => "a driver without delay (Ideal)",
         }
     }

@@ -2,6 +2,7 @@
 //! violation, contact.
 
 use super::super::Example;
+use super::super::verdict::ego_failed;
 use super::moves::{Kind, Move};
 use crate::scenario::Scenario;
 use crate::stl::Interval;
@@ -41,12 +42,10 @@ pub(super) fn moments(
             Some(moment(chance.at_s?, words, "k-chance"))
         }));
     }
-    let violated_s = violated_s(scenario, example);
-    moments.push(moment(
-        violated_s,
-        "requirement broken".to_owned(),
-        "k-broken",
-    ));
+    if ego_failed(&example.episode) {
+        let words = "requirement broken".to_owned();
+        moments.push(moment(violated_s(scenario, example), words, "k-broken"));
+    }
     moments.extend(example.episode.contact.as_ref().map(|touch| {
         let words = match scenario.grid() {
             Some(_) => "caught".to_owned(),

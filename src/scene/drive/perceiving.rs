@@ -49,6 +49,8 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
         lateral_m: at.lateral_m,
         lane: spec.road.lane_at(at.lateral_m),
         heading_rad: at.heading_rad,
+        lateral_mps: state.lateral_mps,
+        yaw_rate_rad_per_s: state.yaw_rate_rad_per_s,
         length_m: body.length_m,
         width_m: body.width_m,
     };
@@ -66,10 +68,11 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
         seen.lateral_mps = across;
         seen.lane = spec.road.lane_at(other.lateral_m);
         seen.road_heading_rad = other.heading_rad;
+        seen.yaw_rate_rad_per_s = scene.states[i].yaw_rate_rad_per_s;
         in_ego_frame(seen, state, &scene.states[i]);
     }
     if spec.sensors.line_of_sight {
-        let visible = sight::visible(scene, ego);
+        let visible = sight::visible(spec, &scene.states, ego);
         let mut sees = others.map(|i| visible[i]);
         percept.others.retain(|_| sees.next().unwrap_or(true));
     }

@@ -11,6 +11,7 @@ use super::course::{Course, OnRoad};
 use super::layout::Layout;
 use super::motion::DriveScene;
 use super::road::Road;
+use super::sight;
 use super::spec::EgoController;
 use super::world::DriveWorld;
 use crate::ego::RecordedCommands;
@@ -39,6 +40,17 @@ impl DriveWorld {
     pub fn lane_body(&self, agent: usize, state: &BodyState) -> LaneBody {
         let at = self.0.network.main().locate(&state.pose);
         in_lane(state, &at, &self.0.spec.agents[agent].body)
+    }
+
+    /// Which agents the ego sees at a sample of a motion, whatever the delay and
+    /// the noise of its sensors: all but those that are hidden, where the world
+    /// has a line of sight.
+    pub fn seen(&self, sample: &[BodySample]) -> Vec<bool> {
+        let spec = &self.0.spec;
+        match spec.sensors.line_of_sight {
+            true => sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego),
+            false => vec![true; sample.len()],
+        }
     }
 
     /// A motion of this world with commands that repeat it, and gone on with
@@ -235,8 +247,11 @@ impl DriveScene {
             }
         }
         let flow = self.move_on();
-        // A plant knows of who is carried the mean velocity on the way there.
-        for (state, body) in self.state.states.iter_mut().zip(next) {
+        // A plant knows of who is carried the mean velocity on the way there. The
+        // ego is not carried, whatever the record says of who drove it then.
+        let own = self.layout.ego;
+        let carried = self.state.states.iter_mut().zip(next).enumerate();
+        for (_, (state, body)) in carried.filter(|(agent, _)| *agent != own) {
             if matches!(body.command, Some(BodyCommand::Glide { .. })) {
                 let pose = state.pose;
                 *state = BodyState { pose, ..body.state };
@@ -261,6 +276,15 @@ impl DriveScene {
         let body = &self.layout.spec.agents[agent].body;
         let at = self.state.on_road_of(self.layout.ego, agent);
         in_lane(&self.state.states[agent], &at, body)
+    }
+
+    /// Which agents the ego sees now; see [`DriveWorld::seen`].
+    pub fn seen(&self) -> Vec<bool> {
+        let spec = &self.layout.spec;
+        match spec.sensors.line_of_sight {
+            true => sight::visible(spec, &self.state.states, self.layout.ego),
+            false => vec![true; spec.agents.len()],
+        }
     }
 
     /// Curvature of the road beside the ego, positive to the left.

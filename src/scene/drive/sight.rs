@@ -5,8 +5,8 @@
 //! the straight line to it passes through the box of a third body on wheels,
 //! parked or driving, however high it is. People hide nobody.
 
-use super::state::SceneState;
-use crate::sim::{Body, Pose};
+use super::spec::DriveSpec;
+use crate::sim::{Body, BodyState, Pose};
 
 /// A body seen from above.
 struct Footprint {
@@ -84,15 +84,19 @@ impl Footprint {
     }
 }
 
-/// Whether the ego sees each of the agents.
-pub(super) fn visible(scene: &SceneState, ego: usize) -> Vec<bool> {
-    let bodies = scene.spec.agents.iter().map(|agent| &agent.body);
-    let boxes = bodies.zip(&scene.states);
-    let boxes: Vec<Footprint> = boxes
-        .map(|(body, state)| Footprint::of(body, &state.pose))
-        .collect();
-    let eye = (scene.states[ego].pose.x_m, scene.states[ego].pose.y_m);
-    let on_wheels = |i: &usize| !scene.spec.agents[*i].body.is_on_foot();
+/// Whether the ego sees each of the agents, which are in these states.
+pub(super) fn visible<'a>(
+    spec: &DriveSpec,
+    states: impl IntoIterator<Item = &'a BodyState>,
+    ego: usize,
+) -> Vec<bool> {
+    let bodies = spec.agents.iter().map(|agent| &agent.body);
+    let boxes = bodies.zip(states);
+    let (boxes, fronts): (Vec<Footprint>, Vec<Pose>) = boxes
+        .map(|(body, state)| (Footprint::of(body, &state.pose), state.pose))
+        .unzip();
+    let eye = (fronts[ego].x_m, fronts[ego].y_m);
+    let on_wheels = |i: &usize| !spec.agents[*i].body.is_on_foot();
     let sees = |seen: usize| {
         let points = boxes[seen].points();
         points.into_iter().any(|point| {

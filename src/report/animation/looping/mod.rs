@@ -54,12 +54,12 @@ pub struct Beside {
 
 /// A crash as one SVG that plays over and over.
 ///
-/// `ego` says who is under test; without `beside` the picture has one half. The
-/// example must have frames.
+/// `ego` says who is under test, and a note what else is to be said of the run;
+/// without `beside` the picture has one half. The example must have frames.
 pub fn looping_picture(
     scenario: &Scenario,
     example: &Example,
-    ego: &str,
+    (ego, note): (&str, Option<&str>),
     beside: Option<&Beside>,
 ) -> String {
     let picture = Picture::of(scenario, example, 0);
@@ -77,7 +77,7 @@ pub fn looping_picture(
         film: &picture.film,
         moves: picture.moves.clone(),
         contact_m: picture.contact_m(),
-        ending: ending_of(&picture, AFTER_S),
+        ending: ending_of(scenario, &picture, AFTER_S),
         title: format!("The ego: {ego}"),
         picture: &picture,
     }];
@@ -93,7 +93,7 @@ pub fn looping_picture(
         from_s: picture.film.times_s[picture.film.at(from_s)],
         until_s: ends.fold(0.0, f64::max),
     };
-    let said = facts(scenario, &picture, beside);
+    let said = facts(scenario, &picture, (note, beside));
     whole(&panels, period, &said, example)
 }
 

@@ -4,8 +4,8 @@ use super::Beside;
 use crate::preventability::FilmedDriver;
 use crate::report::animation::film::Film;
 use crate::report::animation::picture::Picture;
-use crate::report::verdict::{VerdictWords, capital};
-use crate::rulebook::RulesUntilContact;
+use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
+use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::scenario::Scenario;
 
 /// So many letters fit into a line.
@@ -14,12 +14,21 @@ const BOLD_LETTERS: usize = 116;
 
 /// When the recorded drive ends, and how: a contact, or `after_s` beyond what
 /// the ego broke.
-pub(super) fn ending_of(picture: &Picture<'_>, after_s: f64) -> (f64, String, bool) {
+pub(super) fn ending_of(
+    scenario: &Scenario,
+    picture: &Picture<'_>,
+    after_s: f64,
+) -> (f64, String, bool) {
     match &picture.example.episode.contact {
         Some(touch) if picture.on_cells => (touch.time_s, "Caught".to_owned(), false),
         Some(touch) => {
             let words = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
             (touch.time_s, words, false)
+        }
+        None if !ego_failed(&picture.example.episode) => {
+            let words = capital(&outcome_in_words(scenario, &picture.example.episode));
+            let end_s = nearest_s(picture, &picture.film, 0.0) + after_s;
+            (end_s.min(picture.film.end_s()), words, true)
         }
         None => {
             let end_s = (picture.violated_s + after_s).min(picture.film.end_s());
@@ -39,17 +48,7 @@ pub(super) fn outcome_of(
         let words = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
         return (touch.time_s, words, false);
     }
-    let (ego, _) = picture.ego();
-    let recorded_s = picture.film.end_s();
-    let apart_m = |i: usize| {
-        picture
-            .film
-            .met
-            .map_or(0.0, |met| film.apart_m(ego, met, i))
-    };
-    let later = film.at(recorded_s)..film.times_s.len();
-    let nearest = later.min_by(|a, b| apart_m(*a).total_cmp(&apart_m(*b)));
-    let nearest_s = nearest.map_or(recorded_s, |i| film.times_s[i]);
+    let nearest_s = nearest_s(picture, film, picture.film.end_s());
     let words = match filmed.outcome.margin {
         Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
         None => "No contact: nobody was in its way".to_owned(),
@@ -57,11 +56,21 @@ pub(super) fn outcome_of(
     ((nearest_s + after_s).min(film.end_s()), words, true)
 }
 
-/// What is known of the crash: what came of it, then number by number.
+/// When the ego of a film is nearest to whom it meets, from a time on.
+fn nearest_s(picture: &Picture<'_>, film: &Film, from_s: f64) -> f64 {
+    let (ego, _) = picture.ego();
+    let met = picture.film.met;
+    let apart_m = |i: usize| met.map_or(0.0, |met| film.apart_m(ego, met, i));
+    let later = film.at(from_s)..film.times_s.len();
+    let nearest = later.min_by(|a, b| apart_m(*a).total_cmp(&apart_m(*b)));
+    nearest.map_or(from_s, |i| film.times_s[i])
+}
+
+/// What is known of the run: what came of it, then number by number.
 pub(super) fn facts(
     scenario: &Scenario,
     picture: &Picture<'_>,
-    beside: Option<&Beside>,
+    (note, beside): (Option<&str>, Option<&Beside>),
 ) -> Vec<String> {
     let example = picture.example;
     let about = &example.about;
@@ -73,6 +82,7 @@ pub(super) fn facts(
     });
     let rules = scenario.rulebook().rules.len();
     let rules = match &example.episode.rules_until_contact {
+        _ if matches!(example.episode.verdict, Verdict::Foul { .. }) => "a rule broken".to_owned(),
         Some(RulesUntilContact::Broken { rule, .. }) => {
             format!("“{rule}” broken before the contact")
         }
@@ -93,6 +103,7 @@ pub(super) fn facts(
         .flatten()
         .collect();
     let mut said = vec![verdict, capital(&format!("{}.", known.join("; ")))];
+    said.extend(note.map(str::to_owned));
     said.extend(beside.map(|it| other(&it.who, &it.filmed, picture)));
     said
 }

@@ -1,0 +1,179 @@
+//! A driver as the ego of a world, and the same one in the panel.
+
+use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::preventability::{DriverOutcome, Seat};
+use brakecheck::scenario::{Change, Scenario};
+use brakecheck::sim::PlantKind;
+use brakecheck::testbench::{Aftermath, Episode, Replay, motion_of, play};
+use ron::extensions::Extensions;
+
+use super::{WORLDS, contacts, world};
+
+/// Every driver of the panel, and what a world calls it as its ego.
+const DRIVERS: [(ReferenceDriver, &str); 6] = [
+    (ReferenceDriver::Cc, "CcDriver"),
+    (ReferenceDriver::CcLane, "CcLaneDriver"),
+    (ReferenceDriver::CcLatched, "CcLatchedDriver"),
+    (ReferenceDriver::Reg, "RegDriver"),
+    (ReferenceDriver::Rss, "RssDriver"),
+    (ReferenceDriver::Fsm, "FsmDriver"),
+];
+
+/// A lead car uncovers a truck that stands; `sensors` are the ego's.
+fn cut_out(plant: &str, sensors: &str) -> Scenario {
+    let text = format!(
+        "Scenario(name: \"cut_out\", question: \"?\", \
+         clock: (horizon_s: 16.0, decision_s: 0.5, sample_s: 0.05, substeps: 4), \
+         plant: {plant}, judge: UntilContact, \
+         road: Straight(lanes: 2, lane_width_m: 3.5, friction: 0.9), \
+         agents: [Vehicle(name: \"ego\", body: \"sedan\", lane: 0, \
+         start: At(x_m: 0.0, speed_mps: (22.0, 26.0)), \
+         drive: Ego(Coast(accel_mps2: 0.0))), \
+         Vehicle(name: \"lead\", body: \"sedan\", lane: 0, \
+         start: Ahead(of: \"ego\", headway_m: (25.0, 45.0), speed_mps: (24.0, 26.0)), \
+         drive: Ado(actions: Grid(accelerations: [0.0], lateral: [Hold, Left], lateral_mps: 1.5), \
+         neutral: 0, observe: [\"ego.speed\"], \
+         rulebook: [Rule(name: \"drives on\", stl: \"always (lead.speed >= 1)\")])), \
+         Vehicle(name: \"truck\", body: \"truck\", lane: 0, \
+         start: Ahead(of: \"ego\", headway_m: (150.0, 200.0), speed_mps: 0.0), \
+         drive: Scripted(Stand))], sensors: ({sensors}), \
+         ego_spec: \"always (ego.truck.gap >= 0.2)\")"
+    );
+    Scenario::parse("cut_out.ron", &text).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// The world with a driver as its ego, behind brakes that build up once: in the
+/// model, or else in the car.
+fn driven_by(world: &Scenario, driver: ReferenceDriver, name: &str) -> Scenario {
+    let lag_s = match driver.has_build_up() {
+        true => 0.0,
+        false => world.drive().expect("a driving world").ego.lag_s,
+    };
+    let change = format!("Change(controller: {name}(lag_s: {lag_s:?}))");
+    let extensions = Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES;
+    let options = ron::Options::default().with_default_extension(extensions);
+    let change: Change = options.from_str(&change).expect("a change");
+    world.with(&change).expect("an ego")
+}
+
+/// The same start and actions again.
+fn again(world: &Scenario, episode: &Episode) -> Episode {
+    let mut bench = world.bench();
+    let mut ado = Replay::then(&episode.actions, bench.spaces().neutral);
+    play(
+        &mut bench,
+        &episode.start,
+        episode.noise,
+        &mut ado,
+        Aftermath::Play,
+    )
+}
+
+/// What the panel says of a driver from the start of an episode on.
+fn in_panel(world: &Scenario, episode: &Episode, driver: ReferenceDriver) -> DriverOutcome {
+    let motion = motion_of(&mut world.bench(), episode).expect("bodies");
+    let mut replayer = world.replayer().expect("a driving world");
+    let case = replayer.case(&motion);
+    replayer.from_start(&case, Seat::Driver(driver), None)
+}
+
+/// How far apart two ends are: in time and in closing speed; `None`: only one of
+/// them is a contact.
+fn apart(episode: &Episode, outcome: &DriverOutcome) -> Option<(f64, f64)> {
+    match (&episode.contact, &outcome.contact) {
+        (Some(touch), Some(contact)) => Some((
+            (touch.time_s - contact.time_s).abs(),
+            (touch.closing_speed_mps - contact.closing_speed_mps).abs(),
+        )),
+        (None, None) => Some((0.0, 0.0)),
+        _ => None,
+    }
+}
+
+/// Among the motions of its own run a driver in the panel does what it did as
+/// the ego: it sees the same and answers alike.
+#[test]
+fn a_driver_as_the_ego_and_in_the_panel_are_one() {
+    let (mut contact, mut held) = (0, 0);
+    for name in WORLDS {
+        let world = world(name, PlantKind::Kinematic);
+        for (episode, _) in contacts(&world, 3) {
+            for (driver, ego) in DRIVERS {
+                let world = driven_by(&world, driver, ego);
+                let run = again(&world, &episode);
+                let of_ego = run.contact.as_ref().map(|it| &it.between);
+                if of_ego.is_some_and(|(one, other)| one != "ego" && other != "ego") {
+                    continue;
+                }
+                let outcome = in_panel(&world, &run, driver);
+                let apart = apart(&run, &outcome);
+                assert!(
+                    apart.is_some_and(|(s, mps)| s < 1e-6 && mps < 1e-6),
+                    "{name} {ego}: {:?}, {outcome:?}",
+                    run.contact
+                );
+                match run.contact {
+                    Some(_) => contact += 1,
+                    None => held += 1,
+                }
+            }
+        }
+    }
+    assert!(
+        10 <= contact && 10 <= held,
+        "{contact} contacts, {held} held"
+    );
+}
+
+/// The runs of `drivers` as egos that end otherwise than the panel says of them
+/// from the record of an ego that brakes for nobody.
+fn disagreeing(panel: &Scenario, egos: &Scenario) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut bench = panel.bench();
+    for index in 0..6 {
+        let key = brakecheck::seed::StartKey {
+            purpose: brakecheck::seed::Purpose::Test,
+            seed: 11,
+            index,
+        };
+        let start = bench.draw(key);
+        // It leaves the lane after two to five seconds.
+        let mut actions = vec![0; 4 + index as usize];
+        actions.extend([1; 5]);
+        let mut ado = Replay::then(&actions, 0);
+        let record = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
+        assert!(record.contact.is_some());
+        for (driver, ego) in DRIVERS {
+            let outcome = in_panel(panel, &record, driver);
+            let run = again(&driven_by(egos, driver, ego), &record);
+            let apart = apart(&run, &outcome);
+            if !apart.is_some_and(|(s, mps)| s < 0.05 && mps < 0.3) {
+                found.push(format!("{index} {ego}: {:?}, {outcome:?}", run.contact));
+            }
+        }
+    }
+    found
+}
+
+/// From the record of a rigid ego, too, and past its end: a driver is as fast as
+/// it is, not as the recorded ego was, and sees nobody through others.
+#[test]
+fn the_panel_and_the_ego_agree_about_a_truck_that_is_uncovered() {
+    for sensors in ["", "line_of_sight: true"] {
+        for plant in ["Kinematic", "Rigid"] {
+            let world = cut_out(plant, sensors);
+            let found = disagreeing(&world, &world);
+            assert!(
+                found.is_empty(),
+                "{plant}, {sensors}:\n{}",
+                found.join("\n")
+            );
+        }
+    }
+    // Other sensors are another story, and the comparison sees that.
+    let hidden = cut_out("Kinematic", "line_of_sight: true");
+    let open = cut_out("Kinematic", "");
+    assert!(!disagreeing(&open, &hidden).is_empty());
+    let late = cut_out("Kinematic", "delay_s: 0.3");
+    assert!(!disagreeing(&open, &late).is_empty());
+}
