@@ -9,22 +9,27 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 where=${1:-$(mktemp -d)}
+mkdir -p "$where"
+# The directory changes below, so a relative path would lead elsewhere.
+where=$(cd "$where" && pwd)
 python=${PYTHON:-python3}
 
 "$python" -m venv "$where/build"
-"$where/build/bin/pip" install --quiet 'maturin>=1.9,<2'
+"$where/build/bin/python" -m pip install --quiet 'maturin>=1.9,<2'
 rm -rf "$where/wheels"
 # The tests read nothing of the checkout but themselves.
-"$where/build/bin/maturin" build --release --manifest-path "$here/Cargo.toml" \
+"$where/build/bin/python" -m maturin build --release --manifest-path "$here/Cargo.toml" \
     --interpreter "$python" --out "$where/wheels" ${MATURIN_ARGS:-}
 
 "$python" -m venv --clear "$where/fresh"
-"$where/fresh/bin/pip" install --quiet "$(ls "$where"/wheels/*.whl)[test]"
+fresh="$where/fresh/bin/python"
+"$fresh" -m pip install --quiet "$(ls "$where"/wheels/*.whl)[test]"
 cd "$where"
-"$where/fresh/bin/python" -m pytest -q -p no:cacheprovider "$here/tests"
-"$where/fresh/bin/python" -m mypy --config-file "$here/pyproject.toml" -p brakecheck
+"$fresh" -m mypy --config-file "$here/pyproject.toml" -p brakecheck
 "$where/fresh/bin/brakecheck" --version
 mkdir -p "$where/tutorial"
 cp "$here/examples/tutorial.ipynb" "$where/tutorial"
-(cd "$where/tutorial" && "$where/fresh/bin/jupyter" execute --inplace tutorial.ipynb)
+(cd "$where/tutorial" && "$fresh" -m jupyter execute --inplace tutorial.ipynb)
+# The tests come last, so that their count closes the output.
+"$fresh" -m pytest -q -p no:cacheprovider "$here/tests"
 echo "the wheel: $(ls "$where"/wheels/*.whl)"

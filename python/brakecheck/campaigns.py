@@ -271,23 +271,31 @@ def replay(
 
 
 def view(
-    what: Replayed | Run | Path, output: Path | None = None, *, episode: str | int = 0, ego: Any = None
+    what: Replayed | Run | Path,
+    output: Path | None = None,
+    *,
+    episode: str | int = 0,
+    ego: Any = None,
+    beside: str | None = None,
 ) -> str:
-    """Writes a kept counterexample as a recording for the rerun viewer; the file.
+    """Writes a kept counterexample as a recording or as a picture; the file.
 
     Args:
         what: a replayed counterexample, a kept file, a directory of them, or a run.
-        output: the file to write; named after the counterexample without it.
+        output: a `.rrd` for the rerun viewer, or a `.svg` for any browser; a
+            recording named after the counterexample without it.
         episode: which one of several.
         ego: whom to put in the ego's place.
+        beside: in a picture, the reference driver to draw beside the ego, such
+            as "FSM".
     """
     if isinstance(what, Replayed):
-        return what.view(output)
+        return what.view(output, beside=beside)
     single = os.path.isfile(what)
     found = replay(what, ego=ego, episode=None if single else episode)
     if not found:
         raise InputError(f"`{os.fspath(what)}` holds no kept counterexample")
-    return found[0].view(output)
+    return found[0].view(output, beside=beside)
 
 
 def report(

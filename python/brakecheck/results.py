@@ -236,12 +236,19 @@ class Replayed:
         """Its samples: `time` in seconds, and every signal."""
         return self._raw.trace()
 
-    def view(self, output: str | os.PathLike[str] | None = None) -> str:
-        """Writes it as a recording for the rerun viewer; the file."""
+    def view(
+        self, output: str | os.PathLike[str] | None = None, *, beside: str | None = None
+    ) -> str:
+        """Writes it as a recording (`.rrd`) or a picture (`.svg`); the file.
+
+        Args:
+            output: the file to write; a recording named after it without one.
+            beside: the reference driver to draw in the ego's place, beside it.
+        """
         if output is None:
             stem = os.path.splitext(os.path.basename(self.path))[0]
             output = f"{stem}.rrd"
-        self._raw.view(os.fspath(output))
+        self._raw.view(os.fspath(output), beside)
         return os.fspath(output)
 
     def __repr__(self) -> str:

@@ -1,16 +1,17 @@
 //! Anything callable as an ado, and trained policies as something callable.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use brakecheck::rl::Policy;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
 use crate::error::wrong;
+use crate::python_thread::{Unanswered, call};
 
 /// A Python callable from observations to joint actions.
 pub(crate) struct PythonPolicy {
-    act: Py<PyAny>,
+    act: Arc<Py<PyAny>>,
     actions: usize,
     neutral: usize,
     /// The first exception; whoever evaluates raises it.
@@ -21,7 +22,7 @@ impl PythonPolicy {
     /// `act` takes an observation as float32 and answers below `actions`.
     pub(crate) fn new(act: &Bound<'_, PyAny>, actions: usize, neutral: usize) -> PythonPolicy {
         PythonPolicy {
-            act: act.clone().unbind(),
+            act: Arc::new(act.clone().unbind()),
             actions,
             neutral,
             failed: Mutex::new(None),
@@ -34,18 +35,22 @@ impl PythonPolicy {
         slot.take().map_or(Ok(()), Err)
     }
 
-    fn ask(&self, obs: &[f32]) -> PyResult<usize> {
-        Python::attach(|py| {
-            let answer = self.act.bind(py).call1((PyArray1::from_slice(py, obs),))?;
+    fn ask(&self, obs: &[f32]) -> Result<usize, Unanswered> {
+        let (act, obs, actions) = (self.act.clone(), obs.to_vec(), self.actions);
+        let ask = move |py: Python<'_>| {
+            let obs = (PyArray1::from_vec(py, obs),).into_pyobject(py)?;
+            Ok((act.clone_ref(py), obs.unbind()))
+        };
+        call(None, ask, move |answer| {
             let action = answer
                 .call_method0("__index__")
                 .or_else(|_| answer.call_method0("item"));
             let action = action.and_then(|action| action.extract::<usize>());
             match action {
-                Ok(action) if action < self.actions => Ok(action),
+                Ok(action) if action < actions => Ok(action),
                 _ => Err(wrong(
                     format!("the ado answered {}", answer.repr()?),
-                    format!("an action is a whole number from 0 to {}", self.actions - 1),
+                    format!("an action is a whole number from 0 to {}", actions - 1),
                 )),
             }
         })
@@ -58,10 +63,15 @@ impl Policy for PythonPolicy {
         if failed().is_some() {
             return self.neutral;
         }
-        self.ask(obs).unwrap_or_else(|error| {
-            failed().get_or_insert(error);
-            self.neutral
-        })
+        match self.ask(obs) {
+            Ok(action) => action,
+            // Whoever listens for Ctrl-C raises that.
+            Err(Unanswered::Late { .. } | Unanswered::Stopped) => self.neutral,
+            Err(Unanswered::Raised(error)) => {
+                failed().get_or_insert(error);
+                self.neutral
+            }
+        }
     }
 
     /// Nobody knows.

@@ -1,6 +1,6 @@
 //! One test bench, played decision by decision from Python.
 
-use std::sync::{Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use brakecheck::rulebook::Verdict;
 use brakecheck::scenario::Scenario;
@@ -16,6 +16,7 @@ use pyo3::types::PyDict;
 use crate::convert::objects;
 use crate::ego::check_interrupted;
 use crate::error::wrong;
+use crate::watch::interruptible;
 use crate::world::RawWorld;
 
 /// What a stream of starts is for.
@@ -122,7 +123,9 @@ pub(crate) fn columns<'py>(py: Python<'py>, trace: &Trace) -> PyResult<Bound<'py
 /// A test bench; `brakecheck.Env` is built on it.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
 pub(crate) struct RawBench {
-    playing: Mutex<Playing>,
+    playing: Arc<Mutex<Playing>>,
+    /// The ego is a program, which nothing but its deadline interrupts.
+    awaits_program: bool,
     observation: usize,
     actions: usize,
 }
@@ -130,13 +133,16 @@ pub(crate) struct RawBench {
 #[pymethods]
 impl RawBench {
     #[new]
-    fn new(world: &RawWorld) -> RawBench {
+    fn new(py: Python<'_>, world: &RawWorld) -> PyResult<RawBench> {
         let spaces = world.0.world().spaces();
-        RawBench {
+        let playing = py.detach(|| Playing::new(&world.0));
+        check_interrupted()?;
+        Ok(RawBench {
             observation: spaces.observation,
             actions: spaces.actions,
-            playing: Mutex::new(Playing::new(&world.0)),
-        }
+            awaits_program: world.0.program().is_some(),
+            playing: Arc::new(Mutex::new(playing)),
+        })
     }
 
     /// Begins the `index`-th episode of a stream; its first observation.
@@ -153,10 +159,8 @@ impl RawBench {
             seed,
             index,
         };
-        let mut playing = self.lock()?;
-        playing.begin(key, after(aftermath));
-        check_interrupted()?;
-        self.observed(py, &playing)
+        self.play(py, move |playing| playing.begin(key, after(aftermath)))?;
+        self.observed(py)
     }
 
     /// Begins an episode from a start of one's own: a value per axis.
@@ -167,7 +171,7 @@ impl RawBench {
         noise: u64,
         aftermath: bool,
     ) -> PyResult<Bound<'py, PyArray1<f32>>> {
-        let mut playing = self.lock()?;
+        let playing = self.lock()?;
         let axes = playing.bench.axes();
         if axes.len() != start.len() {
             let names: Vec<_> = axes.iter().map(|axis| axis.name.as_str()).collect();
@@ -184,9 +188,11 @@ impl RawBench {
                 ));
             }
         }
-        playing.begin_at(Start(start), noise, after(aftermath));
-        check_interrupted()?;
-        self.observed(py, &playing)
+        drop(playing);
+        self.play(py, move |playing| {
+            playing.begin_at(Start(start), noise, after(aftermath));
+        })?;
+        self.observed(py)
     }
 
     /// Takes one joint action: observation, reward, terminated, truncated.
@@ -195,23 +201,23 @@ impl RawBench {
         py: Python<'py>,
         action: usize,
     ) -> PyResult<(Bound<'py, PyArray1<f32>>, f64, bool, bool)> {
-        let mut playing = self.lock()?;
         if self.actions <= action {
             return Err(wrong(
                 format!("{action} is no action of {}", self.actions),
                 format!("actions are 0 to {}", self.actions - 1),
             ));
         }
-        if playing.bench.trace().is_empty() || playing.bench.is_done() {
+        let playing = self.lock()?;
+        let is_over = playing.bench.trace().is_empty() || playing.bench.is_done();
+        drop(playing);
+        if is_over {
             return Err(wrong(
                 "there is no episode to go on with",
                 "call `reset` before the first step and after the last one",
             ));
         }
-        let episode = &mut *playing;
-        let (reward, terminated, truncated) = py.detach(|| episode.decide(action));
-        check_interrupted()?;
-        Ok((self.observed(py, &playing)?, reward, terminated, truncated))
+        let (reward, terminated, truncated) = self.play(py, move |it| it.decide(action))?;
+        Ok((self.observed(py)?, reward, terminated, truncated))
     }
 
     /// What there is to say of the episode so far.
@@ -242,26 +248,45 @@ fn after(aftermath: bool) -> Aftermath {
     }
 }
 
+/// Somebody else has the lock, which is never waited for: whoever holds it may
+/// be waiting for the interpreter, or for a program that was left behind.
+pub(crate) fn in_use(what: &str) -> PyErr {
+    wrong(
+        format!("another thread plays in {what}, or an interrupted one still does"),
+        "make one environment per thread, and another one after Ctrl-C",
+    )
+}
+
 impl RawBench {
-    /// Never waits: whoever holds it may be waiting for the interpreter.
     fn lock(&self) -> PyResult<MutexGuard<'_, Playing>> {
-        self.playing.try_lock().map_err(|_| {
-            wrong(
-                "another thread plays in this environment",
-                "make one environment per thread",
-            )
-        })
+        let playing = self.playing.try_lock();
+        playing.map_err(|_| in_use("this environment"))
     }
 
-    fn observed<'py>(
+    /// Plays without the lock of the interpreter, until Ctrl-C at most.
+    fn play<T: Send + 'static>(
         &self,
-        py: Python<'py>,
-        playing: &Playing,
-    ) -> PyResult<Bound<'py, PyArray1<f32>>> {
+        py: Python<'_>,
+        work: impl FnOnce(&mut Playing) -> T + Send + 'static,
+    ) -> PyResult<T> {
+        if self.awaits_program {
+            let playing = self.playing.clone();
+            let play = move |_: &_| playing.try_lock().ok().map(|mut it| work(&mut it));
+            let played = interruptible(py, play, |_| Ok(()))?;
+            return played.ok_or_else(|| in_use("this environment"));
+        }
+        let mut playing = self.lock()?;
+        let playing = &mut *playing;
+        let played = py.detach(|| work(playing));
+        check_interrupted()?;
+        Ok(played)
+    }
+
+    fn observed<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f32>>> {
         let obs = PyArray1::<f32>::zeros(py, self.observation, false);
         {
             let mut written = obs.readwrite();
-            playing.bench.observe(written.as_slice_mut()?);
+            self.lock()?.bench.observe(written.as_slice_mut()?);
         }
         Ok(obs)
     }

@@ -1,6 +1,7 @@
 //! Campaigns: what Python asks for, and the rows it gets.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use brakecheck::campaign::{
     Ado, AdoKind, BUDGET, Choice, ContextSource, EgoUnderTest, Evaluation, Form, GivenRows,
@@ -90,17 +91,17 @@ pub(crate) fn train_ado<'py>(
     })?;
     let from = asked.from_run.as_deref().map(RunDir::open).transpose();
     let from = from.map_err(failed)?;
-    let request = TrainRequest {
-        seed: asked.seed,
-        decisions: asked.decisions,
-        learner: asked.learner.as_deref(),
-        against,
-        leave_out: asked.leave_out.as_deref(),
-        ego: name.as_deref(),
-        plant,
-        from: from.as_ref(),
-    };
-    let found = running.watched(py, |watch| {
+    let found = running.watched(py, move |watch| {
+        let request = TrainRequest {
+            seed: asked.seed,
+            decisions: asked.decisions,
+            learner: asked.learner.as_deref(),
+            against,
+            leave_out: asked.leave_out.as_deref(),
+            ego: name.as_deref(),
+            plant,
+            from: from.as_ref(),
+        };
         let mut session = match asked.resume {
             true => TrainSession::resume(&world, &asked.output, &request)?,
             false => TrainSession::begin(&world, &asked.output, &request)?,
@@ -157,7 +158,7 @@ pub(crate) fn eval_run<'py>(
         kind.map_err(|_| wrong(format!("there is no ado `{word}`"), known()))
     });
     let ados = ados.collect::<PyResult<Vec<_>>>()?;
-    let rows = running.watched(py, |watch| {
+    let rows = running.watched(py, move |watch| {
         let context = ContextSource::of(&run, asked.runs)?;
         let evaluation = Evaluation {
             run: &run,
@@ -209,29 +210,32 @@ pub(crate) fn eval_world<'py>(
     asked: MeetAsked,
     running: Running,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let nominal = &world.0;
-    let egos = egos(nominal, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
+    let nominal = world.0.clone();
+    let egos = egos(&nominal, asked.ego.as_ref().map(|ego| ego.bind(py)))?;
     let drawn = (asked.starts, asked.seed);
     let Some(act) = &asked.ado else {
         let switches = asked.switches.unwrap_or(1);
-        let rows = running.watched(py, |watch| {
-            let met = untrained(nominal, &egos, drawn, switches, watch)?;
+        let rows = running.watched(py, move |watch| {
+            let met = untrained(&nominal, &egos, drawn, switches, watch)?;
             Ok(met.map(|met| met.rows))
         })?;
         return objects(py, &something(rows)?);
     };
     let spaces = nominal.world().spaces();
     let policy = PythonPolicy::new(act.bind(py), spaces.actions, spaces.neutral);
-    let rows = running.watched(py, |watch| {
-        consent(nominal, &egos)?;
-        let Some(starts) = test_starts(nominal, drawn.1, drawn.0, watch) else {
+    let policy = Arc::new(policy);
+    let acting = policy.clone();
+    let rows = running.watched(py, move |watch| {
+        let policy = &*acting;
+        consent(&nominal, &egos)?;
+        let Some(starts) = test_starts(&nominal, drawn.1, drawn.0, watch) else {
             return Ok(None);
         };
         let mut rows = Vec::new();
         for ego in &egos {
-            let mut met = meet(ego, &policy, &starts, watch);
+            let mut met = meet(ego, policy, &starts, watch);
             if let Some(keep) = &asked.keep {
-                let request = ego.met_by(played_by(&policy), &starts);
+                let request = ego.met_by(played_by(policy), &starts);
                 let solved = met.solved.clone();
                 let mut keeper = Keeper::of(&request, ego.change(), keep.choice(), keep.form());
                 keeper.ado = &asked.name;
@@ -327,15 +331,17 @@ pub(crate) fn search_world<'py>(
         switches: asked.switches,
         stored: None,
     };
-    let campaign = SearchCampaign {
-        world: &world.0,
-        egos: &egos,
-        run: None,
-        method: Method::named(&asked.method, &settings).map_err(failed)?,
-        budget: asked.budget.unwrap_or(BUDGET),
-        starts: (asked.starts, asked.seed),
-    };
-    let rows = running.watched(py, |watch| {
+    let method = Method::named(&asked.method, &settings).map_err(failed)?;
+    let world = world.0.clone();
+    let rows = running.watched(py, move |watch| {
+        let campaign = SearchCampaign {
+            world: &world,
+            egos: &egos,
+            run: None,
+            method,
+            budget: asked.budget.unwrap_or(BUDGET),
+            starts: (asked.starts, asked.seed),
+        };
         let Some(table) = campaign.run(watch)? else {
             return Ok(None);
         };
@@ -368,10 +374,12 @@ pub(crate) fn identify_ego<'py>(
     let [ego] = &egos[..] else {
         return Err(wrong("`all` is more than one ego", "name one of them"));
     };
-    let found = running.watched(py, |watch| {
-        consent(&world.0, &egos)?;
+    let (world, ego) = (world.0.clone(), ego.clone());
+    let (family, name) = (world.family().cloned(), ego.name().to_owned());
+    let found = running.watched(py, move |watch| {
+        consent(&world, &egos)?;
         let request = IdentifyRequest {
-            world: &world.0,
+            world: &world,
             ego: ego.scenario(),
             runs: asked.runs,
             at_most: asked.runs as u64,
@@ -381,12 +389,8 @@ pub(crate) fn identify_ego<'py>(
         Ok(identify(&request, watch)?)
     })?;
     let found = something(found)?;
-    let names = world.0.family().map(|family| family.quantities.iter());
-    let names: Vec<&str> = names
-        .into_iter()
-        .flatten()
-        .map(|q| q.varied.name())
-        .collect();
+    let quantities = family.iter().flat_map(|family| &family.quantities);
+    let names: Vec<&str> = quantities.map(|q| q.varied.name()).collect();
     let named = |values: &[f64]| -> serde_json::Map<String, serde_json::Value> {
         let pairs = names.iter().zip(values);
         pairs
@@ -400,7 +404,7 @@ pub(crate) fn identify_ego<'py>(
     objects(
         py,
         &json!({
-            "ego": ego.name(), "parameters": named(&found.member.values),
+            "ego": name, "parameters": named(&found.member.values),
             "spread": named(&found.spread), "explains": found.explains(),
             "hidden": hidden.map(|(name, _)| *name).collect::<Vec<_>>(),
             "residual_m": found.residual_m, "nominal_residual_m": found.nominal_residual_m,
@@ -422,7 +426,8 @@ pub(crate) fn report_run(
     let junit = html.with_extension("junit.xml");
     let run = RunDir::open(&run).map_err(failed)?;
     let scenario = run.scenario().map_err(failed)?;
-    let done = running.watched(py, |watch| {
+    let files = (html.clone(), junit.clone());
+    let done = running.watched(py, move |watch| {
         let request = ReportRequest {
             run: &run,
             scenario: &scenario,
@@ -439,7 +444,7 @@ pub(crate) fn report_run(
         Ok(Some(()))
     })?;
     something(done)?;
-    Ok((html, junit))
+    Ok(files)
 }
 
 /// The world on the plant asked for.

@@ -1,9 +1,12 @@
 //! Kept counterexamples: played again, looked at, written for other tools.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use brakecheck::campaign::{Regressions, Replayed, export};
+use brakecheck::campaign::{Regressions, Replayed, ViewKind, export, picture};
 use brakecheck::cli::Failure;
+use brakecheck::ego::reference::ReferenceDriver;
+use brakecheck::run::write_file;
 use brakecheck::view;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
@@ -12,8 +15,8 @@ use serde_json::json;
 use crate::bench::columns;
 use crate::convert::objects;
 use crate::ego::{factory, is_python};
-use crate::error::{failed, raised};
-use crate::watch::Running;
+use crate::error::{failed, raised, wrong};
+use crate::watch::{Running, interruptible};
 
 /// Which kept files are replayed, and against whom.
 #[derive(FromPyObject)]
@@ -37,17 +40,25 @@ pub(crate) fn replay_kept(
         .allow_programs(asked.allow_programs)
         .allow_invalid(running.allow_invalid);
     let ego = asked.ego.as_ref().map(|ego| ego.bind(py));
+    let mut asked_ego = None;
     if let Some(ego) = ego.filter(|ego| is_python(Some(ego))) {
         let (name, factory) = factory(ego)?;
         found = found.with_ego(&name, factory);
+        asked_ego = Some(name);
     } else if let Some(ego) = ego.filter(|ego| !ego.is_none()) {
-        found = match ego.cast::<PyString>() {
-            Ok(name) => found.against(Some(name.to_cow()?.as_ref()), &[]),
-            Err(_) => found.against(None, &ego.extract::<Vec<String>>()?),
-        }
-        .map_err(failed)?;
+        let (name, command) = match ego.cast::<PyString>() {
+            Ok(name) => (Some(name.to_cow()?.into_owned()), Vec::new()),
+            Err(_) => (None, ego.extract::<Vec<String>>()?),
+        };
+        found = found.against(name.as_deref(), &command).map_err(failed)?;
+        asked_ego = Some(name.map_or_else(|| command.join(" "), |name| stem(&name)));
     }
-    let replayed = running.watched(py, |_| {
+    let recorded = found.kept().iter();
+    let recorded = recorded.map(|kept| stem(&kept.counterexample.ego));
+    let egos: Vec<String> = recorded
+        .map(|recorded| asked_ego.clone().unwrap_or(recorded))
+        .collect();
+    let replayed = running.watched(py, move |_| {
         let replayed = match found.is_recorded_ego() {
             true => found.replay_recorded()?,
             false => found.replay()?,
@@ -55,12 +66,21 @@ pub(crate) fn replay_kept(
         found.check_faults(&replayed)?;
         Ok(replayed)
     })?;
-    Ok(replayed.into_iter().map(RawReplayed).collect())
+    let replayed = replayed.into_iter().zip(egos);
+    let raw = |(replayed, ego)| RawReplayed {
+        replayed: Arc::new(replayed),
+        ego,
+    };
+    Ok(replayed.map(raw).collect())
 }
 
 /// What came of replaying one; `brakecheck.Replayed` is built on it.
 #[pyclass(frozen, module = "brakecheck._brakecheck")]
-pub(crate) struct RawReplayed(Replayed);
+pub(crate) struct RawReplayed {
+    replayed: Arc<Replayed>,
+    /// Name of the ego under test.
+    ego: String,
+}
 
 #[pymethods]
 impl RawReplayed {
@@ -72,40 +92,77 @@ impl RawReplayed {
             episode,
             identical,
             ..
-        } = &self.0;
+        } = &*self.replayed;
         let start = scenario.axes().into_iter().zip(&episode.start.0);
         let start = start.map(|(axis, value)| (axis.name, json!(value)));
-        let differs = self.0.first_difference.as_ref();
+        let differs = self.replayed.first_difference.as_ref();
         objects(
             py,
             &json!({
                 "path": path, "world": scenario.name(), "identical": identical,
-                "still_fails": self.0.still_fails(), "verdict": episode.verdict.word(),
+                "still_fails": self.replayed.still_fails(), "verdict": episode.verdict.word(),
                 "robustness": episode.robustness, "contact": episode.contact,
                 "fault": episode.fault, "noise": episode.noise, "actions": episode.actions,
                 "start": start.collect::<serde_json::Map<_, _>>(),
                 "first_difference": differs.map(|differs| differs.to_string()),
-                "about": self.0.about.as_ref().map(|about| about.to_string()),
+                "about": self.replayed.about.as_ref().map(|about| about.to_string()),
             }),
         )
     }
 
     /// Its samples, by signal.
     fn trace<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        columns(py, &self.0.episode.trace)
+        columns(py, &self.replayed.episode.trace)
     }
 
-    /// Writes it as a recording for the rerun viewer; samples in it.
-    fn view(&self, py: Python<'_>, output: PathBuf) -> PyResult<usize> {
-        let caption = self.0.path.display().to_string();
-        let (scenario, episode) = (&self.0.scenario, &self.0.episode);
-        let recorded = py.detach(|| view::record(scenario, episode, &caption, &output));
-        let recorded = recorded.map_err(|error| {
-            let help = Some(error.help().to_owned());
-            failed(Failure::fault(error.to_string(), help))
-        })?;
-        Ok(recorded.samples)
+    /// Writes it as a recording for the rerun viewer, or as a picture.
+    fn view(&self, py: Python<'_>, output: PathBuf, beside: Option<&str>) -> PyResult<()> {
+        let kind = ViewKind::of(&output).map_err(failed)?;
+        let beside = beside.map(driver_of).transpose()?;
+        if beside.is_some() && kind != ViewKind::Picture {
+            return Err(wrong(
+                "`beside` is for pictures",
+                "name one to write, such as \"crash.svg\"",
+            ));
+        }
+        if let Some(fault) = self.replayed.fault() {
+            let message = format!("there is nothing to see: {fault}");
+            return Err(failed(Failure::fault(message, None)));
+        }
+        let (replayed, ego) = (self.replayed.clone(), self.ego.clone());
+        let write = move |_: &_| -> Result<(), Failure> {
+            if kind == ViewKind::Picture {
+                let svg = picture(&replayed, &ego, beside)?;
+                return Ok(write_file(&output, svg.as_bytes())?);
+            }
+            let caption = replayed.path.display().to_string();
+            let (scenario, episode) = (&replayed.scenario, &replayed.episode);
+            match view::record(scenario, episode, &caption, &output) {
+                Ok(_) => Ok(()),
+                Err(error) => {
+                    let help = Some(error.help().to_owned());
+                    Err(Failure::fault(error.to_string(), help))
+                }
+            }
+        };
+        interruptible(py, write, |_| Ok(()))?.map_err(failed)
     }
+}
+
+/// Name of an ego, without folder and extension where a file describes it.
+fn stem(name: &str) -> String {
+    let file = name.strip_suffix(".ron");
+    let file = file.map(|file| file.rsplit('/').next().unwrap_or(file));
+    file.unwrap_or(name).to_owned()
+}
+
+fn driver_of(name: &str) -> PyResult<ReferenceDriver> {
+    name.parse().map_err(|_| {
+        wrong(
+            format!("`beside={name:?}` is not known"),
+            "known: the drivers of `brakecheck view --help`",
+        )
+    })
 }
 
 /// Writes kept counterexamples as OpenSCENARIO and OpenDRIVE; the files.
@@ -115,11 +172,11 @@ pub(crate) fn export_kept(
     path: PathBuf,
     directory: PathBuf,
 ) -> PyResult<Vec<PathBuf>> {
-    let exported = py.detach(|| {
+    let write = move |_: &_| -> Result<_, Failure> {
         let kept = Regressions::find(&path, None)?;
-        export(&kept, &directory)
-    });
-    let exported = exported.map_err(failed)?;
+        Ok(export(&kept, &directory)?)
+    };
+    let exported = interruptible(py, write, |_| Ok(()))?.map_err(failed)?;
     match exported.refused.is_empty() {
         true => Ok(exported.files),
         false => {

@@ -7,11 +7,13 @@ mod ado;
 mod bench;
 mod campaign;
 mod cli;
+mod controller;
 mod convert;
 mod ego;
 mod error;
 mod kept;
 mod percept;
+mod python_thread;
 mod run;
 mod stl;
 mod vector;
@@ -35,6 +37,8 @@ mod _brakecheck {
     use super::kept::{RawReplayed, export_kept, replay_kept};
     #[pymodule_export]
     use super::percept::{Command, Own, Percept, Seen, SeenLight};
+    #[pymodule_export]
+    use super::python_thread::{Mailbox, exit_threads};
     #[pymodule_export]
     use super::run::RawRun;
     #[pymodule_export]

@@ -2,6 +2,7 @@
 
 use brakecheck::ego;
 use pyo3::prelude::*;
+use pyo3::types::{PyFloat, PyInt, PyString};
 
 use crate::error::wrong;
 
@@ -236,7 +237,10 @@ pub(crate) struct Command {
 impl Command {
     #[new]
     #[pyo3(signature = (accel_mps2, lateral_mps=0.0))]
-    fn new(accel_mps2: f64, lateral_mps: f64) -> Command {
+    fn new(
+        #[pyo3(from_py_with = number)] accel_mps2: f64,
+        #[pyo3(from_py_with = number)] lateral_mps: f64,
+    ) -> Command {
         Command {
             accel_mps2,
             lateral_mps,
@@ -253,7 +257,7 @@ impl Command {
 
 /// What an answer of Python commands.
 pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
-    if let Ok(accel_mps2) = answer.extract::<f64>() {
+    if let Ok(accel_mps2) = number(answer) {
         return Ok(ego::Command::accelerate(accel_mps2));
     }
     if let Ok(command) = answer.cast::<Command>() {
@@ -263,7 +267,9 @@ pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
             lateral_mps: command.lateral_mps,
         });
     }
-    if let Ok((accel_mps2, lateral_mps)) = answer.extract::<(f64, f64)>() {
+    let both = answer.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>)>();
+    let both = both.and_then(|(accel, lateral)| Ok((number(&accel)?, number(&lateral)?)));
+    if let Ok((accel_mps2, lateral_mps)) = both {
         return Ok(ego::Command {
             accel_mps2,
             lateral_mps,
@@ -273,4 +279,31 @@ pub(crate) fn commanded(answer: &Bound<'_, PyAny>) -> PyResult<ego::Command> {
         format!("`control` answered {}", answer.repr()?),
         "return an acceleration in m/s², or `brakecheck.Command(accel_mps2, lateral_mps)`",
     ))
+}
+
+/// A number, of Python or as a scalar of numpy and its like.
+///
+/// `float` takes more: truths, texts in numpy's scalars, arrays of one number.
+pub(crate) fn number(given: &Bound<'_, PyAny>) -> PyResult<f64> {
+    if given.is_exact_instance_of::<PyFloat>() || given.is_exact_instance_of::<PyInt>() {
+        return given.extract();
+    }
+    let dimensions = match given.getattr_opt("ndim")? {
+        Some(dimensions) => dimensions.extract::<usize>()?,
+        None => 0,
+    };
+    let kind = match given.getattr_opt("dtype")? {
+        Some(of) => of.getattr_opt("kind")?.map(|kind| kind.extract::<char>()),
+        None => None,
+    };
+    let is_number = kind.transpose()?.is_none_or(|kind| "iuf".contains(kind));
+    let is_truth = given.extract::<bool>().is_ok();
+    let is_text = given.is_instance_of::<PyString>();
+    match given.extract() {
+        Ok(number) if is_number && !is_truth && !is_text && dimensions == 0 => Ok(number),
+        _ => Err(wrong(
+            format!("{} is no number", given.repr()?),
+            "give a float, an int, or a scalar of numpy",
+        )),
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use brakecheck::campaign::{Remark, Watch};
@@ -10,12 +10,14 @@ use brakecheck::cli::Failure;
 use brakecheck::testbench::FaultLog;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
-use rayon::{ThreadBuilder, ThreadPoolBuilder};
+use rayon::ThreadPoolBuilder;
 
+use crate::ego::check_interrupted;
 use crate::error::{failed, raised};
+use crate::python_thread::{LOOK, stopped_by};
 
-/// How often somebody looks whether Ctrl-C was pressed, and what there is to show.
-const LOOK: Duration = Duration::from_millis(100);
+/// How long work that was told to stop may take to end, before it is left behind.
+const GRACE: Duration = Duration::from_secs(1);
 
 /// How to run a campaign.
 #[derive(FromPyObject)]
@@ -66,61 +68,37 @@ impl Running {
     /// this one listens for Ctrl-C and shows progress.
     ///
     /// `None` of `work` means that it was stopped before there was anything.
-    pub(crate) fn watched<T: Send>(
+    pub(crate) fn watched<T: Send + 'static>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&Watch<'_>) -> Result<T, Failure> + Send,
+        work: impl FnOnce(&Watch<'_>) -> Result<T, Failure> + Send + 'static,
     ) -> PyResult<T> {
-        let (stop, told) = (AtomicBool::new(false), Told::default());
+        let told = Arc::new(Told::default());
         let faults = FaultLog::allowing(self.allow_invalid);
-        let log = faults.clone();
-        let (send, receive) = channel();
-        let (told, stop) = (&told, &stop);
-        let progress = |done, total| {
-            told.done.store(done, Ordering::Relaxed);
-            told.total.store(total, Ordering::Relaxed);
-        };
-        let remarks = |remark: Remark<'_>| told.hear(remark);
-        let work = move || {
+        let (hearer, log, jobs) = (told.clone(), faults.clone(), self.jobs);
+        let work = move |stop: &Arc<AtomicBool>| {
+            let progress = |done, total| {
+                hearer.done.store(done, Ordering::Relaxed);
+                hearer.total.store(total, Ordering::Relaxed);
+            };
+            let remarks = |remark: Remark<'_>| hearer.hear(remark);
             let watch = Watch {
                 progress: &progress,
                 remarks: &remarks,
                 stop,
                 faults: log,
             };
-            let pool = ThreadPoolBuilder::new().num_threads(self.jobs);
-            let result = pool.build_scoped(known_to_python, |pool| pool.install(|| work(&watch)));
-            let result =
-                result.unwrap_or_else(|error| Err(Failure::fault(error.to_string(), None)));
-            // Whoever waits is there until this thread has ended.
-            let _ = send.send(result);
+            let pool = ThreadPoolBuilder::new().num_threads(jobs);
+            let result = pool.build_scoped(
+                |thread| stopped_by(stop, || thread.run()),
+                |pool| pool.install(|| work(&watch)),
+            );
+            result.unwrap_or_else(|error| Err(Failure::fault(error.to_string(), None)))
         };
-        let (result, interrupted) = py.detach(move || {
-            std::thread::scope(|scope| {
-                scope.spawn(work);
-                let mut interrupted = None;
-                loop {
-                    match receive.recv_timeout(LOOK) {
-                        Ok(result) => break (Some(result), interrupted),
-                        Err(RecvTimeoutError::Disconnected) => break (None, interrupted),
-                        Err(RecvTimeoutError::Timeout) if interrupted.is_some() => {}
-                        Err(RecvTimeoutError::Timeout) => {
-                            let looked = Python::attach(|py| {
-                                py.check_signals()?;
-                                told.show(py, self.progress.as_ref())
-                            });
-                            interrupted = looked.err();
-                            stop.store(interrupted.is_some(), Ordering::Relaxed);
-                        }
-                    }
-                }
-            })
-        });
-        if let Some(interrupted) = interrupted {
-            return Err(interrupted);
-        }
+        let result = interruptible(py, work, |py| told.show(py, self.progress.as_ref()))?;
+        // Ctrl-C may have been pressed inside an ego.
+        check_interrupted()?;
         told.show(py, self.progress.as_ref())?;
-        let result = result.ok_or_else(|| raised("FaultError", "a worker panicked".to_owned()))?;
         // Why an ego did not run says more than what could not be done for it.
         match faults.complaint() {
             Some(complaint) => Err(failed(complaint)),
@@ -129,11 +107,46 @@ impl Running {
     }
 }
 
-/// Runs a thread that calls Python often, known to the interpreter as long as it
-/// lives: for one that is not, the interpreter sets up and takes down a state,
-/// memory included, at every single call, which costs more than the call.
-fn known_to_python(thread: ThreadBuilder) {
-    Python::attach(|py| py.detach(|| thread.run()));
+/// Does `work` in a thread of its own while this one listens for Ctrl-C and
+/// calls `show` now and then.
+///
+/// After Ctrl-C work is told to stop, and left behind if it does not.
+pub(crate) fn interruptible<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&Arc<AtomicBool>) -> T + Send + 'static,
+    show: impl Fn(Python<'_>) -> PyResult<()>,
+) -> PyResult<T> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let (send, receive) = channel();
+    let receive = Mutex::new(receive);
+    let wait = |most| {
+        let receive = receive.lock();
+        receive
+            .unwrap_or_else(PoisonError::into_inner)
+            .recv_timeout(most)
+    };
+    let told = stop.clone();
+    std::thread::spawn(move || {
+        // Nobody receives what was left behind.
+        let _ = send.send(stopped_by(&told, || work(&told)));
+    });
+    loop {
+        match py.detach(|| wait(LOOK)) {
+            Ok(done) => return Ok(done),
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(raised("FaultError", "a worker panicked".to_owned()));
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                let Err(interrupt) = py.check_signals().and_then(|()| show(py)) else {
+                    continue;
+                };
+                stop.store(true, Ordering::Relaxed);
+                // Work that hears of it ends tidily: a training keeps a checkpoint.
+                let _ = py.detach(|| wait(GRACE));
+                return Err(interrupt);
+            }
+        }
+    }
 }
 
 /// Nothing was computed, though nobody pressed Ctrl-C.

@@ -1,6 +1,7 @@
 """Python as the system under test."""
 
 import brakecheck
+import numpy as np
 import pytest
 from brakecheck import Env, FaultError, InputError
 
@@ -89,7 +90,23 @@ def test_an_episode_with_a_fault_is_truncated_and_says_why():
     [
         (None, "`control` answered None"),
         ("brake", "`control` answered 'brake'"),
+        ("1.0", "`control` answered '1.0'"),
+        (np.str_("1.0"), "`control` answered"),
+        (True, "`control` answered True"),
+        (np.bool_(True), "`control` answered"),
+        ((True, 0.0), r"`control` answered (True, 0.0)"),
+        ((0.0, False), r"`control` answered (0.0, False)"),
+        ((0.0, 0.0, 0.0), "`control` answered (0.0, 0.0, 0.0)"),
+        ([0.0, 0.0], "`control` answered [0.0, 0.0]"),
+        (np.array([1.0]), "`control` answered array([1.])"),
+        (np.array([1.0, 0.0]), "`control` answered array([1., 0.])"),
+        (np.array(True), "`control` answered array(True)"),
+        (1j, "`control` answered 1j"),
+        ({}, "`control` answered {}"),
         (float("nan"), "not finite"),
+        (np.float64("nan"), "not finite"),
+        (float("-inf"), "not finite"),
+        ((0.0, float("nan")), "not finite"),
         (-99.0, "beyond"),
     ],
 )
@@ -98,6 +115,26 @@ def test_an_answer_that_is_no_command_is_a_fault(answer, says):
     env.reset(seed=0)
     *_, info = env.step(0)
     assert says in info["fault"]["message"]
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [-1, -1.0, np.float32(-1), np.int64(-1), np.array(-1.0), (-1, 0), brakecheck.Command(-1)],
+)
+def test_every_kind_of_number_is_a_command(answer):
+    env = Env("acc", ego=lambda percept: answer)
+    env.reset(seed=0)
+    *_, info = env.step(0)
+    assert info.get("fault") is None
+    assert env.trace()["ego.speed"][-1] < env.trace()["ego.speed"][0]
+
+
+@pytest.mark.parametrize("wrong", [True, "1", None, np.array([1.0])])
+def test_a_command_is_made_of_numbers(wrong):
+    with pytest.raises(InputError, match="is no number"):
+        brakecheck.Command(wrong)
+    with pytest.raises(InputError, match="is no number"):
+        brakecheck.Command(0.0, wrong)
 
 
 def test_a_constructor_that_fails_is_a_fault_too():

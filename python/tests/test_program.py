@@ -1,6 +1,7 @@
 """The wheel is the command line as well."""
 
 import json
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -25,8 +26,11 @@ def test_the_version_is_the_package_s():
 def test_every_verb_is_there_and_shows_itself_as_the_program():
     done = program("--help", module=True)
     assert done.returncode == 0 and "Usage: brakecheck <COMMAND>" in done.stdout
-    for verb in ["train", "eval", "search", "identify", "replay", "stl", "report", "view"]:
-        assert f"  {verb} " in done.stdout
+    listed = done.stdout.split("Commands:\n")[1].split("\n\n")[0]
+    assert re.findall("^  ([a-z]+) ", listed, re.MULTILINE) == [
+        "new", "check", "train", "eval", "search", "replay", "stl", "report", "campaign",
+        "view", "export", "serve", "help",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -34,6 +38,8 @@ def test_every_verb_is_there_and_shows_itself_as_the_program():
     [
         (["eval", "nowhere"], 2, "nowhere"),
         (["fly"], 2, "unrecognized subcommand"),
+        # A verb of earlier versions, which is a part of `eval` now.
+        (["identify", "runs/acc", "--ego", "E"], 2, "brakecheck eval runs/acc --ego 'E' --runs 10"),
         (["check", "acc.rn"], 2, "acc.rn"),
     ],
 )
@@ -47,3 +53,44 @@ def test_recordings_are_in_the_program(kept, tmp_path):
     done = program("view", str(kept), "acc-nominal-0001", "-o", str(file), "--json")
     assert done.returncode == 0, done.stderr
     assert file.stat().st_size == json.loads(done.stdout)["bytes"]
+
+
+@pytest.mark.parametrize("beside", [None, "FSM"])
+def test_pictures_are_those_of_the_program(kept, tmp_path, beside):
+    file = str(kept / "cut_in_clear-idm-0074.ron")
+    told = program("view", file, "-o", str(tmp_path / "told.svg"), *(["--beside", beside] if beside else []))
+    assert told.returncode == 0, told.stderr
+    drawn = brakecheck.view(file, tmp_path / "drawn.SVG", beside=beside)
+    assert open(drawn, "rb").read() == (tmp_path / "told.svg").read_bytes()
+    again = brakecheck.replay(file)[0].view(tmp_path / "again.svg", beside=beside)
+    assert open(again, "rb").read() == (tmp_path / "told.svg").read_bytes()
+
+
+def test_the_ego_in_a_picture_has_its_name(kept, tmp_path):
+    def sleepy(percept):
+        return 0.0
+
+    file = brakecheck.view(kept / "acc-nominal-0001.ron", tmp_path / "own.svg", ego=sleepy)
+    assert "sleepy" in open(file, encoding="utf-8").read()
+
+
+@pytest.mark.parametrize("name", ["crash.png", "crash"])
+def test_other_files_are_refused_as_by_the_program(kept, tmp_path, name):
+    file, output = str(kept / "acc-nominal-0001.ron"), str(tmp_path / name)
+    told = program("view", file, "-o", output)
+    assert told.returncode == 2
+    with pytest.raises(brakecheck.InputError) as raised:
+        brakecheck.view(file, output)
+    for text in [told.stderr, str(raised.value)]:
+        # Long lines are broken, at different places on a terminal.
+        text = " ".join(text.replace("│", " ").split())
+        assert "is neither a recording nor a picture" in text and "name a `.rrd`" in text
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_picture_has_beside_it_is_a_driver(kept, tmp_path):
+    file = kept / "acc-nominal-0001.ron"
+    with pytest.raises(brakecheck.InputError, match="`beside=\"fsm\"` is not known"):
+        brakecheck.view(file, tmp_path / "crash.svg", beside="fsm")
+    with pytest.raises(brakecheck.InputError, match="`beside` is for pictures"):
+        brakecheck.view(file, tmp_path / "crash.rrd", beside="FSM")

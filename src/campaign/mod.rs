@@ -50,6 +50,7 @@ mod theorems;
 mod train;
 mod tries;
 mod untrained;
+mod view_kind;
 mod watch;
 mod why;
 
@@ -104,6 +105,7 @@ pub use theorems::{
 pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};
 pub use untrained::{Untrained, untrained};
+pub use view_kind::ViewKind;
 pub use watch::{Remark, Watch};
 pub(crate) use why::leaf;
 pub use why::{Driver, decisive, last_chance, why};

@@ -9,7 +9,7 @@ use serde_json::json;
 use strum::VariantArray;
 
 use super::{Common, Exit, Failure, print_json, talk};
-use crate::campaign::{Regressions, Replayed, picture};
+use crate::campaign::{Regressions, Replayed, ViewKind, picture};
 use crate::ego::reference::ReferenceDriver;
 use crate::run::write_file;
 
@@ -55,8 +55,8 @@ fn drivers() -> PossibleValuesParser {
 }
 
 pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
-    let is_picture = args.output.as_deref().is_some_and(is_picture);
-    known_kind(args.output.as_deref())?;
+    let kind = args.output.as_deref().map(ViewKind::of).transpose()?;
+    let is_picture = kind == Some(ViewKind::Picture);
     if args.beside.is_some() && !is_picture {
         return Err(Failure::input(
             "`--beside` is for pictures",
@@ -89,31 +89,6 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
         _ => recording(args, replayed),
     }?;
     Ok(Exit::Done)
-}
-
-/// Refuses a file of a kind that is not written.
-fn known_kind(output: Option<&Path>) -> Result<(), Failure> {
-    let Some(output) = output else { return Ok(()) };
-    let kind = output.extension().unwrap_or_default();
-    match ["rrd", "svg"]
-        .iter()
-        .any(|it| kind.eq_ignore_ascii_case(it))
-    {
-        true => Ok(()),
-        false => Err(Failure::input(
-            format!(
-                "`{}` is neither a recording nor a picture",
-                output.display()
-            ),
-            "name a `.rrd`, for the rerun viewer, or a `.svg`, for any browser",
-        )),
-    }
-}
-
-fn is_picture(output: &Path) -> bool {
-    output
-        .extension()
-        .is_some_and(|it| it.eq_ignore_ascii_case("svg"))
 }
 
 /// Who is under test: the ego that is asked for, else the one of the file.

@@ -1,0 +1,54 @@
+"""Daemon threads in which egos and ados written in Python run.
+
+The extension waits for them, with a deadline and an ear for Ctrl-C. A thread
+that does not answer is abandoned: `SystemExit` ends its Python code, and what
+blocks in C stays behind without keeping the process from exiting.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import sys
+import threading
+import traceback
+
+from brakecheck._brakecheck import Mailbox, exit_threads
+
+__all__ = ["abandon", "start"]
+
+atexit.register(exit_threads)
+
+
+def start(mailbox: Mailbox) -> threading.Thread:
+    """Starts a thread that makes the calls of a mailbox until there are no more."""
+    thread = threading.Thread(target=_serve, args=(mailbox,), name="brakecheck", daemon=True)
+    thread.start()
+    return thread
+
+
+def abandon(thread: threading.Thread) -> str:
+    """Raises `SystemExit` in a thread; the stack of the call that it was in."""
+    frame = sys._current_frames().get(thread.ident or 0)
+    # Below the call are the frames of the thread itself and of `_serve`.
+    stack = [one for one in traceback.extract_stack(frame) if one.filename not in _OURS]
+    if thread.is_alive() and thread.ident is not None:
+        raised, ident = ctypes.py_object(SystemExit), ctypes.c_ulong(thread.ident)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ident, raised)
+    return "".join(traceback.format_list(stack))
+
+
+_OURS = {__file__, threading.__file__}
+
+
+def _serve(mailbox: Mailbox) -> None:
+    returned: object = None
+    raised: BaseException | None = None
+    while call := mailbox.exchange(returned, raised):
+        function, arguments = call
+        try:
+            returned, raised = function(*arguments), None
+        except BaseException as error:
+            # The first frame is the one of this function.
+            inner = error.__traceback__ and error.__traceback__.tb_next
+            returned, raised = None, error.with_traceback(inner)

@@ -1,0 +1,292 @@
+//! Controllers written in Python, which answer in time or are a fault.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+use std::time::Duration;
+
+use brakecheck::ego::{Briefing, Command, Controller, Fault, FaultKind, Percept};
+use pyo3::exceptions::{PyKeyboardInterrupt, PySystemExit};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use crate::convert::objects;
+use crate::ego::note_interrupt;
+use crate::percept::{self, commanded};
+use crate::python_thread::{Unanswered, call};
+
+/// Characters of a traceback that a fault keeps, from its end.
+const TRACEBACK: usize = 4000;
+
+/// What Python gave: how fresh controllers are made of it.
+#[derive(Clone, Copy)]
+pub(crate) enum Source {
+    /// An instance each.
+    Class,
+    /// A deep copy each, so that episodes that are played at the same time do
+    /// not meet in it.
+    Object,
+    /// The function itself: it answers from the percept alone.
+    Function,
+}
+
+/// Python objects of which controllers are made, and how long they may take.
+#[derive(Clone)]
+pub(crate) struct Maker {
+    pub(crate) given: Arc<Py<PyAny>>,
+    pub(crate) source: Source,
+    pub(crate) name: String,
+    /// Longest wait for an answer.
+    pub(crate) deadline: Duration,
+}
+
+/// An ego in Python, its methods looked up once.
+struct Instance {
+    control: Py<PyAny>,
+    brief: Option<Py<PyAny>>,
+    reset: Option<Py<PyAny>>,
+    fork: Option<Py<PyAny>>,
+}
+
+impl Instance {
+    fn of(object: &Bound<'_, PyAny>) -> PyResult<Instance> {
+        let method = |name| -> PyResult<Option<Py<PyAny>>> {
+            let found = object.getattr_opt(name)?;
+            Ok(found.filter(|it| !it.is_none()).map(Bound::unbind))
+        };
+        Ok(Instance {
+            control: object.getattr("control")?.unbind(),
+            brief: method("brief")?,
+            reset: method("reset")?,
+            fork: method("fork")?,
+        })
+    }
+
+    fn function(function: &Py<PyAny>) -> Instance {
+        Instance {
+            control: Python::attach(|py| function.clone_ref(py)),
+            brief: None,
+            reset: None,
+            fork: None,
+        }
+    }
+}
+
+/// A controller in Python.
+pub(crate) struct PythonController {
+    maker: Maker,
+    /// `None`: none was made, or it did not answer; the next episode gets one.
+    instance: RefCell<Option<Arc<Instance>>>,
+    briefing: Option<Briefing>,
+    /// A fault where nobody could be told; the next answer says it.
+    failed: RefCell<Option<Fault>>,
+}
+
+impl PythonController {
+    pub(crate) fn new(maker: &Maker) -> PythonController {
+        let controller = PythonController {
+            maker: maker.clone(),
+            instance: RefCell::new(None),
+            briefing: None,
+            failed: RefCell::new(None),
+        };
+        controller.make();
+        controller
+    }
+
+    /// Makes the instance that plays the next episodes, and briefs it.
+    fn make(&self) {
+        let (given, source) = (self.maker.given.clone(), self.maker.source);
+        let ask = move |py: Python<'_>| match source {
+            Source::Object => {
+                let copy = py.import("copy")?.getattr("deepcopy")?;
+                Ok((copy.unbind(), arguments(py, given.bind(py))?))
+            }
+            Source::Class | Source::Function => {
+                Ok((given.clone_ref(py), PyTuple::empty(py).unbind()))
+            }
+        };
+        let made = match source {
+            Source::Class | Source::Object => call(self.limit(), ask, Instance::of),
+            Source::Function => Ok(Instance::function(&self.maker.given)),
+        };
+        match made {
+            Ok(instance) => {
+                *self.instance.borrow_mut() = Some(Arc::new(instance));
+                self.brief_instance();
+            }
+            Err(why) => self.fail(FaultKind::CannotStart, why, "made"),
+        }
+    }
+
+    /// An ego that cannot be briefed is none: the next episode makes another.
+    fn brief_instance(&self) {
+        let Some(briefing) = self.briefing.clone() else {
+            return;
+        };
+        let told = self.tell(
+            "briefed",
+            |instance| instance.brief.as_ref(),
+            move |py| arguments(py, &objects(py, &briefing)?),
+        );
+        if !told {
+            self.instance.replace(None);
+        }
+    }
+
+    /// Calls a method that an ego need not have; whether that went well.
+    fn tell(
+        &self,
+        asked: &str,
+        method: fn(&Instance) -> Option<&Py<PyAny>>,
+        with: impl FnOnce(Python<'_>) -> PyResult<Py<PyTuple>> + Send + 'static,
+    ) -> bool {
+        let Some(instance) = self.instance.borrow().clone() else {
+            return false;
+        };
+        if method(&instance).is_none() {
+            return true;
+        }
+        let ask = move |py: Python<'_>| match method(&instance) {
+            Some(method) => Ok((method.clone_ref(py), with(py)?)),
+            None => Ok((py.None(), PyTuple::empty(py).unbind())),
+        };
+        let told = call(self.limit(), ask, |_| Ok(()));
+        told.map_err(|why| self.fail(FaultKind::Error, why, asked))
+            .is_ok()
+    }
+
+    fn limit(&self) -> Option<Duration> {
+        Some(self.maker.deadline)
+    }
+
+    fn fail(&self, kind: FaultKind, why: Unanswered, asked: &str) {
+        let fault = self.fault(kind, why, asked);
+        self.failed.replace(Some(fault));
+    }
+
+    /// Reason why there is no answer as a fault. An instance that is still busy
+    /// is left alone from now on.
+    fn fault(&self, kind: FaultKind, why: Unanswered, asked: &str) -> Fault {
+        match why {
+            Unanswered::Raised(error) => raised(kind, &error),
+            Unanswered::Late { stack } => {
+                self.instance.replace(None);
+                let (name, seconds) = (&self.maker.name, self.maker.deadline.as_secs_f64());
+                let what = format!("`{name}` gave no answer within {seconds} s when {asked}");
+                Fault::new(FaultKind::Timeout, what).with_stderr(last(&stack))
+            }
+            Unanswered::Stopped => {
+                self.instance.replace(None);
+                Fault::error("stopped by Ctrl-C")
+            }
+        }
+    }
+}
+
+impl Controller for PythonController {
+    fn brief(&mut self, briefing: &Briefing) {
+        self.briefing = Some(briefing.clone());
+        self.brief_instance();
+    }
+
+    fn reset(&mut self, seed: u64) {
+        self.failed.replace(None);
+        if self.instance.borrow().is_none() {
+            self.make();
+        }
+        if self.failed.borrow().is_none() {
+            self.tell(
+                "asked to reset",
+                |instance| instance.reset.as_ref(),
+                move |py| arguments(py, &seed.into_pyobject(py)?.into_any()),
+            );
+        }
+    }
+
+    fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        if let Some(fault) = &*self.failed.borrow() {
+            return Err(fault.clone());
+        }
+        let Some(instance) = self.instance.borrow().clone() else {
+            return Err(Fault::error("the ego was asked after its episode ended"));
+        };
+        let seen = percept::Percept::from(percept);
+        let ask = move |py: Python<'_>| {
+            let seen = Bound::new(py, seen)?.into_any();
+            Ok((instance.control.clone_ref(py), arguments(py, &seen)?))
+        };
+        call(self.limit(), ask, commanded).map_err(|why| {
+            let asked = format!("asked for a command at {:.3} s", percept.time_s);
+            self.fault(FaultKind::Error, why, &asked)
+        })
+    }
+
+    fn fork(&self) -> Option<Box<dyn Controller>> {
+        let instance = self.instance.borrow().clone()?;
+        if self.failed.borrow().is_some() {
+            return None;
+        }
+        let forked = match self.maker.source {
+            // It has no state.
+            Source::Function => Some(instance),
+            Source::Class | Source::Object => self.forked(instance)?.map(Arc::new),
+        };
+        Some(Box::new(PythonController {
+            maker: self.maker.clone(),
+            failed: RefCell::new(self.failed.borrow().clone()),
+            instance: RefCell::new(forked),
+            briefing: self.briefing.clone(),
+        }))
+    }
+}
+
+impl PythonController {
+    /// A copy that `fork` of an instance makes. The outer `None`: it makes none;
+    /// the inner one: it did not answer, which is a fault of both.
+    fn forked(&self, instance: Arc<Instance>) -> Option<Option<Instance>> {
+        instance.fork.as_ref()?;
+        let ask = move |py: Python<'_>| {
+            let fork = instance.fork.as_ref().map(|fork| fork.clone_ref(py));
+            let fork = fork.unwrap_or_else(|| py.None());
+            Ok((fork, PyTuple::empty(py).unbind()))
+        };
+        let copied = call(self.limit(), ask, |copy| match copy.is_none() {
+            true => Ok(None),
+            false => Instance::of(copy).map(Some),
+        });
+        match copied {
+            Ok(copy) => copy.map(Some),
+            Err(Unanswered::Raised(_)) => None,
+            Err(why) => {
+                self.fail(FaultKind::Error, why, "asked to fork");
+                Some(None)
+            }
+        }
+    }
+}
+
+fn arguments(py: Python<'_>, one: &Bound<'_, PyAny>) -> PyResult<Py<PyTuple>> {
+    PyTuple::new(py, [one]).map(Bound::unbind)
+}
+
+/// An exception as a fault, with the end of its traceback.
+fn raised(kind: FaultKind, error: &PyErr) -> Fault {
+    Python::attach(|py| {
+        if error.is_instance_of::<PyKeyboardInterrupt>(py)
+            || error.is_instance_of::<PySystemExit>(py)
+        {
+            note_interrupt(error.clone_ref(py));
+        }
+        let traceback = error.traceback(py).and_then(|it| it.format().ok());
+        let said = error.to_string();
+        let line = said.lines().next().unwrap_or_default().to_owned();
+        let traceback = last(&traceback.unwrap_or_default());
+        Fault::new(kind, line).with_stderr(format!("{traceback}{said}"))
+    })
+}
+
+/// The end of a traceback.
+fn last(traceback: &str) -> String {
+    let skip = traceback.chars().count().saturating_sub(TRACEBACK);
+    traceback.chars().skip(skip).collect()
+}

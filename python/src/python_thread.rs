@@ -1,0 +1,227 @@
+//! Threads in which egos and ados written in Python run.
+//!
+//! A thread of this extension never runs their code itself. It asks a Python
+//! thread of its own and waits without the interpreter's lock, so it can stop
+//! waiting: at the deadline of an ego, or after Ctrl-C. A thread that still
+//! does not answer is abandoned. An exception then ends its Python code, and a
+//! call that blocks outside of Python stays behind in a daemon thread.
+//!
+//! Below the user's code such a thread has frames of Python only: the
+//! interpreter ends threads by unwinding them when the process exits, and
+//! unwinding frames of Rust would abort it.
+
+use std::cell::{Cell, RefCell};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+use crate::ego::{is_interrupt_noted, note_interrupt};
+
+/// How often a thread that waits checks for Ctrl-C.
+pub(crate) const LOOK: Duration = Duration::from_millis(100);
+
+/// The process is about to exit: no Python thread may wake up any more.
+static EXITING: AtomicBool = AtomicBool::new(false);
+
+thread_local! {
+    /// The Python thread of this thread, while it is not asked.
+    static THREAD: Cell<Option<PythonThread>> = const { Cell::new(None) };
+    /// Set where another thread listens for Ctrl-C on behalf of this one.
+    static STOP: RefCell<Option<Arc<AtomicBool>>> = const { RefCell::new(None) };
+}
+
+/// A Python callable and its arguments.
+type Call = (Py<PyAny>, Py<PyTuple>);
+
+/// A call to make, and the receiver of its result.
+struct Question {
+    ask: Box<dyn FnOnce(Python<'_>) -> PyResult<Call> + Send>,
+    hear: Hear,
+}
+
+type Hear = Box<dyn FnOnce(PyResult<Bound<'_, PyAny>>) + Send>;
+
+/// Reason why a call has no result.
+pub(crate) enum Unanswered {
+    /// It raised an exception.
+    Raised(PyErr),
+    /// It took too long; the stack says where it was.
+    Late { stack: String },
+    /// Ctrl-C was pressed meanwhile.
+    Stopped,
+}
+
+/// Runs `work`; calls of Python in it end once `stop` is set.
+pub(crate) fn stopped_by<T>(stop: &Arc<AtomicBool>, work: impl FnOnce() -> T) -> T {
+    let before = STOP.replace(Some(stop.clone()));
+    let done = work();
+    STOP.set(before);
+    done
+}
+
+/// Makes a call in the Python thread of this thread, for at most `limit`.
+///
+/// The calling thread must not hold the interpreter's lock.
+pub(crate) fn call<T: Send + 'static>(
+    limit: Option<Duration>,
+    ask: impl FnOnce(Python<'_>) -> PyResult<Call> + Send + 'static,
+    hear: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T> + Send + 'static,
+) -> Result<T, Unanswered> {
+    if is_stopped() {
+        return Err(Unanswered::Stopped);
+    }
+    let thread = match THREAD.take() {
+        Some(thread) => thread,
+        None => PythonThread::start().map_err(Unanswered::Raised)?,
+    };
+    let (send, receive) = sync_channel(1);
+    let question = Question {
+        ask: Box::new(ask),
+        hear: Box::new(move |answer| {
+            // Nobody listens any more to a thread that was abandoned.
+            let _ = send.send(answer.and_then(|answer| hear(&answer)));
+        }),
+    };
+    // A thread that has ended drops the question, which is noticed below.
+    let _ = thread.questions.send(question);
+    let asked = Instant::now();
+    loop {
+        let left = limit.map_or(LOOK, |limit| limit.saturating_sub(asked.elapsed()));
+        match receive.recv_timeout(left.min(LOOK)) {
+            Ok(answer) => {
+                THREAD.set(Some(thread));
+                return answer.map_err(Unanswered::Raised);
+            }
+            Err(RecvTimeoutError::Disconnected) => {
+                let ended = PyRuntimeError::new_err("the thread of the Python code has ended");
+                return Err(Unanswered::Raised(ended));
+            }
+            Err(RecvTimeoutError::Timeout) if is_interrupted() => {
+                thread.abandon();
+                return Err(Unanswered::Stopped);
+            }
+            Err(RecvTimeoutError::Timeout) if limit.is_some_and(|it| it <= asked.elapsed()) => {
+                let stack = thread.abandon();
+                return Err(Unanswered::Late { stack });
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
+/// Whether Ctrl-C was pressed before, so that nothing more is asked.
+fn is_stopped() -> bool {
+    STOP.with_borrow(|stop| match stop {
+        Some(stop) => stop.load(Ordering::Relaxed),
+        None => is_interrupt_noted(),
+    })
+}
+
+/// Whether Ctrl-C was pressed. Python notices in its main thread only; for any
+/// other thread this says no.
+fn is_interrupted() -> bool {
+    if is_stopped() || STOP.with_borrow(Option::is_some) {
+        return is_stopped();
+    }
+    Python::attach(|py| match py.check_signals() {
+        Ok(()) => false,
+        Err(raised) => {
+            note_interrupt(raised);
+            true
+        }
+    })
+}
+
+/// A Python thread that waits for questions; see `brakecheck/_threads.py`.
+struct PythonThread {
+    questions: Sender<Question>,
+    /// Its `threading.Thread`.
+    thread: Py<PyAny>,
+}
+
+impl PythonThread {
+    fn start() -> PyResult<PythonThread> {
+        let (questions, receive) = channel();
+        let mailbox = Mailbox {
+            questions: Mutex::new(receive),
+            hear: Mutex::new(None),
+        };
+        Python::attach(|py| {
+            let threads = py.import("brakecheck._threads")?;
+            let thread = threads.call_method1("start", (mailbox,))?.unbind();
+            Ok(PythonThread { questions, thread })
+        })
+    }
+
+    /// Ends its Python code as soon as the interpreter gets to it; where it is.
+    fn abandon(&self) -> String {
+        Python::attach(|py| {
+            let threads = py.import("brakecheck._threads")?;
+            threads.call_method1("abandon", (&self.thread,))?.extract()
+        })
+        .unwrap_or_default()
+    }
+}
+
+impl Drop for PythonThread {
+    fn drop(&mut self) {
+        if EXITING.load(Ordering::Relaxed) {
+            // Its end would be noticed: a copy that is never dropped keeps it asleep.
+            std::mem::forget(self.questions.clone());
+        }
+    }
+}
+
+/// Keeps Python threads that wait asleep, because the process is about to exit.
+#[pyfunction]
+pub(crate) fn exit_threads() {
+    EXITING.store(true, Ordering::Relaxed);
+}
+
+/// The end of a [`PythonThread`] that Python sees.
+#[pyclass(frozen, module = "brakecheck._brakecheck")]
+pub(crate) struct Mailbox {
+    questions: Mutex<Receiver<Question>>,
+    hear: Mutex<Option<Hear>>,
+}
+
+#[pymethods]
+impl Mailbox {
+    /// Hands in what the last call returned or raised and waits for the next
+    /// one: a callable and its arguments, or None if there is none any more.
+    fn exchange(
+        &self,
+        py: Python<'_>,
+        returned: Bound<'_, PyAny>,
+        raised: Option<Bound<'_, PyAny>>,
+    ) -> Option<Call> {
+        let heard = self.hear.lock();
+        if let Some(hear) = heard.unwrap_or_else(PoisonError::into_inner).take() {
+            hear(raised.map_or(Ok(returned), |raised| Err(PyErr::from_value(raised))));
+        }
+        loop {
+            let question = py.detach(|| {
+                let questions = self.questions.lock();
+                let question = questions.unwrap_or_else(PoisonError::into_inner).recv();
+                while EXITING.load(Ordering::Relaxed) {
+                    std::thread::park();
+                }
+                question
+            });
+            let Question { ask, hear } = question.ok()?;
+            match ask(py) {
+                Ok(call) => {
+                    let slot = self.hear.lock();
+                    *slot.unwrap_or_else(PoisonError::into_inner) = Some(hear);
+                    return Some(call);
+                }
+                Err(error) => hear(Err(error)),
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Kinds of files that show an episode, by their names.
+
+use std::path::Path;
+
+use super::error::CampaignError;
+
+/// Kind of file that shows an episode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ViewKind {
+    /// `.rrd`, for the rerun viewer; see [`crate::view`].
+    Recording,
+    /// `.svg`, for any browser; see [`picture`](super::picture).
+    Picture,
+}
+
+impl ViewKind {
+    /// The kind that a file's extension names, in either case.
+    ///
+    /// # Errors
+    /// Files of that name are not written.
+    ///
+    /// ```
+    /// use brakecheck::campaign::ViewKind;
+    /// assert_eq!(ViewKind::of("crash.SVG".as_ref())?, ViewKind::Picture);
+    /// assert!(ViewKind::of("crash.png".as_ref()).is_err());
+    /// # Ok::<(), brakecheck::campaign::CampaignError>(())
+    /// ```
+    pub fn of(output: &Path) -> Result<ViewKind, CampaignError> {
+        let extension = output.extension().unwrap_or_default();
+        let is = |kind: &str| extension.eq_ignore_ascii_case(kind);
+        match (is("rrd"), is("svg")) {
+            (true, _) => Ok(ViewKind::Recording),
+            (_, true) => Ok(ViewKind::Picture),
+            _ => Err(CampaignError::request(
+                format!(
+                    "`{}` is neither a recording nor a picture",
+                    output.display()
+                ),
+                "name a `.rrd`, for the rerun viewer, or a `.svg`, for any browser",
+            )),
+        }
+    }
+}
