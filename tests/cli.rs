@@ -378,6 +378,28 @@ fn theorems_are_checked_on_a_run() {
     }
 }
 
+#[test]
+fn an_untrained_ado_passes_no_theorem_of_a_grid() {
+    let dir = scratch();
+    let run = path(&dir, "run");
+    let world = "worlds/grid_hard.ron";
+    let trained = brakecheck(&["train", world, "-o", &run, "--decisions", "50", "--json"]);
+    assert_eq!(code(&trained), 0, "{}", stderr(&trained));
+    let output = brakecheck(&["eval", &run, "--theorems", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let checked = json(&output)["theorems"]["grid"].clone();
+    let first = checked["theorem_1"]["rows"].as_array().expect("rows");
+    let first = first.iter().map(|row| &row["outcome_of_learned"]["is"]);
+    let third = checked["theorem_3"].as_array().expect("rows");
+    let third = third.iter().map(|row| &row["outcome"]["is"]);
+    let second = &checked["theorem_2_learned"]["outcome"]["is"];
+    for outcome in first.chain([second]).chain(third) {
+        assert_eq!(outcome, "premise_not_met", "{checked:#}");
+    }
+    // Value iteration does not depend on the ado.
+    assert_eq!(checked["theorem_2"]["outcome"]["is"], "holds");
+}
+
 /// Changes one value of sample 3 in the samples and the digest that goes with it.
 fn tamper(csv: &Path) {
     let ron = csv.with_extension("ron");

@@ -1,5 +1,7 @@
 //! The grid world: exact numbers, theorems, learners, and errors in its files.
 
+#[path = "grid/bisimulation.rs"]
+mod bisimulation;
 #[path = "grid/errors.rs"]
 mod errors;
 #[path = "grid/exact.rs"]

@@ -24,7 +24,7 @@ use super::repeatable::note_if_unrepeatable;
 use super::reuse::{ReusedOn, reused_on};
 use super::starts::{TestStarts, test_starts};
 use super::surrogate::AdaptedTo;
-use super::theorems::{CarryOver, NearbyStarts, TheoremsRequest, carry_over, nearby_starts};
+use super::theorems::{CarryOver, GridTheorems, TheoremsRequest, carry_over, grid_theorems};
 use super::tries::Tried;
 use super::watch::Watch;
 use crate::run::Row;
@@ -38,8 +38,8 @@ const ALPHA: f64 = 0.1;
 #[derive(Clone, Debug, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TheoremsChecked {
-    /// Theorems 1 and 2, on every pair of starts of a grid.
-    NearbyStarts(NearbyStarts),
+    /// Theorems 1 to 3 on a grid.
+    Grid(Box<GridTheorems>),
     /// Theorem 3 and Lemma 1, on changed egos.
     CarryOver(CarryOver),
 }
@@ -48,7 +48,7 @@ impl TheoremsChecked {
     /// Whether one failed, which is a bug of this program.
     pub fn is_refuted(&self) -> bool {
         match self {
-            TheoremsChecked::NearbyStarts(nearby) => 0 < nearby.misses + nearby.misses_of_2,
+            TheoremsChecked::Grid(checked) => checked.is_refuted(),
             TheoremsChecked::CarryOver(carried) => carried.rows.iter().any(|row| {
                 let sharper = row.sharper.as_ref().map_or(0, |sharper| sharper.misses);
                 0 < row.misses + sharper
@@ -187,9 +187,9 @@ impl<'a> EvaluationTable<'a> {
         played
     }
 
-    /// Checks the theorems of the paper that apply: 1 and 2 on a grid, 3 and
-    /// Lemma 1 on the road, there on the changed egos that were met, or on all of
-    /// the world's if none was. `None`: stopped.
+    /// Checks the theorems of the paper that apply: 1 to 3 on a grid, 3 and
+    /// Lemma 1 on the road; 3 on the changed egos that were met, or on all of the
+    /// world's if none was. `None`: stopped.
     ///
     /// # Errors
     /// A theorem does not apply to the world.
@@ -206,10 +206,6 @@ impl<'a> EvaluationTable<'a> {
         let own = EgoUnderTest::nominal(nominal);
         let ado = conditioned(run, context, &own, seed, watch)?;
         let policy = &*ado.policy;
-        if nominal.grid().is_some() {
-            let nearby = nearby_starts(nominal, policy)?;
-            return Ok(Some(TheoremsChecked::NearbyStarts(nearby)));
-        }
         let is_nominal = |ego: &EgoUnderTest| ego.name() == own.name();
         let all = match egos.iter().all(is_nominal) {
             true => EgoUnderTest::find(nominal, "all")?,
@@ -217,9 +213,14 @@ impl<'a> EvaluationTable<'a> {
         };
         let changed = all.iter().filter(|ego| !is_nominal(ego));
         let changed = changed.map(|ego| (ego.name().to_owned(), ego.scenario().clone()));
+        let changed: Vec<(String, Scenario)> = changed.collect();
+        if nominal.grid().is_some() {
+            let checked = grid_theorems(nominal, policy, &changed)?;
+            return Ok(Some(TheoremsChecked::Grid(Box::new(checked))));
+        }
         let request = TheoremsRequest {
             nominal,
-            changed: &changed.collect::<Vec<_>>(),
+            changed: &changed,
             policy,
             starts: &self.starts,
             alpha: ALPHA,

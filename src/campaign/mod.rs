@@ -99,8 +99,10 @@ pub use surrogate::{
 pub use sweep::{Point, Sweep, Swept};
 pub use telling::{Telling, telling};
 pub use theorems::{
-    CarriedOver, CarryOver, Distance, Forecast, NearbyStarts, Refused, Sharper, Spread,
-    TheoremsError, TheoremsRequest, Witness, carry_over, nearby_starts, optimal_values,
+    Approximation, Carried, CarriedOver, CarryOver, DELTAS, Distance, Forecast, GridTheorems,
+    Nearby, Refused, Sharper, Spread, Theorem1, Theorem1Row, Theorem2, Theorem2Row, Theorem3,
+    TheoremOutcome, TheoremsError, TheoremsRequest, Witness, bisimulations, carry_over,
+    grid_theorems, lifted, optimal_values, theorem_1, theorem_2, theorem_3,
 };
 pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};

@@ -53,7 +53,7 @@ pub(super) struct EvalArgs {
     runs: u64,
     #[command(flatten)]
     keep: KeepArgs,
-    /// Also check the paper's theorems: 1 and 2 on a grid, 3 and Lemma 1 on the road.
+    /// Also check the paper's theorems: 1 to 3 on a grid, 3 and Lemma 1 on the road.
     #[arg(long)]
     theorems: bool,
     /// The ego before: what fails newly against it decides the exit code.

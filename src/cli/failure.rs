@@ -347,6 +347,7 @@ impl From<Table1Error> for Failure {
     fn from(error: Table1Error) -> Failure {
         match error {
             Table1Error::Train(error) => Failure::from(error),
+            Table1Error::Theorems(error) => Failure::from(error),
             Table1Error::NotAGrid { .. } | Table1Error::Change(_) => Failure::input(
                 error.to_string(),
                 "Table I is made from the shipped `grid.ron` and `grid_hard.ron`",

@@ -1,30 +1,186 @@
 //! What `eval --theorems` prints.
 
 use super::table_of;
-use crate::campaign::{CarryOver, Forecast, NearbyStarts, TheoremsChecked};
+use crate::campaign::{
+    Carried, CarryOver, Forecast, GridTheorems, Nearby, Theorem1, Theorem2, Theorem3,
+    TheoremOutcome, TheoremsChecked,
+};
 
 /// Tables and sentences.
 pub(super) fn text(checked: &TheoremsChecked) -> String {
     match checked {
-        TheoremsChecked::NearbyStarts(nearby) => on_a_grid(nearby),
+        TheoremsChecked::Grid(checked) => on_a_grid(checked),
         TheoremsChecked::CarryOver(carried) => on_the_road(carried),
     }
 }
 
-fn on_a_grid(nearby: &NearbyStarts) -> String {
-    format!(
-        "Theorem 1: from {} of {} starts the best ado makes the ego fail; {} pairs (x0, x0') with \
-         |V*(x0) − V*(x0')| < δ < V*(x0) + 1, {} misses\n\
-         Theorem 2: α = max |V − V*| of the trained ado is {:.3}; {} pairs with δ + 2α < V*(x0) + 1, \
-         {} misses",
-        nearby.counterexamples,
-        nearby.starts,
-        nearby.pairs,
-        nearby.misses,
-        nearby.alpha,
-        nearby.pairs_of_2,
-        nearby.misses_of_2
-    )
+fn on_a_grid(checked: &GridTheorems) -> String {
+    let mut text = nearby_starts(&checked.theorem_1);
+    text.push_str(&format!(
+        "\n\nTheorem 2: values V_k within α of V*; iterated: value iteration, {} sweeps\n",
+        checked.sweeps
+    ));
+    text.push_str(&approximate_values(&[
+        ("iterated", &checked.theorem_2),
+        ("trained", &checked.theorem_2_learned),
+    ]));
+    text.push_str("\n\nTheorem 3: changed grids, the trained ado untouched\n");
+    text.push_str(&bisimilar(&checked.theorem_3));
+    if !checked.not_comparable.is_empty() {
+        let names = checked.not_comparable.join(", ");
+        text.push_str(&format!("\nof another size, not compared: {names}"));
+    }
+    text
+}
+
+fn word(outcome: &TheoremOutcome) -> String {
+    match outcome {
+        TheoremOutcome::Holds => "holds".to_owned(),
+        TheoremOutcome::Fails => "fails".to_owned(),
+        TheoremOutcome::PremiseNotMet { why } => format!("premise not met: {why}"),
+        TheoremOutcome::Refuted { why } => format!("refuted: {why}"),
+    }
+}
+
+fn of(part: u64, whole: u64) -> String {
+    match whole {
+        0 => "–".to_owned(),
+        _ => format!("{:.2} %", 100.0 * part as f64 / whole as f64),
+    }
+}
+
+fn nearby_starts(checked: &Theorem1) -> String {
+    let mut text = format!(
+        "Theorem 1, γ = {}: the trained ado found counterexamples from {} of {} starts, {} of them \
+         paid V*; its values differ from V* by up to {:.4}\n",
+        checked.discount, checked.found, checked.starts, checked.found_optimally, checked.gap,
+    );
+    let rows = checked.rows.iter().map(|row| {
+        let shares = |nearby: &Nearby| of(nearby.holds, row.pairs);
+        [
+            row.delta.to_string(),
+            format!("{} ({})", row.meets, row.promising),
+            row.pairs.to_string(),
+            shares(&row.optimal),
+            shares(&row.learned),
+            of(row.learned.counterexamples, row.pairs),
+            of(row.optimal.printed, row.pairs),
+        ]
+    });
+    let header = [
+        "δ",
+        "x0 (promising)",
+        "pairs",
+        "optimal",
+        "trained",
+        "trained captures",
+        "printed bound, optimal",
+    ];
+    text.push_str(&table_of(header, rows));
+    text.push_str(
+        "\nx0             counterexamples found, paid V*, with δ < γ^T (g(τ) + 1)\
+         \n(promising)    those around which V*(x0) − δ promises a counterexample\
+         \npairs          (x0, x0') with |V*(x0) − V*(x0')| < δ\
+         \noptimal        rules kept and γ^T' R' ≥ V*(x0) − δ by the optimal continuation, played\
+         \ntrained        the same by the trained ado, played: a result, not a promise\
+         \nprinted bound  g(ρ') ≥ g(τ) − δ/γ^T, which needs one T for all starts",
+    );
+    for row in &checked.rows {
+        let outcome = word(&row.outcome_of_learned);
+        text.push_str(&format!("\nδ = {}, the trained ado: {outcome}", row.delta));
+    }
+    text
+}
+
+fn approximate_values(all: &[(&str, &Theorem2); 2]) -> String {
+    let rows = all.iter().flat_map(|(name, checked)| {
+        checked.rows.iter().map(move |row| {
+            [
+                (*name).to_owned(),
+                row.beta.to_string(),
+                row.pairs.to_string(),
+                format!("{} ({})", row.promising, row.misses),
+                format!("{} ({})", row.printed_promising, row.printed_misses),
+            ]
+        })
+    });
+    let header = [
+        "V_k",
+        "β",
+        "pairs",
+        "greedy bound (misses)",
+        "printed bound (misses)",
+    ];
+    let mut text = table_of(header, rows);
+    text.push_str(
+        "\npairs          (x0, x0'), x0 a counterexample, |V_k(x0) − V_k(x0')| ≤ β\
+         \ngreedy bound   pairs on which γ^T g(τ) − (2α + β) − loss promises a counterexample;\
+         \n               a miss is a bug of this program\
+         \nprinted bound  the same for g(τ) − (2α + β)/γ^T, and the ado that plays\
+         \nα              max |V_k − V*|: over all states, over the starts, and over the states that\
+         \n               greedy play compares\
+         \nloss           of the greedy policy of V_k, played, and its bound 2α (γ + … + γ^(K−1))",
+    );
+    for (name, checked) in all {
+        let certified = checked.certified.map_or(String::new(), |certified| {
+            format!(", certified ≤ {certified}")
+        });
+        text.push_str(&format!(
+            "\n{name}: α {:.4}, {:.4}, {:.4}{certified}; loss {:.4} ≤ {:.4}: {}",
+            checked.alpha,
+            checked.alpha_of_starts,
+            checked.alpha_ahead,
+            checked.lost,
+            checked.loss,
+            word(&checked.outcome)
+        ));
+    }
+    text
+}
+
+fn bisimilar(all: &[Theorem3]) -> String {
+    let rows = all.iter().map(|row| {
+        let shares = |carried: &Carried| {
+            let of = |part: usize| of(part as u64, carried.pairs as u64);
+            [carried.replayed, carried.by_cell, carried.own_view]
+                .map(of)
+                .join(", ")
+        };
+        [
+            format!("{}, {}", row.changed, number(row.epsilon)),
+            format!("{} of {}", row.related, row.candidates),
+            format!("{} of {}", row.related_starts, row.starts),
+            row.least_epsilon.map_or("–".to_owned(), number),
+            format!("{}: {}", row.inside.pairs, shares(&row.inside)),
+            format!("{}: {}", row.outside.pairs, shares(&row.outside)),
+        ]
+    });
+    let header = [
+        "grid, ε",
+        "states",
+        "starts",
+        "least ε",
+        "related: captured",
+        "else: captured",
+    ];
+    let mut text = table_of(header, rows);
+    text.push_str(
+        "\nstates         pairs in the greatest ε-approximate bisimulation, of those within ε\
+         \nstarts         related start pairs; least ε: the least that relates any\
+         \ncaptured       counterexamples played from related starts, and from the others: share that\
+         \n               stays one under the same actions, under the policy acting on the cells of\
+         \n               the unchanged grid (both promised if related), and under the policy looking\
+         \n               at the changed grid (promised by nothing)",
+    );
+    for row in all {
+        let outcome = word(&row.outcome);
+        text.push_str(&format!(
+            "\n{}, ε = {}: {outcome}",
+            row.changed,
+            number(row.epsilon)
+        ));
+    }
+    text
 }
 
 fn on_the_road(carried: &CarryOver) -> String {

@@ -79,6 +79,10 @@ impl Kind for DqfdSettings {
         within("simulations", self.seeding.simulations as f64, 0.0, 1e12)
     }
 
+    fn discount(&self) -> f64 {
+        self.dqn().discount
+    }
+
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         Box::new(self.around(Dqn::new(&self.dqn(), spaces, seed)))
     }

@@ -163,6 +163,10 @@ impl Kind for DqnSettings {
         within("last_gain", self.last_gain, 0.0, 10.0)
     }
 
+    fn discount(&self) -> f64 {
+        self.discount
+    }
+
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         Box::new(Dqn::new(self, spaces, seed))
     }

@@ -16,6 +16,9 @@ pub(super) trait Kind {
     /// Refuses the first field, other than `decisions`, that is out of range.
     fn check(&self) -> Result<(), ConfigError>;
 
+    /// γ, by which a later reward counts less.
+    fn discount(&self) -> f64;
+
     /// A learner that has seen nothing.
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner>;
 

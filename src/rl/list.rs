@@ -162,6 +162,11 @@ impl LearnerConfig {
         self.0.name()
     }
 
+    /// γ: a reward paid after t decisions counts γ^t times.
+    pub fn discount(&self) -> f64 {
+        self.0.kind().discount()
+    }
+
     /// How demonstrations are looked for before it learns; `None`: it wants none.
     pub fn seeding(&self) -> Option<&Seeding> {
         self.0.kind().seeding()

@@ -40,6 +40,10 @@ impl Kind for PaidSettings {
         within("rate", self.rate, 1e-6, 1.0)
     }
 
+    fn discount(&self) -> f64 {
+        1.0
+    }
+
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let paid = Paid::knowing(spaces.observation, vec![0.0; spaces.actions]);
         Box::new(Learning::of(self, paid, Dice::new(seed)))

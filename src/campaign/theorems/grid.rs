@@ -1,163 +1,104 @@
-//! Theorems 1 and 2 on a grid, where V* is known: every pair of starts.
+//! Theorems 1 to 3 on a grid world, for one trained ado.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::TheoremsError;
-use crate::campaign::Watch;
-use crate::campaign::episodes::{EpisodeLoop, Turn};
+use super::bisimilar::{Theorem3, bisimulations, theorem_3};
+use super::nearby::{Approximation, Theorem1, Theorem2, theorem_1, theorem_2};
 use crate::rl::Policy;
-use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
-use crate::scene::Start;
-use crate::scene::grid::exact::{Game, Solution};
-use crate::scene::grid::{GridWorld, position_of};
-use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::scene::grid::exact::Game;
+use crate::scene::grid::values::ValueTable;
 
-/// By how much δ exceeds a difference of values: the theorems say "less than".
-const JUST_ABOVE: f64 = 1e-9;
+/// α to which value iteration is run for Theorem 2.
+const ALPHA: f64 = 0.01;
+/// Least τ of the shipped rules: a unit move keeps `speed_inf <= 1.5` by this.
+const TAU: f64 = 0.5;
 
-/// Theorems 1 and 2, checked on every pair of starts of a grid.
+/// All that is checked on a grid.
 #[derive(Clone, Debug, Serialize)]
-pub struct NearbyStarts {
-    /// Starts.
-    pub starts: usize,
-    /// Starts from which the best ado makes the ego fail.
-    pub counterexamples: usize,
-    /// Ordered pairs (x0 a counterexample, x0') with δ < V*(x0) + 1.
-    pub pairs: u64,
-    /// Pairs on which Theorem 1 fails: each is a bug of this program.
-    pub misses: u64,
-    /// Theorem 2's α = max |V_k − V*| of the trained ado.
-    pub alpha: f64,
-    /// Pairs with δ + 2α < V*(x0) + 1, δ in terms of V_k.
-    pub pairs_of_2: u64,
-    /// Pairs on which Theorem 2 fails: each is a bug of this program.
-    pub misses_of_2: u64,
+pub struct GridTheorems {
+    /// Theorem 1, with V* by backward induction.
+    pub theorem_1: Theorem1,
+    /// Sweeps of value iteration up to the stopping rule.
+    pub sweeps: usize,
+    /// Theorem 2 for value iteration, truncated.
+    pub theorem_2: Theorem2,
+    /// Theorem 2 for the values of the trained ado.
+    pub theorem_2_learned: Theorem2,
+    /// Definition 5 and Theorem 3, changed grid by changed grid and ε by ε.
+    pub theorem_3: Vec<Theorem3>,
+    /// Changed grids that cannot be compared, being of another size.
+    pub not_comparable: Vec<String>,
 }
 
-/// Checks both theorems on every pair; `policy` is the trained ado.
+/// Checks Theorems 1 to 3; `policy` is the trained ado.
 ///
 /// # Errors
-/// The world is no grid, or the exact solver does not speak of its
-/// specification.
-pub fn nearby_starts(
+/// The world is no grid, or not of the specification that is solved.
+pub fn grid_theorems(
     scenario: &Scenario,
     policy: &dyn Policy,
-) -> Result<NearbyStarts, TheoremsError> {
-    let best = optimal_values(scenario)?;
-    let learned = learned_values(scenario, policy);
-    let gaps = best.iter().zip(&learned).map(|(v, l)| (v - l).abs());
-    let alpha = gaps.fold(0.0, f64::max);
-    // V* is what the best continuation is paid: `optimal_values` played it.
-    let counts: Vec<[u64; 4]> = (0..best.len())
-        .into_par_iter()
-        .filter(|&here| 0.0 < best[here])
-        .map(|here| {
-            let mut counts = [0; 4];
-            for (there, paid) in best.iter().enumerate() {
-                let near = (best[here] - paid).abs() + JUST_ABOVE;
-                let learned = (learned[here] - learned[there]).abs() + 2.0 * alpha + JUST_ABOVE;
-                for (first, delta) in [(0, near), (2, learned)] {
-                    if delta < best[here] + 1.0 {
-                        counts[first] += 1;
-                        counts[first + 1] += u64::from(*paid < best[here] - delta);
-                    }
-                }
-            }
-            counts
-        })
-        .collect();
-    let sum = |which: usize| counts.iter().map(|counts| counts[which]).sum();
-    Ok(NearbyStarts {
-        starts: best.len(),
-        counterexamples: counts.len(),
-        pairs: sum(0),
-        misses: sum(1),
-        alpha,
-        pairs_of_2: sum(2),
-        misses_of_2: sum(3),
+    changed: &[(String, Scenario)],
+) -> Result<GridTheorems, TheoremsError> {
+    let truth = optimal_values(scenario)?;
+    let reward = scenario.rulebook().reward;
+    let lawful = |rho: f64| reward.lawful(rho);
+    let (iterated, sweeps) = ValueTable::iterated(truth.game(), truth.discount(), lawful, ALPHA);
+    let by_sweeps = Approximation {
+        values: &iterated,
+        certified: Some(ALPHA),
+        policy: None,
+    };
+    let learned = scenario.grid().map(|world| truth.learned(world, policy));
+    let learned = Approximation {
+        values: learned.as_ref().unwrap_or(&truth),
+        certified: None,
+        policy: Some(policy),
+    };
+    let (mut rows, mut not_comparable) = (Vec::new(), Vec::new());
+    for (name, changed) in changed {
+        let Some(relations) = bisimulations(scenario, changed, TAU) else {
+            not_comparable.push(name.clone());
+            continue;
+        };
+        for relation in &relations {
+            rows.push(theorem_3(scenario, (name, changed), policy, relation)?);
+        }
+    }
+    Ok(GridTheorems {
+        theorem_1: theorem_1(scenario, policy, &truth)?,
+        sweeps,
+        theorem_2: theorem_2(scenario, &truth, &by_sweeps)?,
+        theorem_2_learned: theorem_2(scenario, &truth, &learned)?,
+        theorem_3: rows,
+        not_comparable,
     })
 }
 
-/// V* of every start, in units of the reward, by exact backward induction.
-///
-/// From every start the best continuation is played, its rules are seen to
-/// hold, and what it is paid is compared with V*.
+/// V* of a grid world under the discount of its learner.
 ///
 /// # Errors
-/// As [`nearby_starts`].
-pub fn optimal_values(scenario: &Scenario) -> Result<Vec<f64>, TheoremsError> {
-    let not_solved = |why: String| TheoremsError::NotSolved {
-        world: scenario.name.clone(),
-        why,
-    };
-    let (Some(grid), Some(starts)) = (scenario.grid(), scenario.starts()) else {
-        return Err(not_solved("it is no grid with a list of starts".to_owned()));
-    };
-    let game = Game::of(grid);
-    // With every number of steps left: what is best changes towards the end.
-    let left: Vec<Solution> = (0..=game.steps)
-        .into_par_iter()
-        .map(|steps| {
-            let game = Game {
-                steps,
-                ..game.clone()
-            };
-            game.solve()
-        })
-        .collect();
-    let reward = scenario.rulebook().reward;
-    let value_of = |bench: &mut Testbench, start: &Start| {
-        let value = left.last().map_or(0.0, |whole| {
-            whole.robustness(position_of(start, &game.arena))
+/// The world is no grid.
+pub fn optimal_values(scenario: &Scenario) -> Result<ValueTable, TheoremsError> {
+    let Some(world) = scenario.grid() else {
+        return Err(TheoremsError::NotSolved {
+            world: scenario.name.clone(),
+            why: "it is no grid".to_owned(),
         });
-        let best = reward.lawful(value);
-        let actions = best_actions(grid, &left, start);
-        let mut ado = Replay::holding(&actions);
-        let played = play(bench, start, 0, &mut ado, Aftermath::Skip);
-        if let Verdict::Foul { .. } | Verdict::Invalid = played.verdict {
-            let word = played.verdict.word();
-            return Err(not_solved(format!("from {:?} it is a {word}", start.0)));
-        }
-        match scenario.rulebook().reward_of(&played.verdict) {
-            Some(paid) if paid == best => Ok(best),
-            paid => Err(not_solved(format!(
-                "from {:?} V* is {best}, but {paid:?} is paid",
-                start.0
-            ))),
-        }
     };
-    let value_of = |bench: &mut Testbench, start: &Start, _: &Turn| Some(value_of(bench, start));
-    let unwatched = Watch::unwatched();
-    let all = EpisodeLoop::uncounted(&unwatched);
-    let values = all.run(&starts, || scenario.bench(), value_of);
-    values.into_iter().flatten().collect()
+    let reward = scenario.rulebook().reward;
+    let lawful = |rho: f64| reward.lawful(rho);
+    let discount = scenario.learner().discount();
+    Ok(ValueTable::exact(&Game::of(world), discount, lawful))
 }
 
-fn best_actions(grid: &GridWorld, left: &[Solution], start: &Start) -> Vec<usize> {
-    let game = Game::of(grid);
-    let mut both = position_of(start, &game.arena);
-    let mut actions = Vec::new();
-    for after in left.iter().rev().skip(1) {
-        let next = |action: usize| game.arena.next(both, game.moves[action]);
-        let rho = |action: usize| after.robustness(next(action));
-        let best = (0..game.moves.len()).max_by(|a, b| rho(*a).total_cmp(&rho(*b)));
-        let Some(best) = best else { break };
-        actions.push(best);
-        both = next(best);
+impl GridTheorems {
+    /// Whether a theorem failed, which is a bug of this program.
+    pub fn is_refuted(&self) -> bool {
+        let second = [&self.theorem_2, &self.theorem_2_learned];
+        self.theorem_1.is_refuted()
+            || second.iter().any(|checked| checked.outcome.is_refuted())
+            || self.theorem_3.iter().any(|row| row.outcome.is_refuted())
     }
-    actions
-}
-
-fn learned_values(scenario: &Scenario, policy: &dyn Policy) -> Vec<f64> {
-    let starts = scenario.starts().unwrap_or_default();
-    let mut bench = scenario.bench();
-    let mut obs = vec![0.0; bench.spaces().observation];
-    let values = starts.iter().map(|start| {
-        bench.begin(start, 0, Aftermath::Skip);
-        bench.observe(&mut obs);
-        f64::from(policy.value(&obs))
-    });
-    values.collect()
 }

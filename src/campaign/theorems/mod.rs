@@ -1,17 +1,25 @@
 //! The paper's theorems as checks that a user can run.
 //!
-//! On a grid V* is known, so Theorems 1 and 2 are checked on every pair of
-//! starts ([`nearby_starts`]). On the road Theorem 3 and Lemma 1 say when a
-//! counterexample carries over to a changed ego ([`carry_over`]).
+//! On a grid V* and the greatest bisimulation are known, so Theorems 1 to 3 are
+//! tested by playing ([`grid_theorems`]). On the road Theorem 3 and Lemma 1 say
+//! when a counterexample carries over to a changed ego ([`carry_over`]).
 
+mod bisimilar;
 mod compare;
 mod forecast;
 mod grid;
+mod nearby;
+mod plays;
 mod transfer;
 
+pub use bisimilar::{Carried, Theorem3, bisimulations, lifted, theorem_3};
 pub use compare::{Distance, Witness};
 pub use forecast::Forecast;
-pub use grid::{NearbyStarts, nearby_starts, optimal_values};
+pub use grid::{GridTheorems, grid_theorems, optimal_values};
+pub use nearby::{
+    Approximation, DELTAS, Nearby, Theorem1, Theorem1Row, Theorem2, Theorem2Row, TheoremOutcome,
+    theorem_1, theorem_2,
+};
 pub use transfer::{CarriedOver, CarryOver, Refused, Sharper, Spread, carry_over};
 
 use super::TestStarts;
@@ -65,7 +73,7 @@ pub enum TheoremsError {
         world: String,
     },
     /// The exact solver does not speak of this world's specification.
-    #[error("V* of `{world}` is not what its own continuation is paid: {why}")]
+    #[error("the exact solver does not know the specification of `{world}`: {why}")]
     NotSolved {
         /// Name of the world.
         world: String,

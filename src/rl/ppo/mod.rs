@@ -116,6 +116,10 @@ impl Kind for PpoSettings {
         self.bounds()
     }
 
+    fn discount(&self) -> f64 {
+        self.discount
+    }
+
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let mut dice = Dice::new(seed);
         // A small last layer: all actions start equally likely.

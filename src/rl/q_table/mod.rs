@@ -58,6 +58,10 @@ impl Kind for QTableSettings {
         Ok(())
     }
 
+    fn discount(&self) -> f64 {
+        self.discount
+    }
+
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let table = Table {
             observation: spaces.observation,

@@ -18,7 +18,6 @@ use std::collections::HashMap;
 
 use super::{Arena, GridWorld, Position};
 use crate::rl::Policy;
-use crate::scene::Scene;
 
 /// Up, down, left, right, stay.
 pub const UNIT_MOVES: [(i32, i32); 5] = [(0, 1), (0, -1), (-1, 0), (1, 0), (0, 0)];
@@ -65,7 +64,8 @@ impl Game {
         self.arena.cells() * self.arena.cells()
     }
 
-    fn position(&self, pair: usize) -> Position {
+    /// The pair of a number, below [`Game::pairs`].
+    pub fn position(&self, pair: usize) -> Position {
         let cells = self.arena.cells();
         Position {
             ego: self.arena.cell(pair / cells),
@@ -79,7 +79,7 @@ impl Game {
     }
 
     /// Successors of every pair, action by action.
-    fn successors(&self) -> Vec<u32> {
+    pub(super) fn successors(&self) -> Vec<u32> {
         let pairs = (0..self.pairs()).flat_map(|pair| {
             let both = self.position(pair);
             let next = move |step: &(i32, i32)| self.pair(self.arena.next(both, *step)) as u32;
@@ -259,12 +259,9 @@ impl PositionPolicy {
         };
         let mut seen: HashMap<Vec<u32>, Position> = HashMap::new();
         let mut scene = world.scene();
-        let mut row = vec![0.0; world.schema().len()];
         let mut obs = vec![0.0; world.spaces().observation];
         for both in world.spec().arena.starts() {
-            scene.place(both);
-            scene.publish(&mut row);
-            scene.observe(&row, &mut obs);
+            scene.observe_at(both, 0, &mut obs);
             let key = policy.key(&obs);
             let (action, value) = rule(both);
             match policy.rows.get(&key) {

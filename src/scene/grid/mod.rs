@@ -7,9 +7,11 @@
 //! The map is small enough to be solved: [`exact`] knows the best ado.
 
 mod arena;
+pub mod bisimulation;
 pub mod exact;
 mod signals;
 mod spec;
+pub mod values;
 
 use std::sync::Arc;
 
@@ -171,6 +173,17 @@ impl GridScene {
     /// Where both stand.
     pub fn position(&self) -> Position {
         self.moment.now
+    }
+
+    /// Writes what an ado observes where both stand after `step` steps.
+    ///
+    /// Both count as standing still before.
+    pub fn observe_at(&mut self, both: Position, step: u32, obs: &mut [f32]) {
+        let mut row = vec![0.0; self.layout.schema.len()];
+        self.place(both);
+        self.moment.step = step;
+        self.publish(&mut row);
+        self.observe(&row, obs);
     }
 
     /// Puts both somewhere at t = 0.

@@ -1,7 +1,6 @@
-//! The maps on which Table I asks its questions, and what the paper answers.
+//! The maps of RQ1 to RQ3 in Table I, and what the paper answers.
 
 use crate::scenario::GridChange;
-use crate::scene::grid::Starts;
 
 /// A map of the table: change, question, words, what the paper reports.
 pub(super) struct Map {
@@ -12,7 +11,7 @@ pub(super) struct Map {
     pub(super) paper_random: Option<f64>,
 }
 
-/// The maps of Table I, in its order.
+/// The maps of RQ1 to RQ3, in the order of Table I.
 pub(super) fn maps() -> Vec<Map> {
     let size = |size, paper, random| Map {
         question: "RQ2",
@@ -34,18 +33,6 @@ pub(super) fn maps() -> Vec<Map> {
         paper,
         paper_random: Some(random),
     };
-    let fine = |refine, paper| Map {
-        question: "RQ5",
-        words: format!("n = 4, k = 2, cells cut {refine} × {refine}"),
-        change: GridChange {
-            refine: Some(refine),
-            ego_step: Some(2 * refine),
-            starts: Some(Starts::Uniform),
-            ..GridChange::default()
-        },
-        paper,
-        paper_random: None,
-    };
     let trained_on = Map {
         question: "RQ1",
         paper_random: Some(0.0983),
@@ -61,7 +48,5 @@ pub(super) fn maps() -> Vec<Map> {
         step(3, 0.725, 0.0292),
         step(2, 0.6792, 0.0292),
         step(1, 0.6792, 0.0708),
-        fine(3, 0.89),
-        fine(5, 0.78),
     ]
 }

@@ -4,35 +4,36 @@
 //! seeds, random ados, a two-line chaser, and the exact optimum.
 
 mod maps;
+mod refined;
 mod text;
 mod transfer;
 mod value;
 
+use std::collections::HashSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+pub use refined::RefinedMap;
 pub use text::table1_markdown;
 pub use transfer::OpenLoop;
-pub use value::DeltaNear;
+pub use value::NearStarts;
 
 use maps::{Map, maps};
 
-use crate::campaign::{Ado, EvalRequest, TestStarts, TrainError, Watch, eval};
+use crate::campaign::{Ado, EvalRequest, TestStarts, TheoremsError, TrainError, Watch, eval};
 use crate::rl::{Control, Dice, LearnerConfig, Policy};
 use crate::run::{Outcomes, Row, StartOutcome, seeds_interval, wilson};
 use crate::scenario::{ChangeError, Scenario};
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, chase};
-use crate::scene::grid::{AtWall, position_of};
+use crate::scene::grid::{AtWall, Position, position_of};
 use crate::seed::{Purpose, Seeds, StartKey};
-use crate::testbench::Gym;
+use crate::testbench::{Gym, Success};
 
 /// Random tables behind every mean of them.
 const TABLES: usize = 20;
-/// Starts drawn on refined maps: three times 300, as in the paper.
-const REFINED_STARTS: usize = 900;
 
 /// What to reproduce.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +58,9 @@ pub enum Table1Error {
     /// Training failed.
     #[error(transparent)]
     Train(#[from] TrainError),
+    /// A theorem does not apply to a map.
+    #[error(transparent)]
+    Theorems(#[from] TheoremsError),
 }
 
 /// Table I on one grid world.
@@ -76,10 +80,12 @@ pub struct GridStudy {
     pub train_cpu_s: Vec<f64>,
     /// RQ1: 10 and 20 random ados on the training map.
     pub random_ados: Vec<RandomAdos>,
-    /// RQ1, RQ2, RQ3 and RQ5: captures per map.
+    /// RQ1, RQ2 and RQ3: captures per map.
     pub cells: Vec<MapResult>,
     /// RQ4: starts of nearly the same value.
-    pub delta_near: Vec<DeltaNear>,
+    pub near_starts: NearStarts,
+    /// RQ5: captures on refined maps.
+    pub refined: Vec<RefinedMap>,
     /// Fig. 1: action sequences against policies.
     pub open_loop: Vec<OpenLoop>,
     /// The rows behind the cells: every learner, seed and map.
@@ -103,26 +109,18 @@ pub struct RandomAdos {
 /// Captures on one map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MapResult {
-    /// RQ1, RQ2, RQ3 or RQ5.
+    /// RQ1, RQ2 or RQ3.
     pub question: String,
     /// The map in words.
     pub map: String,
-    /// Starts evaluated.
+    /// Starts evaluated: all there are.
     pub starts: usize,
-    /// Whether these are all starts there are.
-    pub all_starts: bool,
     /// The paper's share for its trained ado.
     pub paper: f64,
     /// The paper's share for its random ado, where it has one.
     pub paper_random: Option<f64>,
-    /// Share that the best ado captures, exactly.
-    pub optimum: f64,
-    /// Share that uniformly random actions capture in expectation, exactly.
-    pub random: f64,
-    /// Mean share of random fixed tables.
-    pub random_tables: f64,
-    /// Share that the two-line chaser captures.
-    pub chaser: f64,
+    /// What is captured without learning.
+    pub references: References,
     /// What trained ados capture, a learner each.
     pub trained: Vec<LearnerOnMap>,
 }
@@ -141,10 +139,12 @@ pub struct LearnerOnMap {
 }
 
 /// A trained ado.
-pub(super) struct Learned {
-    pub(super) learner: usize,
-    pub(super) seed: u64,
-    pub(super) policy: Box<dyn Policy>,
+struct Learned {
+    learner: usize,
+    seed: u64,
+    policy: Box<dyn Policy>,
+    /// The first counterexample from every start that training met one from.
+    met: Vec<Success>,
     cpu_s: f64,
 }
 
@@ -166,12 +166,12 @@ pub fn table1(
     };
     let learners = learners(scenario);
     let seeds: Vec<u64> = request.seeds.trainings().collect();
-    let near = value::Plan::new(scenario, request)?;
+    let large = value::LargeMap::new(scenario, request)?;
     let own: u64 = learners
         .iter()
         .map(|(_, learner)| learner.decisions())
         .sum();
-    let total = request.seeds.count * (own + own * value::LONGER);
+    let total = request.seeds.count * (own + 2 * own * value::LONGER);
     let progress = Progress {
         done: AtomicU64::new(0),
         total,
@@ -199,7 +199,10 @@ pub fn table1(
         cells.push(cell);
     }
     let open_loop = transfer::open_loop(scenario, learners.len(), &learned)?;
-    let Some(delta_near) = near.study(&learners, &seeds, &progress) else {
+    let Some(near_starts) = large.near_starts(&learners, &seeds, &progress)? else {
+        return Ok(None);
+    };
+    let Some(refined) = refined::refined(&large, &learners, &seeds, &progress)? else {
         return Ok(None);
     };
     let cpu = |learner: usize| {
@@ -215,7 +218,8 @@ pub fn table1(
         random_ados: random_ados(&Game::of(grid), request),
         seeds,
         cells,
-        delta_near,
+        near_starts,
+        refined,
         open_loop,
         rows,
     }))
@@ -233,14 +237,14 @@ fn learners(scenario: &Scenario) -> Vec<(String, LearnerConfig)> {
 }
 
 /// Counts decisions of all trainings.
-pub(super) struct Progress<'a> {
+struct Progress<'a> {
     done: AtomicU64,
     total: u64,
-    pub(super) watch: &'a Watch<'a>,
+    watch: &'a Watch<'a>,
 }
 
 /// Trains one ado on the world's training starts; `None` when stopped.
-pub(super) fn learn(
+fn learn(
     scenario: &Scenario,
     learner: &LearnerConfig,
     (index, seed): (usize, u64),
@@ -248,6 +252,7 @@ pub(super) fn learn(
 ) -> Option<Learned> {
     let clock = cpu_time::ThreadTime::now();
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
+    gym.keep_successes();
     let mut learner = learner.build(scenario.world().spaces(), seed);
     let mut before = 0;
     learner.train(&mut gym, &mut |report| {
@@ -260,16 +265,23 @@ pub(super) fn learn(
             false => Control::Continue,
         }
     });
+    let mut met = gym.take_successes();
+    let at = |success: &Success| success.start.0.iter().map(|x| x.to_bits()).collect();
+    let mut seen: HashSet<Vec<u64>> = HashSet::new();
+    met.retain(|success| seen.insert(at(success)));
     learner.finished().then(|| Learned {
         learner: index,
         seed,
         policy: learner.policy(),
+        met,
         cpu_s: clock.elapsed().as_secs_f64(),
     })
 }
 
 /// The starts of a map, none of them left out as trivial: the paper counts all.
-fn starts_of(scenario: &Scenario, seed: u64, drawn: usize) -> (TestStarts, bool) {
+///
+/// Where they are not listed, so many are drawn.
+fn starts_of(scenario: &Scenario, seed: u64, drawn: usize) -> TestStarts {
     let bench = scenario.bench();
     let key = |index: usize| StartKey {
         purpose: Purpose::Test,
@@ -277,7 +289,6 @@ fn starts_of(scenario: &Scenario, seed: u64, drawn: usize) -> (TestStarts, bool)
         index: index as u64,
     };
     let listed = scenario.starts();
-    let all = listed.is_some();
     let draw = || (0..drawn).map(|index| bench.draw(key(index))).collect();
     let starts: Vec<Start> = listed.unwrap_or_else(draw);
     let starts: Vec<(Start, u64)> = starts
@@ -286,14 +297,11 @@ fn starts_of(scenario: &Scenario, seed: u64, drawn: usize) -> (TestStarts, bool)
         .map(|(index, start)| (start, bench.noise_of(key(index))))
         .collect();
     let trivial = vec![false; starts.len()];
-    (
-        TestStarts {
-            seed,
-            starts,
-            trivial,
-        },
-        all,
-    )
+    TestStarts {
+        seed,
+        starts,
+        trivial,
+    }
 }
 
 fn measure(
@@ -306,7 +314,7 @@ fn measure(
     watch: &Watch<'_>,
 ) -> Result<Option<MapResult>, Table1Error> {
     let mut changed = scenario.with(&map.change.clone().into())?;
-    let (starts, all_starts) = starts_of(&changed, request.seeds.starts, REFINED_STARTS);
+    let starts = starts_of(&changed, request.seeds.starts, 0);
     let quiet = watch.quiet();
     let mut trained = Vec::new();
     for (learner, (_, config)) in learners.iter().enumerate() {
@@ -338,34 +346,53 @@ fn measure(
         return Ok(None);
     };
     let game = Game::of(grid);
-    let solution = game.solve();
-    let chance = game.random_chances();
     let positions = starts.starts.iter();
-    let positions: Vec<_> = positions
+    let positions: Vec<Position> = positions
         .map(|(start, _)| position_of(start, &game.arena))
         .collect();
-    let share = |of: &dyn Fn(&crate::scene::grid::Position) -> f64| {
-        positions.iter().map(of).sum::<f64>() / positions.len().max(1) as f64
-    };
-    let caught = |yes: bool| f64::from(u8::from(yes));
-    let mut tables = 0.0;
-    for table in 0..TABLES {
-        let table = random_table(&game, request.seeds.starts, table);
-        tables += share(&|both| caught(game.captures(*both, |at| table[game.pair(at)])));
-    }
     Ok(Some(MapResult {
         question: map.question.to_owned(),
         map: map.words.clone(),
         starts: positions.len(),
-        all_starts,
         paper: map.paper,
         paper_random: map.paper_random,
-        optimum: share(&|both| caught(solution.capture_in(*both).is_some())),
-        random: share(&|both| chance[game.pair(*both)]),
-        random_tables: tables / TABLES as f64,
-        chaser: share(&|both| caught(game.captures(*both, |at| chase(at, &game.moves)))),
+        references: References::of(&game, &positions, request.seeds.starts),
         trained,
     }))
+}
+
+/// What is captured without learning, from the same starts.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct References {
+    /// Share that the best ado captures, exactly.
+    pub optimum: f64,
+    /// Share that uniformly random actions capture in expectation, exactly.
+    pub random: f64,
+    /// Mean share of random fixed tables.
+    pub random_tables: f64,
+    /// Share that the two-line chaser captures.
+    pub chaser: f64,
+}
+
+impl References {
+    fn of(game: &Game, positions: &[Position], seed: u64) -> References {
+        let (solution, chance) = (game.solve(), game.random_chances());
+        let share = |of: &dyn Fn(&Position) -> f64| {
+            positions.iter().map(of).sum::<f64>() / positions.len().max(1) as f64
+        };
+        let caught = |yes: bool| f64::from(u8::from(yes));
+        let mut tables = 0.0;
+        for table in 0..TABLES {
+            let table = random_table(game, seed, table);
+            tables += share(&|both| caught(game.captures(*both, |at| table[game.pair(at)])));
+        }
+        References {
+            optimum: share(&|both| caught(solution.capture_in(*both).is_some())),
+            random: share(&|both| chance[game.pair(*both)]),
+            random_tables: tables / TABLES as f64,
+            chaser: share(&|both| caught(game.captures(*both, |at| chase(at, &game.moves)))),
+        }
+    }
 }
 
 /// Mean, median and worst of the shares of all seeds; no interval yet.
@@ -395,17 +422,15 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
         let mut dice = Dice::new(request.seeds.starts);
         let mut captured = 0;
         for _ in 0..ados {
-            let caught = |start: &&crate::scene::grid::Position| {
-                game.captures(**start, |_| dice.below(game.moves.len()))
-            };
+            let caught =
+                |start: &&Position| game.captures(**start, |_| dice.below(game.moves.len()));
             captured += starts.iter().filter(caught).count();
         }
         let n = ados * starts.len();
         let solved: Vec<Outcomes> = (0..ados)
             .map(|index| {
                 let table = random_table(game, request.seeds.starts, index);
-                let mark = |start: &crate::scene::grid::Position| match game
-                    .captures(*start, |at| table[game.pair(at)])
+                let mark = |start: &Position| match game.captures(*start, |at| table[game.pair(at)])
                 {
                     true => StartOutcome::Solved,
                     false => StartOutcome::Unsolved,

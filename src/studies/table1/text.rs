@@ -38,13 +38,14 @@ fn one(study: &GridStudy, text: &mut String) {
         "Trained on n = 4, k = 2, all starts, training seeds {}: {}.\n\
          Learners: median over seeds of the share of captured starts, and [95 % interval of the mean over trainings and starts].\n\
          Optimum, chaser and random (uniform actions, in expectation) are exact; tables are the mean of 20 fixed random tables.\n\
-         paper: what the paper has for its trained ado (and its random one); starts: all there are, or as many drawn.\n\n",
+         paper: what the paper has for its trained ado (and its random one); all starts count.\n\n",
         seeds.join(", "),
         costs.join(", ")
     ));
     captures(study, text);
     randoms(study, text);
     near(study, text);
+    refined(study, text);
     open_loop(study, text);
 }
 
@@ -75,13 +76,13 @@ fn captures(study: &GridStudy, text: &mut String) {
             "| {} | {} | {} | {} | {} | {} | {} | {} | {} |\n",
             cell.question,
             cell.map,
-            starts(cell),
+            cell.starts,
             paper(cell),
-            percent(cell.optimum),
+            percent(cell.references.optimum),
             trained.join(" | "),
-            percent(cell.random),
-            percent(cell.random_tables),
-            percent(cell.chaser),
+            percent(cell.references.random),
+            percent(cell.references.random_tables),
+            percent(cell.references.chaser),
         ));
     }
     text.push('\n');
@@ -89,13 +90,6 @@ fn captures(study: &GridStudy, text: &mut String) {
 
 fn share(trained: &LearnerOnMap) -> String {
     format!("{} {}", percent(trained.median), interval(trained.ci95))
-}
-
-fn starts(cell: &MapResult) -> String {
-    match cell.all_starts {
-        true => format!("all {}", cell.starts),
-        false => format!("{} drawn", cell.starts),
-    }
 }
 
 fn paper(cell: &MapResult) -> String {
@@ -125,32 +119,110 @@ fn randoms(study: &GridStudy, text: &mut String) {
 }
 
 fn near(study: &GridStudy, text: &mut String) {
+    let near = &study.near_starts;
     text.push_str(
-        "RQ4: trained on 100 random starts of n = 10, k = 1; around 5 counterexample starts, the share of \
-         all δ-near starts (|V − V'| < δ, V the learner's own) from which the ego fails, median (worst seed); optimum: of the best ado:\n\n",
+        "RQ4: trained on 100 random starts of n = 10, k = 1; around 5 of the counterexamples met in training, the share of \
+         all δ-near starts (|V − V'| < δ, V the learner's own) from which the ego fails, median (worst seed). \
+         Condition: of all chosen counterexamples those with δ < γ^T (g(τ) + 1), and the share around them.\n\n",
     );
-    header("δ | paper % | optimum %", study, "", text);
-    for row in &study.delta_near {
-        let trained = row.trained.iter();
-        let trained: Vec<String> = trained
-            .map(|near| format!("{} ({})", percent(near.median), percent(near.min)))
-            .collect();
+    let learners = study.learners.iter();
+    let columns: Vec<String> = learners
+        .flat_map(|name| [format!("{name} %"), format!("{name} condition")])
+        .collect();
+    text.push_str(&format!("| δ | paper % | {} |\n", columns.join(" | ")));
+    text.push_str(&format!("{}|\n", "| --- ".repeat(2 + columns.len())));
+    for row in &near.deltas {
+        let trained = row.trained.iter().flat_map(|share| {
+            let met = share.where_met.map_or("–".to_owned(), percent);
+            [
+                format!("{} ({})", percent(share.median), percent(share.min)),
+                format!("{}: {met}", share.meets),
+            ]
+        });
+        let trained: Vec<String> = trained.collect();
         text.push_str(&format!(
-            "| {} | {} | {} | {} |\n",
+            "| {} | {} | {} |\n",
             row.delta,
             percent(row.paper),
-            percent(row.optimum),
             trained.join(" | "),
         ));
     }
-    if let Some(row) = study.delta_near.first() {
-        let alphas = study.learners.iter().zip(&row.trained);
-        let alphas: Vec<String> = alphas
-            .map(|(name, near)| format!("{name} {:.2}", near.alpha))
-            .collect();
+    let everywhere: Vec<String> = near
+        .everywhere
+        .iter()
+        .flat_map(|share| [percent(*share), String::new()])
+        .collect();
+    text.push_str(&format!(
+        "| all starts | – | {} |\n",
+        everywhere.join(" | ")
+    ));
+    let alphas = study.learners.iter().zip(&near.alpha);
+    let alphas: Vec<String> = alphas
+        .map(|(name, alpha)| format!("{name} {alpha:.2}"))
+        .collect();
+    text.push_str(&format!(
+        "\nRandom actions capture from {} % of all starts, in expectation.\n\
+         α = max |V − V*| over all starts, V* discounted as the learner's V, mean over seeds: {}.\n\n\
+         The chosen counterexamples, T: γ^T (g(τ) + 1):\n\n",
+        percent(near.random),
+        alphas.join(", ")
+    ));
+    for (learner, name) in study.learners.iter().enumerate() {
+        for seed in &study.seeds {
+            let own = near.centres.iter();
+            let own = own.filter(|centre| centre.learner == learner && centre.seed == *seed);
+            let own: Vec<String> = own
+                .map(|centre| format!("{}: {:.3}", centre.decision, centre.reach))
+                .collect();
+            text.push_str(&format!("- {name}, seed {seed}: {}\n", own.join(", ")));
+        }
+    }
+    text.push('\n');
+}
+
+fn refined(study: &GridStudy, text: &mut String) {
+    text.push_str(
+        "RQ5: trained on 200 random starts of n = 10, k = 1; every cell cut into ε × ε, the ego moves ε fine cells, \
+         3 × 300 drawn starts. By cell: the ado acts on the coarse cells, as in the paper. Own view: it looks at the refined map. \
+         Related: starts in the greatest bisimulation whose coarse start is a counterexample, captured of these by cell, all seeds. \
+         Else: the same of the others.\n\n",
+    );
+    let columns: Vec<String> = study
+        .learners
+        .iter()
+        .flat_map(|name| {
+            ["by cell %", "own view %", "related", "else"].map(|c| format!("{name} {c}"))
+        })
+        .collect();
+    text.push_str(&format!(
+        "| ε | paper % | related states | related starts | optimum % | {} | random % | tables % | chaser % |\n",
+        columns.join(" | ")
+    ));
+    text.push_str(&format!("{}|\n", "| --- ".repeat(8 + columns.len())));
+    for map in &study.refined {
+        let of = |(whole, part): (usize, usize)| format!("{part} of {whole}");
+        let trained = map.trained.iter().flat_map(|ado| {
+            [
+                share(&ado.by_cell),
+                share(&ado.own_view),
+                of(ado.related),
+                of(ado.unrelated),
+            ]
+        });
+        let trained: Vec<String> = trained.collect();
         text.push_str(&format!(
-            "\nα = max |V − V*| over all starts (Theorem 2), mean over seeds: {}.\n",
-            alphas.join(", ")
+            "| {} | {} | {} of {} | {} of {} | {} | {} | {} | {} | {} |\n",
+            map.refine,
+            percent(map.paper),
+            map.related,
+            map.candidates,
+            map.related_starts,
+            map.starts,
+            percent(map.references.optimum),
+            trained.join(" | "),
+            percent(map.references.random),
+            percent(map.references.random_tables),
+            percent(map.references.chaser),
         ));
     }
     text.push('\n');

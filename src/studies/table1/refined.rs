@@ -1,0 +1,224 @@
+//! RQ5: λ = (10, C200, 1), reused where every cell is cut into ε × ε (Theorem 3).
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::value::LargeMap;
+use super::{Learned, LearnerOnMap, Progress, References, Table1Error, spread, starts_of};
+use crate::campaign::{bisimulations, lifted};
+use crate::rl::LearnerConfig;
+use crate::run::{Outcomes, StartOutcome, seeds_interval};
+use crate::scenario::{GridChange, Scenario};
+use crate::scene::Start;
+use crate::scene::grid::bisimulation::Bisimulation;
+use crate::scene::grid::exact::Game;
+use crate::scene::grid::{Position, Starts, position_of, start_of};
+use crate::testbench::{Actor, Aftermath, PolicyActor, Replay, Testbench, play};
+
+/// Random training starts, as in the paper.
+const TRAINING_STARTS: usize = 200;
+/// Starts drawn on refined maps: three times 300, as in the paper.
+const REFINED_STARTS: usize = 900;
+/// ε and the paper's share.
+const REFINEMENTS: [(u32, f64); 2] = [(3, 0.89), (5, 0.78)];
+/// τ of a capture by unit moves under the shipped rule.
+const TAU: f64 = 0.5;
+
+/// RQ5 for one ε.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RefinedMap {
+    /// Fine cells along a cell.
+    pub refine: u32,
+    /// The paper's share.
+    pub paper: f64,
+    /// Starts drawn.
+    pub starts: usize,
+    /// Pairs of states in the greatest bisimulation, ε the largest below τ.
+    pub related: usize,
+    /// Pairs of states within that ε.
+    pub candidates: usize,
+    /// Drawn starts related with the start whose cells hold them.
+    pub related_starts: usize,
+    /// What is captured without learning.
+    pub references: References,
+    /// By learner.
+    pub trained: Vec<RefinedShare>,
+}
+
+/// One learner on one refined map.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RefinedShare {
+    /// The ado acts on coarse cells, as in the paper.
+    pub by_cell: LearnerOnMap,
+    /// The ado looks at the refined map.
+    pub own_view: LearnerOnMap,
+    /// Related starts whose coarse start is a counterexample, over all seeds, and
+    /// those from which the ego fails by cell: all of them, by Theorem 3.
+    pub related: (usize, usize),
+    /// The same of starts that are not related.
+    pub unrelated: (usize, usize),
+}
+
+/// Trains on 200 starts and reuses; `None` when stopped.
+pub(super) fn refined(
+    large: &LargeMap,
+    learners: &[(String, LearnerConfig)],
+    seeds: &[u64],
+    progress: &Progress<'_>,
+) -> Result<Option<Vec<RefinedMap>>, Table1Error> {
+    let jobs: Vec<(usize, u64)> = (0..learners.len())
+        .flat_map(|learner| seeds.iter().map(move |seed| (learner, *seed)))
+        .collect();
+    let learned: Option<Vec<Learned>> = jobs
+        .par_iter()
+        .map(|&(index, seed)| {
+            large.learn(&learners[index].1, TRAINING_STARTS, (index, seed), progress)
+        })
+        .collect();
+    let Some(learned) = learned else {
+        return Ok(None);
+    };
+    let mut all = Vec::new();
+    for (refine, paper) in REFINEMENTS {
+        if progress.watch.stopped() {
+            return Ok(None);
+        }
+        let step = GridChange {
+            refine: Some(refine),
+            ego_step: Some(refine),
+            starts: Some(Starts::Uniform),
+            ..GridChange::default()
+        };
+        let fine = large.map.with(&step.into())?;
+        let Some(reuse) = Reuse::of(&large.map, &fine, large.request.seeds.starts) else {
+            return Ok(None);
+        };
+        all.push(reuse.map(refine, paper, (learners.len(), &learned)));
+    }
+    Ok(Some(all))
+}
+
+/// A refined map, its drawn starts and its relation with the coarse map.
+struct Reuse<'a> {
+    coarse: &'a Scenario,
+    fine: &'a Scenario,
+    positions: Vec<Position>,
+    relation: Bisimulation,
+    references: References,
+}
+
+/// How an ado fared from one start.
+struct Reused {
+    coarse: bool,
+    by_cell: bool,
+    own_view: bool,
+}
+
+impl<'a> Reuse<'a> {
+    fn of(coarse: &'a Scenario, fine: &'a Scenario, seed: u64) -> Option<Reuse<'a>> {
+        let game = Game::of(fine.grid()?);
+        let starts = starts_of(fine, seed, REFINED_STARTS).starts;
+        let positions = starts.iter();
+        let positions: Vec<Position> = positions
+            .map(|(start, _)| position_of(start, &game.arena))
+            .collect();
+        Some(Reuse {
+            relation: bisimulations(coarse, fine, TAU)?.pop()?,
+            references: References::of(&game, &positions, seed),
+            coarse,
+            fine,
+            positions,
+        })
+    }
+
+    fn is_related(&self, both: &Position) -> bool {
+        self.relation.relates(self.relation.coarse(*both), *both)
+    }
+
+    fn map(&self, refine: u32, paper: f64, learned: (usize, &[Learned])) -> RefinedMap {
+        let (learners, learned) = learned;
+        let reused: Vec<Vec<Reused>> = learned.par_iter().map(|ado| self.reused(ado)).collect();
+        let of = |learner: usize| {
+            let all = learned.iter().zip(&reused);
+            all.filter(move |(ado, _)| ado.learner == learner)
+                .map(|(_, reused)| reused)
+                .collect::<Vec<_>>()
+        };
+        RefinedMap {
+            refine,
+            paper,
+            starts: self.positions.len(),
+            related: self.relation.len(),
+            candidates: self.relation.candidates(),
+            related_starts: self
+                .positions
+                .iter()
+                .filter(|at| self.is_related(at))
+                .count(),
+            references: self.references.clone(),
+            trained: (0..learners).map(|l| self.share(&of(l))).collect(),
+        }
+    }
+
+    fn reused(&self, ado: &Learned) -> Vec<Reused> {
+        let (Some(coarse), Some(fine)) = (self.coarse.grid(), self.fine.grid()) else {
+            return Vec::new();
+        };
+        let mut benches = [self.coarse.bench(), self.fine.bench()];
+        let one = |both: &Position| {
+            let at = start_of(*both);
+            let actions = lifted([coarse, fine], *both, &*ado.policy);
+            let mut own = PolicyActor(&*ado.policy);
+            let mut captures = |bench: usize, start: &Start, actor: &mut dyn Actor| {
+                let bench: &mut Testbench = &mut benches[bench];
+                let episode = play(bench, start, 0, actor, Aftermath::Skip);
+                episode.verdict.is_success()
+            };
+            let from = self.relation.coarse(*both);
+            Reused {
+                // Two fine starts in one cell have no coarse start.
+                coarse: from.ego != from.ado && captures(0, &start_of(from), &mut own),
+                by_cell: captures(1, &at, &mut Replay::holding(&actions)),
+                own_view: captures(1, &at, &mut own),
+            }
+        };
+        self.positions.iter().map(one).collect()
+    }
+
+    fn share(&self, seeds: &[&Vec<Reused>]) -> RefinedShare {
+        let over = |captured: &dyn Fn(&Reused) -> bool| {
+            let mark = |reused: &Reused| match captured(reused) {
+                true => StartOutcome::Solved,
+                false => StartOutcome::Unsolved,
+            };
+            let solved = seeds.iter().map(|seed| seed.iter().map(mark).collect());
+            let solved: Vec<Outcomes> = solved.collect();
+            let shares = solved.iter().map(|seed| {
+                seed.count(StartOutcome::Solved) as f64 / self.positions.len().max(1) as f64
+            });
+            LearnerOnMap {
+                ci95: seeds_interval(&solved.iter().collect::<Vec<_>>()),
+                ..spread(&shares.collect::<Vec<_>>())
+            }
+        };
+        let (mut related, mut unrelated) = ((0, 0), (0, 0));
+        for seed in seeds {
+            for (both, reused) in self.positions.iter().zip(*seed) {
+                let sum = match self.is_related(both) {
+                    true => &mut related,
+                    false => &mut unrelated,
+                };
+                if reused.coarse {
+                    sum.0 += 1;
+                    sum.1 += usize::from(reused.by_cell);
+                }
+            }
+        }
+        RefinedShare {
+            by_cell: over(&|reused| reused.by_cell),
+            own_view: over(&|reused| reused.own_view),
+            related,
+            unrelated,
+        }
+    }
+}
