@@ -5,6 +5,8 @@
 mod bounds;
 #[path = "learners/golden.rs"]
 mod golden;
+#[path = "learners/letter.rs"]
+mod letter;
 #[path = "learners/lived.rs"]
 mod lived;
 #[path = "learners/schedules.rs"]
@@ -146,9 +148,18 @@ const LEARNERS: [&str; 3] = [
     "Ppo(decisions: 30_000, horizon: 256, entropy: 0.001)",
 ];
 
+/// The paper's settings, as in `acc_letter`, but for γ: the corridor pays its way.
+const LETTER: [&str; 2] = [
+    "Dqn(decisions: 12_000, loss: Squared, exploration: 0.2, final_exploration: 0.2, hold: 1, \
+     update_every: 1, newest: true, learning_starts: 1, steps: 1, polyak: 1.0, restart: 0.0, \
+     priority: 0.0)",
+    "QTable(decisions: 20_000, initial_spread: 0.5, backward: false, exploration: 0.2, \
+     final_exploration: 0.2, hold: 1)",
+];
+
 #[test]
 fn every_learner_solves_the_corridor_to_its_known_value() {
-    for ron in LEARNERS {
+    for ron in LEARNERS.into_iter().chain(LETTER) {
         let mut learner = config(ron).build(Corridor::new().spaces(), 1);
         go_on(&mut *learner, &mut Corridor::new());
         let policy = learner.policy();
@@ -208,7 +219,7 @@ fn an_aborted_episode_is_dropped_whole_and_counted() {
 
 #[test]
 fn equal_seeds_give_equal_bytes_and_others_do_not() {
-    for ron in LEARNERS {
+    for ron in LEARNERS.into_iter().chain(LETTER) {
         let bytes = |seed| {
             let config = config(ron).with_decisions(3000).expect("in range");
             let mut learner = config.build(Corridor::new().spaces(), seed);
@@ -224,7 +235,7 @@ fn equal_seeds_give_equal_bytes_and_others_do_not() {
 
 #[test]
 fn training_in_pieces_equals_training_in_one_go_byte_for_byte() {
-    for ron in LEARNERS {
+    for ron in LEARNERS.into_iter().chain(LETTER) {
         let config = config(ron).with_decisions(6000).expect("in range");
         let mut whole = config.build(Corridor::new().spaces(), 3);
         go_on(&mut *whole, &mut Corridor::new());
@@ -274,7 +285,7 @@ fn stop_ends_training_after_the_episode() {
 
 #[test]
 fn a_kept_policy_acts_like_the_learner_and_can_be_trained_on() {
-    for ron in LEARNERS {
+    for ron in LEARNERS.into_iter().chain(LETTER) {
         let config = config(ron).with_decisions(1500).expect("in range");
         let mut learner = config.build(Corridor::new().spaces(), 1);
         go_on(&mut *learner, &mut Corridor::new());

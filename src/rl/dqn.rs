@@ -6,6 +6,8 @@
 //!   Q-learning", AAAI 2016: the online network picks, the target network
 //!   judges.
 //! - Schaul et al. 2016 and Watkins 1989: see [`super::replay`].
+//! - Qin et al., "Automatic Testing With Reusable Adversarial Agents", Sec. II:
+//!   squared loss, an update per decision on the newest transition and a batch.
 //! - Dabney, Ostrovski, Barreto, "Temporally-Extended ε-Greedy Exploration",
 //!   ICLR 2021: exploratory actions are held.
 //!
@@ -21,7 +23,7 @@ use super::learner::{
     ConfigError, Demonstration, Learner, Tally, epsilon, expect_sizes, linear, within,
 };
 use super::nn::{Adam, Mlp, Tape, argmax};
-use super::replay::{Batch, Lived, ReplayBuffer, Tail};
+use super::replay::{Batch, Lived, ReplayBuffer, Tail, Transition};
 use super::starts::{Start, Starts};
 use super::{End, Env, Policy, Spaces};
 
@@ -32,6 +34,26 @@ const CHECKPOINT: &str = "brakecheck dqn checkpoint 1";
 
 /// Adam's step at the start of an extension, as a share of that at the start.
 const AGAIN: f64 = 0.3;
+
+/// Loss of one error δ = Q(s, a) − y.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Loss {
+    /// ½ δ² up to the threshold `huber`, linear beyond it.
+    #[default]
+    Huber,
+    /// ½ δ²: the paper's δ², halved as the gradient is δ then.
+    Squared,
+}
+
+impl Loss {
+    /// Derivative of the loss by Q(s, a).
+    fn slope(self, error: f32, huber: f32) -> f32 {
+        match self {
+            Loss::Huber => error.clamp(-huber, huber),
+            Loss::Squared => error,
+        }
+    }
+}
 
 /// Hyperparameters of deep Q-learning; the defaults are recipe R.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -81,6 +103,19 @@ pub struct DqnSettings {
     pub capacity: Option<usize>,
     /// Gain of the last layer's weights at the start (0.01): values near zero.
     pub last_gain: f64,
+    /// Loss of an error (Huber): `Squared` is the paper's, and has no threshold.
+    #[serde(skip_serializing_if = "is_default")]
+    pub loss: Loss,
+    /// Whether a transition is remembered at once and is part of the next batch
+    /// (false), as in the paper; with `steps: 1` only.
+    #[serde(skip_serializing_if = "is_default")]
+    pub newest: bool,
+}
+
+/// Settings that came later are left out where they change nothing, so that a
+/// run directory of an earlier version still names the same learner.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 impl Default for DqnSettings {
@@ -108,6 +143,8 @@ impl Default for DqnSettings {
             correction: 0.4,
             capacity: None,
             last_gain: 0.01,
+            loss: Loss::Huber,
+            newest: false,
         }
     }
 }
@@ -159,6 +196,14 @@ impl Kind for DqnSettings {
                 self.learning_starts as f64,
                 1e12,
             )?;
+        }
+        if self.newest && self.steps != 1 {
+            // A longer return of the newest decision is not there yet.
+            return Err(ConfigError {
+                field: "steps",
+                why: format!("is {} with `newest: true`", self.steps),
+                help: "write `steps: 1`".into(),
+            });
         }
         within("last_gain", self.last_gain, 0.0, 10.0)
     }
@@ -330,6 +375,27 @@ impl Dqn {
         );
     }
 
+    /// Remembers the last decision lived, but for one that ended in a fault.
+    fn remember_newest(&mut self, lived: &Lived, end: Option<End>) {
+        let width = self.online.inputs();
+        let from = lived.observations.len() - 2 * width;
+        let (observation, next) = lived.observations[from..].split_at(width);
+        let discount = match end {
+            Some(End::Aborted) => return,
+            Some(End::Terminated) => 0.0,
+            Some(End::Truncated) | None => self.config.discount as f32,
+        };
+        if let (Some(&action), Some(&reward)) = (lived.actions.last(), lived.rewards.last()) {
+            self.replay.push(Transition {
+                observation,
+                action,
+                reward,
+                next,
+                discount,
+            });
+        }
+    }
+
     /// Adam's step now: falls from where it was set to begin, and after an
     /// extension from a lower one, since most is learned by then.
     fn learning_rate(&self) -> f64 {
@@ -372,7 +438,12 @@ impl Dqn {
         let beta = linear(self.config.correction, 1.0, self.tally.decisions, span);
         let shown = self.shown.as_ref().map_or(0, |shown| shown.drawn_of(size));
         let own = size - shown;
-        self.replay.sample(own, beta, &mut self.dice, batch);
+        let newest = usize::from(self.config.newest && 0 < own);
+        self.replay
+            .sample(own - newest, beta, &mut self.dice, batch);
+        if 0 < newest {
+            self.replay.append_newest(batch);
+        }
         if let Some(successes) = &mut self.shown {
             successes.sample(shown, beta, &mut self.dice, batch);
         }
@@ -388,8 +459,8 @@ impl Dqn {
             batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
         }
 
-        // δ = Q(s, a) − y; the gradient of the Huber loss is δ clipped. The
-        // priority is of the whole error: what is far off is drawn again soon,
+        // δ = Q(s, a) − y; the gradient of the Huber loss is δ clipped, that of the
+        // squared one δ. The priority is of the whole error: what is far off is drawn again soon,
         // however little one step moves it. Invariant: padding columns and
         // actions not taken have no gradient.
         self.online.forward(&batch.observations, size, here);
@@ -399,7 +470,8 @@ impl Dqn {
         for i in 0..size {
             let at = i * stride + batch.actions[i];
             let error = values[at] - batch.rewards[i];
-            gradients[at] = batch.weights[i] * error.clamp(-huber, huber) / size as f32;
+            let slope = self.config.loss.slope(error, huber);
+            gradients[at] = batch.weights[i] * slope / size as f32;
             match &mut self.shown {
                 // The batch ends with those of successes.
                 Some(successes) if own <= i => {
@@ -461,7 +533,11 @@ impl Learner for Dqn {
             lived.note(action, action == greedy, step.reward, &obs);
             self.tally.decisions += 1;
             // Updates fall into the episode; what it taught is kept only when it
-            // is over, since an aborted one must leave nothing behind.
+            // is over, since an aborted one must leave nothing behind, unless the
+            // newest transition is asked for.
+            if self.config.newest {
+                self.remember_newest(&lived, step.end);
+            }
             if self
                 .tally
                 .decisions
@@ -479,7 +555,9 @@ impl Learner for Dqn {
             End::Aborted => self.tally.aborted += 1,
             End::Terminated | End::Truncated => {
                 self.tally.episodes += 1;
-                self.remember(&lived, end);
+                if !self.config.newest {
+                    self.remember(&lived, end);
+                }
                 match total <= 0.0 {
                     true => self.starts.failed(start),
                     false => self.succeeded(start.index, &lived),

@@ -43,7 +43,7 @@ pub use bundle::{Bundle, BundleError, Data, Element};
 pub use demonstrations::Imitation;
 pub use dice::Dice;
 pub use dqfd::DqfdSettings;
-pub use dqn::DqnSettings;
+pub use dqn::{DqnSettings, Loss};
 pub use learner::{ConfigError, Demonstration, Learner, Tally};
 pub(crate) use list::fine_tuner;
 pub use list::{LearnerConfig, LearnerSettings, load_policy, load_policy_for};

@@ -208,23 +208,39 @@ impl ReplayBuffer {
         batch.masses.extend(strata);
         batch.slots.resize(size, 0);
         self.priorities.find(&mut batch.masses, &mut batch.slots);
-        for &slot in &batch.slots {
+        for at in 0..size {
+            let slot = batch.slots[at];
             let share = self.len() as f64 * self.priorities.get(slot) / total;
             batch.weights.push(libm::powf(share as f32, -beta as f32));
-            let row = &self.rows[slot * self.width()..(slot + 1) * self.width()];
-            let (observation, rest) = row.split_at(self.observation);
-            let (next, numbers) = rest.split_at(self.observation);
-            batch.observations.extend_from_slice(observation);
-            batch.nexts.extend_from_slice(next);
-            batch.actions.push(self.actions[slot] as usize);
-            batch.rewards.push(numbers[0]);
-            batch.discounts.push(numbers[1]);
+            self.append_row(slot, batch);
         }
         let largest = batch.weights.iter().copied().fold(0.0, f32::max);
         batch
             .weights
             .iter_mut()
             .for_each(|weight| *weight /= largest);
+    }
+
+    /// Adds the newest transition to a batch, with a weight of 1.
+    pub fn append_newest(&self, batch: &mut Batch) {
+        if self.is_empty() {
+            return;
+        }
+        let slot = (self.oldest + self.len() - 1) % self.len();
+        batch.slots.push(slot);
+        batch.weights.push(1.0);
+        self.append_row(slot, batch);
+    }
+
+    fn append_row(&self, slot: usize, batch: &mut Batch) {
+        let row = &self.rows[slot * self.width()..(slot + 1) * self.width()];
+        let (observation, rest) = row.split_at(self.observation);
+        let (next, numbers) = rest.split_at(self.observation);
+        batch.observations.extend_from_slice(observation);
+        batch.nexts.extend_from_slice(next);
+        batch.actions.push(self.actions[slot] as usize);
+        batch.rewards.push(numbers[0]);
+        batch.discounts.push(numbers[1]);
     }
 
     /// Sets the priority of a slot to (|δ| + floor)^α.

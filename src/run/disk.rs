@@ -329,10 +329,17 @@ pub(super) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) ->
 
 /// What a world file leaves to defaults, too, of its learner and its family:
 /// another version of the program may have others. Settings were once called
-/// configurations, and run directories hold hashes of that text.
+/// configurations and had fewer fields, and run directories hold hashes of that text.
 pub(super) fn settings_of(scenario: &Scenario) -> String {
-    let settings = format!("{:?} {:?}", scenario.learner, scenario.family());
-    sha256(settings.replace("Settings {", "Config {").as_bytes())
+    let mut settings = format!("{:?} {:?}", scenario.learner, scenario.family());
+    for (now, once) in [
+        ("Settings {", "Config {"),
+        (", loss: Huber, newest: false", ""),
+        (", initial_spread: 0.0, backward: true", ""),
+    ] {
+        settings = settings.replace(now, once);
+    }
+    sha256(settings.as_bytes())
 }
 
 /// A name as a file is called: whatever could disturb a path is replaced.

@@ -11,9 +11,10 @@ macro_rules! world {
     };
 }
 
-const WORLDS: [(&str, &str); 25] = [
+const WORLDS: [(&str, &str); 28] = [
     world!("acc"),
     world!("acc_iso"),
+    world!("acc_letter"),
     world!("acc_paper"),
     world!("acc_plain"),
     world!("acc_structures"),
@@ -26,6 +27,7 @@ const WORLDS: [(&str, &str); 25] = [
     world!("light_ado"),
     world!("merge"),
     world!("merge_fair"),
+    world!("merge_letter"),
     world!("merge_paper"),
     world!("merge_plain"),
     world!("merge_r157"),
@@ -36,6 +38,7 @@ const WORLDS: [(&str, &str); 25] = [
     world!("turn_across"),
     world!("yellow_light"),
     world!("yellow_light_fixed"),
+    world!("yellow_light_letter"),
     world!("yellow_light_plain"),
 ];
 

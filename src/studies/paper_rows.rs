@@ -1,8 +1,7 @@
 //! The paper's own rows for its driving scenes (Sec. V-B and the appendix).
 //!
-//! The Q-table beside the DQN on ACC with the time both took; Definition 4 as
-//! printed on the state as printed; success after the paper's numbers of
-//! episodes, and after more.
+//! The Q-table beside the DQN on ACC with the time both took; the plain reward on
+//! the paper's state; success after the paper's numbers of episodes, and after more.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

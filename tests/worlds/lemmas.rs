@@ -100,6 +100,34 @@ proptest! {
     }
 }
 
+/// Lemma 2 with the rules, their order and the reward of every shipped world, the
+/// paper's plain reward among them.
+#[test]
+fn every_shipped_world_pays_more_for_breaking_a_lesser_rule_alone() {
+    let mut plain = 0;
+    for (name, world) in super::shipped() {
+        let book = world.rulebook();
+        plain += usize::from(matches!(book.reward, Reward::Plain { .. }));
+        let pays = |verdict: &Verdict| book.reward_of(verdict).unwrap() as f32;
+        let foul = |rule| {
+            let forfeited = book.forfeited(rule);
+            pays(&Verdict::Foul { rule, forfeited })
+        };
+        let worst = pays(&Verdict::Held {
+            margin: f64::INFINITY,
+        });
+        for (a, first) in book.rules.iter().enumerate() {
+            assert!(foul(a) < worst, "{name}: `{}` and a lawful run", first.name);
+            for (b, second) in book.rules.iter().enumerate() {
+                if first.priority < second.priority {
+                    assert!(foul(a) < foul(b), "{name}: {}, {}", first.name, second.name);
+                }
+            }
+        }
+    }
+    assert!(6 <= plain, "{plain} worlds with the plain reward");
+}
+
 #[test]
 fn the_numbers_of_the_default_transform() {
     let reward = Reward::default();

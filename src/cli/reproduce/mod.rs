@@ -5,6 +5,7 @@ mod driving;
 mod figures;
 mod fitted;
 mod grids;
+mod letter;
 mod near;
 mod paper;
 mod protocols;
@@ -84,8 +85,11 @@ enum What {
     Table1,
     /// The driving worlds: five seeds each, beside baselines and search.
     CaseStudies,
-    /// The paper's own rows of those: learners, episodes, Definition 4 as printed.
+    /// The paper's own rows of those: learners, episodes, the plain reward.
     PaperRows,
+    /// The paper's learning to the letter, and from it to the defaults, one change at a time
+    /// (kinematic plant).
+    Letter,
     /// One trained ado on changed egos, beside honest baselines.
     Reuse,
     /// Starts near the paper's failing ones: do they fail too?
@@ -145,6 +149,7 @@ impl What {
             What::Table1 => &[grids::run],
             What::CaseStudies => &[driving::run],
             What::PaperRows => &[paper::run],
+            What::Letter => &[letter::run],
             What::Reuse => &[reuse::run],
             What::NearStarts => &[near::run],
             What::Crashes => &[crashes::run],
@@ -156,6 +161,7 @@ impl What {
                 grids::run,
                 driving::run,
                 paper::run,
+                letter::run,
                 reuse::run,
                 near::run,
                 crashes::run,

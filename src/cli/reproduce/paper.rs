@@ -20,7 +20,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     (
         "acc_plain",
         None,
-        "ACC, Definition 4 and state as printed",
+        "ACC, plain reward and state, all else the default",
         &[],
     ),
     (
@@ -32,7 +32,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     (
         "merge_plain",
         None,
-        "merge, Definition 4 as printed, plain state",
+        "merge, plain reward and state, all else the default",
         &[],
     ),
     (
@@ -44,7 +44,7 @@ const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     (
         "yellow_light_plain",
         None,
-        "yellow light, Definition 4 as printed, plain state",
+        "yellow light, plain reward and state, all else the default",
         &[],
     ),
 ];

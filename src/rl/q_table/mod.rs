@@ -38,6 +38,7 @@ impl Kind for QTableSettings {
         }
         within("discount", self.discount, 0.0, 1.0)?;
         within("initial_value", self.initial_value, -1e6, 1e6)?;
+        within("initial_spread", self.initial_spread, 0.0, 1e6)?;
         within("exploration", self.exploration, 0.0, 1.0)?;
         within("final_exploration", self.final_exploration, 0.0, 1.0)?;
         within("exploration_fraction", self.exploration_fraction, 0.0, 1.0)?;
@@ -155,17 +156,22 @@ impl QTable {
     fn learn(&mut self, bootstrap: f32) {
         let mut next = bootstrap;
         for t in (0..self.trail.len()).rev() {
-            let row = self.trail[t];
-            let at = row * self.spaces.actions + self.lived.actions[t];
-            self.visits[at] = self.visits[at].saturating_add(1);
-            let rate = match self.config.learning_rate {
-                LearningRate::Constant(rate) => rate,
-                LearningRate::Power(omega) => libm::pow(f64::from(self.visits[at]), -omega),
-            };
-            let target = self.lived.rewards[t] + self.config.discount as f32 * next;
-            self.table.values[at] += rate as f32 * (target - self.table.values[at]);
+            let (row, action) = (self.trail[t], self.lived.actions[t]);
+            self.update((row, action), self.lived.rewards[t], next);
             next = self.best(row);
         }
+    }
+
+    /// One update of Q(s, a), with what is believed of the next state.
+    fn update(&mut self, (row, action): (usize, usize), reward: f32, next: f32) {
+        let at = row * self.spaces.actions + action;
+        self.visits[at] = self.visits[at].saturating_add(1);
+        let rate = match self.config.learning_rate {
+            LearningRate::Constant(rate) => rate,
+            LearningRate::Power(omega) => libm::pow(f64::from(self.visits[at]), -omega),
+        };
+        let target = reward + self.config.discount as f32 * next;
+        self.table.values[at] += rate as f32 * (target - self.table.values[at]);
     }
 
     /// The row of the observation's cell, made if it was never seen.
@@ -178,10 +184,15 @@ impl QTable {
                 let row = self.table.rows.len();
                 self.table.rows.insert(cell.as_slice().into(), row);
                 let end = (row + 1) * self.spaces.actions;
-                self.table
-                    .values
-                    .resize(end, self.config.initial_value as f32);
+                let (value, spread) = (self.config.initial_value, self.config.initial_spread);
+                self.table.values.resize(end, value as f32);
                 self.visits.resize(end, 0);
+                if 0.0 < spread {
+                    for at in row * self.spaces.actions..end {
+                        let drawn = value + spread * (2.0 * self.dice.unit() - 1.0);
+                        self.table.values[at] = drawn as f32;
+                    }
+                }
                 row
             }
         };
@@ -222,6 +233,16 @@ impl Learner for QTable {
             self.lived.actions.push(action);
             self.lived.rewards.push(step.reward);
             self.tally.decisions += 1;
+            if !self.config.backward && step.end != Some(End::Aborted) {
+                let next = match step.end {
+                    Some(End::Terminated) => 0.0,
+                    _ => {
+                        let row = self.row(&obs);
+                        self.best(row)
+                    }
+                };
+                self.update((row, action), step.reward, next);
+            }
             if let Some(end) = step.end {
                 break end;
             }
@@ -230,6 +251,9 @@ impl Learner for QTable {
             self.tally.aborted += 1;
         } else {
             self.tally.episodes += 1;
+            if !self.config.backward {
+                return self.lived.rewards.iter().sum();
+            }
             let bootstrap = match end {
                 End::Truncated => {
                     let row = self.row(&obs);

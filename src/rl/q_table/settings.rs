@@ -24,6 +24,24 @@ pub struct QTableSettings {
     pub hold: usize,
     /// Bins per observed number (one `Bins()` for all); the last one repeats.
     pub bins: Vec<Bins>,
+    /// Q before the first visit is drawn uniformly from `initial_value` ± this (0):
+    /// the paper begins with a random table.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub initial_spread: f64,
+    /// Whether an episode is learned from when it is over, last decision first
+    /// (true); `false`: each decision when it is taken, as in the paper.
+    #[serde(skip_serializing_if = "is_true")]
+    pub backward: bool,
+}
+
+// Settings that came later are left out where they change nothing, so that a
+// run directory of an earlier version still names the same learner.
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+fn is_true(value: &bool) -> bool {
+    *value
 }
 
 /// The step size of tabular updates.
@@ -61,6 +79,8 @@ impl Default for QTableSettings {
             exploration_fraction: 0.5,
             hold: 4,
             bins: vec![Bins::default()],
+            initial_spread: 0.0,
+            backward: true,
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Studies, small enough for every `cargo test`.
 
+mod letter;
 mod near;
 mod paper;
 mod reusing;
