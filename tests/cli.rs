@@ -16,6 +16,10 @@ mod gate;
 mod learned;
 #[path = "cli/picture.rs"]
 mod picture;
+#[path = "cli/points.rs"]
+mod points;
+#[path = "cli/programs.rs"]
+mod programs;
 #[path = "cli/report.rs"]
 mod report;
 #[path = "cli/reproduce.rs"]

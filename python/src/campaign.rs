@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use brakecheck::campaign::{
     Ado, AdoKind, BUDGET, Choice, ContextSource, EgoUnderTest, Evaluation, Form, GivenRows,
-    IdentifyRequest, Keeper, Method, MethodSettings, ReportRequest, SearchCampaign, SearchRequest,
-    Switches, TestStarts, TrainRequest, TrainSession, Watch, best_constant, consent, eval,
-    identify, on_plant, search, test_starts, untrained,
+    IdentifyRequest, KeepSettings, Keeper, Method, MethodSettings, ReportRequest, SearchCampaign,
+    SearchRequest, Switches, TestStarts, TrainRequest, TrainSession, Watch, best_constant, consent,
+    eval, identify, on_plant, search, test_starts, untrained,
 };
 use brakecheck::run::{Row, RunDir};
 use brakecheck::scenario::Scenario;
@@ -33,15 +33,12 @@ pub(crate) struct Keeping {
 }
 
 impl Keeping {
-    fn choice(&self) -> Choice {
-        self.most.map_or(Choice::All, Choice::Worst)
-    }
-
-    fn form(&self) -> Form {
-        match self.as_found {
+    fn settings(&self) -> KeepSettings {
+        let form = match self.as_found {
             true => Form::AsFound,
             false => Form::Shrunk,
-        }
+        };
+        KeepSettings::new(self.most.map_or(Choice::All, Choice::Worst), form)
     }
 }
 
@@ -177,7 +174,7 @@ pub(crate) fn eval_run<'py>(
             return Ok(None);
         };
         if let Some(keep) = &asked.keep {
-            table.keep(&keep.directory, keep.choice(), keep.form(), watch)?;
+            table.keep(&keep.directory, keep.settings(), watch)?;
         }
         let rows = table.rows();
         match table.failure {
@@ -237,7 +234,7 @@ pub(crate) fn eval_world<'py>(
             if let Some(keep) = &asked.keep {
                 let request = ego.met_by(played_by(policy), &starts);
                 let solved = met.solved.clone();
-                let mut keeper = Keeper::of(&request, ego.change(), keep.choice(), keep.form());
+                let mut keeper = Keeper::of(&request, ego.change(), keep.settings());
                 keeper.ado = &asked.name;
                 let again = |bench: &mut _, at| request.play(bench, at);
                 keeper.keep(&solved, &again, &keep.directory, watch)?;
@@ -346,7 +343,7 @@ pub(crate) fn search_world<'py>(
             return Ok(None);
         };
         if let Some(keep) = &asked.keep {
-            table.keep(&keep.directory, keep.choice(), keep.form(), watch)?;
+            table.keep(&keep.directory, keep.settings(), watch)?;
         }
         Ok(Some(table.rows))
     })?;

@@ -168,6 +168,11 @@ impl EgoUnderTest {
         }
     }
 
+    /// Whether it is the world's own ego.
+    pub fn is_nominal(&self) -> bool {
+        !self.is_own() && self.change == Change::default()
+    }
+
     /// Whether it is the user's own controller, of which files hold a name only.
     pub fn is_own(&self) -> bool {
         self.scenario.own_ego().is_some()
@@ -250,15 +255,20 @@ pub(super) fn consent_to_family(world: &Scenario) -> Result<(), CampaignError> {
 /// # Errors
 /// One is not allowed; nothing was started.
 pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), CampaignError> {
-    let own = std::iter::once(("nominal", world));
-    let egos = egos.iter().map(|ego| (ego.name(), ego.scenario()));
-    let programs = own
-        .chain(egos)
-        .filter_map(|(name, scenario)| Some((name, scenario.program()?)));
-    match programs
-        .into_iter()
-        .find(|(_, program)| !program.is_allowed())
-    {
+    let own = EgoUnderTest::nominal(world);
+    consent_to(std::slice::from_ref(&own))?;
+    consent_to(egos)
+}
+
+/// The same where only `egos` are played.
+///
+/// # Errors
+/// One is not allowed; nothing was started.
+pub fn consent_to(egos: &[EgoUnderTest]) -> Result<(), CampaignError> {
+    let mut programs = egos
+        .iter()
+        .filter_map(|ego| Some((ego.name(), ego.scenario().program()?)));
+    match programs.find(|(_, program)| !program.is_allowed()) {
         Some((name, program)) => Err(CampaignError::NotAllowed {
             who: format!("the ego `{name}`"),
             command: program.command.clone(),

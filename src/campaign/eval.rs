@@ -377,6 +377,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         start_seed: starts.seed,
         starts: 0,
         trivial: 0,
+        fails_alone: None,
         successes: 0,
         success_rate: 0.0,
         ci95: [0.0, 1.0],

@@ -19,7 +19,7 @@ use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{EvalRequest, Evaluated};
 use super::identification::IdentifiedAs;
-use super::keep::{Again, Choice, Form, Keeper, KeptFiles};
+use super::keep::{Again, KeepSettings, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
 use super::reuse::{ReusedOn, reused_on};
 use super::starts::{TestStarts, test_starts};
@@ -141,13 +141,8 @@ impl<'a> EvaluationTable<'a> {
         watch: &Watch<'_>,
     ) -> Result<(), CampaignError> {
         let asked = self.asked;
-        // On a map of another size the starts are others: drawn, or listed, anew.
-        let own = match ego.scenario().axes() == asked.nominal.axes() {
-            true => None,
-            false => match asked.starts(ego.scenario(), watch) {
-                Some(own) => Some(own),
-                None => return Ok(()),
-            },
+        let Some((own, left_out)) = self.own_starts(ego, watch) else {
+            return Ok(());
         };
         let (_, seed) = asked.starts;
         let ado = conditioned(asked.run, asked.context, ego, seed, watch)?;
@@ -174,7 +169,12 @@ impl<'a> EvaluationTable<'a> {
         note_if_unrepeatable(ego, starts, watch);
         let relation = ego.relation(asked.run, asked.nominal);
         let named = (ego.name(), relation);
-        let reused = reused_on(ego.scenario(), named, starts, rows, watch);
+        let mut reused = reused_on(ego.scenario(), named, starts, rows, watch);
+        let mut alone = reused
+            .rows
+            .iter_mut()
+            .filter_map(|row| row.fails_alone.as_mut());
+        alone.by_ref().for_each(|alone| alone.left_out = left_out);
         self.egos.push(reused);
         self.reasons.extend(reason);
         self.found
@@ -185,6 +185,25 @@ impl<'a> EvaluationTable<'a> {
                 starts: own,
             }));
         played
+    }
+
+    /// The starts of an ego where they are not the table's, and whether it is
+    /// judged itself which of them are left out. `None`: stopped.
+    fn own_starts(
+        &self,
+        ego: &EgoUnderTest,
+        watch: &Watch<'_>,
+    ) -> Option<(Option<TestStarts>, bool)> {
+        let asked = self.asked;
+        // On a map of another size the starts are others: drawn, or listed, anew.
+        if ego.scenario().axes() != asked.nominal.axes() {
+            return Some((Some(asked.starts(ego.scenario(), watch)?), true));
+        }
+        if !self.starts.judges_each_ego(asked.nominal) {
+            return Some((None, false));
+        }
+        let (own, _) = self.starts.for_ego(asked.nominal, ego, watch)?;
+        Some((Some(own), true))
     }
 
     /// Checks the theorems of the paper that apply: 1 to 3 on a grid, 3 and
@@ -236,13 +255,12 @@ impl<'a> EvaluationTable<'a> {
     pub fn keep(
         &self,
         dir: &Path,
-        choice: Choice,
-        form: Form,
+        settings: KeepSettings,
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, CampaignError> {
         let mut all = Vec::new();
         for found in &self.found {
-            let kept = self.keep_those(found, dir, (choice, form), watch)?;
+            let kept = self.keep_those(found, dir, settings, watch)?;
             kept.note(found.ego.name(), dir, watch);
             all.push(kept);
         }
@@ -253,7 +271,7 @@ impl<'a> EvaluationTable<'a> {
         &self,
         found: &Found<'_>,
         dir: &Path,
-        (choice, form): (Choice, Form),
+        settings: KeepSettings,
         watch: &Watch<'_>,
     ) -> Result<KeptFiles, CampaignError> {
         let starts = found.starts.as_ref().unwrap_or(&self.starts);
@@ -264,7 +282,7 @@ impl<'a> EvaluationTable<'a> {
                 let mut played = |bench: &mut Testbench, index| play(bench, index);
                 evaluated.again(&request, bench, index, &mut played)
             };
-            let keeper = Keeper::of(&request, change, choice, form);
+            let keeper = Keeper::of(&request, change, settings);
             let solved: Vec<usize> = evaluated.solved().collect();
             keeper.keep(&solved, &again, dir, watch)
         };

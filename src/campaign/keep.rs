@@ -5,8 +5,9 @@
 //! and persist, each made as small as it gets and labelled with what is known of
 //! it ([`About`]).
 
-use std::cmp::Ordering;
+use std::cmp;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
@@ -14,9 +15,10 @@ use super::Watch;
 use super::distinct::{Shape, clusters};
 use super::episodes::EpisodeLoop;
 use super::eval::{EvalRequest, Evaluated};
-use super::persistence::persistence;
-use super::shrink::shrink;
-use super::why::why;
+use super::persistence::{persistence_within, variations};
+use super::reruns::{KEEP_RUNS, Reruns};
+use super::shrink::shrink_within;
+use super::why::{spans_asked, why, why_within};
 use crate::rulebook::Verdict;
 use crate::run::{About, Counterexample, KeptError, Severity, file_name, make_dir};
 use crate::scenario::{Change, Scenario};
@@ -45,6 +47,28 @@ pub enum Form {
     AsFound,
 }
 
+/// Which counterexamples are kept, in which form, at which cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeepSettings {
+    /// Which ones.
+    pub choice: Choice,
+    /// In which form.
+    pub form: Form,
+    /// Runs of an ego that cannot be copied, such as a program, that each may take.
+    pub runs: u64,
+}
+
+impl KeepSettings {
+    /// With [`KEEP_RUNS`] at most.
+    pub fn new(choice: Choice, form: Form) -> KeepSettings {
+        KeepSettings {
+            choice,
+            form,
+            runs: KEEP_RUNS,
+        }
+    }
+}
+
 /// Who made an ego fail, where; and how it is kept.
 #[derive(Clone, Copy)]
 pub struct Keeper<'a> {
@@ -58,10 +82,8 @@ pub struct Keeper<'a> {
     pub ado: &'a str,
     /// Seed of the test starts.
     pub seed: u64,
-    /// Which ones are kept.
-    pub choice: Choice,
-    /// In which form.
-    pub form: Form,
+    /// Which ones are kept, and how.
+    pub settings: KeepSettings,
 }
 
 /// What was kept of the counterexamples that were found.
@@ -77,6 +99,8 @@ pub struct KeptFiles {
     pub passed_over: usize,
     /// Files of the same ego in the directory that an earlier command left there.
     pub older: usize,
+    /// Runs of the ego that all this took, if it is not a stock one.
+    pub runs: u64,
 }
 
 impl KeptFiles {
@@ -94,8 +118,12 @@ impl KeptFiles {
             0 => String::new(),
             some => format!("; {some} more of it are there from earlier commands"),
         };
+        let runs = match self.runs {
+            0 => String::new(),
+            some => format!("; minimized and labelled with {some} runs of it"),
+        };
         watch.note(&format!(
-            "kept {} of {} counterexamples of `{ego}` in {}: {} of them differ{passed_over}{older}",
+            "kept {} of {} counterexamples of `{ego}` in {}: {} of them differ{passed_over}{older}{runs}",
             self.files.len(),
             self.found,
             dir.display(),
@@ -125,9 +153,20 @@ pub type Again<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
 
 /// What is known of an episode without comparing it to others or shrinking it.
 pub fn about(scenario: &Scenario, episode: &Episode) -> About {
+    let watch = Watch::unwatched();
+    let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
+    about_within(&reruns, episode)
+}
+
+/// The same with an ego that is asked about more than that.
+pub(super) fn about_within(reruns: &Reruns<'_>, episode: &Episode) -> About {
+    // Persistence first: what does not persist is passed over.
+    let persistence = persistence_within(reruns, episode);
     About {
-        persistence: persistence(scenario, episode),
-        ..about_of_run(scenario, episode)
+        why: fails(episode).then(|| why_within(reruns, episode, None)),
+        persistence,
+        ego_runs: reruns.told(),
+        ..seen_in(reruns.scenario(), episode)
     }
 }
 
@@ -135,39 +174,41 @@ pub fn about(scenario: &Scenario, episode: &Episode) -> About {
 ///
 /// A cause is there only where the ego failed.
 pub(super) fn about_of_run(scenario: &Scenario, episode: &Episode) -> About {
-    let fails = matches!(
+    About {
+        why: fails(episode).then(|| why(scenario, episode, None)),
+        ..seen_in(scenario, episode)
+    }
+}
+
+fn fails(episode: &Episode) -> bool {
+    matches!(
         episode.verdict,
         Verdict::Counterexample { .. } | Verdict::Uncounted { .. }
-    );
+    )
+}
+
+/// What its contact did to the ego, and which drivers avoid it.
+fn seen_in(scenario: &Scenario, episode: &Episode) -> About {
     About {
         severity: Severity::of(episode),
-        shrunk: None,
-        why: fails.then(|| why(scenario, episode, None)),
-        persistence: None,
         preventability: episode
             .contact
             .is_some()
             .then(|| scenario.preventability(episode)),
-        cluster: None,
+        ..About::default()
     }
 }
 
 impl<'a> Keeper<'a> {
     /// Who keeps the counterexamples of an evaluation.
-    pub fn of(
-        request: &EvalRequest<'a>,
-        change: &'a Change,
-        choice: Choice,
-        form: Form,
-    ) -> Keeper<'a> {
+    pub fn of(request: &EvalRequest<'a>, change: &'a Change, settings: KeepSettings) -> Keeper<'a> {
         Keeper {
             scenario: request.scenario,
             ego: request.ego,
             change,
             ado: request.ado.word(),
             seed: request.starts.seed,
-            choice,
-            form,
+            settings,
         }
     }
 
@@ -258,7 +299,7 @@ impl<'a> Keeper<'a> {
         watch: &Watch<'_>,
         kept: &mut KeptFiles,
     ) -> Vec<Labelled> {
-        let (mut queue, most) = match self.choice {
+        let (mut queue, most) = match self.settings.choice {
             Choice::Worst(most) => (leaders(clusters), most),
             Choice::All => (everybody(clusters), candidates.len()),
         };
@@ -271,11 +312,19 @@ impl<'a> Keeper<'a> {
                 break;
             }
             looked += batch.len();
+            let done = AtomicU64::new(chosen.len() as u64);
             let labelled: Vec<Labelled> = batch
                 .par_iter()
-                .map(|(at, size)| self.labelled(candidates[*at].index, *size, again, watch))
+                .map(|(at, size)| {
+                    let labelled = self.labelled(candidates[*at].index, *size, again, watch);
+                    let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+                    (watch.progress)(done, most.min(candidates.len()) as u64);
+                    labelled
+                })
                 .collect();
-            let all = self.choice == Choice::All;
+            let runs = labelled.iter().filter_map(|it| it.about.ego_runs.as_ref());
+            kept.runs += runs.map(|runs| runs.runs).sum::<u64>();
+            let all = self.settings.choice == Choice::All;
             chosen.extend(labelled.into_iter().filter(|it| all || persists(&it.about)));
         }
         kept.passed_over = looked - chosen.len();
@@ -285,9 +334,12 @@ impl<'a> Keeper<'a> {
     fn labelled(&self, index: usize, size: usize, again: Again<'_>, watch: &Watch<'_>) -> Labelled {
         let mut bench = self.scenario.bench();
         let found = again(&mut bench, index);
-        let (episode, mut known) = match self.form {
-            Form::AsFound => (found.clone(), about(self.scenario, &found)),
-            Form::Shrunk => self.shrunk(&found, watch),
+        // It holds a program, if the ego is one: one is enough.
+        drop(bench);
+        let reruns = Reruns::of(self.scenario, &found, self.settings.runs, watch);
+        let (episode, mut known) = match self.settings.form {
+            Form::AsFound => (found.clone(), about_within(&reruns, &found)),
+            Form::Shrunk => self.shrunk(&reruns, &found),
         };
         known.cluster = Some(size);
         Labelled {
@@ -298,17 +350,20 @@ impl<'a> Keeper<'a> {
     }
 
     /// The shrunk one, or the found one if only that persists.
-    fn shrunk(&self, found: &Episode, watch: &Watch<'_>) -> (Episode, About) {
-        let (episode, shrunk) = shrink(self.scenario, found, watch);
-        let small = about(self.scenario, &episode);
+    fn shrunk(&self, reruns: &Reruns<'_>, found: &Episode) -> (Episode, About) {
+        let varied = variations(self.scenario, found);
+        let labels = varied + spans_asked(self.scenario, &found.actions);
+        let (episode, shrunk) = shrink_within(reruns, found, reruns.at_most_half(labels));
+        let small = about_within(reruns, &episode);
         let smaller = shrunk.after != shrunk.before;
         if smaller && !persists(&small) {
-            let large = about(self.scenario, found);
+            let large = about_within(reruns, found);
             if persists(&large) {
                 return (found.clone(), large);
             }
         }
-        let shrunk = Some(shrunk);
+        // Of an ego that is not asked nobody knows whether it could be smaller.
+        let shrunk = (!reruns.is_refused()).then_some(shrunk);
         (episode, About { shrunk, ..small })
     }
 }
@@ -352,14 +407,15 @@ fn badness(episode: &Episode) -> [f64; 4] {
 }
 
 /// Of two lists the one that is larger where they first differ comes first.
-fn descending(a: &[f64; 4], b: &[f64; 4]) -> Ordering {
+fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
     let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
-    pairs.find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+    let differing = pairs.find(|order| order.is_ne());
+    differing.unwrap_or(cmp::Ordering::Equal)
 }
 
 /// The worse of two comes first: a contact before none, then by injury risk,
 /// closing speed, and depth of the violation.
-pub(super) fn worse_first(a: &Episode, b: &Episode) -> Ordering {
+pub(super) fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
     descending(&badness(a), &badness(b))
 }
 

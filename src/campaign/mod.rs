@@ -29,10 +29,12 @@ mod of_egos;
 mod patience;
 mod persistence;
 mod picture;
+mod points;
 mod repeatable;
 mod replay;
 mod replays;
 mod reporting;
+mod reruns;
 mod retrained;
 mod reuse;
 mod scout;
@@ -61,7 +63,7 @@ pub use break_even::{BreakEven, PerStart, break_even};
 pub use conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS, conditioned};
 pub use cost::Cost;
 pub use distinct::{NEAR, POINTS, Shape, clusters};
-pub use ego_under_test::{EgoUnderTest, consent};
+pub use ego_under_test::{EgoUnderTest, consent, consent_to};
 pub(crate) use episodes::EpisodeLoop;
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;
@@ -74,12 +76,18 @@ pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{FoundParameter, IdentifiedAs};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};
 pub use in_the_way::InTheWay;
-pub use keep::{Again, Choice, Form, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep};
+pub use keep::{
+    Again, Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep,
+};
 pub use persistence::{FRICTION, START, persistence};
 pub use picture::picture;
+pub use points::{
+    PointFailure, PointOutcome, PointResult, PointsRequest, PointsTable, VariedPoint, points,
+};
 pub use repeatable::{answers_differ, note_if_unrepeatable};
 pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
 pub use reporting::{GivenRows, ReportRequest};
+pub use reruns::KEEP_RUNS;
 pub use retrained::retrained;
 pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
 pub(crate) use search::count_contacts;
@@ -87,7 +95,7 @@ pub use search::{
     BUDGET, Cem, Found, Hold, Method, MethodInfo, MethodOption, MethodSettings, Mutate, SWITCHES,
     SearchRequest, Searched, Switches, Uniform, anytime, search,
 };
-pub use search_table::{SearchCampaign, SearchTable, counterexamples_for};
+pub use search_table::{SearchCampaign, SearchTable, SearchedEgo, counterexamples_for};
 pub use serving::{ServeError, Served, ServedAdo, asked_of, policy_told_by_name};
 pub use session::{Closing, TrainRequest, TrainSession, on_plant};
 pub use shrink::{CLOSING, effort, shrink};

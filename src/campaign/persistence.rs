@@ -8,13 +8,15 @@
 
 use rayon::prelude::*;
 
+use super::Watch;
+use super::reruns::{KEEP_RUNS, Reruns};
 use crate::rulebook::Verdict;
 use crate::run::{Persistence, Variation};
 use crate::scenario::{Change, Scenario};
 use crate::scene::Start;
 use crate::scene::drive::Sensors;
 use crate::sim::PlantKind;
-use crate::testbench::{Aftermath, Episode, Replay, play};
+use crate::testbench::{Aftermath, Episode, Replay};
 
 /// By how much a length or a speed of the start differs, in m and m/s.
 pub const START: f64 = 0.1;
@@ -29,17 +31,29 @@ const FRICTIONS: (f64, f64) = (0.01, 2.0);
 ///
 /// Starts may so lie outside of their ranges, but no speed below 0. When the
 /// recorded actions end, the last one is held. `None`: the world is not driven,
-/// or its ego is one that nobody here wrote, which may answer otherwise anyway.
+/// or its ego is not deterministic and the world names no `repeats`.
 pub fn persistence(scenario: &Scenario, episode: &Episode) -> Option<Persistence> {
-    if !episode.commands.is_empty() {
-        return None;
-    }
+    let watch = Watch::unwatched();
+    let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
+    persistence_within(&reruns, episode)
+}
+
+/// How many questions the persistence of an episode takes.
+pub(super) fn variations(scenario: &Scenario, episode: &Episode) -> usize {
+    let starts = starts(scenario, &episode.start).len();
+    worlds(scenario, episode).map_or(0, |worlds| worlds.len() + starts)
+}
+
+/// The same with an ego that is asked about more than that.
+pub(super) fn persistence_within(reruns: &Reruns<'_>, episode: &Episode) -> Option<Persistence> {
+    let scenario = reruns.scenario();
     let mut varied = worlds(scenario, episode)?;
     varied.extend(starts(scenario, &episode.start));
+    reruns.ask(varied.len(), 0).ok()?;
     let variations = varied.into_par_iter().map(|(name, world, start)| {
-        let mut bench = world.bench();
         let mut ado = Replay::holding(&episode.actions);
-        let replayed = play(&mut bench, &start, episode.noise, &mut ado, Aftermath::Skip);
+        let from = (&start, episode.noise);
+        let replayed = reruns.played(&world, from, &mut ado, Aftermath::Skip);
         let ran = replayed.verdict != Verdict::Invalid;
         Variation {
             name,

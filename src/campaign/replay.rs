@@ -400,6 +400,22 @@ impl Regressions {
             .collect()
     }
 
+    /// The world of a kept file with its very ego; where that is a program nobody
+    /// consented to start, or the user's own, with the commands it gave.
+    ///
+    /// # Errors
+    /// The world is not usable.
+    pub fn world_of(&self, kept: &Kept) -> Result<Scenario, KeptError> {
+        let recorded = &kept.counterexample;
+        let world = recorded.scenario(&kept.path)?;
+        let world = world.allow_programs(self.programs_allowed);
+        let may_start = world.program().is_some_and(|it| it.is_allowed());
+        Ok(match recorded.commands().filter(|_| !may_start) {
+            Some(commands) => world.with_commands(&commands),
+            None => world,
+        })
+    }
+
     /// Replays all of them and asks for the recorded bits.
     ///
     /// # Errors

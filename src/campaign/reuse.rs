@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::TestStarts;
 use super::Watch;
 use super::eval::{Ado, EvalRequest, eval};
-use crate::run::{Outcomes, Row, StartOutcome, mean_difference};
+use crate::run::{FailsAlone, Outcomes, Row, StartOutcome, mean_difference};
 use crate::scenario::Scenario;
 
 /// Egos on which search solves less than this share of starts tell nothing of
@@ -71,7 +71,7 @@ pub fn reused_on(
     scenario: &Scenario,
     (ego, relation): (&str, Relation),
     starts: &TestStarts,
-    rows: Vec<Row>,
+    mut rows: Vec<Row>,
     watch: &Watch<'_>,
 ) -> ReusedOn {
     let all = TestStarts {
@@ -84,11 +84,18 @@ pub fn reused_on(
         ado: Ado::Constant(scenario.world().spaces().neutral),
         starts: &all,
     };
+    let coasting = eval(&coasting, watch).row;
+    for row in &mut rows {
+        row.fails_alone = Some(FailsAlone {
+            starts: coasting.successes,
+            left_out: false,
+        });
+    }
     let search = rows.iter().find(|row| row.ado == SEARCH);
     ReusedOn {
         ego: ego.to_owned(),
         relation,
-        fails_without_adversary: eval(&coasting, watch).row.success_rate,
+        fails_without_adversary: coasting.success_rate,
         reachable: search.map(|row| row.success_rate),
         union: union(&rows),
         rows,

@@ -7,7 +7,7 @@ use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
 use super::error::CampaignError;
 use super::eval::{Ado, eval};
-use super::keep::{Choice, Form, Keeper, KeptFiles};
+use super::keep::{KeepSettings, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
 use super::search::{Found, Method, MethodOption, SearchRequest, Searched, search};
 use super::starts::{TestStarts, test_starts};
@@ -43,8 +43,33 @@ pub struct SearchTable {
     pub break_even: Vec<BreakEven>,
     /// The test starts.
     pub starts: TestStarts,
-    /// The solutions of every ego that was searched.
-    pub found: Vec<(EgoUnderTest, Vec<Option<Found>>)>,
+    /// Every ego that was searched.
+    pub searched: Vec<SearchedEgo>,
+}
+
+/// One ego of a search.
+#[derive(Clone, Debug)]
+pub struct SearchedEgo {
+    /// The ego.
+    pub ego: EgoUnderTest,
+    /// The test starts, as they are for it.
+    pub starts: TestStarts,
+    /// The solutions, per start.
+    pub found: Vec<Option<Found>>,
+}
+
+impl SearchedEgo {
+    /// The actions that make it fail from a start: those found; where the starts
+    /// are points and it fails by itself, the neutral one.
+    fn actions(&self, index: usize) -> Option<Vec<usize>> {
+        let found = self.found[index].as_ref();
+        if let Some(actions) = found.and_then(|found| found.actions.clone()) {
+            return Some(actions);
+        }
+        let scenario = self.ego.scenario();
+        let fails_alone = scenario.judges_each_ego() && self.starts.trivial[index];
+        fails_alone.then(|| vec![scenario.world().spaces().neutral])
+    }
 }
 
 impl SearchTable {
@@ -56,28 +81,28 @@ impl SearchTable {
     pub fn keep(
         &self,
         dir: &Path,
-        choice: Choice,
-        form: Form,
+        settings: KeepSettings,
         watch: &Watch<'_>,
     ) -> Result<Vec<KeptFiles>, CampaignError> {
         let mut all = Vec::new();
-        for (ego, found) in &self.found {
+        for searched in &self.searched {
+            let ego = &searched.ego;
             let keeper = Keeper {
                 scenario: ego.scenario(),
                 ego: ego.name(),
                 change: ego.change(),
                 ado: "search",
                 seed: self.starts.seed,
-                choice,
-                form,
+                settings,
             };
-            let actions = |index: usize| found[index].as_ref()?.actions.as_deref();
             let again = |bench: &mut Testbench, index: usize| {
-                let (start, noise) = &self.starts.starts[index];
-                let mut ado = Replay::holding(actions(index).unwrap_or_default());
+                let (start, noise) = &searched.starts.starts[index];
+                let actions = searched.actions(index).unwrap_or_default();
+                let mut ado = Replay::holding(&actions);
                 play(bench, start, *noise, &mut ado, Aftermath::Play)
             };
-            let solved = (0..found.len()).filter(|index| actions(*index).is_some());
+            let all_starts = 0..searched.found.len();
+            let solved = all_starts.filter(|index| searched.actions(*index).is_some());
             let kept = keeper.keep(&solved.collect::<Vec<_>>(), &again, dir, watch)?;
             kept.note(ego.name(), dir, watch);
             all.push(kept);
@@ -104,25 +129,34 @@ impl SearchCampaign<'_> {
         let Some(starts) = test_starts(self.world, seed, count, watch) else {
             return Ok(None);
         };
-        let (mut rows, mut evens, mut found) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut rows, mut evens, mut all) = (Vec::new(), Vec::new(), Vec::new());
         for ego in self.egos {
             watch.phase(&format!("searching: {}", ego.name()));
+            let Some((own, alone)) = starts.for_ego(self.world, ego, watch) else {
+                break;
+            };
             let request = SearchRequest {
                 scenario: ego.scenario(),
                 ego: ego.name(),
                 method: self.method,
                 budget: self.budget,
-                starts: &starts,
+                starts: &own,
             };
-            let searched = search(&request, watch);
+            let mut searched = search(&request, watch);
+            searched.row.fails_alone = alone;
             if let Some(trained) = &trained {
-                let row = trained.row(ego, (&searched, &starts), watch);
+                let mut row = trained.row(ego, (&searched, &own), watch);
+                row.fails_alone = alone;
                 evens.extend(trained.break_even(&request, &searched, &row, watch));
                 rows.push(row);
             }
             rows.push(searched.row);
-            found.push((ego.clone(), searched.found));
-            note_if_unrepeatable(ego, &starts, watch);
+            note_if_unrepeatable(ego, &own, watch);
+            all.push(SearchedEgo {
+                ego: ego.clone(),
+                starts: own,
+                found: searched.found,
+            });
             if watch.stopped() {
                 break;
             }
@@ -131,7 +165,7 @@ impl SearchCampaign<'_> {
             rows,
             break_even: evens,
             starts,
-            found,
+            searched: all,
         }))
     }
 

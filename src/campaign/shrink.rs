@@ -18,8 +18,15 @@
 //! Step 1 and 2 walk the tree of [`super::search`], and whatever the kinematic
 //! plant lets pass is played on the world's own. The result is a pure function
 //! of world and episode.
+//!
+//! An ego that cannot be copied, such as a program, takes a whole run per
+//! sequence. It is asked for step 3 only, on the world's own plant, as long as
+//! its runs last.
+
+use std::collections::BTreeSet;
 
 use super::Watch;
+use super::reruns::{KEEP_RUNS, Reruns};
 use super::search::{Confirmed, Confirmer, Next, Tree};
 use crate::run::{Effort, Shrunk};
 use crate::scenario::Scenario;
@@ -56,16 +63,28 @@ pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
 ///
 /// If the episode ends in a contact, so does the result: of the same two, at no
 /// less than [`CLOSING`] of the closing speed, and with the rules kept up to it
-/// if they were. Episodes of an ego that nobody here wrote, which may answer otherwise
-/// the next time, are left as they are.
+/// if they were. An ego that is not deterministic is asked as often as the world's
+/// `repeats` say; without them its episodes are left as they are. A program is
+/// run [`KEEP_RUNS`] times at most.
 pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Episode, Shrunk) {
+    let reruns = Reruns::of(scenario, episode, KEEP_RUNS, watch);
+    shrink_within(&reruns, episode, 0)
+}
+
+/// The same with an ego that is asked about more than that: so many questions
+/// are left for later.
+pub(super) fn shrink_within(
+    reruns: &Reruns<'_>,
+    episode: &Episode,
+    for_later: usize,
+) -> (Episode, Shrunk) {
+    let (scenario, watch) = (reruns.scenario(), reruns.watch());
     let before = effort(scenario, &episode.actions);
     let unchanged = Shrunk {
         before,
         after: before,
     };
-    let foreign = !episode.commands.is_empty();
-    if foreign || 1 < scenario.repeats().runs || !episode.verdict.is_success() {
+    if reruns.is_refused() || !episode.verdict.is_success() {
         return (episode.clone(), unchanged);
     }
     // What is tried and fails is no fault of the ego that anybody must hear of.
@@ -77,12 +96,13 @@ pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Epi
         Dynamics::Rigid => scenario.on(PlantKind::Kinematic),
         Dynamics::Kinematic | Dynamics::Cells => scenario.clone(),
     };
-    let mut bench = cheap.bench();
-    bench.begin(&episode.start, episode.noise, Aftermath::Play);
     let mut shrinking = Shrinking {
         scenario,
-        forks: bench.fork().is_some(),
-        bench,
+        reruns,
+        for_later,
+        found: None,
+        refuted: BTreeSet::new(),
+        bench: cheap.bench(),
         confirmer: Confirmer::new(scenario, (&episode.start, episode.noise), 0, &watch),
         aim: Aim::of(episode),
         start: &episode.start,
@@ -126,6 +146,14 @@ impl Aim {
         success && !fouls && self.contact.as_ref().is_none_or(as_bad)
     }
 
+    fn is_met_by_episode(&self, episode: &Episode) -> bool {
+        let (success, foul) = (
+            episode.verdict.is_success(),
+            episode.is_foul_before_contact(),
+        );
+        self.is_met(success, episode.contact.as_ref(), foul)
+    }
+
     fn is_met_by(&self, played: &Confirmed) -> bool {
         let contact = played.contact.as_ref();
         self.is_met(played.success, contact, played.foul_before_contact)
@@ -134,8 +162,14 @@ impl Aim {
 
 struct Shrinking<'a> {
     scenario: &'a Scenario,
-    /// Whether the ego can be copied: otherwise every sequence is a whole episode.
-    forks: bool,
+    /// The ego: one that cannot be copied plays every sequence as a whole episode.
+    reruns: &'a Reruns<'a>,
+    /// Questions for which runs of it are left.
+    for_later: usize,
+    /// Of such an ego, the smallest episode so far.
+    found: Option<Episode>,
+    /// And the sequences that were tried in vain.
+    refuted: BTreeSet<Vec<usize>>,
     /// On the plant that pre-screens.
     bench: Testbench,
     confirmer: Confirmer<'a>,
@@ -151,7 +185,7 @@ impl Shrinking<'_> {
     /// The smallest sequence found; `recorded` if it is that one.
     fn smallest(&mut self, recorded: &[usize]) -> Vec<usize> {
         let most = effort(self.scenario, recorded).switches;
-        if self.forks {
+        if self.reruns.copies() {
             for switches in 0..=most.min(1) {
                 if let Some(found) = self.best_with(switches) {
                     return found;
@@ -187,6 +221,7 @@ impl Shrinking<'_> {
                 break;
             }
         }
+        self.reruns.count(tree.simulations);
         found.sort_by(|a, b| a.0.order(&b.0));
         let mut tried = found.into_iter().take(CONFIRMATIONS);
         let held = tried.find(|(_, actions)| self.holds(actions));
@@ -195,11 +230,37 @@ impl Shrinking<'_> {
 
     /// Whether it does what is asked on the world's own plant.
     fn holds(&mut self, actions: &[usize]) -> bool {
-        self.aim.is_met_by(&self.confirmer.confirm(actions))
+        if self.reruns.copies() {
+            self.reruns.count(1);
+            return self.aim.is_met_by(&self.confirmer.confirm(actions));
+        }
+        if self.refuted.contains(actions) {
+            return false;
+        }
+        if self.reruns.ask(1, self.for_later).is_err() {
+            self.moves = 0;
+            return false;
+        }
+        let from = (self.start, self.noise);
+        let mut actor = Replay::holding(actions);
+        let played = self
+            .reruns
+            .played(self.scenario, from, &mut actor, Aftermath::Play);
+        let holds = self.aim.is_met_by_episode(&played);
+        match holds {
+            true => self.found = Some(played),
+            false => drop(self.refuted.insert(actions.to_vec())),
+        }
+        holds
     }
 
-    /// Whether it does so on the plant that pre-screens.
+    /// Whether it does so on the plant that pre-screens; of an ego that cannot be
+    /// copied every run costs the same, so it is asked at once.
     fn passes(&mut self, actions: &[usize]) -> bool {
+        if !self.reruns.copies() {
+            return true;
+        }
+        self.reruns.count(1);
         self.moves = self.moves.saturating_sub(1);
         self.bench.begin(self.start, self.noise, Aftermath::Play);
         let last = actions.last().copied().unwrap_or(0);
@@ -221,7 +282,7 @@ impl Shrinking<'_> {
                     return false;
                 }
                 let holds = self.holds(candidate);
-                refused -= usize::from(!holds);
+                refused -= usize::from(!holds && self.reruns.copies());
                 holds
             });
             match next {
@@ -250,15 +311,17 @@ impl Shrinking<'_> {
 
     /// The episode of a sequence, if it does what is asked.
     fn played(&self, actions: &[usize]) -> Option<(Episode, Effort)> {
-        let mut bench = self.scenario.bench();
-        let mut actor = Replay::holding(actions);
-        let aftermath = Aftermath::Play;
-        let episode = play(&mut bench, self.start, self.noise, &mut actor, aftermath);
-        let (success, foul) = (
-            episode.verdict.is_success(),
-            episode.is_foul_before_contact(),
-        );
-        let met = self.aim.is_met(success, episode.contact.as_ref(), foul);
+        let episode = match (self.reruns.copies(), &self.found) {
+            (true, _) => {
+                let mut bench = self.scenario.bench();
+                let mut actor = Replay::holding(actions);
+                let aftermath = Aftermath::Play;
+                play(&mut bench, self.start, self.noise, &mut actor, aftermath)
+            }
+            (false, Some(found)) => found.clone(),
+            (false, None) => return None,
+        };
+        let met = self.aim.is_met_by_episode(&episode);
         let after = effort(self.scenario, &episode.actions);
         met.then_some((episode, after))
     }

@@ -3,13 +3,19 @@
 use std::ops::Range;
 
 use super::Watch;
+use super::ego_under_test::EgoUnderTest;
 use super::episodes::{EpisodeLoop, Turn};
+use crate::run::FailsAlone;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Constant, Testbench};
 
 /// Test starts, with those on which the nominal ego fails by itself.
+///
+/// What the nominal ego fails is left out for every ego, so that their rates are
+/// about the same starts. Where the nominal ego says nothing about the others,
+/// each ego has its own ([`TestStarts::for_ego`]).
 #[derive(Clone, Debug)]
 pub struct TestStarts {
     /// Seed of the stream.
@@ -35,12 +41,26 @@ pub fn test_starts(
     count: usize,
     watch: &Watch<'_>,
 ) -> Option<TestStarts> {
+    let starts = listed_or_drawn(scenario, seed, count);
+    TestStarts::tried(scenario, seed, starts, watch)
+}
+
+/// The same starts, none of which was played: nothing is left out.
+pub(super) fn untried_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
+    let starts = listed_or_drawn(scenario, seed, count);
+    TestStarts {
+        seed,
+        trivial: vec![false; starts.len()],
+        starts,
+    }
+}
+
+fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, u64)> {
     let listed = scenario.starts().filter(|all| all.len() <= count);
-    let starts = match listed {
+    match listed {
         Some(all) => with_noise(scenario, seed, all),
         None => drawn_starts(scenario, seed, 0..count),
-    };
-    TestStarts::tried(scenario, seed, starts, watch)
+    }
 }
 
 /// Some of the test starts of a stream, with the seed of their noise.
@@ -101,6 +121,36 @@ impl TestStarts {
             starts,
             trivial: trivial.into_iter().flatten().collect(),
         })
+    }
+
+    /// Whether the nominal ego of `world` says nothing of which of them are too
+    /// hard for another: by what it is, or because it fails on every one.
+    pub(super) fn judges_each_ego(&self, world: &Scenario) -> bool {
+        world.judges_each_ego() || self.trivial.iter().all(|trivial| *trivial)
+    }
+
+    /// The same starts for an ego under test, and on how many of them it fails by
+    /// itself. `None`: stopped.
+    ///
+    /// It is judged itself, instead of the nominal ego of `world`, where that says
+    /// nothing of others ([`Scenario::judges_each_ego`]) or fails on every start.
+    pub(super) fn for_ego(
+        &self,
+        world: &Scenario,
+        ego: &EgoUnderTest,
+        watch: &Watch<'_>,
+    ) -> Option<(TestStarts, Option<FailsAlone>)> {
+        let left_out = self.judges_each_ego(world);
+        if ego.is_nominal() && !left_out {
+            return Some((self.clone(), None));
+        }
+        let own = TestStarts::tried(ego.scenario(), self.seed, self.starts.clone(), watch)?;
+        let starts = own.trivial.iter().filter(|trivial| **trivial).count();
+        let alone = Some(FailsAlone { starts, left_out });
+        match left_out {
+            true => Some((own, alone)),
+            false => Some((self.clone(), alone)),
+        }
     }
 
     /// The first of those that are not trivial, at most so many.

@@ -43,6 +43,9 @@ pub fn untrained(
             break;
         }
         watch.phase(ego.name());
+        let Some((starts, alone)) = starts.for_ego(nominal, ego, watch) else {
+            break;
+        };
         let found = search(
             &SearchRequest {
                 scenario: ego.scenario(),
@@ -57,6 +60,7 @@ pub fn untrained(
         let constant = best_constant(ego.scenario(), ego.name(), &starts, watch).row;
         for mut row in [met(Ado::Held), met(Ado::Random), constant] {
             row.compare_with_search(&found.row.solved);
+            row.fails_alone = alone;
             all.rows.push(row);
         }
         if found.row.successes == 0 && 0 < found.row.starts {
@@ -64,7 +68,10 @@ pub fn untrained(
             all.in_the_way
                 .extend(in_the_way(met, &starts, switches, watch));
         }
-        all.rows.push(found.row);
+        all.rows.push(Row {
+            fails_alone: alone,
+            ..found.row
+        });
     }
     Ok(Some(all))
 }

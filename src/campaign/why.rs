@@ -7,9 +7,11 @@
 
 use std::sync::Arc;
 
+use super::Watch;
+use super::reruns::{KEEP_RUNS, Reruns};
 use crate::ego::{Controller, FullBrake, RecordedCommands, Takeover};
 use crate::rulebook::Verdict;
-use crate::run::{Decisive, LastChance, Why};
+use crate::run::{Decisive, LastChance, NotAsked, Why};
 use crate::scenario::Scenario;
 use crate::scene::drive::ControllerFactory;
 use crate::sim::GRAVITY_MPS2;
@@ -43,6 +45,18 @@ impl Driver {
 ///
 /// The last chance is that of `driver`, [`Driver::full_brake`] if left out.
 pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> Why {
+    let watch = Watch::unwatched();
+    let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
+    why_within(&reruns, episode, driver)
+}
+
+/// The same with an ego that is asked about more than that.
+pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<&Driver>) -> Why {
+    let scenario = reruns.scenario();
+    let (decisive, not_asked) = match decisive_within(reruns, episode) {
+        Ok(decisive) => (decisive, None),
+        Err(reason) => (None, Some(reason)),
+    };
     let explanation = scenario
         .rulebook()
         .spec
@@ -52,7 +66,8 @@ pub fn why(scenario: &Scenario, episode: &Episode, driver: Option<&Driver>) -> W
     Why {
         leaf: leaf.map(|leaf| leaf.formula.clone()).unwrap_or_default(),
         leaf_s: tidy(leaf.map_or(0.0, |leaf| leaf.time_s)),
-        decisive: decisive(scenario, episode),
+        decisive,
+        not_asked,
         last_chance: driver
             .or(ideal.as_ref())
             .and_then(|driver| last_chance(scenario, episode, driver)),
@@ -90,12 +105,17 @@ pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
 /// recorded, avoids the failure; if there is none, the earliest stretch of one
 /// action that does.
 ///
-/// `None`: neither does, or an ego that nobody here wrote would have to be asked.
+/// `None`: neither does, or the ego cannot be asked.
 pub fn decisive(scenario: &Scenario, episode: &Episode) -> Option<Decisive> {
-    if !episode.commands.is_empty() {
-        return None;
-    }
-    let actions = &episode.actions;
+    let watch = Watch::unwatched();
+    let reruns = Reruns::of(scenario, episode, KEEP_RUNS, &watch);
+    decisive_within(&reruns, episode).ok().flatten()
+}
+
+/// Each decision that is not neutral, then each stretch of one such action.
+fn spans(scenario: &Scenario, actions: &[usize]) -> [Vec<(usize, usize)>; 2] {
+    let neutral = scenario.world().spaces().neutral;
+    let does_something = |span: &(usize, usize)| actions[span.0] != neutral;
     let singles = (0..actions.len()).map(|at| (at, at + 1));
     let stretch_ends = |from: usize| {
         let rest = actions[from..].iter();
@@ -103,17 +123,63 @@ pub fn decisive(scenario: &Scenario, episode: &Episode) -> Option<Decisive> {
     };
     let begins = (0..actions.len()).filter(|&at| at == 0 || actions[at - 1] != actions[at]);
     let stretches = begins.map(|from| (from, stretch_ends(from)));
+    [
+        singles.filter(does_something).collect(),
+        stretches.filter(does_something).collect(),
+    ]
+}
+
+/// How many questions the decisive action of a sequence takes at most.
+pub(super) fn spans_asked(scenario: &Scenario, actions: &[usize]) -> usize {
+    spans(scenario, actions).iter().map(Vec::len).sum()
+}
+
+/// The same with an ego that is asked about more than that.
+fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Decisive>, NotAsked> {
+    let (scenario, actions) = (reruns.scenario(), &episode.actions);
     let neutral = scenario.world().spaces().neutral;
-    let singles = singles.filter(|span| actions[span.0] != neutral);
-    let stretches = stretches.filter(|span| actions[span.0] != neutral);
-    let (from, to) =
-        earliest(scenario, episode, singles).or_else(|| earliest(scenario, episode, stretches))?;
-    let decision_s = scenario.bench().clock().decision_s;
-    Some(Decisive {
-        action: scenario.action_label(actions[from]),
-        from_s: tidy(from as f64 * decision_s),
-        until_s: tidy(to as f64 * decision_s),
-    })
+    if actions.iter().all(|action| *action == neutral) {
+        return Err(NotAsked::NothingDone);
+    }
+    reruns.ask(0, 0)?;
+    for spans in spans(scenario, actions) {
+        let found = match reruns.copies() {
+            true => {
+                let counted = spans.iter().inspect(|_| reruns.count(1));
+                earliest(scenario, episode, counted.copied())
+            }
+            false => earliest_of_whole_runs(reruns, episode, &spans)?,
+        };
+        let Some((from, to)) = found else {
+            continue;
+        };
+        let decision_s = scenario.bench().clock().decision_s;
+        return Ok(Some(Decisive {
+            action: scenario.action_label(actions[from]),
+            from_s: tidy(from as f64 * decision_s),
+            until_s: tidy(to as f64 * decision_s),
+        }));
+    }
+    Ok(None)
+}
+
+/// The first of some spans that avoid the failure if neutral, each asked by a
+/// whole run.
+fn earliest_of_whole_runs(
+    reruns: &Reruns<'_>,
+    episode: &Episode,
+    spans: &[(usize, usize)],
+) -> Result<Option<(usize, usize)>, NotAsked> {
+    let neutral = reruns.scenario().world().spaces().neutral;
+    for &(from, to) in spans {
+        reruns.ask(1, 0)?;
+        let mut changed = episode.actions.clone();
+        changed[from..to].fill(neutral);
+        if reruns.holds(episode, &changed) {
+            return Ok(Some((from, to)));
+        }
+    }
+    Ok(None)
 }
 
 /// The first of some spans of decisions that avoid the failure if neutral.

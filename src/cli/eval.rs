@@ -9,7 +9,7 @@ use super::compared::{Compared, GateOn};
 use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
-    Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run,
+    Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run, points,
     print_json, table, talk, theorems,
 };
 use crate::campaign::{
@@ -22,25 +22,26 @@ use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {
-    /// The run directory that `train` made; or a world: its baselines and search.
+    /// The run directory that `train` made; or a world: its points, or its
+    /// baselines and search.
     #[arg(value_name = "RUN|WORLD.ron")]
-    run: PathBuf,
-    /// Test starts to draw.
+    pub(super) run: PathBuf,
+    /// Test starts to draw; of a table of points all are played.
     #[arg(long, value_name = "N", default_value_t = STARTS, value_parser = start_count())]
-    starts: usize,
+    pub(super) starts: usize,
     /// Who plays the ado; repeat for several. Without it the trained one, beside
     /// which an ado that learns egos (`--runs`) has its baselines.
     #[arg(long, value_parser = one_of::<AdoKind>(), value_name = "ADO")]
     ado: Vec<AdoKind>,
     /// Which ego is tested: nominal, a name under `reuse`, a RON file, or all.
     #[arg(long, default_value = "nominal", value_name = "NAME|FILE.ron|all")]
-    ego: String,
+    pub(super) ego: String,
     /// The physics to test in, instead of the run's.
     #[arg(long, value_parser = one_of::<PlantKind>())]
     plant: Option<PlantKind>,
     /// Also search with at most so many switches, and fill in recall.
     #[arg(long, value_name = "M")]
-    search: Option<usize>,
+    pub(super) search: Option<usize>,
     /// As earlier versions said what a conditional ado is told.
     #[arg(long, hide = true)]
     params: Option<String>,
@@ -52,7 +53,7 @@ pub(super) struct EvalArgs {
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=100_000))]
     runs: u64,
     #[command(flatten)]
-    keep: KeepArgs,
+    pub(super) keep: KeepArgs,
     /// Also check the paper's theorems: 1 to 3 on a grid, 3 and Lemma 1 on the road.
     #[arg(long)]
     theorems: bool,
@@ -75,13 +76,13 @@ pub(super) struct EvalArgs {
     pub(super) curve: Option<PathBuf>,
     /// Exit with 1 if any ado makes an ego fail.
     #[arg(long)]
-    fail_on_counterexample: bool,
+    pub(super) fail_on_counterexample: bool,
     /// A program that is the ego, after `--`: typing it consents to start it.
     #[arg(last = true, value_name = "COMMAND")]
-    program: Vec<String>,
+    pub(super) program: Vec<String>,
     /// Seed of the test starts.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
-    seed: u64,
+    pub(super) seed: u64,
     #[command(flatten)]
     pub(super) common: Common,
 }
@@ -90,33 +91,47 @@ pub(super) struct EvalArgs {
 const UNTOLD: &str = "the ado is told the parameters of the world's own ego: `--runs 10` identifies every ego from ten runs of it, `--runs 100` also learns how it drives";
 
 /// Whether a file or a shipped world is meant, and no run.
-fn is_world(path: &Path) -> bool {
+pub(super) fn is_world(path: &Path) -> bool {
     let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
     let mut is_shipped = || shipped.any(|name| path.as_os_str() == name);
     path.is_file() || (!path.exists() && is_shipped())
 }
 
+/// Refuses what only a run of an ado has.
+fn not_a_run(args: &EvalArgs, has_points: bool) -> Failure {
+    let world = args.run.display();
+    let (does, keep) = match has_points {
+        true => ("--search, --keep", ""),
+        false => ("--search", "--keep, "),
+    };
+    Failure::input(
+        format!(
+            "`{world}` is a world, and no run of an ado: of the options, --starts, --seed, --ego, --plant, {does} and those of every verb do something for it, and --ado, --tries, --runs, {keep}--theorems, --baseline-ego and --over do not"
+        ),
+        "leave them out: the baselines play anyway; or train an ado first and evaluate its run: `brakecheck train WORLD`",
+    )
+}
+
 /// A world that nobody has trained in yet.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
+    let mut world = load_world(&args.run, &args.common)?;
+    let has_points = world.has_points();
+    let keeps = args.keep.dir().is_some() && !has_points;
     let asks_for_an_ado = !args.ado.is_empty()
         || 1 < args.tries
         || 0 < args.runs
-        || args.keep.dir().is_some()
+        || keeps
         || args.theorems
         || args.baseline_ego.is_some()
         || args.over.is_some();
     if asks_for_an_ado {
-        let world = args.run.display();
-        return Err(Failure::input(
-            format!(
-                "`{world}` is a world, and no run of an ado: of the options, --starts, --seed, --ego, --plant, --search and those of every verb do something for it, and --ado, --tries, --runs, --keep, --theorems, --baseline-ego and --over do not"
-            ),
-            "leave them out: the baselines play anyway; or train an ado first and evaluate its run: `brakecheck train WORLD`",
-        ));
+        return Err(not_a_run(args, has_points));
     }
-    let mut world = load_world(&args.run, &args.common)?;
     if let Some(plant) = args.plant {
         world = on_plant(&world, plant)?;
+    }
+    if has_points {
+        return points::run(args, &world);
     }
     let egos = EgoUnderTest::find_or_program(&world, &args.ego, &args.program)?;
     let bar = talk::bar("evaluating");
@@ -175,7 +190,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     show(args, &evaluated, theorems.as_ref(), &compared)?;
     if let Some(dir) = args.keep.dir() {
         let bar = talk::bar("keeping");
-        evaluated.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
+        evaluated.keep(dir, args.keep.settings(), &bar.watch())?;
     }
     ended(args, evaluated, theorems, &compared)
 }

@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::campaign::{Choice, Form};
+use crate::campaign::{Choice, Form, KEEP_RUNS, KeepSettings};
+
+/// Counterexamples that are written per ego, unless the command line says how many.
+const USUAL: usize = 10;
 
 /// Which counterexamples are written as files, and in which form.
 #[derive(Args, Clone, Debug)]
@@ -12,15 +15,18 @@ pub(super) struct KeepArgs {
     /// Write the worst counterexamples that differ and persist into a directory.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
-    /// Counterexamples to write per ego, at most.
-    #[arg(long, value_name = "N", default_value_t = 10, requires = "keep")]
-    pub(super) keep_most: usize,
+    /// Counterexamples to write per ego, at most [default: 10; of points all]
+    #[arg(long, value_name = "N", requires = "keep")]
+    keep_most: Option<usize>,
     /// Write every counterexample, like others or not.
     #[arg(long, requires = "keep", conflicts_with = "keep_most")]
     keep_all: bool,
     /// Write them as they were found, instead of as small as they get.
     #[arg(long, requires = "keep")]
     as_found: bool,
+    /// Runs of a program to minimize and label each counterexample, at most.
+    #[arg(long, value_name = "N", default_value_t = KEEP_RUNS, requires = "keep")]
+    keep_runs: u64,
 }
 
 impl KeepArgs {
@@ -29,17 +35,30 @@ impl KeepArgs {
         self.keep.as_deref()
     }
 
-    pub(super) fn choice(&self) -> Choice {
-        match self.keep_all {
-            true => Choice::All,
-            false => Choice::Worst(self.keep_most),
+    /// Which are kept, and how; `usual` unless the command line says how many.
+    fn settings_of(&self, usual: Choice) -> KeepSettings {
+        let choice = match (self.keep_all, self.keep_most) {
+            (true, _) => Choice::All,
+            (false, Some(most)) => Choice::Worst(most),
+            (false, None) => usual,
+        };
+        let form = match self.as_found {
+            true => Form::AsFound,
+            false => Form::Shrunk,
+        };
+        KeepSettings {
+            runs: self.keep_runs,
+            ..KeepSettings::new(choice, form)
         }
     }
 
-    pub(super) fn form(&self) -> Form {
-        match self.as_found {
-            true => Form::AsFound,
-            false => Form::Shrunk,
-        }
+    /// Of counterexamples the worst ones.
+    pub(super) fn settings(&self) -> KeepSettings {
+        self.settings_of(Choice::Worst(USUAL))
+    }
+
+    /// Of points all of them.
+    pub(super) fn settings_of_points(&self) -> KeepSettings {
+        self.settings_of(Choice::All)
     }
 }

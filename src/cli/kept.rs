@@ -143,7 +143,8 @@ fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Fa
     for (done, (kept, replayed)) in regressions.kept().iter().zip(replayed).enumerate() {
         (watch.progress)(done as u64, total);
         if replayed.identical {
-            replayed.about = Some(kept.refine(&replayed.scenario, &replayed.episode)?);
+            let world = regressions.world_of(kept)?;
+            replayed.about = Some(kept.refine(&world, &replayed.episode)?);
         }
     }
     Ok(())

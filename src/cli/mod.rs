@@ -15,6 +15,7 @@ mod gone;
 mod keep;
 mod kept;
 mod new;
+mod points;
 mod report;
 mod reproduce;
 mod search;
@@ -295,7 +296,12 @@ fn interrupted_early(common: &Common) -> Result<Exit, Failure> {
 
 /// How a verb ends that printed rows.
 fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
-    let found = rows.iter().any(|row| 0 < row.successes);
+    // What is left out for a point's own ego is a failure of that ego all the same.
+    let alone = |row: &Row| {
+        row.fails_alone
+            .is_some_and(|it| it.left_out && 0 < it.starts)
+    };
+    let found = rows.iter().any(|row| 0 < row.successes || alone(row));
     if talk::stopped() {
         talk::say("interrupted: the rows cover the starts that were finished");
         return Exit::Interrupted;

@@ -126,6 +126,12 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
                     "left out {broken} points that the file itself does not allow"
                 ));
             }
+            if let Some((_, file)) = files.first() {
+                lines.push(format!(
+                    "next: `brakecheck eval {file} -- python3 ego.py` lets your program drive at \
+                     every point, `--ego FILE.ron` a `Change`"
+                ));
+            }
             talk::data(&lines.join("\n"))
         }
     }?;

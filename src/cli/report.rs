@@ -6,14 +6,24 @@ use clap::Args;
 use serde_json::json;
 
 use super::counts::{STARTS, count, start_count};
-use super::{Common, Exit, Failure, interrupted_early, open_run, print_json, talk};
-use crate::campaign::{GivenRows, ReportRequest, file_stem, openx, write_openx};
+use super::eval::is_world;
+use super::{
+    Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, talk,
+};
+use crate::campaign::{
+    EgoUnderTest, GivenRows, PointsRequest, ReportRequest, consent_to, file_stem, openx, points,
+    write_openx,
+};
 use crate::report::Report;
 use crate::run::{RunDir, make_dir, write_file};
 
+/// Failures that the page of a world's points shows moving.
+const MOST_EXAMPLES: usize = 12;
+
 #[derive(Args, Debug)]
 pub(super) struct ReportArgs {
-    /// The run directory that `train` made.
+    /// The run directory that `train` made; or a world with points.
+    #[arg(value_name = "RUN|WORLD.ron")]
     run: PathBuf,
     /// The page to write; JUnit XML goes beside it [default: RUN/report.html].
     #[arg(short, long, value_name = "FILE.html")]
@@ -35,6 +45,12 @@ pub(super) struct ReportArgs {
     /// beside it, and link it.
     #[arg(long)]
     scenarios: bool,
+    /// Of a world with points, which ego: nominal, a name under `reuse`, a RON file.
+    #[arg(long, value_name = "NAME|FILE.ron")]
+    ego: Option<String>,
+    /// Of a world with points, a program that is the ego, after `--`.
+    #[arg(last = true, value_name = "COMMAND")]
+    program: Vec<String>,
     /// Seed of the test starts.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = count(0..=u64::MAX))]
     seed: u64,
@@ -43,6 +59,15 @@ pub(super) struct ReportArgs {
 }
 
 pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
+    if is_world(&args.run) {
+        return of_points(args);
+    }
+    if args.ego.is_some() || !args.program.is_empty() {
+        return Err(Failure::input(
+            "an ego is named, and the page of a run has all of the world's",
+            "leave it out; `brakecheck eval RUN --ego E --json` makes rows for `--rows`",
+        ));
+    }
     let run = open_run(&args.run, &args.common)?;
     let scenario = run.scenario()?;
     let others = args.with.iter().map(|other| open_run(other, &args.common));
@@ -77,11 +102,64 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
     }
 }
 
+/// Plays one ego at the points of a world and writes their page.
+fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
+    let world = load_world(&args.run, &args.common)?;
+    let file = args.run.display();
+    if !world.has_points() {
+        return Err(Failure::input(
+            format!("`{file}` is a world, and no run of an ado"),
+            format!(
+                "train one and report its run: `brakecheck train {file} -o RUN`, `brakecheck report RUN`"
+            ),
+        ));
+    }
+    if args.scenarios || !args.with.is_empty() || !args.rows.is_empty() {
+        return Err(Failure::input(
+            format!("`{file}` is a world: --with, --rows and --scenarios are for runs"),
+            "leave them out",
+        ));
+    }
+    let asked = args.ego.as_deref().unwrap_or("nominal");
+    let egos = EgoUnderTest::find_or_program(&world, asked, &args.program)?;
+    let [ego] = &egos[..] else {
+        return Err(Failure::input(
+            "`--ego all` is more than one ego",
+            "name one: a page is about one ego",
+        ));
+    };
+    consent_to(&egos)?;
+    let bar = talk::bar("playing");
+    let request = PointsRequest {
+        ego,
+        starts: (args.starts, args.seed),
+        switches: None,
+    };
+    let Some(table) = points(&request, &bar.watch()) else {
+        return interrupted_early(&args.common);
+    };
+    let mut page = table.page(vec![this_page(args)]);
+    page.examples = table.examples(MOST_EXAMPLES, &bar.watch());
+    drop(bar);
+    let name = args.run.file_stem().unwrap_or_default();
+    let usual = Path::new(name).with_extension("html");
+    let html = args.output.clone().unwrap_or(usual);
+    write_files(args, &html, (page.html(), page.junit()))?;
+    if !args.common.json {
+        talk::data(&table.summary())?;
+    }
+    Ok(finished(Exit::Done))
+}
+
 /// Writes the page and the JUnit file, and says where they are.
 fn write(args: &ReportArgs, html: &Path, report: &Report<'_>) -> Result<(), Failure> {
+    write_files(args, html, (report.html(), report.junit()))
+}
+
+fn write_files(args: &ReportArgs, html: &Path, texts: (String, String)) -> Result<(), Failure> {
     let junit = html.with_extension("junit.xml");
-    write_file(html, report.html().as_bytes())?;
-    write_file(&junit, report.junit().as_bytes())?;
+    write_file(html, texts.0.as_bytes())?;
+    write_file(&junit, texts.1.as_bytes())?;
     match args.common.json {
         true => print_json(&json!({
             "report": html.display().to_string(),
@@ -192,11 +270,18 @@ fn this_page(args: &ReportArgs) -> String {
     if args.common.allow_programs {
         option("--allow-programs", Vec::new());
     }
+    if let Some(ego) = &args.ego {
+        option("--ego", vec![ego.clone()]);
+    }
     if 0.0 < args.common.allow_invalid {
         option(
             "--allow-invalid",
             vec![args.common.allow_invalid.to_string()],
         );
+    }
+    if !args.program.is_empty() {
+        words.push("--".to_owned());
+        words.extend(args.program.iter().map(|word| quoted(word)));
     }
     format!("brakecheck report {}", words.join(" "))
 }

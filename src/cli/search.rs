@@ -110,7 +110,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
 fn keep(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     if let Some(dir) = args.keep.dir() {
         let bar = talk::bar("keeping");
-        searched.keep(dir, args.keep.choice(), args.keep.form(), &bar.watch())?;
+        searched.keep(dir, args.keep.settings(), &bar.watch())?;
     }
     Ok(())
 }

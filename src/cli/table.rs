@@ -33,7 +33,7 @@ pub(super) fn rows(rows: &[Row]) -> String {
 }
 
 /// What the table has no room for: contacts, faults, and several runs per start.
-fn remarks(rows: &[Row]) -> String {
+pub(super) fn remarks(rows: &[Row]) -> String {
     let mut text = String::new();
     for row in rows {
         if let Some(severity) = &row.severity {
@@ -263,12 +263,52 @@ fn opening(rows: &[Row]) -> String {
     let all = row.starts + row.trivial + row.invalid;
     let share = 100.0 * row.trivial as f64 / all.max(1) as f64;
     let mut text = format!(
-        "{} on the {:?} plant, {} starts of seed {}; fails without an adversary: {share:.1} % ({}), left out below",
-        row.world, row.plant, all, row.start_seed, row.trivial
+        "{} on the {:?} plant, {all} starts of seed {}",
+        row.world, row.plant, row.start_seed
     );
+    let judged_itself = rows
+        .iter()
+        .all(|row| row.fails_alone.is_some_and(|it| it.left_out));
+    if !judged_itself {
+        text.push_str(&format!(
+            "; fails without an adversary: {share:.1} % ({}), left out below",
+            row.trivial
+        ));
+    }
+    text.push_str(&by_itself(rows, all));
     let invalid: usize = rows.iter().map(|row| row.invalid).sum();
     if 0 < invalid {
         text.push_str(&format!("; {invalid} invalid, in no rate"));
+    }
+    text
+}
+
+/// On how many starts each tested ego itself fails without an adversary.
+fn by_itself(rows: &[Row], all: usize) -> String {
+    let mut egos: Vec<&str> = Vec::new();
+    let mut text = String::new();
+    for row in rows {
+        let Some(alone) = row
+            .fails_alone
+            .filter(|_| !egos.contains(&row.ego.as_str()))
+        else {
+            continue;
+        };
+        egos.push(&row.ego);
+        // Of the nominal ego it is what is left out, unless another plant is asked for.
+        if !alone.left_out && row.ego == "nominal" && alone.starts == row.trivial {
+            continue;
+        }
+        let share = 100.0 * alone.starts as f64 / all.max(1) as f64;
+        let left_out = if alone.left_out {
+            ", left out below"
+        } else {
+            ""
+        };
+        text.push_str(&format!(
+            "; `{}` itself: {share:.1} % ({}){left_out}",
+            row.ego, alone.starts
+        ));
     }
     text
 }

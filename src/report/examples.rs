@@ -2,10 +2,10 @@
 
 use maud::{Markup, html};
 
+use super::Example;
 use super::animation::{animation, colour_class};
 use super::plot::{Chart, Curve, Mark, chart};
 use super::verdict::VerdictWords;
-use super::{Example, Report};
 use crate::scenario::Scenario;
 use crate::testbench::Episode;
 use crate::trace::{SignalKind, Trace};
@@ -13,11 +13,10 @@ use crate::trace::{SignalKind, Trace};
 /// One counterexample: what came of it, the animated picture, what is known of
 /// it, and curves; it is number `nth` of `all`.
 pub(super) fn example(
-    report: &Report<'_>,
+    scenario: &Scenario,
     example: &Example,
     (nth, all): (usize, usize),
 ) -> Markup {
-    let scenario = report.scenario;
     let episode = &example.episode;
     let mut judged = episode.trace.clone();
     judged.truncate(episode.judged);

@@ -127,7 +127,7 @@ fn in_full(fault: &FaultCount) -> String {
 }
 
 /// XML has no control characters: they become U+FFFD.
-fn legible(text: &str) -> String {
+pub(super) fn legible(text: &str) -> String {
     let legible = |c: char| match c {
         '\n' | '\t' => c,
         c if c.is_control() || c == '\u{fffe}' || c == '\u{ffff}' => '\u{fffd}',

@@ -14,6 +14,7 @@ mod figures;
 mod junit;
 mod page;
 mod plot;
+mod points;
 mod results;
 mod reuse;
 mod start_map;
@@ -29,6 +30,7 @@ use crate::testbench::{Episode, FaultCount};
 pub use animation::{Beside, looping_picture};
 pub use campaign::CampaignPage;
 pub use figures::{Behaviour, Distances, SweptShare, figure_2, figure_3, figure_5, sweep_curve};
+pub use points::{PointCase, PointsPage};
 pub use start_map::{CellState, MapCell, StartMap};
 pub(crate) use verdict::outcome_in_words;
 

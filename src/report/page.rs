@@ -95,7 +95,7 @@ fn seen(report: &Report<'_>, nominal: &Nominal) -> Markup {
         } @else {
             p class="dim" { "Seen from above, at their true sizes, forward to the right. Each plays its last four seconds; press play, drag the slider or choose a still for the rest. Dashed outlines: where they were when the requirement was broken. Red lamps: braking." }
         }
-        @for (nth, chosen) in nominal.telling.iter().enumerate() { (example(report, chosen, (nth, all))) }
+        @for (nth, chosen) in nominal.telling.iter().enumerate() { (example(report.scenario, chosen, (nth, all))) }
     }
 }
 
@@ -106,7 +106,7 @@ fn starts(report: &Report<'_>, nominal: &Nominal) -> Markup {
     }
 }
 
-fn world(scenario: &Scenario) -> Markup {
+pub(super) fn world(scenario: &Scenario) -> Markup {
     let constants = &scenario.names.constants;
     let actions = scenario.world().spaces().actions;
     html! {

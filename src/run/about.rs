@@ -35,6 +35,84 @@ pub struct About {
     /// were not compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cluster: Option<usize>,
+    /// Runs of the ego that all this took; `None`: a stock ego, whose runs are
+    /// not counted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ego_runs: Option<EgoRuns>,
+}
+
+/// Runs of an ego for questions about one counterexample: a program's, or those
+/// of the user's own type.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EgoRuns {
+    /// Runs of the ego.
+    pub runs: u64,
+    /// Whether most of them began in the middle, from a copy of the ego.
+    #[serde(default)]
+    pub copied: bool,
+    /// Why they ended before every question was answered; `None`: all were.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ended: Option<NotAsked>,
+}
+
+/// Reason for which a question about an ego was not asked, or not to its end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum NotAsked {
+    /// Runs with the same seed and actions diverge from this time on.
+    NotDeterministic {
+        /// Time of the first command that differs, in s.
+        at_s: f64,
+    },
+    /// The limit of runs per counterexample was reached.
+    RunLimit {
+        /// That limit.
+        runs: u64,
+    },
+    /// The command was interrupted.
+    Interrupted,
+    /// The ego failed to run.
+    EgoFailed,
+    /// Only the commands of the ego are there, and not the ego.
+    CommandsOnly,
+    /// The ado only ever takes its neutral action.
+    NothingDone,
+    /// An earlier version kept the file.
+    EarlierVersion,
+}
+
+impl Display for NotAsked {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            NotAsked::NotDeterministic { at_s } => write!(
+                f,
+                "the ego is not deterministic: same-seed runs diverge at {at_s:.2} s, so give the \
+                 world `repeats: 5`"
+            ),
+            NotAsked::RunLimit { runs } => write!(
+                f,
+                "the limit of {runs} runs was reached; `--keep-runs` raises it"
+            ),
+            NotAsked::Interrupted => f.write_str("the command was interrupted"),
+            NotAsked::EgoFailed => f.write_str("the ego failed to run"),
+            NotAsked::CommandsOnly => f.write_str("only the ego's commands are known here"),
+            NotAsked::NothingDone => f.write_str("the ado only takes its neutral action"),
+            NotAsked::EarlierVersion => f.write_str("an earlier version kept this file"),
+        }
+    }
+}
+
+impl Display for EgoRuns {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let plural = if self.runs == 1 { "" } else { "s" };
+        write!(f, "{} run{plural} of the ego", self.runs)?;
+        if self.copied {
+            f.write_str(", most of them begun from a copy of it")?;
+        }
+        match &self.ended {
+            Some(reason) => write!(f, "; not all is known: {reason}"),
+            None => Ok(()),
+        }
+    }
 }
 
 /// How severe a contact is for the ego.
@@ -142,9 +220,13 @@ pub struct Why {
     pub leaf: String,
     /// When it does.
     pub leaf_s: f64,
-    /// What of the ado's actions it takes; `None`: it fails without any of them.
+    /// The action of the ado without which there is no failure; `None`: no single
+    /// one decides it, or the question was not asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decisive: Option<Decisive>,
+    /// Why `decisive` was not asked for; `None`: it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub not_asked: Option<NotAsked>,
     /// Until when another driver avoids it; `None`: nobody was asked, since the
     /// world is not driven.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -178,16 +260,23 @@ impl Display for Why {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (leaf, at_s) = (&self.leaf, self.leaf_s);
         write!(f, "`{leaf}` is violated at {at_s:.2} s")?;
-        match &self.decisive {
-            Some(Decisive {
-                action,
-                from_s,
-                until_s,
-            }) => write!(
+        match (&self.decisive, &self.not_asked) {
+            (Some(decisive), _) => {
+                let (action, from_s, until_s) =
+                    (&decisive.action, decisive.from_s, decisive.until_s);
+                write!(
+                    f,
+                    "; it takes the ado's {action} from {from_s:.2} to {until_s:.2} s"
+                )?;
+            }
+            (None, None) => f.write_str("; no single action of the ado decides it")?,
+            (None, Some(NotAsked::NothingDone)) => {
+                f.write_str("; it takes no action of the ado")?;
+            }
+            (None, Some(reason)) => write!(
                 f,
-                "; it takes the ado's {action} from {from_s:.2} to {until_s:.2} s"
+                "; whether an action of the ado decides it is not known ({reason})"
             )?,
-            None => f.write_str("; no single action of the ado decides it")?,
         }
         let Some(chance) = &self.last_chance else {
             return f.write_str(".");
@@ -256,6 +345,10 @@ impl Display for About {
         lines.extend(self.preventability.as_ref().map(ToString::to_string));
         lines.extend(self.shrunk.as_ref().map(ToString::to_string));
         lines.extend(self.persistence.as_ref().map(ToString::to_string));
+        lines.extend(self.ego_runs.as_ref().map(|runs| match &self.shrunk {
+            Some(_) => format!("minimized and labelled with {runs}"),
+            None => format!("labelled with {runs}"),
+        }));
         lines.extend(self.cluster.map(|size| match size {
             1 => "like no other".to_owned(),
             size => format!("one of {size} that are alike"),

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-use super::about::About;
+use super::about::{About, NotAsked};
 use super::disk::read_text;
 use super::{RunError, trace_of_csv, write_file};
 use crate::ego::Command;
@@ -233,7 +233,20 @@ impl Counterexample {
         if numbers.any(|value| !value.is_finite()) {
             return Err(format("a value in it is not finite".to_owned()));
         }
+        kept.mark_what_was_not_asked();
         Ok(kept)
+    }
+
+    /// Earlier versions asked an ego that is not a stock one nothing, and wrote no
+    /// decisive action for that; later ones count its runs.
+    fn mark_what_was_not_asked(&mut self) {
+        let Some(about) = self.about.as_mut().filter(|about| about.ego_runs.is_none()) else {
+            return;
+        };
+        let why = about.why.as_mut().filter(|why| why.decisive.is_none());
+        if let Some(why) = why.filter(|_| !self.ego_commands.is_empty()) {
+            why.not_asked.get_or_insert(NotAsked::EarlierVersion);
+        }
     }
 
     /// Whether it holds its own hash; earlier versions wrote none.

@@ -43,7 +43,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 pub use about::{
-    About, Decisive, Effort, LastChance, Persistence, Severity, Shrunk, Variation, Why,
+    About, Decisive, Effort, EgoRuns, LastChance, NotAsked, Persistence, Severity, Shrunk,
+    Variation, Why,
 };
 pub use calibration::{Calibration, CalibrationWarning, Ended};
 pub use differences::{Asked, RunDifference};
@@ -60,7 +61,7 @@ pub use named::RunsOnDisk;
 pub use outcome::{Outcomes, StartOutcome, UnknownMark};
 pub use progress::Progress;
 pub use repeated::{Repeated, StartRepeated};
-pub use row::{Anytime, ClosingSpeed, ContactSeverity, FailureKind, Row, Unconfirmed};
+pub use row::{Anytime, ClosingSpeed, ContactSeverity, FailsAlone, FailureKind, Row, Unconfirmed};
 pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
 

@@ -40,6 +40,10 @@ pub struct Row {
     pub starts: usize,
     /// Starts left out because the nominal ego fails without an adversary.
     pub trivial: usize,
+    /// On how many starts this very ego fails without an adversary; `None`: it
+    /// was not asked, or is the nominal one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fails_alone: Option<FailsAlone>,
     /// Starts solved.
     pub successes: usize,
     /// successes / starts; 0 without starts.
@@ -98,6 +102,15 @@ pub struct Row {
     pub unconfirmed: Option<Unconfirmed>,
     /// How each start ended, in order.
     pub solved: Outcomes,
+}
+
+/// Starts on which the ego of a row fails while the ados take the neutral action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FailsAlone {
+    /// Number of them.
+    pub starts: usize,
+    /// Whether those are the starts left out; else the nominal ego's are.
+    pub left_out: bool,
 }
 
 /// Starts on which the ego failed in one way.

@@ -7,7 +7,7 @@ use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{Against, ChangeError, Family, LoadError, Path, Repeats, Scenario, ScenarioError};
 use super::{changed, check, read};
-use crate::ego::{Command, Controller, RecordedCommands};
+use crate::ego::Command;
 use crate::rl::{ConfigError, LearnerConfig};
 use crate::rulebook::Rulebook;
 use crate::scene::World;
@@ -219,10 +219,12 @@ impl Scenario {
     /// They pass the actuator of the present ego. A world that is not driven
     /// stays as it is.
     pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
-        let commands = Arc::clone(commands);
-        let recorded =
-            move || Box::new(RecordedCommands::new(Arc::clone(&commands))) as Box<dyn Controller>;
-        self.with_ego("recorded", Arc::new(recorded))
+        let World::Drive(world) = &self.world else {
+            return self.clone();
+        };
+        let mut spec = world.spec().clone();
+        spec.ego.controller = EgoController::Recorded(Arc::clone(commands));
+        self.remade(spec)
     }
 
     /// The same world, to play an episode of it again: an ego that may answer

@@ -12,7 +12,7 @@ use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::{LearnerConfig, Spaces};
 use crate::rulebook::{Rule, Rulebook};
-use crate::scene::drive::{DriveSpec, EgoController, EgoVariant};
+use crate::scene::drive::{Agent, Drive, DriveSpec, EgoController, EgoVariant};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Availability, Axis, Dynamics, Scene, Start, World};
 use crate::stl::{Formula, Names};
@@ -241,7 +241,7 @@ impl Scenario {
     pub fn program(&self) -> Option<&Process> {
         match &self.drive()?.ego.controller {
             EgoController::Stock(spec) => spec.program(),
-            EgoController::Own { .. } => None,
+            EgoController::Own { .. } | EgoController::Recorded(_) => None,
         }
     }
 
@@ -250,7 +250,37 @@ impl Scenario {
         match &self.drive()?.ego.controller {
             EgoController::Stock(_) => None,
             EgoController::Own { name, .. } => Some(name),
+            EgoController::Recorded(_) => Some("recorded"),
         }
+    }
+
+    /// Whether its starts are points that an ego passes or fails, one by one: a
+    /// table of them, a single start, or starts of a world without an ado.
+    ///
+    /// An ado that acts without a plan makes a world with a single start one to
+    /// search and to train in.
+    pub fn has_points(&self) -> bool {
+        let Some(spec) = self.drive() else {
+            return false;
+        };
+        let is_free = |agent: &Agent| matches!(agent.drive, Drive::Ado { base: None, .. });
+        let planned = spec.agents.iter().filter(|agent| agent.plan().is_some());
+        let acting = spec.action_sets().count();
+        let strays = !spec.agents.iter().any(is_free) && acting <= planned.count();
+        !spec.points.is_empty() || acting == 0 || (spec.axes().is_empty() && strays)
+    }
+
+    /// Whether the world's own ego says nothing of which starts are too hard for
+    /// another: it only coasts, or the starts are a table of points.
+    pub fn judges_each_ego(&self) -> bool {
+        let Some(spec) = self.drive() else {
+            return false;
+        };
+        let coasts = matches!(
+            spec.ego.controller,
+            EgoController::Stock(ControllerSpec::Coast(_))
+        );
+        coasts || !spec.points.is_empty()
     }
 
     /// Every program that the world's file names, with the ego's name.

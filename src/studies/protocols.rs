@@ -7,9 +7,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{EgoUnderTest, SearchRequest, Switches, Watch, search, test_starts};
+use crate::campaign::{EgoUnderTest, PointsRequest, Watch, points};
 use crate::scenario::Scenario;
-use crate::testbench::{Aftermath, Replay, play};
 
 /// Most changes of what is added to a plan.
 const SWITCHES: usize = 2;
@@ -46,61 +45,34 @@ pub fn protocol_row(
     starts: usize,
     watch: &Watch<'_>,
 ) -> Option<ProtocolRow> {
-    let scenario = ego.scenario();
-    let most = match (scenario.starts(), scenario.axes().is_empty()) {
-        (Some(all), _) => all.len(),
-        (None, true) => 1,
-        (None, false) => starts,
+    let request = PointsRequest {
+        ego,
+        starts: (starts, 0),
+        switches: Some(SWITCHES),
     };
-    // A point counts as failed by the very ego that is tested, not by another.
-    let points = test_starts(scenario, 0, most, watch)?;
-    watch.phase(&format!("{name}: {}", ego.name()));
-    let request = SearchRequest {
-        scenario,
-        ego: ego.name(),
-        method: Switches(SWITCHES).into(),
-        budget: 0,
-        starts: &points,
-    };
-    let searched = search(&request, watch);
+    let table = points(&request, watch)?;
     if watch.stopped() {
         return None;
     }
-    let failed = points.trivial.iter().filter(|trivial| **trivial).count();
-    let mut row = ProtocolRow {
+    let varied = table.points.iter().filter_map(|it| it.varied.as_ref());
+    let varied = varied.filter(|varied| varied.fails);
+    let judged = |preventable| {
+        let varied = varied.clone();
+        varied.filter(move |it| it.preventable == preventable)
+    };
+    Some(ProtocolRow {
         world: name.to_owned(),
         ego: ego.name().to_owned(),
-        points: points.starts.len(),
-        passed: points.starts.len() - failed - searched.row.invalid,
-        strayed: 0,
-        preventable: 0,
-        unjudged: 0,
-        worst_closing_mps: None,
-    };
-    let mut bench = scenario.bench();
-    for (found, (start, noise)) in searched.found.iter().zip(&points.starts) {
-        let actions = found.as_ref().and_then(|found| found.actions.as_deref());
-        let Some(actions) = actions else {
-            continue;
-        };
-        let mut ado = Replay::holding(actions);
-        let episode = play(&mut bench, start, *noise, &mut ado, Aftermath::Play);
-        row.strayed += 1;
-        match scenario.preventability(&episode).human_model_avoids() {
-            Some(true) => row.preventable += 1,
-            Some(false) => {}
-            None => row.unjudged += 1,
-        }
-        let closing = episode
-            .contact
-            .as_ref()
-            .map(|contact| contact.closing_speed_mps);
-        row.worst_closing_mps = match (row.worst_closing_mps, closing) {
-            (Some(worst), Some(closing)) => Some(worst.max(closing)),
-            (worst, closing) => worst.or(closing),
-        };
-    }
-    Some(row)
+        points: table.points.len(),
+        passed: table.passed,
+        strayed: varied.clone().count(),
+        preventable: judged(Some(true)).count(),
+        unjudged: judged(None).count(),
+        worst_closing_mps: varied
+            .clone()
+            .filter_map(|varied| varied.closing_mps)
+            .reduce(f64::max),
+    })
 }
 
 /// The worlds' rows as a Markdown table, a column per ego.

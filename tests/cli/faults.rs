@@ -513,6 +513,9 @@ fn an_ego_that_does_not_answer_twice_alike_is_repeated_and_its_crash_kept_for_go
         "{}",
         stderr(&eval)
     );
+    // Nothing is claimed that nobody could ask.
+    assert!(stderr(&eval).contains("not deterministic"));
+    assert!(!stderr(&eval).contains("no single action"));
     // The world's side repeats what the ego commanded, without the ego.
     let recorded = brakecheck(&["replay", &crashes, "--expect", "recorded", "--json"]);
     assert_eq!(code(&recorded), 0, "{}", stderr(&recorded));

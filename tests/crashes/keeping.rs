@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use brakecheck::campaign::{
-    Choice, Form, Keeper, KeptFiles, PERSISTENT, Regressions, Watch, about,
+    Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, Regressions, Watch, about,
 };
 use brakecheck::scenario::Change;
 use brakecheck::testbench::{Episode, Testbench};
@@ -17,8 +17,7 @@ fn kept(dir: &Path, episodes: &[Episode], choice: Choice, form: Form) -> KeptFil
         change: &Change::default(),
         ado: "search",
         seed: 3,
-        choice,
-        form,
+        settings: KeepSettings::new(choice, form),
     };
     let again = |_: &mut Testbench, index: usize| episodes[index].clone();
     let all: Vec<usize> = (0..episodes.len()).collect();

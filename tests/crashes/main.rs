@@ -6,6 +6,7 @@ mod exporting;
 mod found;
 mod keeping;
 mod openx;
+mod own;
 mod severity;
 mod shrinking;
 mod variations;

@@ -8,6 +8,7 @@ use crate::campaign::Watch;
 use crate::campaign::episodes::EpisodeLoop;
 use crate::campaign::error::CampaignError;
 use crate::campaign::eval::Evaluated;
+use crate::campaign::starts::TestStarts;
 use crate::campaign::tries::Tried;
 use crate::run::{ClosingSpeed, StartOutcome, mcnemar};
 use crate::testbench::Testbench;
@@ -124,16 +125,22 @@ impl EvaluationTable<'_> {
         self.found.iter().find(|found| found.ego.name() == ego)
     }
 
+    /// The starts from which an ego was met.
+    fn starts_of<'s>(&'s self, found: &'s Found<'_>) -> &'s TestStarts {
+        found.starts.as_ref().unwrap_or(&self.starts)
+    }
+
     /// Says of every newly failing start whether it was preventable.
     fn label(&self, gate: &mut Gate, found: &Found<'_>, watch: &Watch<'_>) {
         let scenario = found.ego.scenario();
-        let trained = self.asked.trained(found.ego, &found.ado, &self.starts);
+        let starts = self.starts_of(found);
+        let trained = self.asked.trained(found.ego, &found.ado, starts);
         let play = |bench: &mut Testbench, start: usize| match &found.by {
             FoundBy::Tries(Tried { winners, .. }) => {
                 let tries = self.asked.several(trained, &found.ado);
                 tries.play(bench, start, winners[start].unwrap_or(0))
             }
-            FoundBy::Adapted(adapted) => adapted.play(bench, &self.starts, start),
+            FoundBy::Adapted(adapted) => adapted.play(bench, starts, start),
             // On a map of cells nothing is preventable, whoever plays.
             FoundBy::Trained(_) | FoundBy::Optimal(_) => trained.play(bench, start),
         };
@@ -161,24 +168,21 @@ impl EvaluationTable<'_> {
             .iter()
             .filter(|found| found.ego.name() != baseline);
         others
-            .map(|new| match comparable(new, old) {
-                true => Ok(Gate::of(
-                    (new.ego.name(), new.by.evaluated()),
-                    (baseline, old.by.evaluated()),
-                )),
-                false => Err(CampaignError::request(
-                    format!(
-                        "`{}` and `{baseline}` start from different places",
-                        new.ego.name()
-                    ),
-                    "compare egos on the same map",
-                )),
-            })
+            .map(
+                |new| match self.starts_of(new).starts == self.starts_of(old).starts {
+                    true => Ok(Gate::of(
+                        (new.ego.name(), new.by.evaluated()),
+                        (baseline, old.by.evaluated()),
+                    )),
+                    false => Err(CampaignError::request(
+                        format!(
+                            "`{}` and `{baseline}` start from different places",
+                            new.ego.name()
+                        ),
+                        "compare egos on the same map",
+                    )),
+                },
+            )
             .collect()
     }
-}
-
-/// Whether both were met from the table's own starts.
-fn comparable(new: &Found<'_>, old: &Found<'_>) -> bool {
-    new.starts.is_none() && old.starts.is_none()
 }

@@ -19,6 +19,9 @@ impl Regressions {
             true => inside.as_path(),
             false => what,
         };
+        if is_world(what) {
+            return Err(no_world(what));
+        }
         if !dir.exists() {
             return Err(wrong_kind(dir, "kept counterexample or directory of them"));
         }
@@ -83,6 +86,24 @@ impl Regressions {
         let (change, _) = world.changed_by(path)?;
         Ok(self.with_change(change))
     }
+}
+
+/// Whether a shipped world is meant, or a file that holds one.
+fn is_world(what: &Path) -> bool {
+    !what.is_dir() && Scenario::find(what).is_ok()
+}
+
+/// A world is given where something kept is asked for.
+fn no_world(what: &Path) -> CampaignError {
+    let world = what.display();
+    let keep = match Scenario::find(what).is_ok_and(|world| world.has_points()) {
+        true => format!("brakecheck eval {world} --keep kept -- COMMAND"),
+        false => format!("brakecheck search {world} --keep kept"),
+    };
+    CampaignError::request(
+        format!("`{world}` is a world, and no kept counterexample"),
+        format!("keep what fails in it first: `{keep}`; then name the directory `kept`"),
+    )
 }
 
 /// A path is given as one thing and is another.

@@ -28,7 +28,7 @@ impl Kept {
     }
 
     /// Finds out what is to be said of it and writes it again with that, and its
-    /// hash; `episode` must be the one it holds, played in `scenario`.
+    /// hash; `episode` must be the one it holds. The ego of `scenario` is asked.
     ///
     /// Its actions stay as they are; what earlier labels say of shrinking and of
     /// others like it stays, too.
@@ -38,11 +38,20 @@ impl Kept {
     pub fn refine(&self, scenario: &Scenario, episode: &Episode) -> Result<About, KeptError> {
         let before = self.counterexample.about.clone().unwrap_or_default();
         let found = about(scenario, episode);
-        let refined = About {
+        let mut refined = About {
             shrunk: before.shrunk,
             cluster: before.cluster,
             ..found
         };
+        // Without the ego itself, the answers that it gave earlier stay.
+        if scenario.drive().is_some_and(|spec| spec.ego.is_recorded()) {
+            refined.persistence = before.persistence;
+            refined.ego_runs = before.ego_runs;
+            if let (Some(why), Some(was)) = (&mut refined.why, before.why) {
+                why.decisive = was.decisive;
+                why.not_asked = was.not_asked;
+            }
+        }
         let current = Counterexample {
             about: Some(refined.clone()),
             contact: episode.contact.clone(),

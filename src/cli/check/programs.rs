@@ -108,6 +108,7 @@ pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure
             "ok": done.passed(),
             "hello": done.hello,
             "findings": done.findings,
+            "deterministic": done.deterministic,
             "steps_per_s": done.steps_per_s,
             "fault": done.fault,
         })),

@@ -26,6 +26,9 @@ pub struct Exercise {
     pub hello: Option<Hello>,
     /// What was tried, in order; what could not be tried is missing.
     pub findings: Vec<Finding>,
+    /// Whether equal episodes got equal commands, from the same program and from
+    /// one that was started anew; `None`: it did not come to that.
+    pub deterministic: Option<bool>,
     /// Steps per second, answers included.
     pub steps_per_s: Option<f64>,
     /// What ended the exercise before its end.
@@ -65,6 +68,7 @@ pub fn exercise(process: &Process) -> Exercise {
     let mut done = Exercise {
         hello: None,
         findings: Vec::new(),
+        deterministic: None,
         steps_per_s: None,
         fault: None,
     };
@@ -122,6 +126,10 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         false => "one answer to each question, and prints for debugging go to stderr",
     };
     done.find("says nothing that it is not asked", silent, note);
+    let mut anew = process.talk()?;
+    let fresh = episode(&mut anew, (7, &briefing), SAMPLES, timeout, &follow)?;
+    drop(anew);
+    is_deterministic(done, &first, [&again, &fresh]);
     let ended = talk.close(GRACE);
     let note = match ended {
         true => "",
@@ -228,14 +236,19 @@ fn commands_are_plausible(done: &mut Exercise, commands: &[(Command, Duration)])
     done.find("commands what a car can do", odd.is_none(), note);
 }
 
+/// The first sample at which two episodes differ.
+fn differing(first: &[(Command, Duration)], again: &[(Command, Duration)]) -> Option<usize> {
+    let mut pairs = first.iter().zip(again);
+    pairs.position(|((a, _), (b, _))| a != b)
+}
+
 /// An ego that is not repeatable can be tested, but has to be repeated.
 fn is_repeatable(
     done: &mut Exercise,
     first: &[(Command, Duration)],
     again: &[(Command, Duration)],
 ) {
-    let mut pairs = first.iter().zip(again);
-    let note = match pairs.position(|((a, _), (b, _))| a != b) {
+    let note = match differing(first, again) {
         None => "and answers alike when it is given the same seed".to_owned(),
         Some(sample) => format!(
             "but answers differ from sample {sample} on with the same seed: give the world \
@@ -243,4 +256,22 @@ fn is_repeatable(
         ),
     };
     done.find("begins anew when it is reset", true, note);
+}
+
+/// Whether its crashes can be minimized and labelled by running it again.
+fn is_deterministic(
+    done: &mut Exercise,
+    first: &[(Command, Duration)],
+    others: [&[(Command, Duration)]; 2],
+) {
+    let differs = others.map(|other| differing(first, other));
+    let note = match differs {
+        [None, None] => "and commands the same, as it does when it is started anew".to_owned(),
+        [Some(sample), _] => format!("and is not deterministic: diverges from sample {sample} on"),
+        [None, Some(sample)] => {
+            format!("and diverges from sample {sample} on when it is started anew")
+        }
+    };
+    done.deterministic = Some(differs == [None, None]);
+    done.find("runs again with one seed", true, note);
 }

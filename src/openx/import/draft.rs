@@ -114,7 +114,7 @@ pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> V
 fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
     let mut text = format!(
         "// Imported by `brakecheck new --from`.\n\
-         // The ego coasts as the protocol assumes: put yours in its place, or use --ego.\n\
+         // The ego coasts as the protocol assumes: `brakecheck eval` with `--ego` or `-- COMMAND` tests yours.\n\
          Scenario(\n    name: {name:?},\n    question: \"Which points of the protocol does the \
          ego pass?\",\n    source: {source:?},\n"
     );

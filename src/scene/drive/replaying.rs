@@ -14,7 +14,6 @@ use super::road::Road;
 use super::sight;
 use super::spec::EgoController;
 use super::world::DriveWorld;
-use crate::ego::RecordedCommands;
 use crate::ego::reference::LaneBody;
 use crate::scene::{BodySample, Flow, Motion, Scene};
 use crate::sim::{Body, BodyCommand, BodyState, PlantKind};
@@ -24,10 +23,7 @@ impl DriveWorld {
     pub fn for_replay(&self) -> DriveWorld {
         let mut layout = Layout::clone(&self.0);
         Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
-        Arc::make_mut(&mut layout.spec).ego.controller = EgoController::Own {
-            name: "replay".to_owned(),
-            factory: Arc::new(|| Box::new(RecordedCommands::new(Arc::from([])))),
-        };
+        Arc::make_mut(&mut layout.spec).ego.controller = EgoController::Recorded(Arc::from([]));
         DriveWorld(Arc::new(layout))
     }
 

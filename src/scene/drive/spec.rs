@@ -15,7 +15,7 @@ use super::steering::LaneKeeping;
 use super::trained::{TrainedAdo, TrainingWorld};
 use indexmap::IndexMap;
 
-use crate::ego::{Actuated, Controller, ControllerSpec};
+use crate::ego::{Actuated, Command, Controller, ControllerSpec, RecordedCommands};
 use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::sim::{Body, PlantKind};
 use crate::stl::{Constants, Formula, Names};
@@ -56,7 +56,8 @@ pub type ControllerFactory = Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>;
 /// What drives the ego: its controller, and the lag of its actuator.
 pub type EgoDrive = Actuated<EgoController>;
 
-/// The ego's controller: a stock one from the world file, or the user's own.
+/// The ego's controller: a stock one from the world file, the user's own, or the
+/// commands of one that is not there.
 #[derive(Clone)]
 pub enum EgoController {
     /// From the world file.
@@ -68,6 +69,8 @@ pub enum EgoController {
         /// Makes a controller that remembers nothing of others.
         factory: ControllerFactory,
     },
+    /// What a program or a user's own type commanded once, sample by sample.
+    Recorded(Arc<[Command]>),
 }
 
 impl EgoDrive {
@@ -78,7 +81,7 @@ impl EgoDrive {
                 controller: spec.clone(),
                 lag_s: self.lag_s,
             }),
-            EgoController::Own { .. } => None,
+            EgoController::Own { .. } | EgoController::Recorded(_) => None,
         }
     }
 
@@ -86,8 +89,15 @@ impl EgoDrive {
     pub fn is_foreign(&self) -> bool {
         matches!(
             self.controller,
-            EgoController::Own { .. } | EgoController::Stock(ControllerSpec::Process(_))
+            EgoController::Own { .. }
+                | EgoController::Recorded(_)
+                | EgoController::Stock(ControllerSpec::Process(_))
         )
+    }
+
+    /// Whether it only repeats recorded commands, whatever it sees.
+    pub fn is_recorded(&self) -> bool {
+        matches!(self.controller, EgoController::Recorded(_))
     }
 }
 
@@ -97,6 +107,9 @@ impl EgoController {
         match self {
             EgoController::Stock(spec) => spec.build(),
             EgoController::Own { factory, .. } => factory(),
+            EgoController::Recorded(commands) => {
+                Box::new(RecordedCommands::new(Arc::clone(commands)))
+            }
         }
     }
 }
@@ -106,6 +119,7 @@ impl std::fmt::Debug for EgoController {
         match self {
             EgoController::Stock(spec) => spec.fmt(f),
             EgoController::Own { name, .. } => write!(f, "Own({name})"),
+            EgoController::Recorded(commands) => write!(f, "Recorded({})", commands.len()),
         }
     }
 }

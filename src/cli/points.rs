@@ -1,0 +1,182 @@
+//! `brakecheck eval WORLD` where the world has points: which ones an ego passes.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use super::eval::EvalArgs;
+use super::{Exit, Failure, interrupted_early, print_json, table, talk};
+use crate::campaign::{
+    EgoUnderTest, PointOutcome, PointResult, PointsRequest, PointsTable, consent_to, points,
+};
+use crate::scenario::Scenario;
+
+/// What the tables say, below them.
+const EXPLAINED: &str = "
+passed         points at which the ego meets its specification, whoever it is up to then
+failed         points at which it does not; in m/s: the closing speed of its contact
+did not run    points at which the ego or the physics failed: neither passed nor failed
+varied         passed points at which a lawful variation makes the ego fail: an `!` at the point
+preventable    of those, points at which a careful driver in its place would not have failed";
+
+/// Lets every ego meet every point, and shows, keeps and gates what came of it.
+pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
+    let egos = EgoUnderTest::find_or_program(world, &args.ego, &args.program)?;
+    consent_to(&egos)?;
+    let tables = met(args, &egos);
+    if tables.is_empty() {
+        return interrupted_early(&args.common);
+    }
+    show(args, world, &tables)?;
+    if let Some(dir) = args.keep.dir() {
+        keep(args, &tables, dir)?;
+    }
+    if talk::stopped() {
+        talk::say("interrupted: the table covers the points that were finished");
+        return Ok(Exit::Interrupted);
+    }
+    let fails = tables.iter().any(PointsTable::fails);
+    Ok(match fails && args.fail_on_counterexample {
+        true => Exit::Counterexample,
+        false => Exit::Done,
+    })
+}
+
+fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
+    let bar = talk::bar("evaluating");
+    let watch = bar.watch();
+    let mut tables = Vec::new();
+    for ego in egos {
+        watch.phase(&format!("points: {}", ego.name()));
+        let request = PointsRequest {
+            ego,
+            starts: (args.starts, args.seed),
+            switches: args.search,
+        };
+        tables.extend(points(&request, &watch));
+        if watch.stopped() {
+            break;
+        }
+    }
+    tables
+}
+
+fn keep(args: &EvalArgs, tables: &[PointsTable], dir: &Path) -> Result<(), Failure> {
+    let bar = talk::bar("keeping");
+    for table in tables {
+        table.keep(dir, args.keep.settings_of_points(), &bar.watch())?;
+    }
+    Ok(())
+}
+
+fn show(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> Result<(), Failure> {
+    if args.common.json {
+        let rows = tables.iter().flat_map(|table| &table.rows);
+        let rows: Vec<_> = rows.collect();
+        return print_json(&json!({ "rows": rows, "points": tables }));
+    }
+    talk::data(&text(args, world, tables))
+}
+
+fn text(args: &EvalArgs, world: &Scenario, tables: &[PointsTable]) -> String {
+    let points = tables.first().map_or(0, |table| table.points.len());
+    let mut text = format!(
+        "{} on the {:?} plant, {points} points, each played by the ego under test\n{}\n{}{EXPLAINED}",
+        world.name(),
+        world.plant(),
+        by_point(world, tables),
+        in_all(tables),
+    );
+    for table in tables {
+        if let Some(switches) = table.switches {
+            text.push_str(&format!(
+                "\n`{}`: variations with at most {switches} switches of what is added to a plan; \
+                 `--search {}` looks further",
+                table.ego,
+                switches + 1
+            ));
+        }
+        text.push_str(&table::remarks(&table.rows));
+    }
+    if tables.iter().all(|table| table.ego == "nominal") && world.judges_each_ego() {
+        text.push_str(&format!(
+            "\nThat was the world's own ego. Yours: `brakecheck eval {} -- COMMAND`, or `--ego \
+             FILE.ron`",
+            args.run.display()
+        ));
+    }
+    text
+}
+
+/// A line per point, a column per ego.
+fn by_point(world: &Scenario, tables: &[PointsTable]) -> comfy_table::Table {
+    let axes = world.axes();
+    let axes = axes.iter().map(|axis| match axis.unit {
+        "" => axis.name.clone(),
+        unit => format!("{}, {unit}", axis.name),
+    });
+    let egos = tables.iter().map(|table| table.ego.clone());
+    let header: Vec<String> = std::iter::once("point".to_owned())
+        .chain(axes)
+        .chain(egos)
+        .collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let mut all = table::table(&header);
+    let points = tables.first().map(|table| table.points.as_slice());
+    for (nth, point) in points.unwrap_or_default().iter().enumerate() {
+        let values = point.start.values();
+        let values = values.map(|value| format!("{:.3}", value));
+        let outcomes = tables.iter().map(|table| outcome(&table.points[nth]));
+        let cells = std::iter::once(point.point.to_string());
+        all.add_row(cells.chain(values).chain(outcomes));
+    }
+    all
+}
+
+/// How a point went, in few words.
+fn outcome(point: &PointResult) -> String {
+    let failure = point.failure.as_ref();
+    match point.outcome {
+        PointOutcome::Passed => match point.varied.as_ref().is_some_and(|it| it.fails) {
+            true => "passed !".to_owned(),
+            false => "passed".to_owned(),
+        },
+        PointOutcome::Failed => match failure.and_then(|failure| failure.closing_mps) {
+            Some(closing_mps) => format!("failed, {closing_mps:.1} m/s"),
+            None => "failed".to_owned(),
+        },
+        PointOutcome::Invalid => "did not run".to_owned(),
+        PointOutcome::NotReached => "–".to_owned(),
+    }
+}
+
+/// A line per ego.
+fn in_all(tables: &[PointsTable]) -> comfy_table::Table {
+    let mut all = table::table(&[
+        "ego",
+        "passed",
+        "failed",
+        "did not run",
+        "varied",
+        "preventable",
+    ]);
+    for table in tables {
+        let points = table.points.len();
+        let varied = table.points.iter().filter_map(|it| it.varied.as_ref());
+        let preventable = varied.filter(|it| it.preventable == Some(true)).count();
+        let of = |count: usize| format!("{count} of {points}");
+        all.add_row([
+            table.ego.clone(),
+            of(table.passed),
+            of(table.failed),
+            of(table.invalid),
+            table.strayed.map_or("–".to_owned(), |count| {
+                format!("{count} of {}", table.passed)
+            }),
+            table
+                .strayed
+                .map_or("–".to_owned(), |_| preventable.to_string()),
+        ]);
+    }
+    all
+}

@@ -1,0 +1,154 @@
+//! One ego at the points of a world: a page, and JUnit XML with a case per point.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::Example;
+use super::animation;
+use super::examples::example;
+use super::junit::legible;
+use super::page::{head, world};
+use crate::scenario::Scenario;
+
+/// One ego at the points of a world.
+pub struct PointsPage<'a> {
+    /// The world, with the ego.
+    pub scenario: &'a Scenario,
+    /// Name of the ego.
+    pub ego: String,
+    /// How many points are passed, in a sentence.
+    pub summary: String,
+    /// Names of the start's axes.
+    pub axes: Vec<String>,
+    /// Every point.
+    pub points: Vec<PointCase>,
+    /// What fails, the worst first.
+    pub examples: Vec<Example>,
+    /// Commands that make it again.
+    pub commands: Vec<String>,
+}
+
+/// One point on the page and in the JUnit file.
+#[derive(Clone, Debug)]
+pub struct PointCase {
+    /// Its number.
+    pub point: usize,
+    /// Its start, axis by axis.
+    pub start: Vec<String>,
+    /// How it went, in words.
+    pub outcome: String,
+    /// How the ego fails, if it does.
+    pub failure: Option<String>,
+    /// Whether the ego or the physics failed to run.
+    pub invalid: bool,
+    /// Whether it was not reached.
+    pub skipped: bool,
+    /// How a lawful variation makes the ego fail; `Some("")`: none does; `None`:
+    /// none was searched.
+    pub varied: Option<String>,
+}
+
+impl PointsPage<'_> {
+    /// The page as HTML; it needs no network.
+    pub fn html(&self) -> String {
+        let scenario = self.scenario;
+        let all = self.examples.len();
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                (head(&format!("brakecheck: {}", scenario.name), animation::STYLE))
+                body { main {
+                    p class="dim" { "brakecheck report: " (scenario.name) ", ego " (self.ego) }
+                    h1 { (scenario.question) }
+                    @if !scenario.source.is_empty() { p class="dim" { (scenario.source) } }
+                    p class="note" { (self.summary) }
+                    h2 { "Points" }
+                    (self.table())
+                    @if 0 < all { h2 { "Failures, the worst first" } }
+                    @for (nth, chosen) in self.examples.iter().enumerate() { (example(scenario, chosen, (nth, all))) }
+                    (world(scenario))
+                    h2 { "How to make it again" }
+                    pre { @for command in &self.commands { (command) "\n" } }
+                }
+                @if 0 < all { script { (PreEscaped(animation::SCRIPT)) } } }
+            }
+        };
+        page.into_string()
+    }
+
+    fn table(&self) -> Markup {
+        html! {
+            div class="wide" { table class="rows" {
+                thead { tr { th { "point" } @for axis in &self.axes { th class="n" { (axis) } } th { "outcome" } th { "failure" } } }
+                tbody {
+                    @for point in &self.points {
+                        tr {
+                            td data-l="point" { (point.point) }
+                            @for (axis, value) in self.axes.iter().zip(&point.start) { td class="n" data-l=(axis) { (value) } }
+                            td data-l="outcome" { (point.outcome) }
+                            td class="w" data-l="failure" {
+                                @if let Some(failure) = &point.failure { (failure) }
+                                @if let Some(varied) = point.varied.as_ref().filter(|it| !it.is_empty()) { "varied: " (varied) }
+                            }
+                        }
+                    }
+                }
+            } }
+        }
+    }
+
+    /// The points as JUnit XML: a case each, and one more for its variations.
+    pub fn junit(&self) -> String {
+        let count = |which: &dyn Fn(&&PointCase) -> bool| self.points.iter().filter(which).count();
+        let varied = count(&|it| it.varied.is_some());
+        let strays = |it: &&PointCase| it.varied.as_ref().is_some_and(|varied| !varied.is_empty());
+        let failures = count(&|it| it.failure.is_some()) + count(&strays);
+        let errors = count(&|it| it.invalid);
+        let skipped = count(&|it| it.skipped);
+        let tests = self.points.len() + varied;
+        let name = legible(&self.scenario.name);
+        let class = legible(&format!(
+            "{}.{:?}",
+            self.scenario.name,
+            self.scenario.plant()
+        ));
+        let page = html! {
+            (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
+            testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) {
+                testsuite name=(name) tests=(tests) failures=(failures) errors=(errors) skipped=(skipped) {
+                    @for point in &self.points {
+                        testcase classname=(class) name=(legible(&self.case_name(point))) {
+                            @if let Some(failure) = &point.failure {
+                                failure type="counterexample" message="the ego fails at this point" { (legible(failure)) }
+                            }
+                            @if point.invalid {
+                                error type="fault" message="the ego or the physics failed to run" {}
+                            }
+                            @if point.skipped { skipped message="not reached" {} }
+                        }
+                        @if let Some(varied) = &point.varied {
+                            testcase classname=(class) name=(legible(&format!("{}, varied", self.case_name(point)))) {
+                                @if !varied.is_empty() {
+                                    failure type="counterexample" message="a lawful variation makes the ego fail" { (legible(varied)) }
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        };
+        page.into_string()
+    }
+
+    fn case_name(&self, point: &PointCase) -> String {
+        let values = self.axes.iter().zip(&point.start);
+        let values: Vec<String> = values
+            .map(|(axis, value)| format!("{axis} {value}"))
+            .collect();
+        format!(
+            "ego {}, point {:04}: {}",
+            self.ego,
+            point.point,
+            values.join(", ")
+        )
+    }
+}

@@ -1,0 +1,175 @@
+//! Imported scenes: which points a user's program passes, and what becomes of
+//! those it fails.
+
+use serde_json::Value;
+
+use super::{brakecheck, code, json, path, root, scratch, stderr};
+
+/// Brakes for whoever is near, with 3 m/s² at most: too little when it is fast.
+const WEAK: &str = r#"
+import json, sys
+for line in sys.stdin:
+    message = json.loads(line)
+    if "hello" in message:
+        answer = {"hello": {"protocol": 1, "name": "weak"}}
+    elif "reset" in message:
+        answer = {"id": message["id"], "ready": True}
+    elif "step" in message:
+        ahead = [o for o in message["step"]["others"] if 0.0 < o["headway_m"] < 40.0]
+        answer = {"id": message["id"], "accel_mps2": -3.0 if ahead else 0.0}
+    else:
+        break
+    print(json.dumps(answer), flush=True)
+"#;
+
+/// Euro NCAP's car-to-car rear stationary as a world: 25 points, whose own ego
+/// only coasts.
+fn imported(dir: &tempfile::TempDir) -> String {
+    let protocol = "tests/data/openx/osc-ncap/OpenSCENARIO/NCAP/CA-FC_2026";
+    let world = path(dir, "ccrs.ron");
+    let (from, points) = (
+        format!("{protocol}/CCRs.xosc"),
+        format!("{protocol}/Variations/StandardRange/CCRs.xosc"),
+    );
+    let made = brakecheck(&["new", &world, "--from", &from, "--points", &points]);
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let said = String::from_utf8_lossy(&made.stdout).into_owned();
+    assert!(said.contains("brakecheck eval"), "{said}");
+    world
+}
+
+fn with_program<'a>(args: &[&'a str], program: &'a str) -> Vec<&'a str> {
+    [args, &["--", "python3", program]].concat()
+}
+
+fn number(value: &Value) -> u64 {
+    value.as_u64().expect("a number")
+}
+
+#[test]
+fn an_imported_scene_tests_the_program_at_every_point() {
+    let dir = scratch();
+    let world = imported(&dir);
+    let follower = root().join("examples/ego.py").display().to_string();
+    let eval = brakecheck(&with_program(&["eval", &world, "--json"], &follower));
+    assert_eq!(code(&eval), 0, "{}", stderr(&eval));
+    let table = &json(&eval)["points"][0];
+    let points = table["points"].as_array().expect("points");
+    assert_eq!(points.len(), 25);
+    assert!(table["ego"].as_str().expect("its name").contains("ego.py"));
+    let [passed, failed, invalid] = ["passed", "failed", "invalid"].map(|it| number(&table[it]));
+    assert_eq!((passed + failed, invalid), (25, 0));
+    // The world's own ego passes none: it is the program that was asked.
+    assert!(0 < passed, "{table}");
+    let coasting = brakecheck(&["eval", &world, "--json"]);
+    assert_eq!(json(&coasting)["points"][0]["passed"], 0);
+}
+
+#[test]
+fn points_that_fail_are_kept_shown_replayed_exported_reported_and_gated() {
+    let dir = scratch();
+    let world = imported(&dir);
+    let weak = path(&dir, "weak.py");
+    std::fs::write(&weak, WEAK).expect("written");
+    let kept = path(&dir, "kept");
+    let asked = [
+        "eval",
+        &world,
+        "--json",
+        "--keep",
+        &kept,
+        "--fail-on-counterexample",
+    ];
+    let eval = brakecheck(&with_program(&asked, &weak));
+    assert_eq!(code(&eval), 1, "{}", stderr(&eval));
+    let table = json(&eval)["points"][0].clone();
+    let [passed, failed] = ["passed", "failed"].map(|it| number(&table[it]));
+    assert!(0 < passed && 0 < failed && passed + failed == 25, "{table}");
+    let files = std::fs::read_dir(&kept).expect("kept");
+    let files = files.filter_map(Result::ok).map(|it| it.path());
+    let files = files.filter(|it| it.extension().is_some_and(|it| it == "ron"));
+    assert_eq!(files.count() as u64, failed);
+
+    let recorded = brakecheck(&["replay", &kept, "--expect", "recorded"]);
+    assert_eq!(code(&recorded), 0, "{}", stderr(&recorded));
+    let live = brakecheck(&with_program(&["replay", &kept, "--json"], &weak));
+    assert_eq!(code(&live), 1, "{}", stderr(&live));
+    assert_eq!(json(&live)["in_all"]["still_fail"], failed);
+    let picture = path(&dir, "crash.svg");
+    let view = brakecheck(&["view", &kept, "-o", &picture]);
+    assert_eq!(code(&view), 0, "{}", stderr(&view));
+    let scenarios = path(&dir, "scenarios");
+    let export = brakecheck(&["export", &kept, "-o", &scenarios]);
+    assert_eq!(code(&export), 0, "{}", stderr(&export));
+
+    let page = path(&dir, "page.html");
+    let report = brakecheck(&with_program(&["report", &world, "-o", &page], &weak));
+    assert_eq!(code(&report), 0, "{}", stderr(&report));
+    let junit = std::fs::read_to_string(path(&dir, "page.junit.xml")).expect("JUnit");
+    assert_eq!(junit.matches("<testcase").count(), 25);
+    assert_eq!(junit.matches("<failure").count() as u64, failed);
+    assert!(
+        std::fs::read_to_string(&page)
+            .expect("the page")
+            .contains("25 points")
+    );
+
+    // A search leaves out what the program itself fails, and says how much.
+    let search = brakecheck(&with_program(&["search", &world, "--json"], &weak));
+    assert_eq!(code(&search), 0, "{}", stderr(&search));
+    let row = &json(&search)["rows"][0];
+    assert_eq!(
+        (number(&row["starts"]), number(&row["trivial"])),
+        (passed, failed)
+    );
+    assert_eq!(row["fails_alone"]["starts"], failed);
+}
+
+#[test]
+fn a_world_where_something_kept_is_asked_for_is_refused_with_the_way_there() {
+    let dir = scratch();
+    let world = imported(&dir);
+    let asked: [&[&str]; 4] = [
+        &["view", &world],
+        &["replay", &world],
+        &["export", &world, "-o", "scenarios"],
+        &["view", "acc"],
+    ];
+    for args in asked {
+        let output = brakecheck(args);
+        assert_eq!(code(&output), 2, "{args:?}");
+        let said = stderr(&output);
+        assert!(
+            said.contains("is a world") && said.contains("--keep kept"),
+            "{said}"
+        );
+    }
+    let report = brakecheck(&["report", "worlds/acc.ron"]);
+    assert_eq!(code(&report), 2);
+    assert!(stderr(&report).contains("brakecheck train worlds/acc.ron"));
+}
+
+/// One program in an ordinary world: the nominal ego says what is left out, and
+/// on how many starts the program itself fails stands beside it.
+#[test]
+fn both_counts_of_starts_that_fail_alone_are_printed() {
+    let dir = scratch();
+    let weak = path(&dir, "weak.py");
+    std::fs::write(&weak, WEAK).expect("written");
+    let asked = [
+        "search",
+        "acc",
+        "--plant",
+        "kinematic",
+        "--starts",
+        "12",
+        "--switches",
+        "0",
+    ];
+    let search = brakecheck(&with_program(&asked, &weak));
+    assert_eq!(code(&search), 0, "{}", stderr(&search));
+    let said = String::from_utf8_lossy(&search.stdout).into_owned();
+    let opening = said.lines().next().expect("an opening");
+    assert!(opening.contains("fails without an adversary"), "{opening}");
+    assert!(opening.contains("weak.py` itself: "), "{opening}");
+}

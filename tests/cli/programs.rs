@@ -1,0 +1,144 @@
+//! Crashes of programs: minimized, labelled and persistent, as those of stock
+//! egos are.
+
+use brakecheck::campaign::Regressions;
+use brakecheck::run::{About, NotAsked};
+
+use super::{brakecheck, code, path, scratch, stderr};
+
+/// Follows at 1.2 s, but within 12 m it hardly brakes: a bug.
+const BLIND: &str = r#"
+import json, sys
+def follow(step):
+    own = step["own"]
+    ahead = [o for o in step["others"] if o["headway_m"] > 0.0 and abs(o["lateral_m"]) < 2.0]
+    if not ahead:
+        return 0.0
+    lead = min(ahead, key=lambda o: o["headway_m"])
+    wish = lead["length_m"] + 2.0 + 1.2 * own["speed_mps"]
+    accel = 0.25 * (lead["headway_m"] - wish) + lead["speed_mps"] - own["speed_mps"]
+    if lead["headway_m"] - lead["length_m"] < 12.0:
+        accel = max(accel, -1.0)
+    return max(-7.0, min(2.0, accel))
+for line in sys.stdin:
+    message = json.loads(line)
+    if "hello" in message:
+        answer = {"hello": {"protocol": 1, "name": "blind"}}
+    elif "reset" in message:
+        answer = {"id": message["id"], "ready": True}
+    elif "step" in message:
+        answer = {"id": message["id"], "accel_mps2": follow(message["step"])}
+    else:
+        break
+    print(json.dumps(answer), flush=True)
+"#;
+
+/// Keeps what a random search finds against the program; what was said.
+fn kept(dir: &tempfile::TempDir, name: &str, more: &[&str]) -> (Vec<About>, String) {
+    let program = path(dir, "blind.py");
+    std::fs::write(&program, BLIND).expect("written");
+    let directory = path(dir, name);
+    let asked = [
+        "search",
+        "acc",
+        "--plant",
+        "kinematic",
+        "--method",
+        "hold",
+        "--budget",
+        "20",
+        "--starts",
+        "8",
+        "--seed",
+        "2",
+        "--keep",
+        &directory,
+        "--keep-most",
+        "2",
+    ];
+    let args = [&asked, more, &["--", "python3", &program]].concat();
+    let search = brakecheck(&args);
+    assert_eq!(code(&search), 0, "{}", stderr(&search));
+    let read = Regressions::load(&directory).expect("kept files");
+    read.reproduce().unwrap_or_else(|error| panic!("{error}"));
+    let files = read.kept().iter();
+    let about = files.map(|it| it.counterexample.about.clone().expect("labelled"));
+    (about.collect(), stderr(&search))
+}
+
+#[test]
+fn the_crash_of_a_program_is_minimized_labelled_and_persistent() {
+    let dir = scratch();
+    let (all, said) = kept(&dir, "kept", &[]);
+    assert!(said.contains("minimized and labelled with"), "{said}");
+    assert!(!all.is_empty());
+    for about in &all {
+        let shrunk = about.shrunk.expect("asked");
+        assert!(!shrunk.before.is_less_than(&shrunk.after));
+        assert!(about.persistence.as_ref().expect("varied").variations.len() == 11);
+        let why = about.why.as_ref().expect("explained");
+        assert_eq!(why.not_asked, None);
+        assert!(why.last_chance.is_some());
+        let runs = about.ego_runs.as_ref().expect("counted");
+        // One to compare, eleven variations, and whatever else was asked.
+        assert!(13 < runs.runs && runs.runs <= 300, "{runs}");
+        assert_eq!(runs.ended, None);
+    }
+    assert!(
+        all.iter()
+            .any(|it| it.why.as_ref().is_some_and(|why| why.decisive.is_some()))
+    );
+    let smaller = |it: &About| {
+        it.shrunk
+            .is_some_and(|it| it.after.is_less_than(&it.before))
+    };
+    assert!(all.iter().any(smaller), "nothing was made smaller");
+}
+
+#[test]
+fn the_limit_of_runs_holds_and_is_said() {
+    let dir = scratch();
+    let (all, said) = kept(&dir, "kept", &["--keep-runs", "16"]);
+    assert!(said.contains("the limit of 16 runs"), "{said}");
+    for about in &all {
+        let runs = about.ego_runs.as_ref().expect("counted");
+        assert!(runs.runs <= 16, "{runs}");
+        assert_eq!(runs.ended, Some(NotAsked::RunLimit { runs: 16 }));
+        assert!(about.persistence.is_some(), "variations come first");
+    }
+}
+
+/// Files of earlier versions do not say that no action decides it: nobody asked.
+#[test]
+fn files_of_programs_that_were_never_asked_do_not_claim_an_answer() {
+    let dir = scratch();
+    kept(&dir, "kept", &["--keep-runs", "0"]);
+    let read = Regressions::load(path(&dir, "kept")).expect("kept files");
+    for (file, episode) in read
+        .kept()
+        .iter()
+        .zip(read.replay_recorded().expect("replayed"))
+    {
+        let unasked = file.counterexample.about.as_ref().expect("labelled");
+        assert!(unasked.persistence.is_none() && unasked.shrunk.is_none());
+        assert!(
+            !unasked.to_string().contains("no single action"),
+            "{unasked}"
+        );
+        let mut old = file.counterexample.clone();
+        let about = old.about.as_mut().expect("labelled");
+        about.ego_runs = None;
+        about.why.as_mut().expect("explained").not_asked = None;
+        old.save(&file.path, &episode.episode.trace)
+            .expect("written");
+    }
+    for file in Regressions::load(path(&dir, "kept"))
+        .expect("kept files")
+        .kept()
+    {
+        let about = file.counterexample.about.as_ref().expect("labelled");
+        let why = about.why.as_ref().expect("explained");
+        assert_eq!(why.not_asked, Some(NotAsked::EarlierVersion));
+        assert!(!why.to_string().contains("no single action"), "{why}");
+    }
+}
