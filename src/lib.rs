@@ -54,6 +54,7 @@ mod studies;
 pub mod testbench;
 #[cfg(feature = "rerun")]
 pub mod view;
+mod visible;
 
 #[doc(inline)]
 pub use brakecheck_stl as stl;

@@ -12,6 +12,8 @@ mod faults;
 mod first;
 #[path = "cli/gate.rs"]
 mod gate;
+#[path = "cli/hostile.rs"]
+mod hostile;
 #[path = "cli/learned.rs"]
 mod learned;
 #[path = "cli/picture.rs"]

@@ -43,7 +43,8 @@ impl Told {
     fn hear(&self, remark: Remark<'_>) {
         let mut words = self.words.lock().unwrap_or_else(PoisonError::into_inner);
         match remark {
-            Remark::Phase(phase) => words.0 = phase.to_owned(),
+            Remark::Phase { what, .. } => words.0 = what.to_owned(),
+            Remark::Detail(_) => {}
             Remark::Line(line) => words.1.push(line.to_owned()),
         }
     }
@@ -83,10 +84,9 @@ impl Running {
             };
             let remarks = |remark: Remark<'_>| hearer.hear(remark);
             let watch = Watch {
-                progress: &progress,
                 remarks: &remarks,
-                stop,
                 faults: log,
+                ..Watch::new(&progress, stop)
             };
             let pool = ThreadPoolBuilder::new().num_threads(jobs);
             let result = pool.build_scoped(

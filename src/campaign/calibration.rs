@@ -64,7 +64,9 @@ impl<'a> Calibrator<'a> {
             if 0 < i && !calibrator.solved.contains(&true) {
                 calibrator.switches = 2;
             }
-            let found = scout.search(part, calibrator.switches, each.max(20), watch);
+            let progress = (calibrator.solved.len(), indices.len());
+            let asked = (calibrator.switches, each.max(20));
+            let found = scout.search(part, asked, progress, watch);
             if watch.stopped() {
                 return None;
             }
@@ -81,9 +83,8 @@ impl<'a> Calibrator<'a> {
 
     /// What an ado does on them; `None`: stopped.
     pub fn of(&mut self, policy: &dyn Policy, watch: &Watch<'_>) -> Option<Calibration> {
-        let quiet = watch.quiet();
-        let all = EpisodeLoop::uncounted(&quiet);
         let indices: Vec<u64> = (0..self.solved.len() as u64).collect();
+        let all = EpisodeLoop::counted(watch, indices.len());
         let gym = || TrainingGym::new(self.scenario, Purpose::Calibration, self.seed);
         let played = all.run(&indices, gym, |gym, &index, turn| {
             let before = gym.inner().spent().physics_steps;

@@ -48,9 +48,16 @@ impl<'a> EpisodeLoop<'a> {
 
     /// Counts the items of all its runs together, of `total`.
     pub fn counted(watch: &'a Watch<'a>, total: usize) -> EpisodeLoop<'a> {
+        EpisodeLoop::counted_from(watch, 0, total)
+    }
+
+    /// The same where some items are done already.
+    pub fn counted_from(watch: &'a Watch<'a>, done: usize, total: usize) -> EpisodeLoop<'a> {
+        (watch.progress)(done as u64, total as u64);
         EpisodeLoop {
+            watch,
+            done: AtomicU64::new(done as u64),
             total: Some(total as u64),
-            ..EpisodeLoop::uncounted(watch)
         }
     }
 
@@ -66,12 +73,14 @@ impl<'a> EpisodeLoop<'a> {
         work: impl Fn(&mut W, &I, &Turn) -> Option<R> + Sync + Send,
     ) -> Vec<Option<R>> {
         let one = |kept: &mut W, (index, item): (usize, &I)| {
-            self.tick();
             if self.watch.stopped() {
                 return None;
             }
             let clock = ThreadTime::now();
-            work(kept, item, &Turn { index, clock })
+            let done = work(kept, item, &Turn { index, clock });
+            // Not before: what is under way is not done.
+            self.tick();
+            done
         };
         let items = items.par_iter().enumerate();
         items.map_init(worker, one).collect()
@@ -79,7 +88,8 @@ impl<'a> EpisodeLoop<'a> {
 
     fn tick(&self) {
         if let Some(total) = self.total {
-            (self.watch.progress)(self.done.fetch_add(1, Ordering::Relaxed), total);
+            let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+            (self.watch.progress)(done, total);
         }
     }
 }
@@ -114,7 +124,8 @@ mod tests {
             let want = items.iter().map(|i| (i % 2 == 1).then_some(10 * i));
             assert!(found.into_iter().eq(want));
         }
-        assert_eq!(told.lock().expect("unpoisoned").len(), 200);
+        // None at first, then each.
+        assert_eq!(told.lock().expect("unpoisoned").len(), 201);
     }
 
     #[test]

@@ -8,9 +8,13 @@ use crate::rl::ConfigError;
 use crate::run::{KeptError, RunError};
 use crate::scenario::LoadError;
 use crate::testbench::Complaint;
+use crate::visible::command_line;
 
 /// A campaign could not be carried out.
-#[derive(Debug, thiserror::Error)]
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
 pub enum CampaignError {
     /// What was asked for does not fit the world, the run or itself.
     #[error("{what}")]
@@ -21,7 +25,10 @@ pub enum CampaignError {
         help: String,
     },
     /// A file names a program, and nobody said that it may be started.
-    #[error("{who} is the program `{}`: nothing was started", command.join(" "))]
+    #[error(
+        "{who} is a program that a file names, and nothing was started:\n{}",
+        command_line(command)
+    )]
     NotAllowed {
         /// Whose program it is.
         who: String,

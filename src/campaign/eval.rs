@@ -216,6 +216,11 @@ pub(super) fn note_row(watch: &Watch<'_>, row: &Row) {
 
 /// Plays every start once and counts.
 pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
+    watch.phase(&format!(
+        "evaluating {}, {}",
+        request.ego,
+        request.ado.word()
+    ));
     let bench = || request.scenario.bench();
     let played = request.starts.each(watch, bench, |bench, _, turn| {
         let attempt = request.repeat(bench, turn.index);

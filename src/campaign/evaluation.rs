@@ -109,9 +109,8 @@ impl<'a> Evaluation<'a> {
             asked: self,
             found: Vec::new(),
         };
-        for ego in self.egos {
-            watch.phase(&format!("evaluating: {}", ego.name()));
-            let met = table.meet(ego, &baselines, watch);
+        for (nth, ego) in self.egos.iter().enumerate() {
+            let met = table.meet(ego, &baselines, &watch.later(nth));
             table.failure = met.err();
             if watch.stopped() || table.failure.is_some() {
                 break;

@@ -96,6 +96,7 @@ impl Actor for Zones {
 /// observes nothing.
 pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Option<Heuristic> {
     let clock = ThreadTime::now();
+    watch.phase("tuning the heuristic (generations)");
     let (values, mut cost) = usual_values(scenario, seed, watch);
     if values.iter().any(Vec::is_empty) || values.is_empty() {
         return None;

@@ -281,7 +281,8 @@ impl<'a> Keeper<'a> {
                 badness: badness(&episode),
             })
         };
-        let played = EpisodeLoop::uncounted(watch).run(
+        watch.phase(&format!("playing counterexamples of {} again", self.ego));
+        let played = EpisodeLoop::counted(watch, starts.len()).run(
             starts,
             || self.scenario.bench(),
             |bench, index, _| candidate(bench, *index),
@@ -306,6 +307,10 @@ impl<'a> Keeper<'a> {
         queue.truncate(LOOKS.saturating_mul(most));
         let mut queue = queue.into_iter();
         let (mut chosen, mut looked) = (Vec::new(), 0);
+        watch.phase(match self.settings.form {
+            Form::Shrunk => "minimizing and labelling counterexamples",
+            Form::AsFound => "labelling counterexamples",
+        });
         while chosen.len() < most && !watch.stopped() {
             let batch: Vec<_> = queue.by_ref().take(most - chosen.len()).collect();
             if batch.is_empty() {

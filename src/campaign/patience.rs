@@ -70,18 +70,19 @@ impl<'a> Patience<'a> {
         self.asked < self.longest
     }
 
-    /// Lets a training begin anew that is stuck, once, with what it has seen.
-    pub fn look(&mut self, learner: &mut dyn Learner) {
+    /// Lets a training begin anew that is stuck, once, with what it has seen;
+    /// whether that was looked at.
+    pub fn look(&mut self, learner: &mut dyn Learner) -> bool {
         let (before, now) = (self.looked, learner.decisions());
         self.looked = now;
         let look = self.first_look();
         if !self.adapts() || look <= before || now < look || learner.finished() {
-            return;
+            return false;
         }
         let Some(calibration) = self.calibrate(&*learner) else {
             // Stopped: whoever goes on looks again.
             self.looked = before;
-            return;
+            return true;
         };
         if calibration.recall().is_some_and(|recall| recall < STUCK) {
             learner.renew();
@@ -91,6 +92,7 @@ impl<'a> Patience<'a> {
                 calibration.both, calibration.searched,
             ));
         }
+        true
     }
 
     /// Whether a training that has taken its decisions is over, or stopped while
@@ -133,9 +135,8 @@ impl<'a> Patience<'a> {
             self.calibrator = Calibrator::new(self.scenario, self.seed, self.watch);
         }
         let calibrator = self.calibrator.as_mut()?;
-        let calibration = calibrator.of(&*learner.policy(), self.watch);
-        self.watch.phase("training (decisions)");
-        calibration
+        self.watch.phase("playing calibration starts");
+        calibrator.of(&*learner.policy(), self.watch)
     }
 
     /// What calibrating took so far.

@@ -18,6 +18,7 @@ use crate::run::{About, Counterexample, KeptError, RunError, StartRepeated};
 use crate::scenario::{Change, ChangeError, Repeats, Scenario};
 use crate::scene::drive::ControllerFactory;
 use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
+use crate::visible::command_line;
 
 /// What came of replaying one.
 #[derive(Clone)]
@@ -162,7 +163,10 @@ enum EgoUnderTest {
 }
 
 /// A regression test failed, or could not be run.
-#[derive(Debug, thiserror::Error)]
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
 pub enum RegressionError {
     /// A file is not usable.
     #[error(transparent)]
@@ -199,7 +203,7 @@ pub enum RegressionError {
         total: usize,
     },
     /// A file names a program, and nobody consented to start it.
-    #[error("`{path}` names the program `{}` as the ego: nothing was started", .command.join(" "))]
+    #[error("`{path}` names a program as the ego, and nothing was started:\n{}", command_line(.command))]
     NotAllowed {
         /// Where the kept counterexample lies.
         path: PathBuf,

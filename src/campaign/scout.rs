@@ -79,15 +79,16 @@ impl<'a> Scout<'a> {
     /// most so many switches, each start with at most so many simulations.
     ///
     /// What could not be tried is left out; `None` only where `watch` stopped it.
+    /// Progress counts on from `done` of `total` starts.
     pub fn search(
         &self,
         indices: &[u64],
-        switches: usize,
-        simulations: u64,
+        (switches, simulations): (usize, u64),
+        (done, total): (usize, usize),
         watch: &Watch<'_>,
     ) -> Vec<Option<Scouted>> {
+        let all = EpisodeLoop::counted_from(watch, done, total);
         let watch = watch.quiet();
-        let all = EpisodeLoop::uncounted(&watch);
         let worker = || self.worker(&watch);
         all.run(indices, worker, |worker, &index, turn| {
             let mut scouted = worker.search(index, switches, simulations)?;

@@ -130,8 +130,8 @@ impl SearchCampaign<'_> {
             return Ok(None);
         };
         let (mut rows, mut evens, mut all) = (Vec::new(), Vec::new(), Vec::new());
-        for ego in self.egos {
-            watch.phase(&format!("searching: {}", ego.name()));
+        for (nth, ego) in self.egos.iter().enumerate() {
+            let watch = &watch.later(nth);
             let Some((own, alone)) = starts.for_ego(self.world, ego, watch) else {
                 break;
             };

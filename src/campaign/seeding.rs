@@ -60,7 +60,8 @@ pub(super) fn seed_training(
             switches = 2;
         }
         let each = ((most - spent) / CHUNK as u64).max(1);
-        let found = scout.search(chunk, switches, each, watch);
+        let progress = (tried, indices.len());
+        let found = scout.search(chunk, (switches, each), progress, watch);
         if watch.stopped() {
             return None;
         }

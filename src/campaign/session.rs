@@ -9,7 +9,7 @@ use super::error::CampaignError;
 use super::eval::{Ado, Evaluated, eval};
 use super::keep::keep;
 use super::starts::{TestStarts, test_starts};
-use super::train::{TrainError, TrainingOutcome, train};
+use super::train::{TrainError, TrainingOutcome, steps, train};
 use super::watch::Watch;
 use crate::rl::{LearnerConfig, Policy};
 use crate::run::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
@@ -157,7 +157,9 @@ impl TrainSession {
     /// # Errors
     /// The disk refuses, or the ego keeps failing to run.
     pub fn train(&mut self, watch: &Watch<'_>) -> Result<TrainingOutcome, CampaignError> {
-        Ok(train(self.ego.scenario(), &mut self.run, watch)?)
+        let scenario = self.ego.scenario();
+        let watch = watch.first_of(steps(scenario));
+        Ok(train(scenario, &mut self.run, &watch)?)
     }
 
     /// The trained ado beside the baselines, on the first test starts. `None`:
@@ -171,6 +173,8 @@ impl TrainSession {
         watch: &Watch<'_>,
     ) -> Result<Option<Closing>, CampaignError> {
         let policy = self.policy()?;
+        let steps = steps(self.ego.scenario());
+        let watch = &watch.first_of(steps).later(steps - 1);
         let Some(starts) = test_starts(&self.run.world()?, 0, starts, watch) else {
             return Ok(None);
         };

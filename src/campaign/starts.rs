@@ -111,7 +111,8 @@ impl TestStarts {
                 let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
                 Some(episode.verdict.is_success())
             };
-        let all = EpisodeLoop::uncounted(watch);
+        watch.phase("playing starts without an adversary");
+        let all = EpisodeLoop::counted(watch, starts.len());
         let trivial = all.run(&starts, || scenario.bench(), fails_by_itself);
         if watch.stopped() {
             return None;

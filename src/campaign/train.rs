@@ -28,8 +28,17 @@ pub struct TrainingOutcome {
     pub aborted: u64,
 }
 
+/// The steps of a training with its closing evaluation, one of which is a search
+/// where the learner wants demonstrations.
+pub(super) fn steps(scenario: &Scenario) -> usize {
+    3 + usize::from(scenario.learner.seeding().is_some())
+}
+
 /// Training could not go on.
-#[derive(Debug, thiserror::Error)]
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
 pub enum TrainError {
     /// The run directory.
     #[error(transparent)]
@@ -77,6 +86,8 @@ pub fn train(
     let mut physics_steps = run.manifest().physics_steps;
     let mut spent_s = run.manifest().cpu_s;
     let mut own = OwnTime::begin();
+    let searching = usize::from(scenario.learner.seeding().is_some());
+    let (learning, judging) = (watch.later(searching), watch.later(searching + 1));
     if run.manifest().checkpoint.is_none()
         && let Some(seeding) = scenario.learner.seeding()
     {
@@ -88,7 +99,6 @@ pub fn train(
             spent_s += seeded.cpu_s;
             physics_steps += seeded.sought.physics_steps + gym.inner().spent().physics_steps;
         }
-        watch.phase("training (decisions)");
     }
     gym.inner().count_from(Spent {
         decisions: learner.decisions(),
@@ -104,15 +114,17 @@ pub fn train(
         window: run.manifest().window,
         ..Ledger::default()
     };
-    let mut patience = Patience::new(scenario, run.manifest(), seed, watch);
+    let mut patience = Patience::new(scenario, run.manifest(), seed, &judging);
     loop {
+        learning.phase("training (decisions)");
+        (watch.progress)(learner.decisions(), learner.tally().asked);
         while !learner.finished() && !watch.stopped() {
             let until = (learner.decisions() / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
             let until = patience.next_look(learner.decisions()).min(until);
             let total = learner.tally().asked;
             learner.train(&mut gym, &mut |progress| {
                 if let Some(share) = ledger.note(progress) {
-                    watch.phase(&format!("training, solves {:.0} %", 100.0 * share));
+                    learning.detail(&format!("solves {:.0} %", 100.0 * share));
                 }
                 (watch.progress)(progress.decisions.min(total), total);
                 let pause = until <= progress.decisions || watch.stopped();
@@ -125,7 +137,10 @@ pub fn train(
             if stores {
                 run.append_counterexamples(&gym.inner().take_successes())?;
             }
-            own.aside(|| patience.look(&mut *learner));
+            if own.aside(|| patience.look(&mut *learner)) {
+                learning.phase("training (decisions)");
+                (watch.progress)(learner.decisions(), learner.tally().asked);
+            }
             if !learner.finished() {
                 let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
                 let spent = gym.inner().spent();

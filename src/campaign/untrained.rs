@@ -38,11 +38,11 @@ pub fn untrained(
         return Ok(None);
     };
     let mut all = Untrained::default();
-    for ego in egos {
+    for (nth, ego) in egos.iter().enumerate() {
         if watch.stopped() {
             break;
         }
-        watch.phase(ego.name());
+        let watch = &watch.later(nth);
         let Some((starts, alone)) = starts.for_ego(nominal, ego, watch) else {
             break;
         };

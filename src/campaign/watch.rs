@@ -8,10 +8,34 @@ use crate::testbench::{Actor, Aftermath, Episode, FaultLog, Testbench, play};
 /// What a campaign says on its way, for people; no result depends on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Remark<'a> {
-    /// What is done now.
-    Phase(&'a str),
+    /// What is done now; counts begin anew.
+    Phase {
+        /// What it is.
+        what: &'a str,
+        /// Which step of the command it is, and of how many, if that is known.
+        step: Option<(usize, usize)>,
+    },
+    /// What is known of the present phase; counts go on.
+    Detail(&'a str),
     /// Something that is worth a line.
     Line(&'a str),
+}
+
+/// Where in a command some work is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// Nobody counted the steps.
+    #[default]
+    Unnumbered,
+    /// One of the steps, counted from 1.
+    Step {
+        /// Which.
+        at: usize,
+        /// Of how many.
+        of: usize,
+    },
+    /// Inside of other work, which alone says what is done.
+    Inside,
 }
 
 /// How a campaign reports and is asked to stop; it never changes a result.
@@ -24,6 +48,8 @@ pub struct Watch<'a> {
     pub stop: &'a AtomicBool,
     /// Is told of every episode, and gives up on an ego that does not run.
     pub faults: FaultLog,
+    /// Which step of a command is watched.
+    pub place: Place,
 }
 
 impl<'a> Watch<'a> {
@@ -34,6 +60,7 @@ impl<'a> Watch<'a> {
             remarks: &|_| {},
             stop,
             faults: FaultLog::default(),
+            place: Place::Unnumbered,
         }
     }
 
@@ -43,11 +70,39 @@ impl<'a> Watch<'a> {
         Watch::new(&|_, _| {}, &GO_ON)
     }
 
-    /// The same without progress: for work that is part of some other.
+    /// The same without phases and progress: for work that is part of some other.
     pub fn quiet(&self) -> Watch<'a> {
         Watch {
             progress: &|_, _| {},
+            ..self.at(Place::Inside)
+        }
+    }
+
+    /// The same for the first of so many steps.
+    pub fn first_of(&self, of: usize) -> Watch<'a> {
+        self.at(Place::Step { at: 1, of })
+    }
+
+    /// The same for a step so many behind this one; unnumbered if this one is.
+    pub fn later(&self, by: usize) -> Watch<'a> {
+        self.at(match self.place {
+            Place::Step { at, of } => Place::Step { at: at + by, of },
+            other => other,
+        })
+    }
+
+    /// The same for steps that nobody counted.
+    pub fn unnumbered(&self) -> Watch<'a> {
+        self.at(match self.place {
+            Place::Step { .. } => Place::Unnumbered,
+            other => other,
+        })
+    }
+
+    fn at(&self, place: Place) -> Watch<'a> {
+        Watch {
             faults: self.faults.clone(),
+            place,
             ..*self
         }
     }
@@ -63,9 +118,21 @@ impl<'a> Watch<'a> {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Says what is done now.
+    /// Says what is done now; what is counted then begins anew.
     pub fn phase(&self, what: &str) {
-        (self.remarks)(Remark::Phase(what));
+        let step = match self.place {
+            Place::Inside => return,
+            Place::Unnumbered => None,
+            Place::Step { at, of } => Some((at, of)),
+        };
+        (self.remarks)(Remark::Phase { what, step });
+    }
+
+    /// Says what is known of the present phase.
+    pub fn detail(&self, what: &str) {
+        if self.place != Place::Inside {
+            (self.remarks)(Remark::Detail(what));
+        }
     }
 
     /// Says something that is worth a line.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use serde_json::json;
 
-use super::{Common, Exit, Failure, examples, finished, print_json, table_of, talk};
+use super::{Common, Exit, Failure, examples, finished, print_json, progress, table_of, talk};
 use crate::pieces::{
     COLUMNS, GateVerdict, Merged, PIECE_S, PieceDone, Plan, PlanCost, PlanDir, SummaryRow,
 };
@@ -111,7 +111,7 @@ pub(super) fn run(args: &CampaignArgs) -> Result<Exit, Failure> {
 }
 
 fn plan(args: &PlanArgs) -> Result<Exit, Failure> {
-    let bar = talk::bar("pilot");
+    let bar = progress::bar("pilot");
     let allowed = args.common.allow_programs;
     let cut = Plan::make(&args.file, args.piece_s, allowed, &bar.watch())?;
     drop(bar);
@@ -174,7 +174,7 @@ fn in_words(cost: &PlanCost) -> String {
 
 fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
     let dir = opened(&args.dir, &args.common)?;
-    let bar = talk::bar("playing");
+    let bar = progress::bar("campaign");
     let done = dir.run_piece(number, &bar.watch())?;
     drop(bar);
     let word = match done {
@@ -191,7 +191,7 @@ fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
 
 fn all(args: &RunArgs) -> Result<Exit, Failure> {
     let dir = opened(&args.dir, &args.common)?;
-    let bar = talk::bar("playing");
+    let bar = progress::bar("campaign");
     let ran = dir.run(&bar.watch())?;
     drop(bar);
     let (done, all) = (ran.done, ran.all);
@@ -231,7 +231,7 @@ fn opened(dir: &std::path::Path, common: &Common) -> Result<PlanDir, Failure> {
 
 fn merge(args: &MergeArgs) -> Result<Exit, Failure> {
     let dir = opened(&args.dir, &args.common)?;
-    let bar = talk::bar("merging");
+    let bar = progress::bar("merging");
     let merged = dir.merge(&args.with, &bar.watch());
     drop(bar);
     if talk::stopped() {

@@ -134,6 +134,7 @@ fn untimed(path: &Path, bytes: Vec<u8>) -> Vec<u8> {
     let mut kept = String::new();
     for line in text.lines() {
         let line = times(line).unwrap_or_else(|| line.to_owned());
+        let line = unsealed(&line);
         let mut parts = line.split("cpu_s\":");
         kept.push_str(parts.next().unwrap_or_default());
         for part in parts {
@@ -143,6 +144,15 @@ fn untimed(path: &Path, bytes: Vec<u8>) -> Vec<u8> {
         kept.push('\n');
     }
     kept.into_bytes()
+}
+
+/// A line without the seal of a file that holds times.
+fn unsealed(line: &str) -> String {
+    let Some((before, seal)) = line.split_once("\"seal\":") else {
+        return line.to_owned();
+    };
+    let digits = |c: char| c.is_ascii_hexdigit() || " \"".contains(c);
+    format!("{before}{}", seal.trim_start_matches(digits))
 }
 
 /// Names of files that one of both has not, or has otherwise.

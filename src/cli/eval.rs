@@ -10,7 +10,7 @@ use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run, points,
-    print_json, table, talk, theorems,
+    print_json, progress, table, talk, theorems,
 };
 use crate::campaign::{
     AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
@@ -134,10 +134,11 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         return points::run(args, &world);
     }
     let egos = EgoUnderTest::find_or_program(&world, &args.ego, &args.program)?;
-    let bar = talk::bar("evaluating");
+    let bar = progress::bar("");
+    let watch = bar.watch().first_of(egos.len());
     let starts = (args.starts, args.seed);
     let switches = args.search.unwrap_or(1);
-    let Some(met) = untrained(&world, &egos, starts, switches, &bar.watch())? else {
+    let Some(met) = untrained(&world, &egos, starts, switches, &watch)? else {
         drop(bar);
         return interrupted_early(&args.common);
     };
@@ -161,7 +162,7 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         return of_world(args);
     }
     let run = open_run(&args.run, &args.common)?;
-    let bar = talk::bar("evaluating");
+    let bar = progress::bar("");
     let watch = bar.watch();
     let context = told(args, &run)?;
     let nominal = nominal(args, &run)?;
@@ -181,16 +182,19 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
         unknown: &[],
         keeps: args.keep.dir().is_some() || args.baseline_ego.is_some(),
     };
+    let keeping = usize::from(args.keep.dir().is_some());
+    let watch = watch.first_of(egos.len() + keeping);
     let Some(mut evaluated) = evaluation.run(&watch)? else {
         return interrupted_early(&args.common);
     };
-    let theorems = checked(args, &mut evaluated, &watch);
-    let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch)?;
+    let theorems = checked(args, &mut evaluated, &watch.unnumbered());
+    let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
     drop(bar);
     show(args, &evaluated, theorems.as_ref(), &compared)?;
     if let Some(dir) = args.keep.dir() {
-        let bar = talk::bar("keeping");
-        evaluated.keep(dir, args.keep.settings(), &bar.watch())?;
+        let bar = progress::bar("");
+        let watch = bar.watch().first_of(egos.len() + 1).later(egos.len());
+        evaluated.keep(dir, args.keep.settings(), &watch)?;
     }
     ended(args, evaluated, theorems, &compared)
 }

@@ -3,10 +3,9 @@
 use std::fmt;
 use std::path::Path;
 
-use miette::{
-    Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource, Severity,
-};
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Severity};
 
+use super::excerpt::Excerpt;
 use crate::campaign::{
     CampaignError, ExportRefusal, IdentifyError, NotExported, RegressionError, TheoremsError,
     TrainError,
@@ -17,6 +16,12 @@ use crate::run::{KeptError, RunError};
 use crate::scenario::{LoadError, Problem, Scenario, ScenarioError, guessed};
 use crate::studies::{ReuseError, Table1Error};
 use crate::testbench::Complaint;
+use crate::visible::{command_line, visible, visible_line};
+
+/// Messages of one failure that are printed.
+const MOST_NOTES: usize = 50;
+/// Characters of a line of a message that are printed.
+const MOST_CHARS: usize = 2000;
 
 /// The documented exit codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +47,8 @@ pub struct Failure {
     pub exit: Exit,
     /// One or more messages.
     pub notes: Vec<Note>,
+    /// What stands last, on a line of its own that nothing wraps.
+    last_line: Option<String>,
 }
 
 /// One message with its place, where it has one.
@@ -49,7 +56,7 @@ pub struct Failure {
 pub struct Note {
     what: String,
     help: Option<String>,
-    place: Option<(NamedSource<String>, LabeledSpan)>,
+    place: Option<(Excerpt, LabeledSpan)>,
     /// It stops nothing, and is drawn so.
     is_warning: bool,
 }
@@ -65,16 +72,20 @@ impl Failure {
         Failure::plain(Exit::Fault, what.into(), help)
     }
 
-    fn plain(exit: Exit, what: String, help: Option<String>) -> Failure {
-        let note = Note {
-            what,
-            help,
-            place: None,
-            is_warning: false,
-        };
+    /// Several messages.
+    pub(super) fn of(exit: Exit, notes: Vec<Note>) -> Failure {
         Failure {
             exit,
-            notes: vec![note],
+            notes,
+            last_line: None,
+        }
+    }
+
+    fn plain(exit: Exit, what: String, help: Option<String>) -> Failure {
+        Failure {
+            exit,
+            notes: vec![Note::new(&what, help.as_deref())],
+            last_line: None,
         }
     }
 
@@ -89,8 +100,38 @@ impl Failure {
                 text.push_str(&note.what);
             }
         }
+        if let Some(line) = &self.last_line {
+            text.push_str(&format!("        {line}\n"));
+        }
         text
     }
+}
+
+impl Note {
+    /// A message without a place, as a terminal may show it.
+    fn new(what: &str, help: Option<&str>) -> Note {
+        Note {
+            what: printable(what),
+            help: help.map(printable),
+            place: None,
+            is_warning: false,
+        }
+    }
+}
+
+/// A text without control characters and without lines that fill a screen.
+fn printable(text: &str) -> String {
+    let text = visible(text);
+    if text.lines().all(|line| line.len() <= MOST_CHARS) {
+        return text.into_owned();
+    }
+    let lines = text
+        .lines()
+        .map(|line| match line.char_indices().nth(MOST_CHARS) {
+            Some((end, _)) => format!("{}…", &line[..end]),
+            None => line.to_owned(),
+        });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 impl fmt::Display for Note {
@@ -124,25 +165,27 @@ impl Diagnostic for Note {
 }
 
 fn placed(file: &str, text: &str, problem: &Problem) -> Note {
-    let length = problem.span.len().max(1);
-    let label = LabeledSpan::new(Some(problem.label.clone()), problem.span.start, length);
     Note {
-        what: problem.what.clone(),
-        help: problem.help.clone(),
-        place: Some((NamedSource::new(file, text.to_owned()), label)),
-        is_warning: false,
+        place: Some(Excerpt::of(
+            file,
+            text,
+            problem.span.clone(),
+            &problem.label,
+        )),
+        ..Note::new(&problem.what, problem.help.as_deref())
     }
 }
 
-impl From<ScenarioError> for Failure {
-    fn from(error: ScenarioError) -> Failure {
-        let problems = error.problems.iter();
-        Failure {
-            exit: Exit::Input,
-            notes: problems
-                .map(|problem| placed(&error.file, &error.text, problem))
-                .collect(),
+impl From<&ScenarioError> for Failure {
+    fn from(error: &ScenarioError) -> Failure {
+        let problems = error.problems.iter().take(MOST_NOTES);
+        let problems = problems.map(|problem| placed(&error.file, &error.text, problem));
+        let mut notes: Vec<Note> = problems.collect();
+        if let more @ 1.. = error.problems.len() - notes.len() {
+            let what = format!("{more} more mistakes are not shown");
+            notes.push(Note::new(&what, Some("correct these first")));
         }
+        Failure::of(Exit::Input, notes)
     }
 }
 
@@ -154,11 +197,11 @@ pub fn warning(file: &str, text: &str, problem: &Problem) -> Note {
     }
 }
 
-impl From<LoadError> for Failure {
-    fn from(error: LoadError) -> Failure {
+impl From<&LoadError> for Failure {
+    fn from(error: &LoadError) -> Failure {
         match error {
-            LoadError::Scenario(error) => Failure::from(*error),
-            LoadError::Io { ref file, .. } => {
+            LoadError::Scenario(error) => Failure::from(&**error),
+            LoadError::Io { file, .. } => {
                 let stem = Path::new(file).file_stem().and_then(|stem| stem.to_str());
                 let known = guessed(
                     stem.unwrap_or_default(),
@@ -174,17 +217,17 @@ impl From<LoadError> for Failure {
     }
 }
 
-impl From<ConfigError> for Failure {
-    fn from(error: ConfigError) -> Failure {
+impl From<&ConfigError> for Failure {
+    fn from(error: &ConfigError) -> Failure {
         Failure::input(error.what(), &error.help)
     }
 }
 
-impl From<RunError> for Failure {
-    fn from(error: RunError) -> Failure {
+impl From<&RunError> for Failure {
+    fn from(error: &RunError) -> Failure {
         let help = error.help();
         match error {
-            RunError::World(world) => Failure::from(*world),
+            RunError::World(world) => Failure::from(&**world),
             RunError::NotARun { .. }
             | RunError::Exists { .. }
             | RunError::Differs { .. }
@@ -200,11 +243,11 @@ impl From<RunError> for Failure {
     }
 }
 
-impl From<CampaignError> for Failure {
-    fn from(error: CampaignError) -> Failure {
+impl From<&CampaignError> for Failure {
+    fn from(error: &CampaignError) -> Failure {
         match error {
             CampaignError::Request { what, help } => Failure::input(what, help),
-            CampaignError::NotAllowed { who, command } => not_allowed(&who, &command),
+            CampaignError::NotAllowed { who, command } => not_allowed(who, command),
             CampaignError::World(error) => error.into(),
             CampaignError::Run(error) => error.into(),
             CampaignError::Train(error) => error.into(),
@@ -219,9 +262,9 @@ impl From<CampaignError> for Failure {
     }
 }
 
-impl From<TheoremsError> for Failure {
-    fn from(error: TheoremsError) -> Failure {
-        let help = match &error {
+impl From<&TheoremsError> for Failure {
+    fn from(error: &TheoremsError) -> Failure {
+        let help = match error {
             TheoremsError::Stochastic { .. } => {
                 "leave out `--theorems`; for such an ego count successes over fresh noise seeds"
             }
@@ -240,8 +283,8 @@ impl From<TheoremsError> for Failure {
     }
 }
 
-impl From<IdentifyError> for Failure {
-    fn from(error: IdentifyError) -> Failure {
+impl From<&IdentifyError> for Failure {
+    fn from(error: &IdentifyError) -> Failure {
         match error {
             IdentifyError::NoRuns { .. } => Failure::fault(
                 error.to_string(),
@@ -259,11 +302,11 @@ impl From<IdentifyError> for Failure {
     }
 }
 
-impl From<KeptError> for Failure {
-    fn from(error: KeptError) -> Failure {
+impl From<&KeptError> for Failure {
+    fn from(error: &KeptError) -> Failure {
         match error {
             KeptError::Run(error) => Failure::from(error),
-            KeptError::World { source, .. } => Failure::from(*source),
+            KeptError::World { source, .. } => Failure::from(&**source),
             KeptError::Format { .. } | KeptError::Change { .. } => Failure::input(
                 error.to_string(),
                 "kept counterexamples are written by `brakecheck eval RUN --keep DIR`",
@@ -272,15 +315,11 @@ impl From<KeptError> for Failure {
     }
 }
 
-impl From<RegressionError> for Failure {
-    fn from(error: RegressionError) -> Failure {
+impl From<&RegressionError> for Failure {
+    fn from(error: &RegressionError) -> Failure {
         match error {
             RegressionError::Kept(error) => Failure::from(error),
-            RegressionError::NoSuchEgo {
-                ref name,
-                ref known,
-                ..
-            } => {
+            RegressionError::NoSuchEgo { name, known, .. } => {
                 let known = known.iter().map(String::as_str);
                 let known = std::iter::once("nominal").chain(known);
                 let help = format!(
@@ -294,9 +333,34 @@ impl From<RegressionError> for Failure {
             }
             RegressionError::NotAllowed { path, command } => {
                 let who = format!("the ego in `{}`", path.display());
-                not_allowed(&who, &command)
+                not_allowed(&who, command)
             }
-            other => Failure::fault(other.to_string(), None),
+            RegressionError::Differ { .. } => Failure::plain(
+                Exit::NotIdentical,
+                error.to_string(),
+                Some(
+                    "ask the version that kept them (`brakecheck replay FILE --expect recorded` \
+                     names the first sample that differs), or keep them anew with this one"
+                        .to_owned(),
+                ),
+            ),
+            RegressionError::StillFails { .. } => Failure::plain(
+                Exit::Counterexample,
+                error.to_string(),
+                Some(
+                    "look at one with `brakecheck view FILE -o crash.svg`, correct the ego, and \
+                     run the test again"
+                        .to_owned(),
+                ),
+            ),
+            RegressionError::Invalid { .. } => Failure::fault(
+                error.to_string(),
+                Some(
+                    "correct the ego, or allow a share of such replays with \
+                     `Regressions::allow_invalid` (`--allow-invalid SHARE`)"
+                        .to_owned(),
+                ),
+            ),
         }
     }
 }
@@ -307,16 +371,9 @@ impl From<Vec<NotExported>> for Failure {
         // Of several the least counts: 2 before 3 before 4.
         let exits = cures.iter().map(|(exit, _)| *exit);
         let exit = exits.min_by_key(|exit| *exit as u8);
-        let notes = refused.iter().zip(cures).map(|(one, (_, help))| Note {
-            what: one.to_string(),
-            help: Some(help.to_owned()),
-            place: None,
-            is_warning: false,
-        });
-        Failure {
-            exit: exit.unwrap_or(Exit::Input),
-            notes: notes.collect(),
-        }
+        let notes = refused.iter().zip(cures);
+        let notes = notes.map(|(one, (_, help))| Note::new(&one.to_string(), Some(help)));
+        Failure::of(exit.unwrap_or(Exit::Input), notes.collect())
     }
 }
 
@@ -343,8 +400,8 @@ fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
     }
 }
 
-impl From<Table1Error> for Failure {
-    fn from(error: Table1Error) -> Failure {
+impl From<&Table1Error> for Failure {
+    fn from(error: &Table1Error) -> Failure {
         match error {
             Table1Error::Train(error) => Failure::from(error),
             Table1Error::Theorems(error) => Failure::from(error),
@@ -356,8 +413,8 @@ impl From<Table1Error> for Failure {
     }
 }
 
-impl From<ReuseError> for Failure {
-    fn from(error: ReuseError) -> Failure {
+impl From<&ReuseError> for Failure {
+    fn from(error: &ReuseError) -> Failure {
         match error {
             ReuseError::Train(error) => error.into(),
             ReuseError::Run(error) => error.into(),
@@ -371,8 +428,8 @@ impl From<ReuseError> for Failure {
     }
 }
 
-impl From<TrainError> for Failure {
-    fn from(error: TrainError) -> Failure {
+impl From<&TrainError> for Failure {
+    fn from(error: &TrainError) -> Failure {
         match error {
             TrainError::Run(error) => Failure::from(error),
             TrainError::Bundle(_) => Failure::input(
@@ -397,18 +454,24 @@ impl From<TrainError> for Failure {
 }
 
 /// A file names a program, and nobody said that it may be started.
+///
+/// The program stands last, on a line of its own: nothing that its name holds
+/// can be taken for a word of this message.
 pub fn not_allowed(who: &str, command: &[String]) -> Failure {
-    Failure::input(
-        format!(
-            "{who} is the program `{}`: nothing was started",
-            command.join(" ")
-        ),
-        "add `--allow-programs` if you trust whoever wrote that file",
-    )
+    let who = visible_line(who);
+    let failure = Failure::input(
+        format!("{who} is a program that a file names: nothing was started"),
+        "add `--allow-programs` (in Rust `allow_programs(true)`) if you trust the author of that \
+         file and this program:",
+    );
+    Failure {
+        last_line: Some(printable(&command_line(command))),
+        ..failure
+    }
 }
 
-impl From<Complaint> for Failure {
-    fn from(complaint: Complaint) -> Failure {
+impl From<&Complaint> for Failure {
+    fn from(complaint: &Complaint) -> Failure {
         let mut help = String::new();
         if complaint.given_up {
             help.push_str("it was given up before the end; ");
@@ -427,3 +490,53 @@ impl From<Complaint> for Failure {
         Failure::fault(complaint.to_string(), Some(help))
     }
 }
+
+/// The same of an error that is handed over.
+macro_rules! from_owned {
+    ($($error:ty),* $(,)?) => {
+        $(impl From<$error> for Failure {
+            fn from(error: $error) -> Failure {
+                Failure::from(&error)
+            }
+        })*
+    };
+}
+
+from_owned!(
+    CampaignError,
+    Complaint,
+    ConfigError,
+    IdentifyError,
+    KeptError,
+    LoadError,
+    RegressionError,
+    ReuseError,
+    RunError,
+    ScenarioError,
+    Table1Error,
+    TheoremsError,
+    TrainError,
+);
+
+/// Errors print in a test that returns them as they do on the command line:
+/// with their place and their help, not as the fields of a structure.
+macro_rules! prints_as_on_the_command_line {
+    ($($error:ty),* $(,)?) => {
+        $(impl fmt::Debug for $error {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                let text = Failure::from(self).render(super::plain_theme(), super::talk::width());
+                write!(f, "\n{}", text.trim_end())
+            }
+        })*
+    };
+}
+
+prints_as_on_the_command_line!(
+    CampaignError,
+    KeptError,
+    LoadError,
+    RegressionError,
+    RunError,
+    ScenarioError,
+    TrainError,
+);

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{Common, Exit, Failure, finite_or_word, print_json, table_of, talk};
+use super::{Common, Exit, Failure, finite_or_word, print_json, progress, table_of, talk};
 use crate::campaign::{Regressions, Replayed};
 use crate::rulebook::RulesUntilContact;
 use crate::run::{About, StartRepeated, wilson};
@@ -137,7 +137,7 @@ impl Display for Tally {
 
 /// Labels what is reproduced bit for bit.
 fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Failure> {
-    let bar = talk::bar("refining");
+    let bar = progress::bar("refining");
     let watch = bar.watch();
     let total = replayed.len() as u64;
     for (done, (kept, replayed)) in regressions.kept().iter().zip(replayed).enumerate() {

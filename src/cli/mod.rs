@@ -9,13 +9,16 @@ mod counts;
 mod crashes;
 mod eval;
 mod examples;
+mod excerpt;
 mod export;
 mod failure;
 mod gone;
 mod keep;
 mod kept;
+mod last_resort;
 mod new;
 mod points;
+mod progress;
 mod report;
 mod reproduce;
 mod search;
@@ -42,6 +45,7 @@ pub use failure::{Exit, Failure, Note};
 
 use crate::run::{Row, RunDir, RunError};
 use crate::scenario::Scenario;
+use crate::visible::visible;
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]
@@ -158,23 +162,39 @@ impl Verb {
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
-    ExitCode::from(main_of(std::env::args_os()) as u8)
+    last_resort::speak_plainly();
+    let exit = last_resort::guarded(|| main_of(std::env::args_os()));
+    ExitCode::from(exit as u8)
 }
 
 /// Runs the program on `arguments`, its own name first, once per process.
 ///
 /// Help, and what is no command line, ends the process.
 pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
-    let cli = read_line(arguments).unwrap_or_else(|error| error.exit());
+    let cli = match read_line(arguments) {
+        Ok(cli) => cli,
+        Err(error) => return refused(&error),
+    };
     if cli.verb.saves_when_interrupted() {
         talk::listen_for_interrupts();
     }
     talk::allow_faults(cli.verb.common().allow_invalid);
     let result = carry_out(cli.verb);
     result.and_then(settled).unwrap_or_else(|failure| {
-        talk::say(failure.render(talk::theme(), talk::width()).trim_end());
+        talk::say_rendered(failure.render(talk::theme(), talk::width()).trim_end());
         failure.exit
     })
+}
+
+/// What is no command line, and help; neither comes back where it may be coloured.
+fn refused(error: &clap::Error) -> Exit {
+    let text = error.render().to_string();
+    match visible(&text) == text {
+        true => error.exit(),
+        // What was typed would be obeyed by a terminal.
+        false => talk::say(text.trim_end()),
+    }
+    Exit::Input
 }
 
 /// The command line; a negative number is a value, however wrong, and no option.
@@ -322,7 +342,7 @@ fn finished(otherwise: Exit) -> Exit {
 
 /// Prints one JSON object on stdout.
 fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
-    talk::data(&value.to_string())
+    talk::json(&value.to_string())
 }
 
 /// Renders failures without colour, for tests and logs.

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::eval::EvalArgs;
-use super::{Exit, Failure, interrupted_early, print_json, table, talk};
+use super::{Exit, Failure, interrupted_early, print_json, progress, table, talk};
 use crate::campaign::{
     EgoUnderTest, PointOutcome, PointResult, PointsRequest, PointsTable, consent_to, points,
 };
@@ -43,7 +43,7 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
 }
 
 fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
-    let bar = talk::bar("evaluating");
+    let bar = progress::bar("");
     let watch = bar.watch();
     let mut tables = Vec::new();
     for ego in egos {
@@ -62,7 +62,7 @@ fn met(args: &EvalArgs, egos: &[EgoUnderTest]) -> Vec<PointsTable> {
 }
 
 fn keep(args: &EvalArgs, tables: &[PointsTable], dir: &Path) -> Result<(), Failure> {
-    let bar = talk::bar("keeping");
+    let bar = progress::bar("");
     for table in tables {
         table.keep(dir, args.keep.settings_of_points(), &bar.watch())?;
     }

@@ -8,7 +8,8 @@ use serde_json::json;
 use super::counts::{STARTS, count, start_count};
 use super::eval::is_world;
 use super::{
-    Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, talk,
+    Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, progress,
+    talk,
 };
 use crate::campaign::{
     EgoUnderTest, GivenRows, PointsRequest, ReportRequest, consent_to, file_stem, openx, points,
@@ -83,7 +84,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
         starts: (args.starts, args.seed),
         reuse_starts: args.reuse_starts,
     };
-    let bar = talk::bar("playing");
+    let bar = progress::bar("");
     let Some(mut report) = request.report(&bar.watch())? else {
         return interrupted_early(&args.common);
     };
@@ -129,7 +130,7 @@ fn of_points(args: &ReportArgs) -> Result<Exit, Failure> {
         ));
     };
     consent_to(&egos)?;
-    let bar = talk::bar("playing");
+    let bar = progress::bar("");
     let request = PointsRequest {
         ego,
         starts: (args.starts, args.seed),

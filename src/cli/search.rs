@@ -11,7 +11,7 @@ use super::counts::{STARTS, count, start_count};
 use super::keep::KeepArgs;
 use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
-    table, talk,
+    progress, table, talk,
 };
 use crate::campaign::{
     BUDGET, BreakEven, EgoUnderTest, Method, MethodInfo, MethodOption, MethodSettings,
@@ -89,7 +89,7 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         switches: args.switches,
         stored: stored.as_ref(),
     };
-    let bar = talk::bar("searching");
+    let bar = progress::bar("");
     let campaign = SearchCampaign {
         world: &world,
         egos: &egos,
@@ -98,19 +98,22 @@ pub(super) fn run(args: &SearchArgs) -> Result<Exit, Failure> {
         budget: args.budget.unwrap_or(BUDGET),
         starts: (args.starts, args.seed),
     };
-    let Some(searched) = campaign.run(&bar.watch())? else {
+    let steps = egos.len() + usize::from(args.keep.dir().is_some());
+    let Some(searched) = campaign.run(&bar.watch().first_of(steps))? else {
         return interrupted_early(&args.common);
     };
     drop(bar);
     show(args, &searched)?;
-    keep(args, &searched)?;
+    keep(args, &searched, steps)?;
     Ok(exit_of(&searched.rows, args.fail_on_counterexample))
 }
 
-fn keep(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
+/// The last of so many steps.
+fn keep(args: &SearchArgs, searched: &SearchTable, steps: usize) -> Result<(), Failure> {
     if let Some(dir) = args.keep.dir() {
-        let bar = talk::bar("keeping");
-        searched.keep(dir, args.keep.settings(), &bar.watch())?;
+        let bar = progress::bar("");
+        let watch = bar.watch().first_of(steps).later(steps - 1);
+        searched.keep(dir, args.keep.settings(), &watch)?;
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::counts::{STARTS, count, start_count};
 use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
-    table, talk,
+    progress, table, talk,
 };
 use crate::campaign::{TrainRequest, TrainSession, TrainingOutcome};
 use crate::run::{Ended, Row};
@@ -60,7 +60,7 @@ pub(super) struct TrainArgs {
 pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let world = load_world(&args.world, &args.common)?;
     let mut session = session(args, &world)?;
-    let bar = talk::bar("training (decisions)");
+    let bar = progress::bar("");
     let trained = session.train(&bar.watch())?;
     drop(bar);
     let path = session.run().path().display().to_string();
@@ -74,7 +74,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Interrupted);
     }
     say_trained(&trained);
-    let bar = talk::bar("evaluating");
+    let bar = progress::bar("");
     let Some(closing) = session.evaluate(args.starts, &bar.watch())? else {
         return interrupted_early(&args.common);
     };

@@ -208,6 +208,7 @@ impl PlanDir {
         for (phase, pieces) in [("training", trainings), ("playing", starts)] {
             if !pieces.is_empty() {
                 watch.phase(phase);
+                (watch.progress)(done.load(Ordering::Relaxed), all as u64);
             }
             in_turn(&pieces, |piece| {
                 if watch.interrupted() {

@@ -161,7 +161,7 @@ impl Checked {
             ego,
             ado: None,
         };
-        watch.phase(&format!("pilot: {}, {}", world.name(), unit.ado.word()));
+        watch.detail(&format!("{}, {}", world.name(), unit.ado.word()));
         let (mut spent_s, mut starts) = (0.0, 0);
         while starts < PILOT_STARTS.min(unit.starts) && spent_s < PILOT_S {
             // Spread over the starts: those of a grid are not all alike.

@@ -4,6 +4,7 @@ use maud::{DOCTYPE, Markup, html};
 
 use super::page::head;
 use super::start_map::{StartMap, legend, start_map};
+use crate::visible::visible_markup;
 
 /// Maps of a page, at most: what is more is in the rows.
 const MAX_MAPS: usize = 120;
@@ -50,7 +51,7 @@ impl CampaignPage {
                 } }
             }
         };
-        page.into_string()
+        visible_markup(&page.into_string()).into_owned()
     }
 
     fn drawn(&self) -> Markup {

@@ -4,6 +4,7 @@ use maud::{Markup, PreEscaped, html};
 
 use super::page::STYLE;
 use super::plot::{Chart, Curve, Mark, Region, chart};
+use crate::visible::visible_markup;
 
 /// What a caption takes, per line, and how many letters fit.
 const LINE: f64 = 13.0;
@@ -210,7 +211,7 @@ fn figure(panels: &[Chart], columns: usize, caption: &str) -> String {
             }
         }
     };
-    picture.into_string()
+    visible_markup(&picture.into_string()).into_owned()
 }
 
 /// A chart in a place of fixed size.

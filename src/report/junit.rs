@@ -5,6 +5,7 @@ use maud::{Markup, PreEscaped, html};
 use super::{Report, Tested};
 use crate::run::{Row, StartOutcome};
 use crate::testbench::FaultCount;
+use crate::visible::visible_markup;
 
 /// One test case per counterexample of the adversaries that are tested with;
 /// an ego that none of them makes fail has one that passes. Baselines say how
@@ -21,7 +22,7 @@ pub(super) fn xml(report: &Report<'_>) -> String {
     // Not `sum`, which is -0.0 of nothing.
     let seconds: f64 = rows().fold(0.0, |sum, row| sum + row.cpu_s);
     let time = format!("{seconds:.3}");
-    let name = legible(&report.scenario.name);
+    let name = &report.scenario.name;
     let page = html! {
         (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
         testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) time=(time) {
@@ -31,7 +32,7 @@ pub(super) fn xml(report: &Report<'_>) -> String {
             }
         }
     };
-    page.into_string()
+    visible_markup(&page.into_string()).into_owned()
 }
 
 /// Whether a row is of a trained ado or a search, not of a baseline.
@@ -49,29 +50,25 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
     let solved = row.solved.iter().enumerate();
     let solved = solved.filter(|(_, outcome)| **outcome == StartOutcome::Solved);
     let starts: Vec<usize> = solved.map(|(start, _)| start).collect();
-    let class = legible(&format!("{}.{:?}", row.world, row.plant));
+    let class = format!("{}.{:?}", row.world, row.plant);
     let name = format!("ego {} against ado {}", row.ego, row.ado);
     html! {
         @if errs(row) {
-            testcase classname=(class) name=(legible(&format!("{name} runs"))) time="0.000" {
+            testcase classname=(class) name=(format!("{name} runs")) time="0.000" {
                 error type=(row.faults.first().map_or("fault", |fault| fault.kind.word()))
-                    message=(legible(&format!(
-                        "the ego or the physics failed on {} of {} starts",
-                        row.invalid,
-                        row.starts + row.invalid
-                    ))) { (legible(&faults(row))) }
+                    message=(format!("the ego or the physics failed on {} of {} starts", row.invalid, row.starts + row.invalid)) { (faults(row)) }
             }
         } @else if starts.is_empty() {
-            testcase classname=(class) name=(legible(&name)) time=(format!("{:.3}", row.cpu_s)) {
+            testcase classname=(class) name=(name) time=(format!("{:.3}", row.cpu_s)) {
                 (requirement(report))
                 @if row.starts == 0 { skipped message="no start was evaluated" {} }
             }
         }
         @for (i, start) in starts.iter().enumerate() {
-            testcase classname=(class) name=(legible(&format!("{name}, start {start:04}"))) time=(format!("{:.3}", row.cpu_s / starts.len() as f64)) {
+            testcase classname=(class) name=(format!("{name}, start {start:04}")) time=(format!("{:.3}", row.cpu_s / starts.len() as f64)) {
                 (requirement(report))
                 failure type="counterexample" message="the ego fails, every rule kept" {
-                    (legible(&about(report, tested, i == 0)))
+                    (about(report, tested, i == 0))
                 }
             }
         }
@@ -82,7 +79,7 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
 fn requirement(report: &Report<'_>) -> Markup {
     html! {
         @if let Some(requirement) = &report.scenario.requirement {
-            properties { property name="requirement" value=(legible(requirement)) {} }
+            properties { property name="requirement" value=(requirement) {} }
         }
     }
 }
@@ -103,14 +100,14 @@ fn about(report: &Report<'_>, tested: &Tested, is_first: bool) -> String {
 
 /// An ego that failed to run, whatever else was found.
 fn not_ran(report: &Report<'_>) -> Markup {
-    let class = legible(&report.scenario.name);
+    let class = &report.scenario.name;
     let first = report.faults.first();
     let text: Vec<String> = report.faults.iter().map(in_full).collect();
     html! {
         testcase classname=(class) name="the ego runs" {
             error type=(first.map_or("fault", |fault| fault.kind.word()))
-                message=(legible(&first.map(ToString::to_string).unwrap_or_default())) {
-                (legible(&text.join("\n")))
+                message=(first.map(ToString::to_string).unwrap_or_default()) {
+                (text.join("\n"))
             }
         }
     }
@@ -124,14 +121,4 @@ fn faults(row: &Row) -> String {
 
 fn in_full(fault: &FaultCount) -> String {
     format!("{fault}\n{}", fault.stderr)
-}
-
-/// XML has no control characters: they become U+FFFD.
-pub(super) fn legible(text: &str) -> String {
-    let legible = |c: char| match c {
-        '\n' | '\t' => c,
-        c if c.is_control() || c == '\u{fffe}' || c == '\u{ffff}' => '\u{fffd}',
-        c => c,
-    };
-    text.chars().map(legible).collect()
 }

@@ -8,6 +8,7 @@ use super::results::{self, percent};
 use super::reuse;
 use super::{Nominal, Report};
 use crate::scenario::Scenario;
+use crate::visible::visible_markup;
 
 /// Colours and pictures, shared with the figures.
 pub(super) const STYLE: &str = include_str!("style.css");
@@ -57,7 +58,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
             } }
         }
     };
-    page.into_string()
+    visible_markup(&page.into_string()).into_owned()
 }
 
 fn opening(report: &Report<'_>) -> Markup {

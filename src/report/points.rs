@@ -5,9 +5,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::Example;
 use super::animation;
 use super::examples::example;
-use super::junit::legible;
 use super::page::{head, world};
 use crate::scenario::Scenario;
+use crate::visible::visible_markup;
 
 /// One ego at the points of a world.
 pub struct PointsPage<'a> {
@@ -105,20 +105,16 @@ impl PointsPage<'_> {
         let errors = count(&|it| it.invalid);
         let skipped = count(&|it| it.skipped);
         let tests = self.points.len() + varied;
-        let name = legible(&self.scenario.name);
-        let class = legible(&format!(
-            "{}.{:?}",
-            self.scenario.name,
-            self.scenario.plant()
-        ));
+        let name = &self.scenario.name;
+        let class = format!("{}.{:?}", self.scenario.name, self.scenario.plant());
         let page = html! {
             (PreEscaped("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"))
             testsuites name="brakecheck" tests=(tests) failures=(failures) errors=(errors) {
                 testsuite name=(name) tests=(tests) failures=(failures) errors=(errors) skipped=(skipped) {
                     @for point in &self.points {
-                        testcase classname=(class) name=(legible(&self.case_name(point))) {
+                        testcase classname=(class) name=(self.case_name(point)) {
                             @if let Some(failure) = &point.failure {
-                                failure type="counterexample" message="the ego fails at this point" { (legible(failure)) }
+                                failure type="counterexample" message="the ego fails at this point" { (failure) }
                             }
                             @if point.invalid {
                                 error type="fault" message="the ego or the physics failed to run" {}
@@ -126,9 +122,9 @@ impl PointsPage<'_> {
                             @if point.skipped { skipped message="not reached" {} }
                         }
                         @if let Some(varied) = &point.varied {
-                            testcase classname=(class) name=(legible(&format!("{}, varied", self.case_name(point)))) {
+                            testcase classname=(class) name=(format!("{}, varied", self.case_name(point))) {
                                 @if !varied.is_empty() {
-                                    failure type="counterexample" message="a lawful variation makes the ego fail" { (legible(varied)) }
+                                    failure type="counterexample" message="a lawful variation makes the ego fail" { (varied) }
                                 }
                             }
                         }
@@ -136,7 +132,7 @@ impl PointsPage<'_> {
                 }
             }
         };
-        page.into_string()
+        visible_markup(&page.into_string()).into_owned()
     }
 
     fn case_name(&self, point: &PointCase) -> String {

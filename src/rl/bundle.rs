@@ -166,6 +166,13 @@ impl Bundle {
         self.tensors.get(name).map(|tensor| tensor.shape.as_slice())
     }
 
+    /// The same without a tensor.
+    #[must_use]
+    pub fn without(mut self, name: &str) -> Bundle {
+        self.tensors.remove(name);
+        self
+    }
+
     /// Adds a tensor, or replaces the one of this name.
     pub fn put<T: Element>(&mut self, name: impl Into<String>, shape: &[usize], values: Vec<T>) {
         // Invariant: whoever writes a tensor knows its shape.

@@ -7,7 +7,10 @@ use super::RunDifference;
 use crate::scenario::ScenarioError;
 
 /// A run directory could not be used.
-#[derive(Debug, thiserror::Error)]
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
 pub enum RunError {
     /// A file could not be read or written.
     #[error("{verb} `{path}` failed: {source}")]

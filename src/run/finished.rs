@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::RunError;
 use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
 use crate::scenario::Scenario;
-use crate::seal::sha256;
+use crate::seal::{self, sha256};
 
 /// One piece of work: a file, and what it is the answer to.
 ///
@@ -53,7 +53,14 @@ impl Finished {
             why,
         };
         let json = |error: serde_json::Error| damaged(error.to_string());
-        let mut kept: Value = serde_json::from_slice(&bytes).map_err(json)?;
+        let text = String::from_utf8(bytes).map_err(|error| damaged(error.to_string()))?;
+        let mut kept: Value = serde_json::from_str(&text).map_err(json)?;
+        // Earlier versions wrote no seal, and nothing but these.
+        let known = ["asked", "made", "seal", "sha256"];
+        let mut fields = kept.as_object().into_iter().flatten();
+        if let Some((name, _)) = fields.find(|(name, _)| !known.contains(&name.as_str())) {
+            return Err(damaged(format!("unknown field `{name}`")));
+        }
         if kept["asked"] != self.asked {
             return Ok(None);
         }
@@ -63,6 +70,9 @@ impl Finished {
             return Err(damaged(format!(
                 "it was changed since it was written: SHA-256 is {found}, it says {says}"
             )));
+        }
+        if let Some(seal) = kept["seal"].as_str() {
+            seal::check(&text, seal).map_err(damaged)?;
         }
         let made = serde_json::from_value(kept["made"].take());
         made.map(Some).map_err(json)
@@ -81,12 +91,17 @@ impl Finished {
             why: error.to_string(),
         })?;
         let hash = self.hash(&made);
-        let kept = json!({ "asked": self.asked, "made": made, "sha256": hash });
-        write_file(&self.path, kept.to_string().as_bytes())
+        let kept = json!({
+            "asked": self.asked,
+            "made": made,
+            "seal": seal::BLANK,
+            "sha256": hash,
+        });
+        write_file(&self.path, seal::seal(&kept.to_string()).as_bytes())
     }
 
     /// Of question and answer, but for processor times: equal work has equal
-    /// hashes.
+    /// hashes. The seal beside it is of the file, times included.
     fn hash(&self, made: &Value) -> String {
         let mut made = made.clone();
         forget_times(&mut made);

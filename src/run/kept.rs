@@ -88,7 +88,10 @@ pub struct Counterexample {
 }
 
 /// A kept counterexample could not be used.
-#[derive(Debug, thiserror::Error)]
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
 pub enum KeptError {
     /// It could not be read or written.
     #[error(transparent)]

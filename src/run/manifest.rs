@@ -1,12 +1,11 @@
 //! What a run directory says of itself.
 
-use std::fs;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::calibration::{Calibration, Ended};
-use super::disk::{io_error, read_text};
+use super::disk::read_text;
 use super::stored::StoredCount;
 use super::{FORMAT, RunError};
 use crate::scenario::{Against, Change};
@@ -18,8 +17,32 @@ pub(super) const FILE: &str = "manifest.json";
 pub(super) const TIMING: &str = "timing.json";
 
 #[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Timing {
     cpu_s: f64,
+    /// Its own: manifests of equal trainings are equal. Formats before the third
+    /// had none.
+    #[serde(default)]
+    seal: Option<String>,
+}
+
+/// The processor time in the file beside the manifest; none before the first
+/// checkpoint.
+fn read_timing(path: &Path, format: u32) -> Result<f64, RunError> {
+    let damaged = |why: String| RunError::Damaged {
+        path: path.into(),
+        why,
+    };
+    if !path.is_file() {
+        return Ok(0.0);
+    }
+    let text = read_text(path)?;
+    let read: Timing = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
+    match read.seal {
+        None if format < 3 => {}
+        seal => seal::check(&text, &seal.unwrap_or_default()).map_err(damaged)?,
+    }
+    Ok(read.cpu_s)
 }
 
 /// What a run was, and the hashes of its files.
@@ -214,13 +237,7 @@ impl Manifest {
         // The first format held neither a hash nor a file for the time.
         if 1 < manifest.format || manifest.is_sealed() {
             seal::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;
-            let timing = run.join(TIMING);
-            if timing.is_file() {
-                let text = fs::read(&timing).map_err(io_error("reading", &timing))?;
-                let read: Timing = serde_json::from_slice(&text)
-                    .map_err(|error| damaged(&timing, error.to_string()))?;
-                manifest.cpu_s = read.cpu_s;
-            }
+            manifest.cpu_s = read_timing(&run.join(TIMING), manifest.format)?;
         }
         Ok(manifest)
     }
@@ -241,8 +258,11 @@ impl Manifest {
 
     /// The file beside it that holds the time.
     pub(super) fn timing(&self) -> Vec<u8> {
-        let cpu_s = self.cpu_s;
-        serde_json::json!(Timing { cpu_s }).to_string().into_bytes()
+        let timing = Timing {
+            cpu_s: self.cpu_s,
+            seal: Some(seal::BLANK.to_owned()),
+        };
+        seal::seal(&serde_json::json!(timing).to_string()).into_bytes()
     }
 
     /// Whether training has finished.

@@ -3,13 +3,13 @@
 //! ```text
 //! RUN/world.ron                the world file, verbatim
 //! RUN/manifest.json            version, seed, settings, hashes, its own among them
-//! RUN/timing.json              processor time: all that equal trainings differ in
+//! RUN/timing.json              processor time, sealed: all that equal trainings differ in
 //! RUN/policy.safetensors       the trained ado
 //! RUN/from.safetensors         the ado it was fine-tuned from, if any
 //! RUN/progress.jsonl           one line per report of the learner
 //! RUN/counterexamples.jsonl    the successes of the training, at most 50000
 //! RUN/checkpoint-N.safetensors while training: all that resuming after N decisions needs
-//! RUN/report.json              the rows of the closing evaluation
+//! RUN/report.json              the rows of the closing evaluation, sealed
 //! RUN/episodes/                some counterexamples of the closing evaluation
 //! RUN/lock                     held while training
 //! ```
@@ -71,9 +71,10 @@ use crate::seal::sha256;
 use disk::{io_error, is_taken, lock, settings_of};
 use grown::Growing;
 
-/// Version of the layout. In the first one the manifest was not sealed and held
-/// the processor time; such runs are read, later ones are refused.
-const FORMAT: u32 = 2;
+/// Version of the layout; earlier ones are read, later ones are refused. In the
+/// first one the manifest was not sealed and held the processor time, in the
+/// second one `timing.json` and `report.json` were not sealed.
+const FORMAT: u32 = 3;
 
 /// What a training begins with besides its world.
 #[derive(Clone, Debug, Default)]
@@ -184,8 +185,40 @@ impl RunDir {
             counterexamples: Growing::new(path.join(stored::FILE)),
             _lock: None,
         };
-        run.read_verified("world.ron", Some(&run.manifest.world_sha256))?;
+        run.verify()?;
         Ok(run)
+    }
+
+    /// Verifies every file whose hash the manifest knows, so that whatever is
+    /// computed from the run later is computed from what was written.
+    ///
+    /// The checkpoint is left to those who go on from it: somebody may be
+    /// training, and replaces it.
+    fn verify(&self) -> Result<(), RunError> {
+        let manifest = &self.manifest;
+        self.read_verified("world.ron", Some(&manifest.world_sha256))?;
+        if let Some(from) = &manifest.from_sha256 {
+            self.read_verified("from.safetensors", Some(from))?;
+        }
+        if let Some(policy) = &manifest.policy_sha256 {
+            self.read_verified("policy.safetensors", Some(policy))?;
+        }
+        if manifest.is_sealed() {
+            let stored = manifest.counterexamples.as_ref();
+            let stored = stored.filter(|known| known.sha256.is_some());
+            let files = [
+                (progress::FILE, Some(manifest.progress.clone())),
+                (stored::FILE, stored.map(StoredCount::grown)),
+            ];
+            for (name, known) in files {
+                let path = self.path.join(name);
+                // An ado that was taken elsewhere has neither.
+                if let (Some(known), true) = (known, path.exists()) {
+                    grown::verified(&path, &known, manifest.is_finished())?;
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Opens a run directory to go on training in it: as of its last checkpoint,
@@ -420,18 +453,6 @@ impl RunDir {
         }
     }
 
-    /// Stores the rows of the closing evaluation.
-    ///
-    /// # Errors
-    /// The disk refuses.
-    pub fn save_report(&self, rows: &[Row]) -> Result<(), RunError> {
-        let text = serde_json::to_string_pretty(rows).map_err(|error| RunError::Damaged {
-            path: self.path.join("report.json"),
-            why: error.to_string(),
-        })?;
-        self.write("report.json", text.as_bytes())
-    }
-
     fn unfinished(&self) -> RunError {
         RunError::Unfinished {
             path: self.path.clone(),
@@ -442,6 +463,7 @@ impl RunDir {
 
     /// Notes how far training has come, and how much of the growing files counts.
     fn note(&mut self, done: Done) -> Result<(), RunError> {
+        self.manifest.format = FORMAT;
         self.manifest.decisions = done.decisions_asked;
         self.manifest.decisions_done = done.decisions;
         self.manifest.episodes = done.episodes;

@@ -1,10 +1,24 @@
 //! How training went: `progress.jsonl`, a line per report of the learner.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
+use super::grown::verified;
 use super::{Row, RunDir, RunError, io_error};
+use crate::seal;
 
 pub(super) const FILE: &str = "progress.jsonl";
+const REPORT: &str = "report.json";
+
+/// `report.json`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Report<'a> {
+    /// First, so that no name in a row is taken for it.
+    seal: String,
+    rows: Cow<'a, [Row]>,
+}
 
 /// One line of `progress.jsonl`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,31 +49,73 @@ impl RunDir {
         self.progress.append(lines)
     }
 
-    /// What training recorded so far; lines that are cut short are left out.
+    /// What training recorded up to its last checkpoint.
     ///
     /// # Errors
-    /// The disk refuses. A run that recorded nothing yet gives nothing.
+    /// The disk refuses, or the file is not what the manifest says. A run that
+    /// recorded nothing yet gives nothing.
     pub fn progress(&self) -> Result<Vec<Progress>, RunError> {
-        let text = self.read_if_there(FILE)?;
-        let lines = text.lines();
-        Ok(lines
-            .filter_map(|line| serde_json::from_str(line).ok())
-            .collect())
+        let manifest = self.manifest();
+        let path = self.path().join(FILE);
+        if !manifest.is_sealed() {
+            // Earlier versions noted no lengths: lines that are cut short are left out.
+            let text = self.read_if_there(FILE)?;
+            let lines = text.lines();
+            return Ok(lines
+                .filter_map(|line| serde_json::from_str(line).ok())
+                .collect());
+        }
+        let bytes = verified(&path, &manifest.progress, manifest.is_finished())?;
+        let text = String::from_utf8_lossy(&bytes);
+        let lines = text.lines().map(serde_json::from_str);
+        lines
+            .collect::<Result<_, _>>()
+            .map_err(|error| RunError::Damaged {
+                path,
+                why: error.to_string(),
+            })
+    }
+
+    /// Stores the rows of the closing evaluation, with a seal of their own: they
+    /// hold processor times, which no manifest does.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save_report(&self, rows: &[Row]) -> Result<(), RunError> {
+        let report = Report {
+            rows: Cow::Borrowed(rows),
+            seal: seal::BLANK.to_owned(),
+        };
+        let text = serde_json::to_string_pretty(&report).map_err(|error| RunError::Damaged {
+            path: self.path().join(REPORT),
+            why: error.to_string(),
+        })?;
+        self.write(REPORT, seal::seal(&text).as_bytes())
     }
 
     /// The rows of the closing evaluation; none while there was no such.
     ///
     /// # Errors
-    /// The disk refuses, or the file holds something else.
+    /// The disk refuses, the seal is broken, or the file holds something else.
     pub fn report(&self) -> Result<Vec<Row>, RunError> {
-        let text = self.read_if_there("report.json")?;
+        let text = self.read_if_there(REPORT)?;
         if text.is_empty() {
             return Ok(Vec::new());
         }
-        serde_json::from_str(&text).map_err(|error| RunError::Damaged {
-            path: self.path().join("report.json"),
-            why: error.to_string(),
-        })
+        let damaged = |why: String| RunError::Damaged {
+            path: self.path().join(REPORT),
+            why,
+        };
+        // Formats before the third held the rows alone.
+        if self.manifest().format < 3
+            && let Ok(rows) = serde_json::from_str(&text)
+        {
+            return Ok(rows);
+        }
+        let report: Report<'_> =
+            serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
+        seal::check(&text, &report.seal).map_err(damaged)?;
+        Ok(report.rows.into_owned())
     }
 
     fn read_if_there(&self, name: &str) -> Result<String, RunError> {

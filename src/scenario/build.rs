@@ -13,7 +13,9 @@ use super::locate::Path;
 use super::problems::Problems;
 use super::runs::{Assembled, Origin, RunSource};
 use super::warnings::Warnings;
-use super::{counting, kinship, plans, points, read, roads, starts, trained, trial, vacuous};
+use super::{
+    counting, kinship, limits, plans, points, read, roads, starts, trained, trial, vacuous,
+};
 use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 use crate::stl::Names;
@@ -32,6 +34,8 @@ pub(super) fn build(
     };
     let mut problems = Problems::new(text);
     let top = Path::top();
+    limits::check(&mut problems, &parsed);
+    problems.done()?;
     let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &parsed.allow);
     problems.done()?;
     warnings.driving(&parsed);
@@ -58,6 +62,9 @@ fn within(origin: Origin<'_>, text: &str) -> Assembled {
     Ok(match read::kind(text).map_err(one)? {
         read::Kind::Scenario => {
             let parsed = read::parse(text).map_err(one)?;
+            let mut problems = Problems::new(text);
+            limits::check(&mut problems, &parsed);
+            problems.done()?;
             Some(assemble(origin, text, parsed)?.world().clone())
         }
         read::Kind::Grid => None,

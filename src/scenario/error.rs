@@ -16,7 +16,9 @@ pub struct Problem {
 }
 
 /// A world file that cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq)]
+///
+/// As `Debug` it prints as on the command line.
+#[derive(Clone, PartialEq, Eq)]
 pub struct ScenarioError {
     /// Name of the file, as the user gave it.
     pub file: String,
@@ -93,7 +95,10 @@ pub(crate) fn guessed<'a>(
 }
 
 /// A world file could not be read or used.
-#[derive(Debug, thiserror::Error)]
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
     #[error("cannot read `{file}`: {source}")]

@@ -11,6 +11,7 @@ use super::error::Problem;
 use super::family::Against;
 use super::file::{GridChange, RuleFile, SignalFile};
 use super::language::{Judging, Language, constants, formula, rulebook};
+use super::limits;
 use super::locate::Path;
 use super::ordered::Ordered;
 use super::problems::Problems;
@@ -96,9 +97,39 @@ struct AdoFile {
     rulebook: Vec<RuleFile>,
 }
 
+/// Notes everything of which there is too much; moves have a limit of their own.
+fn too_much(problems: &mut Problems, file: &GridFile) {
+    let top = Path::top();
+    let counts = [
+        ("signals", file.signals.0.len(), limits::SIGNALS),
+        ("formulas", file.formulas.0.len(), limits::FORMULAS),
+        ("constants", file.constants.0.len(), limits::CONSTANTS),
+        ("learners", file.learners.0.len(), limits::LEARNERS),
+        ("reuse", file.reuse.0.len(), limits::REUSE),
+        ("allow", file.allow.len(), limits::ALLOWED),
+        ("ego_spec", file.ego_spec.len(), limits::STL_BYTES),
+    ];
+    for (field, count, limit) in counts {
+        limits::within(problems, &top.to(field), count, limit);
+    }
+    let ado = top.to("ado");
+    let observed = file.ado.observe.len();
+    limits::within(problems, &ado.to("observe"), observed, limits::OBSERVED);
+    limits::rules(problems, &ado.to("rulebook"), &file.ado.rulebook);
+    let formulas = file.formulas.0.iter();
+    let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
+    let signals = file.signals.0.iter();
+    let signals = signals.map(|(name, signal)| ("signals", name, signal.expr.len()));
+    for (field, name, bytes) in formulas.chain(signals) {
+        limits::within(problems, &top.to(field).to(name), bytes, limits::STL_BYTES);
+    }
+}
+
 pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
     let top = Path::top();
+    too_much(&mut problems, &file);
+    problems.done()?;
     let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &file.allow);
     warnings.question(&file.question);
     warnings.ado(&top.to("ado"), &file.ado.rulebook, &file.ado.observe);

@@ -23,6 +23,7 @@ mod file;
 mod grid;
 mod kinship;
 mod language;
+mod limits;
 mod locate;
 mod ordered;
 mod plans;

@@ -4,6 +4,9 @@ use super::error::Problem;
 use super::locate::Path;
 use crate::stl::StlError;
 
+/// Mistakes of a file that are noted; nobody mends more of them at a time.
+const MOST: usize = 100;
+
 /// The mistakes found so far, with the text they are in.
 pub(super) struct Problems<'a> {
     text: &'a str,
@@ -26,6 +29,9 @@ impl<'a> Problems<'a> {
         label: &str,
         help: Option<String>,
     ) {
+        if MOST <= self.list.len() {
+            return;
+        }
         self.list.push(Problem {
             what: what.into(),
             span: path.find(self.text),

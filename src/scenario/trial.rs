@@ -29,6 +29,16 @@ const MAX_AGENTS: usize = 1000;
 /// Decisions for which changing actions are held at most.
 const MAX_HOLD: usize = 12;
 
+/// Agents whose samples cost about as much as those of two.
+const FEW_AGENTS: usize = 20;
+
+/// Samples that may be spent on a trial: everybody looks at everybody, so those of
+/// a crowd cost more.
+fn affordable_samples(scenario: &Scenario) -> usize {
+    let agents = scenario.drive().map_or(0, |spec| spec.agents.len());
+    TRIED_SAMPLES / (agents / FEW_AGENTS).max(1).pow(2)
+}
+
 /// Starts to try a world on: those it lists, or corners of X_init and draws.
 fn tried_starts(scenario: &Scenario) -> Vec<Start> {
     let bench = scenario.bench();
@@ -264,7 +274,7 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
     }
     let actions = bench.spaces().actions;
     let mut scratch = crate::stl::Scratch::default();
-    let mut samples = 0;
+    let (mut samples, affordable) = (0, affordable_samples(tried));
     for (i, start) in tried_starts(tried).iter().enumerate() {
         let mut constant = Constant(i % actions);
         let mut changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
@@ -279,7 +289,7 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
             let kept: Vec<bool> = kept.collect();
             let together = kept.iter().all(|kept| *kept);
             runs.push(kept);
-            if together || MAX_TRIALS <= runs.len() || TRIED_SAMPLES <= samples {
+            if together || MAX_TRIALS <= runs.len() || affordable <= samples {
                 return runs;
             }
         }
@@ -299,7 +309,7 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
     let mut bench = Testbench::new(tried.world().scene(), Arc::new(lawless));
     let neutral = bench.spaces().neutral;
     let mut scratch = crate::stl::Scratch::default();
-    let affordable = TRIED_SAMPLES / bench.clock().samples();
+    let affordable = affordable_samples(&tried) / bench.clock().samples();
     // A program as the ego is not run for a warning's sake.
     let affordable = bench.fork().map_or(0, |_| affordable.max(1));
     for start in tried_starts(&tried).into_iter().take(affordable) {

@@ -13,9 +13,10 @@ use std::sync::LazyLock;
 use sources::{Mention, Sources};
 
 /// A module uses only floors below its own.
-const FLOORS: [(&str, u32); 25] = [
+const FLOORS: [(&str, u32); 26] = [
     ("seed", 0),
     ("seal", 0),
+    ("visible", 0),
     ("guide", 0),
     ("trace", 0),
     ("rl", 0),
@@ -110,6 +111,28 @@ fn upward(sources: &Sources) -> Vec<String> {
     };
     let mentions = sources.mentions.iter().filter(goes_up);
     mentions.map(|mention| shown(sources, mention)).collect()
+}
+
+/// What writes to a terminal, in code that is no comment.
+fn writes(text: &str) -> Option<usize> {
+    let writes = ["println!(", "print!(", "dbg!(", "io::stdout()"];
+    let mut lines = text.lines().map(str::trim_start);
+    lines.position(|line| !line.starts_with("//") && writes.iter().any(|word| line.contains(word)))
+}
+
+#[test]
+fn one_file_writes_to_the_terminal_and_escapes_what_others_wrote() {
+    assert_eq!(
+        writes("/// println!(\nlet a = 1;\n    eprintln!(\"{a}\");"),
+        Some(2)
+    );
+    // The messages of a protocol, and a test.
+    let may = ["src/cli/talk.rs", "src/cli/serve.rs", "src/cli/crashes.rs"];
+    for (path, text) in texts() {
+        if let (Some(line), false) = (writes(&text), may.contains(&path.as_str())) {
+            panic!("{path}:{}: printed without being escaped", line + 1);
+        }
+    }
 }
 
 #[test]

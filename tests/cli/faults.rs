@@ -468,6 +468,9 @@ fn nothing_that_a_file_names_is_started_without_consent() {
     let listed = brakecheck(&["check", &world, "--json"]);
     assert_eq!(json(&listed)["programs"][0]["started"], false);
     let guard = Regressions::load(&tampered).expect("kept");
+    // A test that returns the error prints what the command line does.
+    let printed: Box<dyn std::error::Error> = guard.pass().expect_err("no consent").into();
+    assert_eq!(format!("{printed:?}").trim(), stderr(&named).trim());
     assert!(matches!(
         guard.pass(),
         Err(RegressionError::NotAllowed { .. })

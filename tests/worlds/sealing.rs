@@ -4,10 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::campaign::{TrainError, Watch, train};
+use brakecheck::campaign::{Regressions, TrainError, TrainRequest, TrainSession, Watch, train};
+use brakecheck::cli::Failure;
 use brakecheck::run::{Asked, Counterexample, RunDir, RunError};
 use brakecheck::scenario::Scenario;
+use brakecheck::seed::generator;
 use brakecheck::sim::PlantKind;
+use rand::RngExt;
+use sha2::{Digest, Sha256};
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
 
@@ -39,6 +43,8 @@ fn begun_and_finished(dir: &Path) -> (PathBuf, PathBuf) {
 fn read_all(run: &Path) -> Result<(), RunError> {
     let run = RunDir::open(run)?;
     run.checkpoint()?;
+    run.progress()?;
+    run.report()?;
     if run.manifest().is_finished() {
         run.policy()?;
         run.counterexamples()?;
@@ -70,6 +76,10 @@ fn no_flipped_bit_of_a_run_is_accepted() {
     for (run, file, stride) in [
         (&begun, "manifest.json", 1),
         (&begun, checkpoint.as_str(), 40_009),
+        (&begun, "timing.json", 1),
+        (&begun, "progress.jsonl", 211),
+        (&finished, "timing.json", 1),
+        (&finished, "progress.jsonl", 101),
         (&finished, "manifest.json", 1),
         (&finished, "world.ron", 331),
         (&finished, "policy.safetensors", 1009),
@@ -234,4 +244,133 @@ fn a_training_goes_on_only_as_what_it_was_begun_as() {
         let bytes = |run: &Path| fs::read(run.join(file)).expect("a file");
         assert!(bytes(&begun) == bytes(&finished), "{file}");
     }
+}
+
+/// Every file below a directory.
+fn files(dir: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(dir).expect("a directory").flatten();
+    let mut all: Vec<PathBuf> = entries
+        .flat_map(|entry| match entry.path() {
+            path if path.is_dir() => files(&path),
+            path => vec![path],
+        })
+        .collect();
+    all.sort();
+    all
+}
+
+/// What all verbs together read of a finished run, as text: equal texts, equal
+/// figures.
+fn told(run: &Path) -> Result<String, Failure> {
+    let opened = RunDir::open(run)?;
+    let manifest = opened.manifest();
+    let policy = opened.policy_bundle()?.to_bytes().expect("a bundle");
+    let mut told = format!("{manifest:?} {:?}", manifest.cpu_s);
+    told.push_str(&format!("{:?} {:?}", opened.progress()?, opened.report()?));
+    told.push_str(&format!("{:?}", opened.counterexamples()?));
+    told.push_str(&format!("{policy:?} {}", opened.scenario()?.text()));
+    drop(RunDir::resume(run)?);
+    let kept = Regressions::load(run.join("episodes")).map_err(Failure::from)?;
+    for one in kept.kept() {
+        let samples = one.counterexample.samples(&one.path)?;
+        told.push_str(&format!("{:?} {:?}", one.counterexample, samples.is_some()));
+    }
+    Ok(told)
+}
+
+#[test]
+fn a_flip_in_any_file_of_a_run_is_refused_by_its_name() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let path = dir.path().join("run");
+    let request = TrainRequest {
+        seed: 7,
+        ..TrainRequest::default()
+    };
+    let watch = Watch::unwatched();
+    let mut session = TrainSession::begin(&quick(6000), &path, &request).expect("begun");
+    session.train(&watch).expect("trained");
+    let closing = session.evaluate(40, &watch).expect("evaluated");
+    session.keep(&closing.expect("not stopped")).expect("kept");
+    drop(session);
+    let whole = told(&path).unwrap_or_else(|failure| panic!("{failure:?}"));
+    let files = files(&path);
+    let names: Vec<String> = files
+        .iter()
+        .map(|file| {
+            file.file_name()
+                .expect("a name")
+                .to_string_lossy()
+                .into_owned()
+        })
+        .collect();
+    for name in ["report.json", "timing.json", "progress.jsonl", "world.ron"] {
+        assert!(names.iter().any(|known| known == name), "{name}: {names:?}");
+    }
+    assert!(names.iter().any(|name| name.ends_with(".csv")), "{names:?}");
+    let mut dice = generator("flips", &[41]);
+    let mut refused = 0;
+    for (file, name) in files.iter().zip(&names) {
+        let bytes = fs::read(file).expect("a file");
+        if bytes.is_empty() {
+            continue;
+        }
+        for _ in 0..25 {
+            let mut flipped = bytes.clone();
+            let at = dice.random_range(0..flipped.len());
+            flipped[at] ^= 1 << dice.random_range(0..8);
+            fs::write(file, &flipped).expect("written");
+            match told(&path) {
+                Ok(now) => panic!(
+                    "{name}, byte {at}: accepted, same figures: {}",
+                    now == whole
+                ),
+                Err(failure) => {
+                    let said = format!("{failure:?}");
+                    assert!(said.contains(name.as_str()), "{name}, byte {at}: {said}");
+                }
+            }
+            refused += 1;
+        }
+        fs::write(file, &bytes).expect("written");
+    }
+    assert!(300 <= refused, "{refused} flips");
+    assert!(told(&path).expect("whole again") == whole);
+}
+
+/// A report and a time as the second format had them are read; the third does not
+/// shed its seals.
+#[test]
+fn files_of_the_second_format_are_read_and_their_seals_are_not_shed() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let (_, finished) = begun_and_finished(dir.path());
+    let (timing, report) = (finished.join("timing.json"), finished.join("report.json"));
+    fs::write(&timing, "{\"cpu_s\":12.5}").expect("written");
+    let error = RunDir::open(&finished).expect_err("no seal").to_string();
+    assert!(error.contains("timing.json"), "{error}");
+    let file = finished.join("manifest.json");
+    let text = fs::read_to_string(&file).expect("a manifest");
+    let old = resealed(&text.replacen("\"format\": 3", "\"format\": 2", 1));
+    fs::write(&file, old).expect("written");
+    fs::write(&report, "[]").expect("written");
+    let run = RunDir::open(&finished).expect("an old run");
+    assert_eq!((run.manifest().format, run.manifest().cpu_s), (2, 12.5));
+    assert_eq!(run.report().expect("rows"), []);
+    run.save_report(&[]).expect("written");
+    assert_eq!(run.report().expect("rows"), []);
+    fs::write(&file, text).expect("written");
+    fs::remove_file(&timing).expect("there");
+    fs::write(&report, "[]").expect("written");
+    let run = RunDir::open(&finished).expect("a run");
+    let error = run.report().expect_err("no seal").to_string();
+    assert!(error.contains("report.json"), "{error}");
+}
+
+/// A manifest that was changed on purpose, with the hash that belongs to it.
+fn resealed(text: &str) -> String {
+    let value: serde_json::Value = serde_json::from_str(text).expect("JSON");
+    let hash = value["sha256"].as_str().expect("sealed");
+    let blank = text.replacen(hash, &"0".repeat(64), 1);
+    let found = Sha256::digest(blank.as_bytes());
+    let digits: String = found.iter().map(|byte| format!("{byte:02x}")).collect();
+    blank.replacen(&"0".repeat(64), &digits, 1)
 }

@@ -174,12 +174,13 @@ impl<'a> Meeting<'a> {
             unknown: asked.unknown,
             seed: self.starts.seed,
         };
-        self.watch.phase(&format!("learning: {}", self.ego.name()));
+        self.watch.phase(&format!("learning {}", self.ego.name()));
         let quiet = self.watch.quiet();
         let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
             return Ok(None);
         };
-        self.watch.phase(&format!("planning: {}", self.ego.name()));
+        self.watch
+            .phase(&format!("planning against {}", self.ego.name()));
         let request = asked.trained(self.ego, self.ado, self.starts);
         let adapted = ego.eval(&request, policy, asked.tries, self.watch);
         let row = adapted.evaluated.row.clone();
@@ -196,7 +197,8 @@ impl<'a> Meeting<'a> {
             return Ok(None);
         };
         let run = self.asked.run;
-        let Some(own) = retrained(run, &changed, self.ego.scenario(), self.watch)? else {
+        let Some(own) = retrained(run, &changed, self.ego.scenario(), &self.watch.unnumbered())?
+        else {
             return Ok(None);
         };
         let policy = own.policy()?;

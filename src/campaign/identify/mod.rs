@@ -159,6 +159,7 @@ pub fn identify(
         simulations: AtomicU64::new(0),
     };
     let total = REFITS;
+    watch.phase("fitting the family of egos");
     let mut fits: Vec<Fit> = Vec::new();
     for refit in 0..total {
         fits.push(lab.fit(&free, spec.plant, request.seed, refit));

@@ -44,6 +44,7 @@ pub struct Searched {
 
 /// Searches every start until its first success.
 pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
+    watch.phase(&format!("searching {}", request.ego));
     let searcher = || Searcher::new(request);
     let found = request
         .starts

@@ -13,9 +13,12 @@ use crate::rl::nn::Mlp;
 use crate::rl::{Bundle, BundleError, load_policy_for};
 use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
+use crate::seal::sha256;
 
 /// The tensor that holds a whole bundle: what the ado learned in the surrogate.
 const TRAINED_ON: &str = "trained_on";
+/// The tensor that holds the SHA-256 of the bundle without it, in digits.
+const SEAL: &str = "seal";
 
 /// The learned ego of a request: the one that `run` keeps, or learned now and
 /// kept there, if it is one that files say. `None`: as [`learn_ego`].
@@ -84,11 +87,29 @@ fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
         let bytes = policy.to_bytes()?;
         bundle.put(TRAINED_ON, &[bytes.len()], bytes);
     }
+    let seal = sha256(&bundle.to_bytes()?).into_bytes();
+    bundle.put(SEAL, &[seal.len()], seal);
     bundle.to_bytes()
 }
 
+/// A bundle as it was written: whatever bit of it was flipped, it is none.
+fn unsealed(bytes: &[u8]) -> Result<Bundle, BundleError> {
+    let sealed = Bundle::from_bytes(bytes)?;
+    let says = sealed.rows::<u8>(SEAL, &[])?.to_vec();
+    let bundle = sealed.without(SEAL);
+    let found = sha256(&bundle.to_bytes()?);
+    match found.as_bytes() == says {
+        true => Ok(bundle),
+        false => Err(BundleError::Mismatch {
+            what: "its SHA-256",
+            expected: String::from_utf8_lossy(&says).into_owned(),
+            found,
+        }),
+    }
+}
+
 fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
-    let bundle = Bundle::from_bytes(bytes)?;
+    let bundle = unsealed(bytes)?;
     let from: LearnedFrom =
         serde_json::from_str(bundle.meta()).map_err(|error| BundleError::Format {
             why: error.to_string(),

@@ -75,11 +75,8 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         .map(|warning| failure::warning(&file, &scenario.text, warning))
         .collect();
     if !notes.is_empty() {
-        let shown = Failure {
-            exit: Exit::Done,
-            notes,
-        };
-        talk::say(shown.render(talk::theme(), talk::width()).trim_end());
+        let shown = Failure::of(Exit::Done, notes);
+        talk::say_rendered(shown.render(talk::theme(), talk::width()).trim_end());
     }
     match programs::first_fault(&named) {
         Some(failure) => Err(failure),

@@ -6,6 +6,7 @@ use serde_json::json;
 use super::super::{Exit, Failure, print_json, table_of, talk};
 use crate::ego::{DOCUMENT, Exercise, Fault, FaultKind, Finding, Hello, Process, exercise};
 use crate::scenario::Scenario;
+use crate::visible::command_line;
 
 /// A program that a world names, and what it said.
 #[derive(Serialize)]
@@ -45,7 +46,7 @@ pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
 pub(super) fn text(named: &[Named]) -> String {
     let mut text = String::new();
     for one in named {
-        let (ego, command) = (&one.ego, one.command.join(" "));
+        let (ego, command) = (&one.ego, command_line(&one.command));
         let said = match (&one.hello, &one.fault, &one.wrong) {
             (_, Some(fault), _) => format!("{}: {fault}", fault.kind.word()),
             (_, None, Some(wrong)) => format!("WRONG: it {}: {}", wrong.what, wrong.note),
@@ -86,7 +87,7 @@ fn failure(command: &[String], fault: &Fault) -> Failure {
     Failure::fault(
         format!(
             "the program `{}`: {}: {fault}",
-            command.join(" "),
+            command_line(command),
             fault.kind.word()
         ),
         Some(match fault.kind {
@@ -126,7 +127,7 @@ fn unkept(command: &[String], wrong: &Finding) -> Failure {
     Failure::fault(
         format!(
             "the program `{}` does not do this: it {} ({})",
-            command.join(" "),
+            command_line(command),
             wrong.what,
             wrong.note
         ),

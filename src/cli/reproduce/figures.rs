@@ -2,7 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, save, talk, world};
+use super::super::progress;
+use super::{Failure, Made, ReproduceArgs, save, world};
 use crate::campaign::Watch;
 use crate::report::{Behaviour, Distances, figure_2, figure_3, figure_5};
 use crate::rulebook::Verdict;
@@ -12,7 +13,7 @@ use crate::testbench::Episode;
 
 /// Writes the three figures as SVG files.
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
-    let bar = talk::bar("figures");
+    let bar = progress::bar("figures");
     let watch = bar.watch();
     let acc = world(args, "acc")?;
     let merge = world(args, "merge")?;

@@ -20,7 +20,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 use super::counts::start_count;
-use super::{Common, Exit, Failure, print_json, talk};
+use super::{Common, Exit, Failure, print_json, progress, talk};
 use crate::campaign::Watch;
 use crate::run::{Finished, RunError, make_dir, write_file};
 use crate::scenario::{Scenario, known_names};
@@ -211,7 +211,7 @@ fn once<T: Serialize + DeserializeOwned>(
         Err(error @ RunError::Damaged { .. }) => talk::say(&format!("{error}; it is made anew")),
         Err(error) => return Err(error.into()),
     }
-    let bar = talk::bar(piece);
+    let bar = progress::bar(piece);
     let made = make(&bar.watch())?;
     if let Some(made) = &made {
         kept.write(made)?;

@@ -2,7 +2,8 @@
 
 use serde_json::json;
 
-use super::{Failure, Made, ReproduceArgs, headed, once, settings, talk, world};
+use super::super::progress;
+use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
 use crate::campaign::{ENOUGH_SIMULATIONS, EgoUnderTest};
 use crate::scenario::Scenario;
 use crate::studies::{ReuseAsked, ReuseStudy, reuse_markdown};
@@ -62,6 +63,6 @@ fn begin<'a>(
     scenario: &'a Scenario,
     asked: ReuseAsked<'a>,
 ) -> Result<Option<ReuseStudy<'a>>, Failure> {
-    let bar = talk::bar(&format!("{name}, training"));
+    let bar = progress::bar(name);
     Ok(ReuseStudy::begin(scenario, asked, &bar.watch())?)
 }

@@ -9,17 +9,21 @@
 //! a shell that waits for the end of a pipe which only brakecheck holds. When
 //! brakecheck is killed, that pipe closes and the watchdog kills the group. The
 //! program joins the group before it runs (`setpgid` before `exec`), so there
-//! is no moment at which it could be orphaned. What leaves the group by itself
-//! (`setsid`) is not hunted.
+//! is no moment at which it could be orphaned.
+//!
+//! What leaves the group by itself (`setsid`) is found by a mark in its
+//! environment, where the system shows those of processes (`/proc`). Only what
+//! clears its environment as well escapes. Nobody waits for it.
 
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::process::CommandExt;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
 use super::super::{Fault, FaultKind};
 
@@ -33,8 +37,17 @@ const LOOK_AFTER: Duration = Duration::from_millis(50);
 /// How long to wait for the exit status of a program whose output has ended.
 const STATUS_WAIT: Duration = Duration::from_millis(100);
 
-/// A shell that outlives brakecheck by a moment, and nothing else.
-const WATCHDOG: &str = "read -r end; kill -9 0";
+/// A shell that outlives brakecheck by a moment, and nothing else. It is given the
+/// mark, which its own environment does not hold.
+const WATCHDOG: &str = r#"read -r end
+for e in $(grep -ls -- "$0" /proc/[0-9]*/environ 2>/dev/null); do
+  e=${e#/proc/}; kill -9 "${e%/environ}" 2>/dev/null
+done
+kill -9 0"#;
+/// The variable by which a program and all that it starts are found.
+const MARK: &str = "BRAKECHECK_EGO";
+/// How often those are looked for that start others while they are ended.
+const LOOKS: usize = 20;
 
 /// A started program.
 pub(super) struct Program {
@@ -42,6 +55,8 @@ pub(super) struct Program {
     child: Child,
     /// Leads the process group; its stdin is held open and never written to.
     watchdog: Child,
+    /// `NAME=VALUE` in the environment of the program and all that it starts.
+    mark: String,
     /// `None` once closed: that tells the program to end.
     input: Option<ChildStdin>,
     output: ChildStdout,
@@ -59,8 +74,12 @@ impl Program {
         let Some((name, arguments)) = command.split_first() else {
             return Err(cannot("no program is named: `command` is empty".to_owned()));
         };
+        let value = mark();
+        let mark = format!("{MARK}={value}");
         let mut watchdog = Command::new("/bin/sh")
-            .args(["-c", WATCHDOG])
+            .args(["-c", WATCHDOG, &mark])
+            // Of an ego that runs brakecheck itself.
+            .env_remove(MARK)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::null())
@@ -73,6 +92,7 @@ impl Program {
             })?;
         let started = Command::new(name)
             .args(arguments)
+            .env(MARK, value)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
@@ -88,6 +108,7 @@ impl Program {
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         let (Some(input), Some(output), Some(errors)) = pipes else {
             end_group(&mut watchdog);
+            let _ = child.kill();
             let _ = child.wait();
             return Err(cannot(format!("`{name}` has no pipes")));
         };
@@ -95,6 +116,7 @@ impl Program {
             name: name.clone(),
             child,
             watchdog,
+            mark,
             input: Some(input),
             output,
             errors,
@@ -344,8 +366,51 @@ impl Drop for Program {
     fn drop(&mut self) {
         // Whatever is left of the group, the program's own children included.
         end_group(&mut self.watchdog);
+        // It may have left the group, and would then be waited for without end.
+        let _ = self.child.kill();
         let _ = self.child.wait();
+        end_marked(&self.mark);
     }
+}
+
+/// A value that no other program has been marked with.
+fn mark() -> String {
+    static STARTED: AtomicU64 = AtomicU64::new(0);
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    let now = now.map_or(0, |now| now.as_nanos());
+    let nth = STARTED.fetch_add(1, Ordering::Relaxed);
+    format!("{}-{now}-{nth}", std::process::id())
+}
+
+/// Kills what left the group of a program but still has its mark.
+fn end_marked(mark: &str) {
+    for _ in 0..LOOKS {
+        let marked = marked(mark);
+        if marked.is_empty() {
+            return;
+        }
+        for pid in marked {
+            let _ = kill_process(pid, Signal::KILL);
+        }
+    }
+}
+
+/// Running processes whose environment holds a mark; none where the system does
+/// not show that.
+fn marked(mark: &str) -> Vec<Pid> {
+    let own = std::process::id();
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let has_mark = |path: &std::path::Path| {
+        let environment = std::fs::read(path.join("environ")).unwrap_or_default();
+        let mut variables = environment.split(|byte| *byte == 0);
+        variables.any(|variable| variable == mark.as_bytes())
+    };
+    let marked = processes.filter_map(|process| {
+        let number: u32 = process.file_name().to_str()?.parse().ok()?;
+        let pid = Pid::from_raw(i32::try_from(number).ok()?)?;
+        (number != own && has_mark(&process.path())).then_some(pid)
+    });
+    marked.collect()
 }
 
 /// Kills a group and reaps its leader.

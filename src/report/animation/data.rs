@@ -10,6 +10,7 @@ use super::ground::phase_word;
 use super::picture::Picture;
 use super::write::{list, n};
 use crate::ego::Phase;
+use crate::visible::visible_json;
 
 /// Everything that moves in a picture.
 pub(super) fn json(picture: &Picture<'_>) -> String {
@@ -78,5 +79,6 @@ fn turns(film: &Film, phases: &[Phase]) -> String {
 /// A text as JSON; the page escapes it once more.
 fn quoted(text: &str) -> String {
     // A text is always JSON; empty quotes rather than a page without a film.
-    to_string(text).unwrap_or_else(|_| "\"\"".to_owned())
+    let json = to_string(text).unwrap_or_else(|_| "\"\"".to_owned());
+    visible_json(&json).into_owned()
 }

@@ -23,6 +23,7 @@ use crate::preventability::FilmedDriver;
 use crate::report::Example;
 use crate::report::page::STYLE;
 use crate::scenario::Scenario;
+use crate::visible::visible_markup;
 use keyframes::{Keyframes, Period};
 use panel::Panel;
 use words::{ending_of, facts, outcome_of, wrapped};
@@ -177,7 +178,7 @@ fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Exampl
             }
         }
     };
-    drawn.into_string()
+    visible_markup(&drawn.into_string()).into_owned()
 }
 
 /// The time as a bar with the moments of the crash on it, and a hand.

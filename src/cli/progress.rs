@@ -1,0 +1,366 @@
+//! Progress of a command: a bar on terminals, lines now and then elsewhere.
+//!
+//! Every phase of a command counts by itself. The time that is left is that of
+//! the present phase, from what was done of it so far.
+
+use std::fmt::Write;
+use std::io::{self, IsTerminal};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+
+use super::talk;
+use crate::campaign::{Place, Remark, Watch};
+use crate::visible::visible_line;
+
+/// Between two lines of progress, where there is no terminal.
+const EVERY: Duration = Duration::from_secs(30);
+/// A share of a phase below which its rate says little.
+const TELLING: u64 = 20;
+
+/// What is known of the present phase.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Phase {
+    /// What the bar is over; empty where phases say everything.
+    title: String,
+    what: String,
+    step: Option<(usize, usize)>,
+    /// What is known of it besides counts.
+    detail: String,
+    /// Counted when the phase began.
+    first: u64,
+    done: u64,
+    /// `None`: nothing was counted so far.
+    total: Option<u64>,
+}
+
+/// When that was, in seconds.
+#[derive(Clone, Copy, Debug)]
+struct Spent {
+    /// Since the phase began.
+    elapsed_s: u64,
+    /// Since something was last done of it.
+    idle_s: u64,
+}
+
+impl Phase {
+    /// What is done now: `2/4 training (decisions)`.
+    fn label(&self) -> String {
+        let mut label = String::new();
+        let step = self.step.filter(|(_, of)| 1 < *of);
+        let step = step.map(|(at, of)| format!("{at}/{of} "));
+        let what = format!("{}{}", step.unwrap_or_default(), self.what);
+        let parts = [&self.title, &what, &self.detail];
+        for (part, between) in parts.into_iter().zip(["", ": ", ", "]) {
+            if !part.is_empty() {
+                label.push_str(if label.is_empty() { "" } else { between });
+                label.push_str(part);
+            }
+        }
+        visible_line(&label).into_owned()
+    }
+
+    /// Seconds that are left of it, where that can be said.
+    ///
+    /// Items that are under way say nothing of their end: without others that
+    /// wait for their turn there is no estimate. An item that takes long counts
+    /// as long again.
+    fn left_s(&self, spent: Spent, at_once: u64) -> Option<u64> {
+        let total = self.total?;
+        let (here, left) = (
+            self.done.saturating_sub(self.first),
+            total.saturating_sub(self.done),
+        );
+        let all = total.saturating_sub(self.first);
+        if here == 0 || left <= at_once || here.saturating_mul(TELLING) < all {
+            return None;
+        }
+        let by_rate_s = spent.elapsed_s.saturating_mul(left) / here;
+        Some(by_rate_s.max(spent.idle_s))
+    }
+
+    /// A line for those who have no terminal.
+    fn line(&self, spent: Spent, at_once: u64) -> String {
+        let mut line = self.label();
+        let elapsed_s = spent.elapsed_s;
+        let _ = match self.total {
+            Some(total) => write!(line, ": {} of {total} after {elapsed_s} s", self.done),
+            None => write!(line, ": {elapsed_s} s so far"),
+        };
+        if let Some(left_s) = self.left_s(spent, at_once) {
+            let _ = write!(line, ", about {left_s} s left");
+        }
+        line
+    }
+}
+
+/// The present phase and its clocks.
+#[derive(Debug)]
+struct Present {
+    phase: Phase,
+    began: Instant,
+    last: Instant,
+    ended: bool,
+}
+
+impl Present {
+    fn spent(&self) -> Spent {
+        Spent {
+            elapsed_s: self.began.elapsed().as_secs(),
+            idle_s: self.last.elapsed().as_secs(),
+        }
+    }
+
+    fn begin(&mut self, what: &str, step: Option<(usize, usize)>) {
+        self.phase = Phase {
+            title: std::mem::take(&mut self.phase.title),
+            what: what.to_owned(),
+            step,
+            ..Phase::default()
+        };
+        (self.began, self.last) = (Instant::now(), Instant::now());
+    }
+
+    fn count(&mut self, done: u64, total: u64) {
+        let phase = &mut self.phase;
+        if phase.total.is_none() {
+            phase.first = done;
+        }
+        if phase.done != done {
+            self.last = Instant::now();
+        }
+        // Several threads report; what was done stays done.
+        phase.done = match phase.total == Some(total) {
+            true => phase.done.max(done),
+            false => done,
+        };
+        phase.total = Some(total);
+    }
+}
+
+/// What all who report share.
+#[derive(Debug)]
+struct Shared {
+    present: Mutex<Present>,
+    /// Wakes whoever writes lines when the bar ends.
+    ended: Condvar,
+    at_once: u64,
+}
+
+impl Shared {
+    fn present(&self) -> MutexGuard<'_, Present> {
+        // Counts stay sound if somebody panicked beside them.
+        self.present.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes a line now and then, also while nothing is done.
+    fn write_lines(&self) {
+        let mut present = self.present();
+        loop {
+            let waited = self.ended.wait_timeout(present, EVERY);
+            let (now, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
+            present = now;
+            if present.ended {
+                return;
+            }
+            if timeout.timed_out() {
+                talk::say(&present.phase.line(present.spent(), self.at_once));
+            }
+        }
+    }
+}
+
+/// Progress of a command; it goes when it is dropped.
+pub(super) struct Bar {
+    shown: ProgressBar,
+    shared: Arc<Shared>,
+    lines: Option<JoinHandle<()>>,
+    progress: Box<dyn Fn(u64, u64) + Send + Sync>,
+    remarks: Box<dyn Fn(Remark<'_>) + Send + Sync>,
+}
+
+/// A bar over work whose phases and counts the work itself tells; `title` stands
+/// before them.
+pub(super) fn bar(title: &str) -> Bar {
+    let shared = Arc::new(Shared {
+        present: Mutex::new(Present {
+            phase: Phase {
+                title: title.to_owned(),
+                ..Phase::default()
+            },
+            began: Instant::now(),
+            last: Instant::now(),
+            ended: false,
+        }),
+        ended: Condvar::new(),
+        at_once: rayon::current_num_threads() as u64,
+    });
+    let shown = ProgressBar::new(0);
+    let on_terminal = io::stderr().is_terminal();
+    if on_terminal {
+        shown.set_style(style(&shared));
+        let label = shared.present().phase.label();
+        shown.set_message(label);
+        shown.enable_steady_tick(Duration::from_secs(1));
+    }
+    let writing = Arc::clone(&shared);
+    // Without a thread there are no lines; the work goes on.
+    let lines = (!on_terminal).then(|| {
+        let thread = std::thread::Builder::new().name("progress".to_owned());
+        thread.spawn(move || writing.write_lines())
+    });
+    let (moved, counted) = (shown.clone(), Arc::clone(&shared));
+    let progress = Box::new(move |done, total| {
+        counted.present().count(done, total);
+        moved.set_length(total);
+        moved.set_position(done);
+    });
+    let (named, told) = (shown.clone(), Arc::clone(&shared));
+    let remarks = Box::new(move |remark: Remark<'_>| {
+        match remark {
+            Remark::Phase { what, step } => {
+                told.present().begin(what, step);
+                named.set_length(0);
+                named.set_position(0);
+            }
+            Remark::Detail(detail) => told.present().phase.detail = detail.to_owned(),
+            Remark::Line(line) => return named.suspend(|| talk::say(line)),
+        }
+        // Not while the lock is held: drawing takes it.
+        let label = told.present().phase.label();
+        named.set_message(label);
+    });
+    Bar {
+        shown,
+        shared,
+        lines: lines.and_then(Result::ok),
+        progress,
+        remarks,
+    }
+}
+
+/// How a bar looks on a terminal.
+fn style(shared: &Arc<Shared>) -> ProgressStyle {
+    let shared = Arc::clone(shared);
+    let counts = move |_: &ProgressState, text: &mut dyn Write| {
+        let present = shared.present();
+        let Spent { elapsed_s, .. } = present.spent();
+        if let Some(total) = present.phase.total {
+            let _ = write!(text, "{}/{total}  ", present.phase.done);
+        }
+        let _ = write!(text, "{elapsed_s} s");
+        if let Some(left_s) = present.phase.left_s(present.spent(), shared.at_once) {
+            let _ = write!(text, ", about {left_s} s left");
+        }
+    };
+    let style = ProgressStyle::with_template("{msg:<32} {wide_bar} {counts}");
+    // Invariant: the template is sound.
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+    style.with_key("counts", counts)
+}
+
+impl Bar {
+    /// Shows progress on this bar; stops at Ctrl-C.
+    pub(super) fn watch(&self) -> Watch<'_> {
+        Watch {
+            progress: &*self.progress,
+            remarks: &*self.remarks,
+            stop: talk::stop(),
+            faults: talk::faults(),
+            place: Place::Unnumbered,
+        }
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        self.shared.present().ended = true;
+        self.shared.ended.notify_all();
+        if let Some(lines) = self.lines.take() {
+            // A thread that panicked wrote its own message.
+            let _ = lines.join();
+        }
+        self.shown.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn present(title: &str) -> Present {
+        Present {
+            phase: Phase {
+                title: title.to_owned(),
+                ..Phase::default()
+            },
+            began: Instant::now(),
+            last: Instant::now(),
+            ended: false,
+        }
+    }
+
+    fn line(present: &Present, elapsed_s: u64, idle_s: u64) -> String {
+        let spent = Spent { elapsed_s, idle_s };
+        present.phase.line(spent, 2)
+    }
+
+    #[test]
+    fn every_phase_has_its_own_label_and_counts() {
+        let mut now = present("");
+        now.begin("searching training starts", Some((1, 4)));
+        assert_eq!(
+            line(&now, 30, 30),
+            "1/4 searching training starts: 30 s so far"
+        );
+        now.count(0, 2000);
+        now.count(500, 2000);
+        assert_eq!(
+            line(&now, 60, 1),
+            "1/4 searching training starts: 500 of 2000 after 60 s, about 180 s left"
+        );
+        now.begin("training (decisions)", Some((2, 4)));
+        now.phase.detail = "solves 34 %".to_owned();
+        // Gone on with: what was done before says nothing of the rate.
+        now.count(100_000, 160_000);
+        now.count(110_000, 160_000);
+        assert_eq!(
+            line(&now, 30, 0),
+            "2/4 training (decisions), solves 34 %: 110000 of 160000 after 30 s, about 150 s left"
+        );
+        now.begin("theorems", Some((1, 1)));
+        assert_eq!(line(&now, 1, 1), "theorems: 1 s so far");
+        let mut titled = present("acc, seed 1");
+        assert_eq!(line(&titled, 5, 5), "acc, seed 1: 5 s so far");
+        titled.begin("training", Some((2, 4)));
+        assert_eq!(line(&titled, 5, 5), "acc, seed 1: 2/4 training: 5 s so far");
+        titled.begin("a\u{1b}[2K\nb", None);
+        assert_eq!(
+            line(&titled, 5, 5),
+            "acc, seed 1: a\\u{1b}[2K\\u{a}b: 5 s so far"
+        );
+    }
+
+    #[test]
+    fn the_last_items_and_slow_ones_have_no_rosy_end() {
+        let mut now = present("");
+        now.begin("searching", None);
+        now.count(0, 30);
+        now.count(28, 30);
+        // Both that are left are under way.
+        assert_eq!(line(&now, 65, 0), "searching: 28 of 30 after 65 s");
+        now.count(0, 3000);
+        now.count(1500, 3000);
+        assert!(line(&now, 100, 0).ends_with("about 100 s left"));
+        assert!(line(&now, 400, 300).ends_with("about 400 s left"));
+        now.count(2900, 3000);
+        // Nothing was done for long: as long again is likely.
+        assert!(line(&now, 600, 300).ends_with("about 300 s left"));
+        now.begin("searching", None);
+        now.count(0, 160_000);
+        now.count(3, 160_000);
+        assert_eq!(line(&now, 250, 0), "searching: 3 of 160000 after 250 s");
+    }
+}

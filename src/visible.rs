@@ -1,0 +1,130 @@
+//! Text from outside, shown with its control characters escaped.
+//!
+//! Names, programs, stderr and file texts are written by anybody. A terminal
+//! obeys control characters, so that a name could erase or forge what stands
+//! around it. Whatever is printed is escaped as `\u{1b}` first.
+
+use std::borrow::Cow;
+use std::fmt::Write;
+
+/// Whether a terminal would obey a character or hide it.
+///
+/// These are the control characters (C0, DEL, C1), the marks that turn the
+/// direction of writing, line separators, and characters without any width. A
+/// line feed and a tab are layout, not control.
+fn is_hidden(c: char) -> bool {
+    match c {
+        '\n' | '\t' => false,
+        '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{feff}' => true,
+        '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' => true,
+        '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}' => true,
+        c => c.is_control(),
+    }
+}
+
+/// The text with every character escaped that a terminal would obey or hide.
+///
+/// Line feeds and tabs stay.
+pub(crate) fn visible(text: &str) -> Cow<'_, str> {
+    escaped(text, is_hidden)
+}
+
+/// The same for what belongs on one line: line feeds and tabs are escaped, too.
+pub(crate) fn visible_line(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| is_hidden(c) || matches!(c, '\n' | '\t'))
+}
+
+/// A JSON text whose strings hold no such character, and mean the same.
+pub(crate) fn visible_json(json: &str) -> Cow<'_, str> {
+    if !json.contains(is_hidden) {
+        return Cow::Borrowed(json);
+    }
+    let mut shown = String::with_capacity(json.len() + 16);
+    for c in json.chars() {
+        match is_hidden(c) {
+            false => shown.push(c),
+            true => {
+                for unit in c.encode_utf16(&mut [0; 2]) {
+                    // Invariant: writing to a text does not fail.
+                    let _ = write!(shown, "\\u{unit:04x}");
+                }
+            }
+        }
+    }
+    Cow::Owned(shown)
+}
+
+/// A text as XML and HTML may hold it: what they forbid is escaped, too.
+pub(crate) fn visible_markup(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| {
+        is_hidden(c) || matches!(c, '\u{fffe}' | '\u{ffff}')
+    })
+}
+
+/// A program and its arguments as a shell would take them, on one line.
+pub(crate) fn command_line(command: &[String]) -> String {
+    let words = command.iter().map(|word| {
+        let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
+        match !word.is_empty() && word.chars().all(plain) {
+            true => word.clone(),
+            false => format!("'{}'", visible_line(word).replace('\'', "'\\''")),
+        }
+    });
+    words.collect::<Vec<_>>().join(" ")
+}
+
+fn escaped(text: &str, hides: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if !text.contains(&hides) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        match hides(c) {
+            true => shown.extend(c.escape_unicode()),
+            false => shown.push(c),
+        }
+    }
+    Cow::Owned(shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_terminal_obeys_or_hides_is_escaped_and_all_else_is_left() {
+        let plain = "ρ ≥ 0: │ 5 m/s²\n\tüber 日本 🚗";
+        assert!(matches!(visible(plain), Cow::Borrowed(_)));
+        let cases = [
+            ("\u{1b}[2K\rpython3", r"\u{1b}[2K\u{d}python3"),
+            ("a\u{7f}\u{9b}1m", r"a\u{7f}\u{9b}1m"),
+            ("\u{202e}oge\u{202c}", r"\u{202e}oge\u{202c}"),
+            ("a\u{200b}b\u{feff}\u{2028}", r"a\u{200b}b\u{feff}\u{2028}"),
+            ("\u{0}\u{7}\u{8}", r"\u{0}\u{7}\u{8}"),
+        ];
+        for (text, shown) in cases {
+            assert_eq!(visible(text), shown);
+            assert_eq!(visible_line(text), shown);
+        }
+        assert_eq!(visible_line("a\nb\tc"), r"a\u{a}b\u{9}c");
+    }
+
+    #[test]
+    fn json_means_the_same() {
+        for c in (0..=0x000e_007f).filter_map(char::from_u32) {
+            let value = serde_json::json!({ "name": format!("a{c}b") });
+            let text = value.to_string();
+            let shown = visible_json(&text);
+            assert!(!shown.contains(is_hidden), "{c:?}: {shown}");
+            let read: serde_json::Value = serde_json::from_str(&shown).expect("JSON");
+            assert_eq!(read, value);
+        }
+    }
+
+    #[test]
+    fn a_program_is_shown_as_a_shell_would_take_it() {
+        let command = ["python3", "ego.py", "a b", "", "it's", "\u{1b}[2K"];
+        let shown = command_line(&command.map(str::to_owned));
+        assert_eq!(shown, r"python3 ego.py 'a b' '' 'it'\''s' '\u{1b}[2K'");
+    }
+}
