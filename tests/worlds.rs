@@ -16,6 +16,8 @@ mod driving;
 mod errors;
 #[path = "worlds/families.rs"]
 mod families;
+#[path = "worlds/imports.rs"]
+mod imports;
 #[path = "worlds/judging.rs"]
 mod judging;
 #[path = "worlds/learned.rs"]

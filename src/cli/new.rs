@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, print_json, talk};
-use crate::openx::import::{Import, ImportError, Imported};
+use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
 use crate::run::write_file;
 use crate::scenario::Scenario;
 
@@ -92,7 +92,11 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         name: &stem,
         ado: args.ado.as_deref(),
     };
-    let Imported { worlds, broken } = asked.read(&|path| std::fs::read_to_string(path))?;
+    let Imported {
+        worlds,
+        broken,
+        dropped,
+    } = asked.read(&|path| std::fs::read_to_string(path))?;
     let mut files = Vec::new();
     for world in &worlds {
         let path = named.with_file_name(format!("{}.ron", world.name));
@@ -109,13 +113,21 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     for ((path, _), world) in files.iter().zip(&worlds) {
         write_file(path, world.text.as_bytes())?;
     }
+    if !args.json {
+        dropped.iter().for_each(|it| talk::say(&dropped_line(it)));
+    }
     let told = files.iter().zip(&worlds);
     match args.json {
         true => {
+            let dropped = dropped.iter().map(|it| {
+                let file = it.file.display().to_string();
+                json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
+            });
+            let dropped: Vec<_> = dropped.collect();
             let told =
                 told.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
             let told: Vec<_> = told.collect();
-            print_json(&json!({ "worlds": told, "broken": broken }))
+            print_json(&json!({ "worlds": told, "broken": broken, "dropped": dropped }))
         }
         false => {
             let lines = told
@@ -136,6 +148,18 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         }
     }?;
     Ok(Exit::Done)
+}
+
+/// Elements of a kind that have no effect, and where the first of them is.
+fn dropped_line(dropped: &DroppedElements) -> String {
+    let DroppedElements {
+        kind,
+        file,
+        line,
+        count,
+    } = dropped;
+    let file = file.display();
+    format!("dropped: {kind}, {count} in all, the first in {file}, line {line}")
 }
 
 impl From<ImportError> for Failure {

@@ -5,7 +5,7 @@ use std::process::Output;
 
 use assert_cmd::Command;
 
-use super::{brakecheck, code, json, scratch, stderr};
+use super::{brakecheck, code, json, root, scratch, stderr};
 
 fn brakecheck_in(dir: &Path, args: &[&str]) -> Output {
     Command::cargo_bin("brakecheck")
@@ -229,4 +229,47 @@ fn warnings_do_not_look_like_errors() {
     assert!(said.contains('⚠') && !said.contains('×'), "{said}");
     let output = brakecheck_in(dir.path(), &["check", "none.ron"]);
     assert!(stderr(&output).contains('×'), "{}", stderr(&output));
+}
+
+/// What an import drops, on stderr or in JSON; what it refuses names the cure.
+#[test]
+fn an_import_says_what_it_drops_and_what_to_write_instead() {
+    let dir = scratch();
+    let small = root().join("tests/worlds/imports");
+    let copied = |name: &str, from: &str, to: &str| {
+        let text = std::fs::read_to_string(small.join(name)).expect("a file");
+        let changed = text.replace(from, to);
+        assert_ne!(text, changed, "{from}");
+        std::fs::write(dir.path().join(name), changed).expect("written");
+    };
+    let elevation = r#"<elevationProfile><elevation s="0" a="0" b="0.1" c="0" d="0"/>"#;
+    let elevation = format!("{elevation}</elevationProfile>");
+    copied("straight.xodr", "<elevationProfile/>", &elevation);
+    copied("base.xosc", "<!--global-->", "");
+    let new = |words: &[&str]| {
+        let words = [&["new", "--from", "base.xosc"], words].concat();
+        brakecheck_in(dir.path(), &words)
+    };
+    let said = new(&["one"]);
+    assert_eq!(code(&said), 0, "{}", stderr(&said));
+    let line = "dropped: elevation, 1 in all, the first in straight.xodr, line 9\n";
+    assert_eq!(stderr(&said), line);
+    let said = new(&["two", "--json"]);
+    assert_eq!(stderr(&said), "");
+    let dropped = serde_json::json!([
+        { "kind": "elevation", "file": "straight.xodr", "line": 9, "count": 1 }
+    ]);
+    assert_eq!(json(&said)["dropped"], dropped);
+    copied("straight.xodr", "RHT", "LHT");
+    let said = new(&["three"]);
+    assert_eq!(code(&said), 2);
+    for part in [
+        "straight.xodr",
+        "line 4",
+        "left-hand traffic",
+        "mirror the road",
+    ] {
+        assert!(stderr(&said).contains(part), "{part}: {}", stderr(&said));
+    }
+    assert!(!dir.path().join("three.ron").exists());
 }

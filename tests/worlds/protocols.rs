@@ -317,6 +317,33 @@ fn points_of_protocols_are_what_esmini_makes_of_them() {
     assert_eq!(compared, 32);
 }
 
+/// Places of the ego's rear axle that esmini computed with its controllers off.
+#[test]
+fn a_bend_goes_on_until_its_point_of_r157_ends() {
+    let variation = data().join(
+        "osc-alks/logical_scenarios/\
+         alks_scenario_4_3_1_follow_lead_vehicle_comfortable_variation.xosc",
+    );
+    let worlds = imported(&variation, 1881, &files).expect("a world");
+    let episode = run(&world(&worlds[0].text));
+    let lever_m = 3.9;
+    // The world's road begins 11.5 m beside the file's.
+    for (time_s, x_m, y_m) in [
+        (10.0, 170.87747, 18.089264),
+        (30.0, 484.17338, 127.395856),
+        (40.0, 623.086219, 219.144294),
+    ] {
+        let of = |what: &str| {
+            let signal = episode.trace.signal(&format!("ego.{what}"));
+            signal.expect("there")[(time_s / 0.05_f64).round() as usize]
+        };
+        let h = of("heading");
+        let (x, y) = (of("x") - lever_m * h.cos(), of("y") - lever_m * h.sin());
+        let off_m = (x - x_m).hypot(y - y_m);
+        assert!(off_m < 0.02, "{off_m} m off at {time_s} s");
+    }
+}
+
 /// `counts.txt`: what esmini's `--return_nr_permutations` says of each file.
 #[test]
 fn every_variation_file_has_as_many_points_as_esmini_finds() {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use super::dropped::DropLog;
 use super::error::ImportError;
 use super::files::Files;
 use super::scope::Scope;
@@ -15,11 +16,13 @@ use super::tree::Node;
 #[derive(Debug, Default)]
 pub(super) struct Catalogs {
     directories: Vec<PathBuf>,
+    /// What the entries say in vain.
+    dropped: Rc<DropLog>,
     read: RefCell<BTreeMap<String, Rc<Node>>>,
 }
 
 impl Catalogs {
-    pub fn of(root: &Node, beside: &Path) -> Result<Catalogs, ImportError> {
+    pub fn of(root: &Node, beside: &Path, dropped: Rc<DropLog>) -> Result<Catalogs, ImportError> {
         let mut directories = Vec::new();
         for location in root
             .child("CatalogLocations")
@@ -31,6 +34,7 @@ impl Catalogs {
         }
         Ok(Catalogs {
             directories,
+            dropped,
             read: RefCell::default(),
         })
     }
@@ -64,6 +68,7 @@ impl Catalogs {
             ))
         });
         let set = set.collect::<Result<Vec<_>, ImportError>>()?;
+        self.dropped.look(entry);
         let own = Scope::declared(entry.child("ParameterDeclarations"), scope, &set)?;
         Ok((entry.clone(), own))
     }

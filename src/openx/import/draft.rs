@@ -28,19 +28,37 @@ enum Part {
         value: f64,
         more: f64,
     },
-    /// The greatest of all points.
+    /// The greatest, or the least, of all points.
     Most(f64),
+    Least(f64),
 }
 
 /// A text with holes.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Draft(Vec<Part>);
+#[derive(Clone, Debug)]
+pub(super) struct Draft {
+    parts: Vec<Part>,
+    /// What the run lasts at least, and when somebody leaves its road at the earliest.
+    until_s: f64,
+    leaves_s: f64,
+    /// Whether that is before the file ends the run.
+    pub is_cut: bool,
+}
 
 impl Draft {
+    /// Of a run that lasts at least so long, and in which nobody leaves its road before.
+    pub fn of(until_s: f64, leaves_s: f64) -> Draft {
+        Draft {
+            parts: Vec::new(),
+            until_s,
+            leaves_s,
+            is_cut: false,
+        }
+    }
+
     pub fn text(&mut self, text: &str) {
-        match self.0.last_mut() {
+        match self.parts.last_mut() {
             Some(Part::Text(before)) => before.push_str(text),
-            _ => self.0.push(Part::Text(text.to_owned())),
+            _ => self.parts.push(Part::Text(text.to_owned())),
         }
     }
 
@@ -50,11 +68,16 @@ impl Draft {
 
     /// A number that is the greatest of all points.
     pub fn most(&mut self, value: f64) {
-        self.0.push(Part::Most(value));
+        self.parts.push(Part::Most(value));
+    }
+
+    /// A number that is the least of all points.
+    pub fn least(&mut self, value: f64) {
+        self.parts.push(Part::Least(value));
     }
 
     pub fn beside(&mut self, axis: &str, value: f64, more: f64) {
-        self.0.push(Part::Hole {
+        self.parts.push(Part::Hole {
             axis: axis.to_owned(),
             value: tidy(value),
             more,
@@ -72,10 +95,16 @@ impl Draft {
                     axis: b, more: n, ..
                 },
             ) => a == b && m == n,
-            (Part::Most(_), Part::Most(_)) => true,
+            (Part::Most(_), Part::Most(_)) | (Part::Least(_), Part::Least(_)) => true,
             _ => false,
         };
-        self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(alike)
+        let same_length = self.parts.len() == other.parts.len();
+        same_length && self.parts.iter().zip(&other.parts).all(alike)
+    }
+
+    /// Whether a run that lasts as long as both ends before anybody leaves a road.
+    fn ends_with(&self, other: &Draft) -> bool {
+        self.until_s.max(other.until_s) <= self.leaves_s.min(other.leaves_s)
     }
 }
 
@@ -89,7 +118,10 @@ pub(super) fn tidy(value: f64) -> f64 {
 pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> Vec<ImportedWorld> {
     let mut groups: Vec<Vec<(usize, Draft)>> = Vec::new();
     for (index, draft) in drafts {
-        let group = groups.iter_mut().find(|it| it[0].1.is_like(&draft));
+        let fits = |group: &&mut Vec<(usize, Draft)>| {
+            group[0].1.is_like(&draft) && group.iter().all(|(_, it)| it.ends_with(&draft))
+        };
+        let group = groups.iter_mut().find(fits);
         match group {
             Some(group) => group.push((index, draft)),
             None => groups.push(vec![(index, draft)]),
@@ -119,9 +151,9 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
          ego pass?\",\n    source: {source:?},\n"
     );
     let mut axes: Vec<(String, Vec<f64>)> = Vec::new();
-    for (i, part) in group[0].1.0.iter().enumerate() {
-        let values = group.iter().filter_map(|(_, draft)| match draft.0[i] {
-            Part::Hole { value, .. } | Part::Most(value) => Some(value),
+    for (i, part) in group[0].1.parts.iter().enumerate() {
+        let values = group.iter().filter_map(|(_, draft)| match draft.parts[i] {
+            Part::Hole { value, .. } | Part::Most(value) | Part::Least(value) => Some(value),
             Part::Text(_) => None,
         });
         let (least, most) = values.clone().fold(
@@ -131,6 +163,7 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
         let _ = match part {
             Part::Text(part) => write!(text, "{part}"),
             Part::Most(_) => write!(text, "{}", decimal(tidy(most))),
+            Part::Least(_) => write!(text, "{}", decimal(tidy(least))),
             Part::Hole { .. } if least == most => write!(text, "{}", decimal(least)),
             Part::Hole { axis, more, .. } => {
                 let column = values.map(|value| value + more);

@@ -1,6 +1,7 @@
 //! Who is in a scenario, and what they do there.
 
 use super::bodies::ImportedBody;
+use super::error::At;
 use super::places::Placed;
 
 /// Somebody in it.
@@ -15,6 +16,8 @@ pub(super) struct Entity {
     pub meets: Option<Approached>,
     /// So far before the ego at the start, bumper to bumper, whatever the place.
     pub gap_m: Option<f64>,
+    /// Where the file places it.
+    pub at: At,
 }
 
 /// A step of somebody's script.
@@ -29,11 +32,17 @@ pub(super) struct Step {
 /// that the first needs for it.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
-    pub who: String,
+    /// One of these, or all of them.
+    pub who: Vec<String>,
+    pub needs_all: bool,
     pub whom: String,
     pub is_below: bool,
     pub value: f64,
     pub is_time: bool,
+    /// Whether it must not hold from the beginning.
+    pub rises: bool,
+    /// Where the file states it.
+    pub at: At,
 }
 
 /// What a step does.
@@ -48,7 +57,8 @@ pub(super) enum Law {
         by_m: f64,
         rate_mps: f64,
     },
-    /// To a place beside the reference line of the road.
+    /// To a place beside the reference line of the road, less the lane changes
+    /// before.
     Beside {
         t_m: f64,
         most_lateral_mps2: f64,

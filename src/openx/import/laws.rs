@@ -24,62 +24,105 @@ pub(super) fn gap_of(action: &Node, scope: &Scope, speed_mps: f64) -> Result<f64
     }
 }
 
+/// The speed of somebody, as far as it is known before the run, and what the body
+/// can do at most: gain and lose so much a second.
+pub(super) struct Speeds {
+    pub now_mps: Option<f64>,
+    pub most_mps2: (f64, f64),
+}
+
 /// Rates are those of the file, but no body does more than its `Performance` says.
-pub(super) fn speed(
-    it: &Node,
-    scope: &Scope,
-    (now_mps, most_mps2): (f64, (f64, f64)),
-) -> Result<Law, ImportError> {
+pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law, ImportError> {
     let target = it.inner("SpeedActionTarget")?.only()?;
     let to_mps = scope.number(target, "value")?;
     let relative_to = match target.name.as_str() {
+        "AbsoluteTargetSpeed" if to_mps < 0.0 => {
+            let what = format!("a speed of {to_mps} m/s");
+            return Err(target.refused(what, "nobody reverses: a speed is at least 0"));
+        }
         "AbsoluteTargetSpeed" => None,
-        "RelativeTargetSpeed"
-            if target.raw("continuous").is_none_or(|it| it == "false")
-                && target
-                    .raw("speedTargetValueType")
-                    .is_none_or(|it| it == "delta") =>
-        {
+        "RelativeTargetSpeed" => {
+            is_delta(target)?;
             Some(scope.text(target, "entityRef")?)
         }
         _ => return Err(target.error("a target speed of this kind is not read")),
     };
     let dynamics = it.inner("SpeedActionDynamics")?;
+    keeps_place(dynamics)?;
     let value = scope.number_or_zero(dynamics, "value")?;
     let shape = dynamics.raw("dynamicsShape").unwrap_or_default();
+    let known = speeds.now_mps.filter(|_| relative_to.is_none());
     let rate_mps2 = match (shape, dynamics.raw("dynamicsDimension").unwrap_or_default()) {
         ("step", _) => None,
         ("linear", "rate") => Some(value.abs()),
-        ("linear", "time") if relative_to.is_none() => match 0.0 < value {
-            true => Some((to_mps - now_mps).abs() / value),
-            false => None,
-        },
+        ("linear", "time") if value <= 0.0 => None,
+        ("linear", "time") => {
+            let now_mps = known.ok_or_else(|| {
+                let help = "state the change by a rate";
+                let what = "a change by time is not read where a speed depends on the run";
+                dynamics.refused(what, help)
+            })?;
+            Some((to_mps - now_mps).abs() / value)
+        }
         _ => return Err(dynamics.error("a speed that changes in this way is not read")),
     };
-    let gains = now_mps <= to_mps;
-    let most_mps2 = match (&relative_to, gains) {
-        (Some(_), _) => most_mps2.0.min(most_mps2.1),
-        (None, true) => most_mps2.0,
-        (None, false) => most_mps2.1,
+    let most_mps2 = match known {
+        None => speeds.most_mps2.0.min(speeds.most_mps2.1),
+        Some(now_mps) if now_mps <= to_mps => speeds.most_mps2.0,
+        Some(_) => speeds.most_mps2.1,
     };
+    let unsure = known.is_none() && speeds.most_mps2.0 != speeds.most_mps2.1;
+    if unsure && rate_mps2.is_some_and(|rate| most_mps2 < rate) {
+        let what = format!("a rate above {most_mps2} m/s², which its `Performance` may not allow");
+        return Err(dynamics.refused(what, "give it a rate that the body can do either way"));
+    }
     let rate_mps2 = rate_mps2.map(|rate| rate.min(most_mps2));
     // A rate of 0 never gets anywhere: the speed stays.
-    Ok(match rate_mps2 == Some(0.0) {
-        true => Law::Speed {
+    if rate_mps2 == Some(0.0) {
+        let now_mps = speeds.now_mps.ok_or_else(|| {
+            let help = "leave the event out, or give it a rate above 0";
+            dynamics.refused("a speed that stays as it is on the way is not read", help)
+        })?;
+        return Ok(Law::Speed {
             to_mps: now_mps,
             relative_to: None,
             rate_mps2: None,
-        },
-        false => Law::Speed {
-            to_mps,
-            relative_to,
-            rate_mps2,
-        },
+        });
+    }
+    speeds.now_mps = relative_to.is_none().then_some(to_mps);
+    Ok(Law::Speed {
+        to_mps,
+        relative_to,
+        rate_mps2,
     })
+}
+
+/// Refuses a change that goes on as far as a body lets it.
+fn keeps_place(dynamics: &Node) -> Result<(), ImportError> {
+    match dynamics.raw("followingMode") {
+        None | Some("position") => Ok(()),
+        Some(_) => {
+            let help = "write followingMode=\"position\"";
+            Err(dynamics.refused("a change that is only followed is not read", help))
+        }
+    }
+}
+
+/// Refuses a speed relative to somebody's by another rule than a sum taken once.
+pub(super) fn is_delta(target: &Node) -> Result<(), ImportError> {
+    let is = |name: &str, value: &str| target.raw(name).is_none_or(|it| it == value);
+    match is("continuous", "false") && is("speedTargetValueType", "delta") {
+        true => Ok(()),
+        false => {
+            let help = "use continuous=\"false\" and speedTargetValueType=\"delta\"";
+            Err(target.refused("a target speed of this kind is not read", help))
+        }
+    }
 }
 
 /// The rate of a change along a cosine.
 pub(super) fn dynamics(it: &Node, scope: &Scope, dimension: &str) -> Result<f64, ImportError> {
+    keeps_place(it)?;
     let fits = it.raw("dynamicsShape") == Some("sinusoidal")
         && it.raw("dynamicsDimension") == Some(dimension);
     match fits {
@@ -122,6 +165,7 @@ pub(super) fn walked(
     ground: Ground<'_>,
 ) -> Result<(OnWay, Law), ImportError> {
     let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
+    timed(it, scope, &trajectory)?;
     let on = ground.way(&trajectory, &own)?;
     let shape = trajectory.inner("Shape")?.only()?;
     let vertices: Vec<&Node> = shape.all("Vertex").collect();
@@ -130,10 +174,12 @@ pub(super) fn walked(
     };
     let end = ground.place(last.inner("Position")?, &own)?;
     let way_m = on.way.begins.sees(&end.spot).x_m;
-    let lasts_s = own.number(last, "time")? - own.number(first, "time")?;
+    let begins_s = own.number(first, "time")?;
+    let lasts_s = own.number(last, "time")? - begins_s;
     let is_straight = on.way.pieces.is_empty();
-    if !is_straight || vertices.len() != 2 || lasts_s <= 0.0 {
-        return Err(shape.error("only a way between two times is read"));
+    if !is_straight || vertices.len() != 2 || lasts_s <= 0.0 || begins_s != 0.0 {
+        let help = "give it two vertices, the first with time=\"0\"";
+        return Err(shape.refused("only a way between two times is read", help));
     }
     Ok((
         on,
@@ -142,4 +188,30 @@ pub(super) fn walked(
             way_m,
         },
     ))
+}
+
+/// Refuses a trajectory whose times are not counted from the beginning of its
+/// event, or that is not followed as it is.
+fn timed(it: &Node, scope: &Scope, trajectory: &Node) -> Result<(), ImportError> {
+    let timing = it.child("TimeReference").and_then(|it| it.child("Timing"));
+    let Some(timing) = timing else {
+        let help = "write a <Timing domainAbsoluteRelative=\"relative\" scale=\"1\" offset=\"0\"/>";
+        return Err(it.refused("a way without times is not read here", help));
+    };
+    let scale = scope.number(timing, "scale")?;
+    let offset_s = scope.number_or_zero(timing, "offset")?;
+    let is_relative = timing.raw("domainAbsoluteRelative") == Some("relative");
+    if !is_relative || scale != 1.0 || offset_s != 0.0 {
+        let help = "use the domain `relative` with a scale of 1 and an offset of 0";
+        return Err(timing.refused("times of this kind are not read", help));
+    }
+    let mode = it.child("TrajectoryFollowingMode");
+    let follows = mode.is_some_and(|it| it.raw("followingMode") != Some("position"));
+    let closed = trajectory.raw("closed").is_some_and(|it| it != "false");
+    let offset_m = scope.number_or_zero(it, "initialDistanceOffset")?;
+    if follows || closed || offset_m != 0.0 {
+        let help = "use followingMode=\"position\", closed=\"false\", and no offset";
+        return Err(it.refused("a way that is followed in this way is not read", help));
+    }
+    Ok(())
 }

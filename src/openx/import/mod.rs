@@ -5,13 +5,16 @@
 //! evaluated, and turned into roads, bodies, places and laws. Points that differ
 //! in numbers only become one world with a table of starts. What is not
 //! understood is refused by file, element and point; what does not move anybody
-//! (the stop, logs, lights, weather) is left out.
+//! (logs, lights, weather) is left out and listed.
 //!
 //! Architecture Invariant: files come in through a function; nothing is written.
 
+mod acts;
 mod bodies;
 mod catalog;
 mod draft;
+mod dropped;
+mod ends;
 mod entity;
 mod error;
 mod expression;
@@ -26,12 +29,14 @@ mod scenario;
 mod scope;
 mod seen;
 mod spot;
+mod surface;
 mod tree;
 mod triggers;
 mod ways;
 mod world;
 
 pub use draft::ImportedWorld;
+pub use dropped::DroppedElements;
 pub use error::ImportError;
 pub use files::Files;
 pub use points::ImportedPoint;
@@ -74,6 +79,8 @@ pub struct Imported {
     pub worlds: Vec<ImportedWorld>,
     /// Number of points that were left out.
     pub broken: usize,
+    /// What the files say and the worlds do not, by kind.
+    pub dropped: Vec<DroppedElements>,
 }
 
 impl Import<'_> {
@@ -122,9 +129,23 @@ impl Import<'_> {
                 At::file(self.scenario).error("every point breaks a constraint of the file");
             return Err(error);
         }
+        let cut = drafts.iter().filter(|(_, draft)| draft.is_cut).count();
+        let mut dropped = protocol.dropped.list();
+        if 0 < cut {
+            dropped.push(DroppedElements {
+                kind: "what happens behind the end of a road",
+                file: self.scenario.to_owned(),
+                line: protocol.ends_line(),
+                count: cut,
+            });
+        }
         let source = self.source(&protocol);
         let worlds = draft::worlds(self.name, &source, drafts);
-        Ok(Imported { worlds, broken })
+        Ok(Imported {
+            worlds,
+            broken,
+            dropped,
+        })
     }
 
     fn source(&self, protocol: &Protocol) -> String {

@@ -1,19 +1,17 @@
-//! What a storyboard lets somebody do: where they begin, and their laws.
+//! What the Init of a storyboard says: where everybody begins, and how fast, and
+//! when the run ends.
 
-use super::entity::{Approached, Entity, Law, Step};
+use super::dropped::lone_time;
+use super::entity::Entity;
 use super::error::ImportError;
-use super::laws::{approached, dynamics, gap_of, speed, walked};
-use super::places::{Ground, Placed, lane_beside, lane_change_m};
+use super::laws::{gap_of, is_delta};
+use super::places::{Ground, Placed};
 use super::scope::Scope;
 use super::tree::Node;
-use super::triggers::{Starts, starts};
-
-/// Acts that begin so soon begin at once.
-const SOON_S: f64 = 1.0;
 
 /// What an action does to nobody's motion: the ego's controller, lights,
 /// weather, logs.
-const IGNORED: [&str; 6] = [
+const STILL: [&str; 6] = [
     "ControllerAction",
     "ActivateControllerAction",
     "AppearanceAction",
@@ -21,6 +19,35 @@ const IGNORED: [&str; 6] = [
     "VariableAction",
     "VisibilityAction",
 ];
+/// What an Init may say of a motion along the road.
+const FIRST: [&str; 2] = ["SpeedAction", "LongitudinalDistanceAction"];
+/// What hands the motion of somebody to a controller.
+const HANDS_OVER: [&str; 4] = [
+    "lateral",
+    "longitudinal",
+    "activateLateral",
+    "activateLongitudinal",
+];
+
+/// Whether an action moves nobody, taken by whom it is for.
+///
+/// # Errors
+/// A controller that moves somebody else than the ego.
+pub(super) fn is_still(action: &Node, is_for_ego: bool) -> Result<bool, ImportError> {
+    fn hands_over(node: &Node) -> bool {
+        let names = HANDS_OVER.iter();
+        let mut set = names.filter_map(|name| node.raw(name));
+        set.any(|value| value != "false") || node.children.iter().any(hands_over)
+    }
+    let name = action.name.as_str();
+    let controls = matches!(name, "ControllerAction" | "ActivateControllerAction");
+    if controls && !is_for_ego && hands_over(action) {
+        let what = "somebody whom a controller moves is not read";
+        let help = "only the ego may have a controller: state the others' motion by actions";
+        return Err(action.refused(what, help));
+    }
+    Ok(STILL.contains(&name))
+}
 
 /// Where somebody begins.
 pub(super) fn begins(
@@ -29,6 +56,8 @@ pub(super) fn begins(
     ground: Ground<'_>,
 ) -> Result<Placed, ImportError> {
     let mut at = None;
+    let is_ego = private.raw("entityRef") == Some("Ego");
+    let mut routes = Vec::new();
     for action in private.all("PrivateAction") {
         let it = action.only()?;
         match it.name.as_str() {
@@ -36,23 +65,40 @@ pub(super) fn begins(
             "RoutingAction" => {
                 let it = it.only()?;
                 match it.name.as_str() {
-                    "AssignRouteAction" => {}
+                    "AssignRouteAction" => routes.push(it),
                     "FollowTrajectoryAction" => at = Some(on_trajectory(it, scope, ground)?),
                     _ => return Err(it.error("an action of this kind is not read")),
                 }
             }
-            "LongitudinalAction" => {}
-            name if IGNORED.contains(&name) => {}
+            "LongitudinalAction" => match it.only()? {
+                it if FIRST.contains(&it.name.as_str()) => {}
+                it => {
+                    let help = "state the speed with which it starts, as a step, in a SpeedAction";
+                    return Err(it.refused("an action of this kind is not read in Init", help));
+                }
+            },
+            _ if is_still(it, is_ego)? => {}
             _ => return Err(it.error("an action of this kind is not read")),
         }
     }
-    at.ok_or_else(|| private.error("nothing says where it begins"))
+    let at = at.ok_or_else(|| private.error("nothing says where it begins"))?;
+    for route in routes {
+        ground.leads_on(route, scope, &at)?;
+    }
+    Ok(at)
 }
 
 fn on_trajectory(it: &Node, scope: &Scope, ground: Ground<'_>) -> Result<Placed, ImportError> {
     let (trajectory, own) = ground.trajectory(it.inner("TrajectoryRef")?, scope)?;
     let mut on = ground.way(&trajectory, &own)?;
-    on.along_m += scope.number_or_zero(it, "initialDistanceOffset")?;
+    on.move_on(it, scope.number_or_zero(it, "initialDistanceOffset")?)?;
+    if it
+        .child("TimeReference")
+        .is_some_and(|it| it.child("Timing").is_some())
+    {
+        let help = "follow it at the entity's speed: write <TimeReference><None/></TimeReference>";
+        return Err(it.refused("a trajectory with times is not read in Init", help));
+    }
     Ok(Placed {
         spot: on.spot(),
         lane: None,
@@ -74,11 +120,19 @@ pub(super) fn first_speed_mps(
 ) -> Result<f64, ImportError> {
     let mut speed_mps = 0.0;
     for action in longitudinal(private, "SpeedAction") {
+        let dynamics = action.inner("SpeedActionDynamics")?;
+        let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
+        if dynamics.raw("dynamicsShape") != Some("step") && lasts {
+            let what = "a speed that is only reached after the start is not read in Init";
+            let help = "state the first speed as a step in Init, and the change as an event";
+            return Err(dynamics.refused(what, help));
+        }
         let target = action.inner("SpeedActionTarget")?.only()?;
         let value_mps = scope.number(target, "value")?;
         speed_mps = match target.name.as_str() {
             "AbsoluteTargetSpeed" => value_mps,
             "RelativeTargetSpeed" => {
+                is_delta(target)?;
                 let name = scope.text(target, "entityRef")?;
                 let other = before.iter().find(|it| it.name == name);
                 let other =
@@ -107,302 +161,57 @@ pub(super) fn first_gap_m(
     Ok(gap_m)
 }
 
-/// When the file ends a run, if it says so by a time.
+/// When the file ends a run, if it says so by nothing but a time.
 pub(super) fn stop_s(board: &Node, scope: &Scope) -> Result<Option<f64>, ImportError> {
     let groups = board.child("StopTrigger");
     let groups = groups.into_iter().flat_map(|it| it.all("ConditionGroup"));
-    for condition in groups.flat_map(|it| it.all("Condition")) {
-        let time = condition
-            .child("ByValueCondition")
-            .and_then(|it| it.child("SimulationTimeCondition"));
-        if let Some(time) = time {
+    let mut stop_s: Option<f64> = None;
+    for group in groups {
+        if let Some((condition, time)) = lone_time(group) {
             let delay_s = scope.number_or_zero(condition, "delay")?;
-            return Ok(Some(scope.number(time, "value")? + delay_s));
+            let at_s = scope.number(time, "value")? + delay_s;
+            stop_s = Some(stop_s.map_or(at_s, |known| known.min(at_s)));
         }
     }
-    Ok(None)
+    Ok(stop_s)
 }
 
-/// Reads the acts: who does what, and who is not there.
-pub(super) fn acts(
-    board: &Node,
+/// By what the Init scales the friction of all roads.
+pub(super) fn friction_scale(
+    init: &Node,
     scope: &Scope,
     ground: Ground<'_>,
-    entities: &mut Vec<Entity>,
-) -> Result<(), ImportError> {
-    let mut scripts: Vec<Script> = entities.iter().map(Script::of).collect();
-    let mut gone: Vec<String> = Vec::new();
-    for act in board.all("Story").flat_map(|story| story.all("Act")) {
-        match starts(act, scope)? {
-            Starts::Never => continue,
-            Starts::Now => {}
-            Starts::At(at_s) if at_s <= SOON_S => {}
-            // Whatever ends up doing nothing may begin when it likes.
-            _ if is_ignored(act) => continue,
-            _ => return Err(act.error("an act that begins later is not read")),
-        }
-        for group in act.all("ManeuverGroup") {
-            let actors = group.child("Actors");
-            let actors = actors.into_iter().flat_map(|it| it.all("EntityRef"));
-            let actors = actors.map(|it| scope.text(it, "entityRef"));
-            let actors = actors.collect::<Result<Vec<_>, _>>()?;
-            for it in &group.children {
-                let (maneuver, own) = match it.name.as_str() {
-                    "Maneuver" => (it.clone(), scope.clone()),
-                    "CatalogReference" => ground.catalogs.entry(it, scope, ground.files)?,
-                    _ => continue,
-                };
-                for event in maneuver.all("Event") {
-                    let mut reader = Reader {
-                        scope: &own,
-                        ground,
-                        scripts: &mut scripts,
-                        gone: &mut gone,
-                    };
-                    reader.event(event, &maneuver, &actors)?;
-                }
+) -> Result<f64, ImportError> {
+    let mut scale = 1.0;
+    for global in init.all("GlobalAction") {
+        let action = global.only()?;
+        match action.name.as_str() {
+            "EnvironmentAction" => {
+                scale = friction_of(action, scope, ground)?.unwrap_or(scale);
             }
+            "VariableAction" => {}
+            _ => return Err(action.error("an action of this kind is not read in Init")),
         }
     }
-    for (entity, script) in entities.iter_mut().zip(scripts) {
-        entity.steps = script.steps;
-        entity.meets = script.meets;
-        entity.gap_m = script.gap_m;
-        entity.placed = script.placed;
+    if let Some(user) = init.child("UserDefinedAction") {
+        return Err(user.error("an action of this kind is not read in Init"));
     }
-    entities.retain(|it| !gone.contains(&it.name));
-    Ok(())
+    Ok(scale)
 }
 
-/// Whether nothing in it moves anybody.
-fn is_ignored(act: &Node) -> bool {
-    fn actions<'a>(node: &'a Node, found: &mut Vec<&'a Node>) {
-        for child in &node.children {
-            match child.name.as_str() {
-                "PrivateAction" | "GlobalAction" => found.extend(child.children.first()),
-                _ => actions(child, found),
-            }
-        }
-    }
-    let mut found = Vec::new();
-    actions(act, &mut found);
-    found.iter().all(|it| IGNORED.contains(&it.name.as_str()))
-}
-
-/// What somebody does, as far as it has been read.
-struct Script {
-    name: String,
-    placed: Placed,
-    speed_mps: f64,
-    most_mps2: (f64, f64),
-    lane: Option<i32>,
-    steps: Vec<Step>,
-    meets: Option<Approached>,
-    gap_m: Option<f64>,
-    /// What the step before may be called.
-    called: Vec<String>,
-}
-
-impl Script {
-    fn of(entity: &Entity) -> Script {
-        Script {
-            name: entity.name.clone(),
-            placed: entity.placed.clone(),
-            speed_mps: entity.speed_mps,
-            most_mps2: entity.body.most_mps2,
-            lane: entity.placed.lane.as_ref().map(|at| at.lane),
-            steps: Vec::new(),
-            meets: None,
-            gap_m: entity.gap_m,
-            called: Vec::new(),
-        }
-    }
-}
-
-struct Reader<'a> {
-    scope: &'a Scope,
-    ground: Ground<'a>,
-    scripts: &'a mut Vec<Script>,
-    gone: &'a mut Vec<String>,
-}
-
-impl Reader<'_> {
-    fn event(
-        &mut self,
-        event: &Node,
-        maneuver: &Node,
-        actors: &[String],
-    ) -> Result<(), ImportError> {
-        let mut moving = Vec::new();
-        for action in event.all("Action") {
-            let it = action.only()?;
-            let inner = it.only()?;
-            if IGNORED.contains(&inner.name.as_str()) {
-                continue;
-            }
-            match it.name.as_str() {
-                "PrivateAction" => moving.push(inner),
-                "GlobalAction" => self.global(event, inner)?,
-                _ => return Err(it.error("an action of this kind is not read")),
-            }
-        }
-        if moving.is_empty() {
-            return Ok(());
-        }
-        for actor in actors {
-            if actor == "Ego" {
-                return Err(moving[0].error("an ego that is told how to move is not read"));
-            }
-            let known = self.scripts.iter().position(|it| it.name == *actor);
-            let known =
-                known.ok_or_else(|| event.error(format!("there is nobody called `{actor}`")))?;
-            self.step(known, event, &moving)?;
-            let names = [maneuver.raw("name"), event.raw("name")];
-            let actions = event.all("Action").map(|it| it.raw("name"));
-            let names = names.into_iter().chain(actions).flatten();
-            self.scripts[known].called = names.map(str::to_owned).collect();
-        }
-        Ok(())
-    }
-
-    fn global(&mut self, event: &Node, it: &Node) -> Result<(), ImportError> {
-        let deletes = it.name == "EntityAction" && it.child("DeleteEntityAction").is_some();
-        if !deletes {
-            return Err(it.error("an action of this kind is not read"));
-        }
-        match starts(event, self.scope)? {
-            Starts::Now => self.gone.push(self.scope.text(it, "entityRef")?),
-            Starts::Never => {}
-            _ => return Err(it.error("somebody who vanishes on the way is not read")),
-        }
-        Ok(())
-    }
-
-    fn step(&mut self, who: usize, event: &Node, actions: &[&Node]) -> Result<(), ImportError> {
-        let script = &self.scripts[who];
-        let is_first = script.steps.is_empty() && script.called.is_empty();
-        let mut step = Step {
-            when: None,
-            after_s: 0.0,
-            laws: Vec::new(),
-        };
-        match starts(event, self.scope)? {
-            Starts::Never => return Ok(()),
-            Starts::Now if is_first => {}
-            Starts::At(at_s) if is_first => step.after_s = at_s,
-            Starts::After { element, delay_s } if script.called.contains(&element) => {
-                step.after_s = delay_s;
-            }
-            Starts::When { watch, delay_s } => {
-                step.when = Some(watch);
-                step.after_s = delay_s;
-            }
-            _ => {
-                let what = "an event that does not begin after the one before it is not read";
-                return Err(event.error(what));
-            }
-        }
-        for action in actions {
-            self.action(who, action, is_first, &mut step)?;
-        }
-        // What is done at the start by itself needs no step.
-        let is_setting = step.laws.is_empty();
-        if !is_setting {
-            self.scripts[who].steps.push(step);
-        }
-        Ok(())
-    }
-
-    fn action(
-        &mut self,
-        who: usize,
-        action: &Node,
-        is_first: bool,
-        step: &mut Step,
-    ) -> Result<(), ImportError> {
-        let (scope, ground) = (self.scope, self.ground);
-        let it = match action.name.as_str() {
-            "LongitudinalAction" | "LateralAction" | "RoutingAction" => action.only()?,
-            _ => action,
-        };
-        let script = &mut self.scripts[who];
-        match it.name.as_str() {
-            "SpeedAction" => {
-                let law = speed(it, scope, (script.speed_mps, script.most_mps2))?;
-                if let Law::Speed {
-                    to_mps,
-                    relative_to: None,
-                    ..
-                } = law
-                {
-                    script.speed_mps = to_mps;
-                }
-                step.laws.push(law);
-            }
-            "LaneChangeAction" => {
-                let lane = script.placed.lane.clone();
-                let lane = lane.ok_or_else(|| it.error("it is on no lane"))?;
-                let target = it.inner("LaneChangeTarget")?.only()?;
-                let value = scope.number(target, "value")? as i32;
-                let to = match target.name.as_str() {
-                    "AbsoluteTargetLane" => value,
-                    _ => {
-                        let name = scope.text(target, "entityRef")?;
-                        let other = ground.placed.get(&name).and_then(|it| it.lane.as_ref());
-                        let other =
-                            other.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
-                        lane_beside(other, value)
-                    }
-                };
-                let now = super::places::Placed {
-                    lane: script.lane.map(|id| super::places::OnLane {
-                        lane: id,
-                        ..lane.clone()
-                    }),
-                    ..script.placed.clone()
-                };
-                let from = now.lane.as_ref().unwrap_or(&lane);
-                let by_m = lane_change_m(ground, it, from, to)?;
-                let rate_mps = dynamics(it.inner("LaneChangeActionDynamics")?, scope, "rate")?;
-                script.lane = Some(to);
-                step.laws.push(Law::LaneChange { by_m, rate_mps });
-            }
-            "LaneOffsetAction" => {
-                let lane = script.placed.lane.as_ref();
-                let lane = lane.ok_or_else(|| it.error("it is on no lane"))?;
-                let target = it.inner("LaneOffsetTarget")?.only()?;
-                let mut offset_m = scope.number(target, "value")?;
-                let line = ground.roads.road(it, &lane.road)?;
-                let middle_m = line.middle_m(it, script.lane.unwrap_or(lane.lane))?;
-                if target.name == "RelativeTargetLaneOffset" {
-                    let name = scope.text(target, "entityRef")?;
-                    let other = ground.placed.get(&name).and_then(|it| it.lane.as_ref());
-                    let other =
-                        other.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
-                    offset_m += other.t_m - line.middle_m(it, other.lane)?;
-                }
-                let dynamics = it.inner("LaneOffsetActionDynamics")?;
-                if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
-                    return Err(dynamics.error("only sinusoidal lane offsets are read"));
-                }
-                step.laws.push(Law::Beside {
-                    t_m: middle_m + offset_m,
-                    most_lateral_mps2: scope.number(dynamics, "maxLateralAcc")?,
-                });
-            }
-            "LongitudinalDistanceAction" if is_first && step.when.is_none() => {
-                script.gap_m = Some(gap_of(it, scope, script.speed_mps)?);
-            }
-            "SynchronizeAction" if is_first && step.when.is_none() => {
-                script.meets = Some(approached(it, scope, ground)?);
-            }
-            "FollowTrajectoryAction" => {
-                let (way, law) = walked(it, scope, ground)?;
-                script.placed.way = Some(way);
-                step.laws.push(law);
-            }
-            _ => return Err(it.error("an action of this kind is not read here")),
-        }
-        Ok(())
-    }
+/// By what an environment scales friction, if it says so.
+pub(super) fn friction_of(
+    action: &Node,
+    scope: &Scope,
+    ground: Ground<'_>,
+) -> Result<Option<f64>, ImportError> {
+    let it = action.only()?;
+    let (environment, own) = match it.name.as_str() {
+        "CatalogReference" => ground.catalogs.entry(it, scope, ground.files)?,
+        _ => (it.clone(), scope.clone()),
+    };
+    let condition = environment.child("RoadCondition");
+    let condition = condition.filter(|it| it.raw("frictionScaleFactor").is_some());
+    let scale = condition.map(|it| own.number(it, "frictionScaleFactor"));
+    scale.transpose()
 }

@@ -9,10 +9,14 @@ use super::roads::RoadMap;
 use super::scope::Scope;
 use super::spot::{Spot, wrapped};
 use super::tree::Node;
-use super::ways::{OnWay, Spiral, Way};
+use super::ways::{Bend, OnWay, Spiral, Way};
 
 /// Nearer than this two directions are one.
 const SAME_RAD: f64 = 1e-6;
+/// A place so far beyond an end is at the end.
+const SAME_M: f64 = 1e-6;
+/// A route so far beside somebody leads along its lane.
+const ASIDE_M: f64 = 10.0;
 
 /// A place with what the file says of it.
 #[derive(Clone, Debug)]
@@ -97,7 +101,7 @@ impl Ground<'_> {
             "TrajectoryPosition" => {
                 let (trajectory, own) = self.trajectory(it.inner("TrajectoryRef")?, scope)?;
                 let mut on = self.way(&trajectory, &own)?;
-                on.along_m += scope.number(it, "s")?;
+                on.move_on(it, scope.number(it, "s")?)?;
                 let spot = on.spot().moved(0.0, scope.number_or_zero(it, "t")?);
                 Ok(Placed {
                     spot: turned(it, scope, spot)?,
@@ -133,8 +137,11 @@ impl Ground<'_> {
                     Ok(placed.spot)
                 });
                 let vertices = vertices.collect::<Result<Vec<Spot>, ImportError>>()?;
+                let way = Way::through(shape, &vertices)?;
+                let last = vertices.last().unwrap_or(&way.begins);
                 Ok(OnWay {
-                    way: Way::through(shape, &vertices)?,
+                    ends_m: way.begins.sees(last).x_m,
+                    way,
                     along_m: 0.0,
                 })
             }
@@ -171,7 +178,9 @@ impl Ground<'_> {
             pieces.extend(spiral.arcs(0.0));
         }
         let begins = begins.ok_or_else(|| shape.error("a way without pieces"))?;
+        let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
         let mut on = OnWay {
+            ends_m: lengths.sum(),
             way: Way {
                 begins: begins.spot,
                 pieces,
@@ -208,6 +217,7 @@ impl Ground<'_> {
     ) -> Result<Placed, ImportError> {
         let line = self.roads.road(it, &road)?;
         let t_m = line.middle_m(it, lane)? + offset_m;
+        within(it, s_m, line.length_m, &format!("road `{road}`"))?;
         let on = line.at(s_m, t_m);
         // Lanes on the left are driven against the road.
         let driven = match 0 < lane {
@@ -236,7 +246,9 @@ impl Ground<'_> {
         road: String,
         (s_m, t_m): (f64, f64),
     ) -> Result<Placed, ImportError> {
-        let on = self.roads.road(it, &road)?.at(s_m, t_m);
+        let line = self.roads.road(it, &road)?;
+        within(it, s_m, line.length_m, &format!("road `{road}`"))?;
+        let on = line.at(s_m, t_m);
         Ok(Placed {
             spot: turned(it, scope, on)?,
             lane: Some(OnLane {
@@ -251,27 +263,22 @@ impl Ground<'_> {
 
     fn on_route(&self, it: &Node, scope: &Scope) -> Result<Placed, ImportError> {
         let reference = it.inner("RouteRef")?.only()?;
-        let (route, own) = match reference.name.as_str() {
-            "CatalogReference" => self.catalogs.entry(reference, scope, self.files)?,
-            _ => (reference.clone(), scope.clone()),
-        };
-        let stops = route.all("Waypoint").map(|stop| {
-            let placed = self.place(stop.inner("Position")?, &own)?;
-            Ok(placed)
-        });
-        let stops = stops.collect::<Result<Vec<Placed>, ImportError>>()?;
+        let (route, stops) = self.route(reference, scope)?;
         let spots: Vec<Spot> = stops.iter().map(|stop| stop.spot).collect();
         let begins = Way::through(&route, &spots)?.begins;
-        let within = it.inner("InRoutePosition")?.only()?;
-        let along_m = scope.number(within, "pathS")?;
-        let aside_m = match within.name.as_str() {
-            "FromLaneCoordinates" => scope.number_or_zero(within, "laneOffset")?,
+        let on = it.inner("InRoutePosition")?.only()?;
+        let along_m = scope.number(on, "pathS")?;
+        let last = spots.last().unwrap_or(&begins);
+        let ends_m = begins.sees(last).x_m;
+        within(on, along_m, ends_m, "the route")?;
+        let aside_m = match on.name.as_str() {
+            "FromLaneCoordinates" => scope.number_or_zero(on, "laneOffset")?,
             // Seen from the middle of the road, not of the lane.
             "FromRoadCoordinates" => {
                 let t_m = stops[0].lane.as_ref().map_or(0.0, |at| at.t_m);
-                scope.number_or_zero(within, "t")? - t_m
+                scope.number_or_zero(on, "t")? - t_m
             }
-            _ => return Err(within.error("a place on a route of this kind is not read")),
+            _ => return Err(on.error("a place on a route of this kind is not read")),
         };
         let begins = begins.moved(0.0, aside_m);
         Ok(Placed {
@@ -280,8 +287,56 @@ impl Ground<'_> {
             way: Some(OnWay {
                 way: Way::straight(begins),
                 along_m,
+                ends_m,
             }),
         })
+    }
+
+    /// A route, and the places through which it leads.
+    fn route(&self, it: &Node, scope: &Scope) -> Result<(Node, Vec<Placed>), ImportError> {
+        let (route, own) = match it.name.as_str() {
+            "CatalogReference" => self.catalogs.entry(it, scope, self.files)?,
+            _ => (it.clone(), scope.clone()),
+        };
+        let stops = route
+            .all("Waypoint")
+            .map(|stop| self.place(stop.inner("Position")?, &own));
+        let stops = stops.collect::<Result<Vec<Placed>, ImportError>>()?;
+        Ok((route, stops))
+    }
+
+    /// Refuses a route that leads elsewhere than straight on from a place, or
+    /// along its road.
+    pub fn leads_on(&self, assigned: &Node, scope: &Scope, at: &Placed) -> Result<(), ImportError> {
+        let (_, stops) = self.route(assigned.only()?, scope)?;
+        let from = at.way.as_ref().map_or(at.spot, |on| on.way.begins);
+        let road = |it: &Placed| it.lane.as_ref().map(|lane| lane.road.clone());
+        let same_road = road(at).is_some() && stops.iter().all(|stop| road(stop) == road(at));
+        let is_ahead = |stop: &Placed| {
+            let seen = from.sees(&stop.spot);
+            seen.y_m.abs() < ASIDE_M && is_along(seen.heading_rad, 0.0)
+        };
+        match same_road || stops.iter().all(is_ahead) {
+            true => Ok(()),
+            false => {
+                let help = "give the way as a FollowTrajectoryAction in Init, of lines, arcs \
+                            and spirals";
+                Err(assigned.refused("a route that turns off is not read", help))
+            }
+        }
+    }
+}
+
+/// Refuses a place before or behind what it lies on.
+fn within(it: &Node, s_m: f64, length_m: f64, what: &str) -> Result<(), ImportError> {
+    match (-SAME_M..=length_m + SAME_M).contains(&s_m) {
+        true => Ok(()),
+        false => {
+            let what = format!("it is {s_m} m along {what}, which has {length_m} m");
+            let help = "place it on the road on which it is, or leave the point out with \
+                        --skip-broken";
+            Err(it.refused(what, help).of_point())
+        }
     }
 }
 
@@ -302,7 +357,7 @@ fn turned(it: &Node, scope: &Scope, spot: Spot) -> Result<Spot, ImportError> {
 }
 
 /// The lane so many to the left; there is no lane 0.
-pub(super) fn beside(lane: i32, by: i32) -> i32 {
+fn beside(lane: i32, by: i32) -> i32 {
     let there = lane + by;
     match (lane < 0 && 0 <= there, 0 < lane && there <= 0) {
         (true, _) => there + 1,
@@ -314,17 +369,6 @@ pub(super) fn beside(lane: i32, by: i32) -> i32 {
 /// Whether two directions are one.
 pub(super) fn is_along(heading_rad: f64, direction_rad: f64) -> bool {
     wrapped(heading_rad - direction_rad).abs() < SAME_RAD
-}
-
-/// By how much to the left a lane change goes.
-pub(super) fn lane_change_m(
-    ground: Ground<'_>,
-    asks: &Node,
-    from: &OnLane,
-    to: i32,
-) -> Result<f64, ImportError> {
-    let line = ground.roads.road(asks, &from.road)?;
-    Ok(line.middle_m(asks, to)? - line.middle_m(asks, from.lane)?)
 }
 
 /// The lane so many beside another's.

@@ -68,12 +68,12 @@ fn step_of(
     if let Some(watch) = &step.when {
         let parameter = format!("{}_trigger", it.name);
         if trigger.is_some() {
-            return Err(concrete
-                .at
-                .error("several steps that wait for somebody are not read"));
+            let help = "let one event only wait for a distance";
+            let what = "several steps that wait for somebody are not read";
+            return Err(watch.at.error(what).helped(help));
         }
         *trigger = Some((parameter.clone(), watch.value));
-        let formula = formula(concrete, all, watch, &parameter)?;
+        let formula = formula(all, watch, &parameter, number == 1)?;
         draft.text(&format!("when: \"{formula}\", "));
     }
     if step.after_s != 0.0 {
@@ -152,34 +152,75 @@ fn law_of(
     }
 }
 
-/// A clearance along the road below or above a parameter.
+/// A clearance along the road below or above a parameter, of one of several or
+/// of all of them.
 fn formula(
-    concrete: &Concrete,
     all: &[Seen],
     watch: &Watch,
     parameter: &str,
+    is_first: bool,
 ) -> Result<String, ImportError> {
     let find = |name: &str| {
         let found = all.iter().find(|it| it.entity.name == name);
-        found.ok_or_else(|| {
-            concrete
-                .at
-                .error(format!("there is nobody called `{name}`"))
-        })
+        let what = format!("there is nobody called `{name}`");
+        found.ok_or_else(|| watch.at.error(what))
     };
-    let (who, whom) = (find(&watch.who)?, find(&watch.whom)?);
+    let whom = find(&watch.whom)?;
+    let who = watch.who.iter().map(|name| find(name));
+    let who = who.collect::<Result<Vec<&Seen>, ImportError>>()?;
+    let mut holding = who.iter().map(|it| holds_at_start(watch, it, whom));
+    let holds = match watch.needs_all {
+        true => holding.all(|holds| holds),
+        false => holding.any(|holds| holds),
+    };
+    if watch.rises && holds {
+        let what = "its rising edge is not seen: it holds from the start on";
+        let help = "write conditionEdge=\"none\", or place them so that it does not hold";
+        return Err(watch.at.error(what).helped(help));
+    }
+    let parts = who
+        .iter()
+        .map(|it| waits(watch, it, whom, parameter, is_first));
+    let parts: Vec<String> = parts.collect();
+    Ok(match (&parts[..], watch.needs_all) {
+        ([one], _) => one.clone(),
+        (_, true) => format!("({})", parts.join(") and (")),
+        (_, false) => format!("({})", parts.join(") or (")),
+    })
+}
+
+/// Whether what a step waits for holds of somebody as the run begins.
+fn holds_at_start(watch: &Watch, who: &Seen, whom: &Seen) -> bool {
+    let front_m = |it: &Seen| it.spot.x_m + it.front_along_m();
+    let ahead_m = front_m(whom) - front_m(who);
+    let clear_m = (ahead_m - whom.rear_m()).max(-ahead_m - who.rear_m());
+    let bound_m = match watch.is_time {
+        true => watch.value * who.entity.speed_mps,
+        false => watch.value,
+    };
+    match watch.is_below {
+        true => clear_m.max(0.0) < bound_m,
+        false => clear_m.max(0.0) > bound_m,
+    }
+}
+
+fn waits(watch: &Watch, who: &Seen, whom: &Seen, parameter: &str, is_first: bool) -> String {
     let headway = format!("{}.{}.headway", who.name, whom.name);
-    let clearance = match who.spot.x_m <= whom.spot.x_m {
-        true => format!("{headway} - {}", tidy(whom.rear_m())),
-        false => format!("-{headway} - {}", tidy(who.rear_m())),
+    let ahead = format!("{headway} - {}", tidy(whom.rear_m()));
+    let behind = format!("-{headway} - {}", tidy(who.rear_m()));
+    // They come near before they pass each other, and are far apart behind that, too.
+    let clearance = match (watch.is_below && is_first, who.spot.x_m <= whom.spot.x_m) {
+        (true, true) => ahead,
+        (true, false) => behind,
+        (false, _) => format!("max({ahead}, {behind})"),
     };
     let bound = match watch.is_time {
         true => format!("{parameter} * {}.speed", who.name),
         false => parameter.to_owned(),
     };
     // Strictly: who touches is not nearer than 0 m.
-    Ok(match watch.is_below {
+    match watch.is_below {
         true => format!("max({clearance}, 0) + 0.000001 <= {bound}"),
         false => format!("{clearance} >= {bound} + 0.000001"),
-    })
+    }
 }

@@ -1,15 +1,21 @@
 //! Roads from OpenDRIVE: lines, arcs and spirals, with lanes of one width.
+//!
+//! What cannot be read of a road is an error only where somebody is on it.
 
 use std::collections::BTreeMap;
 
 use super::error::ImportError;
 use super::scope::Scope;
-use super::spot::Spot;
+use super::spot::{Spot, wrapped};
+use super::surface::Surface;
 use super::tree::Node;
 use super::ways::{Bend, Spiral};
 
 /// Lanes so far beside the reference line are near their spirals, too.
 const LANES_M: f64 = 12.0;
+/// Pieces of a reference line meet within this.
+const MEET_M: f64 = 0.01;
+const MEET_RAD: f64 = 1e-3;
 
 /// A piece of a reference line.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +37,8 @@ pub(super) struct Line {
     offset_m: f64,
     /// Number, width, and whether one drives there.
     lanes: Vec<(i32, f64, bool)>,
+    /// Friction and speed limits.
+    pub surface: Surface,
 }
 
 /// All roads of a file, by their id.
@@ -51,6 +59,42 @@ impl RoadMap {
         self.0.get(id)
     }
 
+    /// All roads.
+    pub fn all(&self) -> impl Iterator<Item = &Line> {
+        self.0.values()
+    }
+
+    /// The friction of a road; where it is none, of all.
+    pub fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
+        self.one_of(road, |surface| surface.friction.clone())
+    }
+
+    /// The speed limit of a road; where it is none, of all.
+    pub fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
+        self.one_of(road, |surface| surface.limit_mps.clone())
+    }
+
+    fn one_of<T: PartialEq>(
+        &self,
+        road: Option<&str>,
+        of: impl Fn(&Surface) -> Result<T, ImportError>,
+    ) -> Result<T, ImportError> {
+        let asked = |(id, _): &(&String, &Line)| road.is_none_or(|road| road == *id);
+        let mut roads = self.0.iter().filter(asked).map(|(_, line)| line);
+        let Some(first) = roads.next() else {
+            return of(&Surface::default());
+        };
+        let value = of(&first.surface)?;
+        for line in roads {
+            if of(&line.surface)? != value {
+                let what = "its friction or speed limit differs from those of other roads";
+                let help = "a world has one of each: make all roads alike";
+                return Err(line.node.refused(what, help));
+            }
+        }
+        Ok(value)
+    }
+
     /// A road by its id, fit to be driven on; `asks` is who names it.
     pub fn road(&self, asks: &Node, id: &str) -> Result<&Line, ImportError> {
         let road = self.0.get(id);
@@ -66,10 +110,16 @@ impl Line {
     fn of(road: &Node) -> Result<Line, ImportError> {
         let plain = Scope::default();
         let mut refused = None;
-        let mut pieces = Vec::new();
+        if road.raw("rule") == Some("LHT") {
+            let help = "mirror the road and the scenario: worlds have right-hand traffic";
+            refused = Some(road.refused("left-hand traffic is not read", help));
+        }
+        let length_m = plain.number(road, "length")?;
+        let mut pieces: Vec<Stretch> = Vec::new();
         for geometry in road.inner("planView")?.all("geometry") {
             let shape = geometry.only()?;
             let length_m = plain.number(geometry, "length")?;
+            let before = pieces.last().map(Stretch::end);
             let bend = |per_m| vec![Bend { length_m, per_m }];
             let bends = match shape.name.as_str() {
                 "line" => bend(0.0),
@@ -95,6 +145,10 @@ impl Line {
                 y_m: plain.number(geometry, "y")?,
                 heading_rad: plain.number(geometry, "hdg")?,
             };
+            // Behind what is not read nothing fits.
+            if refused.is_none() {
+                refused = meets(geometry, before, (s_m, start)).err();
+            }
             for Bend { length_m, per_m } in bends {
                 pieces.push(Stretch {
                     s_m,
@@ -109,17 +163,20 @@ impl Line {
         if pieces.is_empty() {
             return Err(road.error("a road without geometry"));
         }
-        let lanes = road.inner("lanes")?;
-        let mut offset_m = 0.0;
-        for offset in lanes.all("laneOffset") {
-            offset_m = plain.number_or_zero(offset, "a")?;
-            refuse_changes(offset, &mut refused)?;
+        let ends_m = pieces.last().map_or(0.0, |piece| piece.end().0);
+        if MEET_M < (ends_m - length_m).abs() {
+            let what = format!("its length is {length_m} m, that of its geometry {ends_m} m");
+            let help = "make both the same";
+            refused.get_or_insert_with(|| road.refused(what, help));
         }
+        let lanes = road.inner("lanes")?;
+        let offset_m = lane_offset_m(lanes, &mut refused)?;
         let mut sections = lanes.all("laneSection");
         let first = sections.next();
         if let Some(second) = sections.next() {
             let what = "a road whose lanes change along it is not read";
-            refused.get_or_insert_with(|| second.error(what));
+            let help = "keep one laneSection: cut the road where its lanes change";
+            refused.get_or_insert_with(|| second.refused(what, help));
         }
         let mut all = Vec::new();
         let sides = first.into_iter().flat_map(|it| &it.children);
@@ -131,15 +188,17 @@ impl Line {
                 width_m = plain.number(width, "a")?;
                 refuse_changes(width, &mut refused)?;
             }
-            if let Some(second) = widths.next() {
+            if let Some(second) = widths.next().or_else(|| lane.child("border")) {
                 let what = "a lane that changes its width is not read";
-                refused.get_or_insert_with(|| second.error(what));
+                let help = "give the lane one `width` with b, c and d of 0";
+                refused.get_or_insert_with(|| second.refused(what, help));
             }
             all.push((id, width_m, lane.raw("type") == Some("driving")));
         }
         Ok(Line {
+            surface: Surface::of(road, first)?,
             node: road.clone(),
-            length_m: plain.number(road, "length")?,
+            length_m,
             pieces,
             refused,
             offset_m,
@@ -153,6 +212,16 @@ impl Line {
         let piece = before.unwrap_or(&self.pieces[0]);
         let on = piece.start.bent(s_m - piece.s_m, piece.per_m);
         on.moved(0.0, t_m)
+    }
+
+    /// How long the way beside the reference line is between two stations.
+    pub fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
+        let parts = self.pieces.iter().map(|piece| {
+            let ends_m = piece.s_m + piece.length_m;
+            let part_m = to_m.min(ends_m) - from_m.max(piece.s_m);
+            part_m.max(0.0) * (1.0 - piece.per_m * t_m)
+        });
+        parts.sum()
     }
 
     /// Where the middle of a lane is, from the reference line.
@@ -188,11 +257,68 @@ impl Line {
     }
 }
 
-fn refuse_changes(width: &Node, refused: &mut Option<ImportError>) -> Result<(), ImportError> {
-    for term in ["b", "c", "d"] {
-        if Scope::default().number_or_zero(width, term)? != 0.0 {
-            refused.get_or_insert_with(|| width.error("a width that changes is not read"));
+impl Stretch {
+    /// The station and the place at its end.
+    fn end(&self) -> (f64, Spot) {
+        let end = self.start.bent(self.length_m, self.per_m);
+        (self.s_m + self.length_m, end)
+    }
+}
+
+/// Refuses a piece of a reference line that does not begin where the one before
+/// it ends.
+fn meets(
+    geometry: &Node,
+    before: Option<(f64, Spot)>,
+    (s_m, start): (f64, Spot),
+) -> Result<(), ImportError> {
+    let (ends_m, end) = before.unwrap_or((0.0, start));
+    let off_m = (start.x_m - end.x_m).hypot(start.y_m - end.y_m);
+    let turned_rad = wrapped(start.heading_rad - end.heading_rad).abs();
+    let fits = (s_m - ends_m).abs() <= MEET_M && off_m <= MEET_M && turned_rad <= MEET_RAD;
+    match fits {
+        true => Ok(()),
+        false => {
+            let what = format!(
+                "it begins {off_m:.3} m and {turned_rad:.4} rad off the end of the piece before \
+                 it, at s = {s_m} m instead of {ends_m} m"
+            );
+            let help = "make the pieces of the planView meet";
+            Err(geometry.refused(what, help))
         }
+    }
+}
+
+/// By how much all lanes are moved aside.
+fn lane_offset_m(lanes: &Node, refused: &mut Option<ImportError>) -> Result<f64, ImportError> {
+    let plain = Scope::default();
+    let mut offset_m = 0.0;
+    for (i, offset) in lanes.all("laneOffset").enumerate() {
+        let before_m = offset_m;
+        offset_m = plain.number_or_zero(offset, "a")?;
+        let begins_m = plain.number(offset, "s")?;
+        if offset_m != before_m && (0 < i || begins_m != 0.0) {
+            let what = "lanes whose offset changes along the road are not read";
+            let help = "keep one laneOffset from s = 0 on: cut the road where it changes";
+            refused.get_or_insert_with(|| offset.refused(what, help));
+        }
+        refuse_changes(offset, refused)?;
+    }
+    Ok(offset_m)
+}
+
+fn refuse_changes(width: &Node, refused: &mut Option<ImportError>) -> Result<(), ImportError> {
+    let plain = Scope::default();
+    for term in ["b", "c", "d"] {
+        if plain.number_or_zero(width, term)? != 0.0 {
+            let help = "only a may differ from 0";
+            let what = "a width that changes is not read";
+            refused.get_or_insert_with(|| width.refused(what, help));
+        }
+    }
+    if width.raw("sOffset").is_some() && plain.number(width, "sOffset")? != 0.0 {
+        let what = "a width that begins on the way is not read";
+        refused.get_or_insert_with(|| width.refused(what, "begin it at sOffset=\"0\""));
     }
     Ok(())
 }

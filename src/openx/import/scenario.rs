@@ -5,8 +5,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use super::acts::acts;
 use super::bodies::ImportedBody;
 use super::catalog::Catalogs;
+use super::dropped::DropLog;
 use super::entity::Entity;
 use super::error::{At, ImportError};
 use super::files::Files;
@@ -19,6 +21,8 @@ use super::spot::Spot;
 use super::tree::Node;
 use super::ways::{Bend, OnWay, Way};
 
+/// What a road's friction may be.
+const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
 /// A lane with less than this ahead of the ego leads off the road.
 const LEAST_AHEAD_M: f64 = 100.0;
 
@@ -30,6 +34,8 @@ pub(super) struct Protocol {
     roads: RefCell<BTreeMap<PathBuf, Rc<RoadMap>>>,
     /// What the file says that it is.
     pub about: String,
+    /// What all files say in vain.
+    pub dropped: Rc<DropLog>,
 }
 
 /// The ego's road, in whose frame all is said.
@@ -51,6 +57,9 @@ pub(super) struct Concrete {
     pub roads: Rc<RoadMap>,
     pub lanes: usize,
     pub lane_width_m: f64,
+    /// μ of the ego's road.
+    pub friction: f64,
+    pub limit_mps: Option<f64>,
     pub entities: Vec<Entity>,
     /// When the file ends the run, if it says so by time.
     pub stop_s: Option<f64>,
@@ -70,13 +79,23 @@ impl Protocol {
         let about = header
             .and_then(|it| it.raw("description"))
             .unwrap_or_default();
+        let dropped = Rc::new(DropLog::default());
+        dropped.look(&root);
         Ok(Protocol {
-            catalogs: Catalogs::of(&root, beside)?,
+            catalogs: Catalogs::of(&root, beside, Rc::clone(&dropped))?,
+            dropped,
             path: path.to_owned(),
             roads: RefCell::default(),
             about: about.to_owned(),
             root,
         })
+    }
+
+    /// The line on which the file ends the run.
+    pub fn ends_line(&self) -> usize {
+        let board = self.root.child("Storyboard");
+        let stop = board.and_then(|it| it.child("StopTrigger"));
+        stop.unwrap_or(&self.root).line
     }
 
     fn declarations(&self) -> Option<&Node> {
@@ -130,7 +149,7 @@ impl Protocol {
             }
         }
         // In the order in which they are placed: some relative to those before.
-        for begun in privates {
+        for begun in &privates {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
             let object = object.ok_or_else(|| begun.error("there is nobody of this name"))?;
@@ -161,6 +180,7 @@ impl Protocol {
                 steps: Vec::new(),
                 meets: None,
                 gap_m,
+                at: begun.at(),
             });
         }
         let ground = Ground {
@@ -170,11 +190,25 @@ impl Protocol {
             placed: &placed,
         };
         let board = self.root.inner("Storyboard")?;
-        motion::acts(board, scope, ground, &mut entities)?;
+        acts(board, scope, ground, &mut entities)?;
         let ego = entities.iter().find(|it| it.is_ego);
-        let ego = ego.ok_or_else(|| self.root.error("nobody is called `Ego`"))?;
-        let (frame, zero_m, lanes, lane_width_m) = self.frame(&roads, ego)?;
+        let asks = privates
+            .iter()
+            .find(|it| it.raw("entityRef") == Some("Ego"));
+        let (Some(ego), Some(asks)) = (ego, asks) else {
+            return Err(self.root.error("nobody is called `Ego`"));
+        };
+        let (frame, zero_m, lanes, lane_width_m) = frame(asks, &roads, ego)?;
+        let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
+        let scale = motion::friction_scale(init, scope, ground)?;
+        let friction = roads.friction(road)? * scale;
+        if !FRICTIONS.contains(&friction) {
+            let what = format!("a friction of {friction} is outside of 0.01 ..= 2");
+            return Err(init.error(what));
+        }
         Ok(Concrete {
+            friction,
+            limit_mps: roads.limit_mps(road)?,
             frame,
             straight_zero_m: zero_m,
             lanes,
@@ -193,63 +227,11 @@ impl Protocol {
         if let Some(known) = self.roads.borrow().get(&path) {
             return Ok(Rc::clone(known));
         }
-        let map = Rc::new(RoadMap::of(&Node::read(&path, files)?)?);
+        let root = Node::read(&path, files)?;
+        self.dropped.look(&root);
+        let map = Rc::new(RoadMap::of(&root)?);
         self.roads.borrow_mut().insert(path, Rc::clone(&map));
         Ok(map)
-    }
-
-    /// The frame of the ego's road: its outermost lane, where that is beside the
-    /// reference line, how many there are, and their width.
-    fn frame(
-        &self,
-        roads: &RoadMap,
-        ego: &Entity,
-    ) -> Result<(Frame, f64, usize, f64), ImportError> {
-        let asks = &self.root;
-        if let Some(OnWay { way, .. }) = &ego.placed.way {
-            let frame = match way.pieces.is_empty() {
-                true => Frame::Straight(way.begins),
-                false => Frame::Along(way.clone()),
-            };
-            return Ok((frame, 0.0, 2, 3.5));
-        }
-        let lane = ego.placed.lane.as_ref().filter(|at| at.lane != 0);
-        let at = lane.ok_or_else(|| asks.error("the ego is on no lane and on no way"))?;
-        let line = roads.road(asks, &at.road)?;
-        let ahead_m = match 0 < at.lane {
-            true => at.s_m,
-            false => line.length_m - at.s_m,
-        };
-        if ahead_m < LEAST_AHEAD_M {
-            let what = format!(
-                "the ego\'s lane {} leads off the road after {ahead_m} m",
-                at.lane
-            );
-            return Err(asks.error(what).of_point());
-        }
-        if 0 < at.lane {
-            let what = format!("the ego drives on lane {}, against its road", at.lane);
-            return Err(asks.error(what).of_point());
-        }
-        let beside = line.driven_beside(at.lane);
-        let own = beside.iter().find(|(id, _)| *id == at.lane);
-        let width_m = own.map_or(3.5, |(_, width_m)| *width_m);
-        let same = beside.iter().all(|(_, other_m)| *other_m == width_m);
-        let (outer, lanes) = match (same, beside.len()) {
-            // The oncoming lane is drawn as well.
-            (true, 1) | (false, _) => (at.lane, 2),
-            (true, lanes) => (beside[0].0, lanes),
-        };
-        let t_m = line.middle_m(asks, outer)?;
-        let frame = match line.is_straight() {
-            true => Frame::Straight(line.at(0.0, t_m)),
-            false => Frame::Beside {
-                road: at.road.clone(),
-                t_m,
-            },
-        };
-        // Wider lanes than a world may have are fields, not lanes.
-        Ok((frame, t_m, lanes, width_m.min(20.0)))
     }
 }
 
@@ -362,4 +344,57 @@ impl Concrete {
         }
         pieces
     }
+}
+
+/// The frame of the ego's road: its outermost lane, where that is beside the
+/// reference line, how many there are, and their width.
+fn frame(
+    asks: &Node,
+    roads: &RoadMap,
+    ego: &Entity,
+) -> Result<(Frame, f64, usize, f64), ImportError> {
+    if let Some(OnWay { way, .. }) = &ego.placed.way {
+        let frame = match way.pieces.is_empty() {
+            true => Frame::Straight(way.begins),
+            false => Frame::Along(way.clone()),
+        };
+        return Ok((frame, 0.0, 2, 3.5));
+    }
+    let lane = ego.placed.lane.as_ref().filter(|at| at.lane != 0);
+    let at = lane.ok_or_else(|| asks.error("the ego is on no lane and on no way"))?;
+    let line = roads.road(asks, &at.road)?;
+    let ahead_m = match 0 < at.lane {
+        true => at.s_m,
+        false => line.length_m - at.s_m,
+    };
+    if ahead_m < LEAST_AHEAD_M {
+        let what = format!(
+            "the ego\'s lane {} leads off the road after {ahead_m} m",
+            at.lane
+        );
+        return Err(asks.error(what).of_point());
+    }
+    if 0 < at.lane {
+        let what = format!("the ego drives on lane {}, against its road", at.lane);
+        return Err(asks.error(what).of_point());
+    }
+    let beside = line.driven_beside(at.lane);
+    let own = beside.iter().find(|(id, _)| *id == at.lane);
+    let width_m = own.map_or(3.5, |(_, width_m)| *width_m);
+    let same = beside.iter().all(|(_, other_m)| *other_m == width_m);
+    let (outer, lanes) = match (same, beside.len()) {
+        // The oncoming lane is drawn as well.
+        (true, 1) | (false, _) => (at.lane, 2),
+        (true, lanes) => (beside[0].0, lanes),
+    };
+    let t_m = line.middle_m(asks, outer)?;
+    let frame = match line.is_straight() {
+        true => Frame::Straight(line.at(0.0, t_m)),
+        false => Frame::Beside {
+            road: at.road.clone(),
+            t_m,
+        },
+    };
+    // Wider lanes than a world may have are fields, not lanes.
+    Ok((frame, t_m, lanes, width_m.min(20.0)))
 }

@@ -75,7 +75,7 @@ impl Seen<'_> {
 /// Somebody as the ego's road has it.
 pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'a>, ImportError> {
     let spot = concrete.in_frame(&entity.placed)?;
-    let refused = |what: String| concrete.at.error(format!("`{}`: {what}", entity.name));
+    let refused = |what: String| entity.at.error(what);
     let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.meets.is_some();
     // On foot it goes where its way leads, whatever it looks at.
     let heading_rad = match (&entity.placed.way, entity.body.on_foot) {

@@ -21,7 +21,9 @@ pub(super) struct Node {
     pub name: String,
     attributes: Vec<(String, String)>,
     pub children: Vec<Node>,
-    line: usize,
+    pub line: usize,
+    /// Offset behind its opening tag, by which two of one line differ.
+    pub place: usize,
     file: Rc<PathBuf>,
 }
 
@@ -56,7 +58,7 @@ impl Node {
                 };
             match event {
                 Ok(Event::Start(start)) => {
-                    let node = Node::of(&file, &start, line)
+                    let node = Node::of(&file, &start, (line, upto))
                         .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
                     open.push(node);
                     if MAX_DEPTH < open.len() {
@@ -64,7 +66,7 @@ impl Node {
                     }
                 }
                 Ok(Event::Empty(start)) => {
-                    let node = Node::of(&file, &start, line)
+                    let node = Node::of(&file, &start, (line, upto))
                         .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
                     close(&mut open, &mut root, node);
                 }
@@ -87,7 +89,11 @@ impl Node {
         }
     }
 
-    fn of(file: &Rc<PathBuf>, start: &BytesStart<'_>, line: usize) -> Result<Node, String> {
+    fn of(
+        file: &Rc<PathBuf>,
+        start: &BytesStart<'_>,
+        (line, place): (usize, usize),
+    ) -> Result<Node, String> {
         let attributes = start.attributes().map(|attribute| {
             let attribute = attribute.map_err(|error| error.to_string())?;
             let value = unescape(&attribute.value).map_err(|error| error.to_string())?;
@@ -98,6 +104,7 @@ impl Node {
             attributes: attributes.collect::<Result<_, String>>()?,
             children: Vec::new(),
             line,
+            place,
             file: Rc::clone(file),
         })
     }
@@ -119,6 +126,11 @@ impl Node {
 
     pub fn error(&self, what: impl Into<String>) -> ImportError {
         self.at().error(what)
+    }
+
+    /// The same with a cure.
+    pub fn refused(&self, what: impl Into<String>, help: &str) -> ImportError {
+        self.error(what).helped(help)
     }
 
     /// An attribute as written.

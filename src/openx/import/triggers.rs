@@ -8,16 +8,40 @@ use super::tree::Node;
 /// When something begins.
 pub(super) enum Starts {
     Never,
-    Now,
+    /// At a time of the run.
     At(f64),
-    After { element: String, delay_s: f64 },
-    When { watch: Watch, delay_s: f64 },
+    After {
+        element: StoryElement,
+        delay_s: f64,
+    },
+    When {
+        watch: Watch,
+        delay_s: f64,
+    },
 }
 
-/// When an act or an event begins.
-pub(super) fn starts(node: &Node, scope: &Scope) -> Result<Starts, ImportError> {
+/// An element of a storyboard, as conditions name it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct StoryElement {
+    /// `act`, `maneuver`, `event`, `action`, ….
+    pub kind: String,
+    pub name: String,
+}
+
+impl StoryElement {
+    /// The element that a node is; without a name nothing can refer to it.
+    pub fn of(kind: &str, node: &Node) -> Option<StoryElement> {
+        node.raw("name").map(|name| StoryElement {
+            kind: kind.to_owned(),
+            name: name.to_owned(),
+        })
+    }
+}
+
+/// When an act or an event begins, whose trigger is first looked at after `from_s`.
+pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, ImportError> {
     let Some(trigger) = node.child("StartTrigger") else {
-        return Ok(Starts::Now);
+        return Ok(Starts::At(from_s));
     };
     let mut possible: Vec<Starts> = Vec::new();
     let mut groups = 0;
@@ -25,28 +49,58 @@ pub(super) fn starts(node: &Node, scope: &Scope) -> Result<Starts, ImportError> 
         groups += 1;
         let mut all: Vec<Starts> = Vec::new();
         for condition in group.all("Condition") {
-            all.push(condition_of(condition, scope)?);
+            all.push(condition_of(condition, scope, from_s)?);
         }
         if all.iter().any(|it| matches!(it, Starts::Never)) {
             continue;
         }
-        all.retain(|it| !matches!(it, Starts::Now));
+        let is_now = |it: &Starts| matches!(it, Starts::At(at_s) if *at_s == from_s);
+        all.retain(|it| !is_now(it));
         match (all.pop(), all.is_empty()) {
-            (None, _) => return Ok(Starts::Now),
+            (None, _) => return Ok(Starts::At(from_s)),
             (Some(one), true) => possible.push(one),
-            _ => return Err(group.error("several conditions at a time are not read")),
+            _ => {
+                let what = "several conditions at a time are not read";
+                let help = "begin the event by one condition, or put what it waits for into \
+                            an event before it";
+                return Err(group.refused(what, help));
+            }
         }
     }
     match (possible.pop(), possible.is_empty()) {
-        (None, _) if groups == 0 => Ok(Starts::Now),
+        (None, _) if groups == 0 => Ok(Starts::At(from_s)),
         (None, _) => Ok(Starts::Never),
         (Some(one), true) => Ok(one),
-        _ => Err(trigger.error("several ways to begin are not read")),
+        _ => {
+            let help = "begin the event by one condition group";
+            Err(trigger.refused("several ways to begin are not read", help))
+        }
     }
 }
 
-fn condition_of(condition: &Node, scope: &Scope) -> Result<Starts, ImportError> {
+/// Whether a condition must become true while it is watched.
+fn rises(condition: &Node) -> Result<bool, ImportError> {
+    match condition.raw("conditionEdge") {
+        None | Some("none") => Ok(false),
+        // What is false at first and then true rises; what may fall is refused
+        // where it could.
+        Some("rising" | "risingOrFalling") => Ok(true),
+        Some(edge) => {
+            let what = format!("a condition with a {edge} edge is not read");
+            let help = "state the opposite rule with a rising edge, such as greaterThan for a \
+                        falling lessThan";
+            Err(condition.refused(what, help))
+        }
+    }
+}
+
+fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, ImportError> {
     let delay_s = scope.number_or_zero(condition, "delay")?;
+    if delay_s < 0.0 {
+        let what = format!("a delay of {delay_s} s");
+        return Err(condition.refused(what, "a delay is at least 0 s"));
+    }
+    let rises = rises(condition)?;
     let (kind, by) = condition
         .children
         .iter()
@@ -55,41 +109,83 @@ fn condition_of(condition: &Node, scope: &Scope) -> Result<Starts, ImportError> 
     if kind.name == "ByValueCondition" {
         return match by.name.as_str() {
             "SimulationTimeCondition" => {
-                let at_s = scope.number(by, "value")?;
-                match by.raw("rule") {
-                    Some("greaterThan" | "greaterOrEqual") => Ok(match at_s + delay_s <= 0.0 {
-                        true => Starts::Now,
-                        false => Starts::At(at_s + delay_s),
-                    }),
-                    _ => Err(by.error("only times that have come are read")),
-                }
+                let at_s = time_s(by, scope, rises, from_s)?;
+                Ok(Starts::At(at_s + delay_s))
             }
-            "ParameterCondition" => {
-                let name = by.need("parameterRef")?;
-                let value = scope.get(name);
-                let value = value.ok_or_else(|| by.error(format!("there is no `{name}`")))?;
-                let rule = by.need("rule")?;
-                match compared(value, rule, &scope.text(by, "value")?) {
-                    Some(true) => Ok(Starts::Now),
-                    Some(false) => Ok(Starts::Never),
-                    None => Err(by.error(format!("the rule `{rule}` is not understood"))),
-                }
-            }
+            "ParameterCondition" => parameter(by, scope, rises, from_s + delay_s),
             "StoryboardElementStateCondition" => {
                 let ended = ["endTransition", "completeState"];
                 if !by.raw("state").is_some_and(|state| ended.contains(&state)) {
-                    return Err(by.error("only the end of an element is read"));
+                    let what = "only the end of an element is read";
+                    return Err(by.refused(what, "wait for its `endTransition`"));
                 }
-                Ok(Starts::After {
-                    element: by.need("storyboardElementRef")?.to_owned(),
-                    delay_s,
-                })
+                let element = StoryElement {
+                    kind: by.need("storyboardElementType")?.to_owned(),
+                    name: by.need("storyboardElementRef")?.to_owned(),
+                };
+                Ok(Starts::After { element, delay_s })
             }
             _ => Err(by.error("a condition of this kind is not read")),
         };
     }
+    let watch = watch(kind, scope, rises)?;
+    Ok(Starts::When { watch, delay_s })
+}
+
+/// When a time has come that is first looked at after `from_s`.
+fn time_s(by: &Node, scope: &Scope, rises: bool, from_s: f64) -> Result<f64, ImportError> {
+    let at_s = scope.number(by, "value")?;
+    let is_past = match by.raw("rule") {
+        Some("greaterThan") => at_s < from_s,
+        Some("greaterOrEqual") => at_s <= from_s,
+        _ => {
+            let what = "only times that have come are read";
+            return Err(by.refused(what, "use the rule greaterThan or greaterOrEqual"));
+        }
+    };
+    if rises && is_past {
+        let what = format!(
+            "a rising edge at {at_s} s is never seen: the condition is first looked at when \
+             it is true, after {from_s} s"
+        );
+        let help = "write conditionEdge=\"none\", or a later time";
+        return Err(by.refused(what, help));
+    }
+    Ok(at_s.max(from_s))
+}
+
+fn parameter(by: &Node, scope: &Scope, rises: bool, at_s: f64) -> Result<Starts, ImportError> {
+    let name = by.need("parameterRef")?;
+    let value = scope.get(name);
+    let value = value.ok_or_else(|| by.error(format!("there is no `{name}`")))?;
+    let rule = by.need("rule")?;
+    let holds = compared(value, rule, &scope.text(by, "value")?);
+    let holds = holds.ok_or_else(|| by.error(format!("the rule `{rule}` is not understood")))?;
+    if rises {
+        let what = format!("an edge of `{name}` never comes: a parameter does not change");
+        return Err(by.refused(what, "write conditionEdge=\"none\""));
+    }
+    Ok(match holds {
+        true => Starts::At(at_s),
+        false => Starts::Never,
+    })
+}
+
+fn watch(kind: &Node, scope: &Scope, rises: bool) -> Result<Watch, ImportError> {
     let entities = kind.inner("TriggeringEntities")?;
-    let who = scope.text(entities.only()?, "entityRef")?;
+    let who = entities
+        .all("EntityRef")
+        .map(|it| scope.text(it, "entityRef"));
+    let who = who.collect::<Result<Vec<_>, _>>()?;
+    if who.is_empty() {
+        return Err(entities.error("nobody triggers it"));
+    }
+    let needs_all = match entities.raw("triggeringEntitiesRule") {
+        Some("any") => false,
+        Some("all") => true,
+        _ if who.len() == 1 => false,
+        _ => return Err(entities.refused("any of them, or all", "write the rule `any` or `all`")),
+    };
     let it = kind.inner("EntityCondition")?.only()?;
     let is_time = match it.name.as_str() {
         "RelativeDistanceCondition" => false,
@@ -107,14 +203,14 @@ fn condition_of(condition: &Node, scope: &Scope) -> Result<Starts, ImportError> 
         "greaterThan" | "greaterOrEqual" => false,
         rule => return Err(it.error(format!("the rule `{rule}` is not read here"))),
     };
-    Ok(Starts::When {
-        watch: Watch {
-            who,
-            whom: scope.text(it, "entityRef")?,
-            is_below,
-            value: scope.number(it, "value")?,
-            is_time,
-        },
-        delay_s,
+    Ok(Watch {
+        who,
+        needs_all,
+        whom: scope.text(it, "entityRef")?,
+        is_below,
+        value: scope.number(it, "value")?,
+        is_time,
+        rises,
+        at: it.at(),
     })
 }

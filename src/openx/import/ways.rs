@@ -33,6 +33,8 @@ pub(super) struct Way {
 pub(super) struct OnWay {
     pub way: Way,
     pub along_m: f64,
+    /// Where the file ends the way; behind it goes straight on.
+    pub ends_m: f64,
 }
 
 /// A piece whose curvature changes evenly.
@@ -94,6 +96,18 @@ impl Way {
 }
 
 impl OnWay {
+    /// Goes on along it; `asks` is who says so.
+    pub fn move_on(&mut self, asks: &Node, by_m: f64) -> Result<(), ImportError> {
+        let left_m = self.ends_m - self.along_m;
+        if !(-STRAIGHT_M..=left_m + STRAIGHT_M).contains(&by_m) {
+            let what = format!("it is {by_m} m along a way that has {left_m} m");
+            let help = "make the trajectory as long as what is on it";
+            return Err(asks.refused(what, help).of_point());
+        }
+        self.along_m += by_m;
+        Ok(())
+    }
+
     /// The place.
     pub fn spot(&self) -> Spot {
         self.way.at(self.along_m)
@@ -105,6 +119,7 @@ impl OnWay {
         if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
             piece.length_m += by_m;
             self.along_m += by_m;
+            self.ends_m += by_m;
             self.way.begins = first;
         }
     }

@@ -1,6 +1,7 @@
 //! The world of a concrete scenario: its road, who is on it, and what they do.
 
 use super::draft::{Draft, tidy};
+use super::ends::{leaves_s, road_ahead_m, to_mps};
 use super::error::ImportError;
 use super::plans::plan;
 use super::scenario::Concrete;
@@ -17,8 +18,13 @@ const DECISION_S: f64 = 0.5;
 const OFTEN_UNTIL_S: f64 = 60.0;
 /// What a run lasts if nothing says.
 const USUAL_S: f64 = 60.0;
-/// The road goes on so far ahead of everybody.
-const AHEAD_M: f64 = 400.0;
+/// A bend is laid this far ahead of where anybody gets in the run.
+const AHEAD_M: f64 = 100.0;
+/// It is laid at least for such a turn, so that points share a world, and still
+/// does not come back to where it begins.
+const LEAST_TURN_RAD: f64 = 5.0;
+/// Beyond that it is laid in such steps.
+const STEP_M: f64 = 100.0;
 
 /// The world of a point as a text with holes.
 pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, ImportError> {
@@ -42,17 +48,32 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
             it.spot.x_m = ego_front_m + way_m - body.front_m;
         }
     }
-    let mut draft = Draft::default();
-    let until_s = ends_s(concrete, &all, (ego_front_m, ego_mps))?;
+    let ego_at = (ego_front_m, ego_mps);
+    // A run ends before anybody who does as the file says leaves its road.
+    let leaves_s = first_leaves_s(concrete, &all, ego_at)?;
+    let known_s = ends_s(concrete, &all, ego_at)?;
+    let asked_s = known_s.unwrap_or(USUAL_S).max(1.0);
+    let until_s = match asked_s <= leaves_s {
+        true => (asked_s / SAMPLE_S).ceil() * SAMPLE_S,
+        false => (leaves_s / SAMPLE_S).floor() * SAMPLE_S,
+    };
+    let mut draft = match known_s {
+        Some(_) => Draft::of(until_s, leaves_s.max(until_s)),
+        None => Draft::of(0.0, f64::INFINITY),
+    };
+    draft.is_cut = concrete.stop_s.is_some_and(|stop_s| until_s < stop_s);
     draft.text("    clock: (horizon_s: ");
-    draft.most((until_s / SAMPLE_S).ceil() * SAMPLE_S);
+    match known_s {
+        Some(_) => draft.most(until_s),
+        None => draft.least(until_s),
+    }
     draft.text(", decision_s: ");
     draft.most(DECISION_S * (until_s / OFTEN_UNTIL_S).ceil().max(1.0));
     draft.text(&format!(
         ", sample_s: {SAMPLE_S}, substeps: 5),\n    plant: Kinematic,\n    \
          judge: UntilContact,\n"
     ));
-    road(&mut draft, concrete, &all);
+    road(&mut draft, concrete, &all, until_s);
     bodies(&mut draft, &all);
     draft.text("    agents: [\n");
     let hides = all
@@ -102,12 +123,12 @@ fn within_lane(concrete: &Concrete, ego: &Seen) -> String {
     )
 }
 
-/// When all that is expected has happened.
+/// When all that is expected has happened, where that is known.
 fn ends_s(
     concrete: &Concrete,
     all: &[Seen],
     (ego_front_m, ego_mps): (f64, f64),
-) -> Result<f64, ImportError> {
+) -> Result<Option<f64>, ImportError> {
     let mut until_s: Option<f64> = None;
     for it in all.iter().filter(|it| !it.entity.is_ego) {
         let met_s = match &it.entity.meets {
@@ -132,20 +153,69 @@ fn ends_s(
             until_s = Some(until_s.unwrap_or(0.0).max(met_s + BEYOND_S));
         }
     }
-    Ok(concrete.stop_s.or(until_s).unwrap_or(USUAL_S).max(1.0))
+    Ok(concrete.stop_s.or(until_s))
 }
 
-fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen]) {
+/// When the first of all leaves its road.
+fn first_leaves_s(
+    concrete: &Concrete,
+    all: &[Seen],
+    (ego_front_m, ego_mps): (f64, f64),
+) -> Result<f64, ImportError> {
+    let mut first_s = f64::INFINITY;
+    for it in all {
+        let on_foot = it.entity.body.on_foot;
+        let ahead_m = |placed| road_ahead_m(&concrete.roads, placed, on_foot);
+        let own_s = match &it.entity.meets {
+            Some(meets) => {
+                let ego = concrete.in_frame(&meets.ego)?;
+                let met_s = (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps;
+                met_s + ahead_m(&meets.here) / meets.speed_mps
+            }
+            None => leaves_s(it.entity, ahead_m(&it.entity.placed), ego_mps),
+        };
+        // Nobody who stands gets anywhere, not even from the end of a road.
+        if own_s.is_finite() {
+            first_s = first_s.min(own_s);
+        }
+    }
+    Ok(first_s)
+}
+
+/// How far bends are laid: as far as anybody gets, where they do not change.
+fn laid_m(concrete: &Concrete, all: &[Seen], until_s: f64) -> f64 {
+    // Where bends follow one another all are driven.
+    if concrete.bends_change() {
+        return f64::INFINITY;
+    }
+    let ego = all.iter().find(|it| it.entity.is_ego);
+    let ego_mps = ego.map_or(0.0, |it| it.entity.speed_mps);
+    let speeds = all.iter().flat_map(|it| {
+        let laws = it.entity.steps.iter().flat_map(|step| &step.laws);
+        let later = laws.filter_map(|law| to_mps(law, ego_mps));
+        later.chain([it.entity.speed_mps])
+    });
+    let fastest_mps = speeds.fold(0.0, f64::max);
     let farthest_m = all.iter().map(|it| it.spot.x_m).fold(0.0, f64::max);
-    // A bend goes on as it is; where bends follow one another all are driven.
-    let pieces = match concrete.bends_change() {
-        true => concrete.pieces(f64::INFINITY),
-        false => concrete.pieces(farthest_m + AHEAD_M),
-    };
-    let lanes = format!(
-        "lanes: {}, lane_width_m: {}, friction: 1.0",
-        concrete.lanes, concrete.lane_width_m
+    let reach_m = farthest_m + fastest_mps * until_s + AHEAD_M;
+    let least_m = LEAST_TURN_RAD / concrete.bend_per_m().abs();
+    match reach_m <= least_m {
+        true => least_m,
+        false => (reach_m / STEP_M).ceil() * STEP_M,
+    }
+}
+
+fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
+    let pieces = concrete.pieces(laid_m(concrete, all, until_s));
+    let mut lanes = format!(
+        "lanes: {}, lane_width_m: {}, friction: {:?}",
+        concrete.lanes,
+        concrete.lane_width_m,
+        tidy(concrete.friction)
     );
+    if let Some(limit_mps) = concrete.limit_mps {
+        lanes += &format!(", speed_limit_mps: {:?}", tidy(limit_mps));
+    }
     match pieces.is_empty() {
         true => draft.text(&format!("    road: Straight({lanes}),\n")),
         false => {
@@ -325,8 +395,8 @@ fn obstacle(
         }
     }
     let Some((road, at)) = nearest else {
-        let what = format!("`{}` stands beside no straight way", it.entity.name);
-        return Err(concrete.at.error(what));
+        let what = "it stands beside no straight way";
+        return Err(it.entity.at.error(what));
     };
     draft.text(&format!(
         "        Obstacle(name: \"{name}\", body: \"{}\", {road}s_m: ",

@@ -1,0 +1,501 @@
+//! What the acts of a storyboard let somebody do, as steps one after the other.
+//!
+//! A script does one step after the other. Events that may overlap, repeat or
+//! begin without the one before them are refused: their priorities would decide.
+
+use super::entity::{Approached, Entity, Law, Step};
+use super::error::ImportError;
+use super::laws::{Speeds, approached, dynamics, gap_of, speed, walked};
+use super::motion::{friction_of, is_still};
+use super::places::{Ground, OnLane, Placed, lane_beside};
+use super::scope::Scope;
+use super::tree::Node;
+use super::triggers::{Starts, StoryElement, starts};
+
+/// A meeting that is prepared so late is prepared from the start on: how somebody
+/// gets up to its speed is not the protocol's.
+const SOON_S: f64 = 1.0;
+/// Somebody who walks from a place stands there.
+const SAME_M: f64 = 0.01;
+
+/// Reads the acts: who does what, and who is not there.
+pub(super) fn acts(
+    board: &Node,
+    scope: &Scope,
+    ground: Ground<'_>,
+    entities: &mut Vec<Entity>,
+) -> Result<(), ImportError> {
+    let mut reader = Reader {
+        ground,
+        scripts: entities.iter().map(Script::of).collect(),
+        gone: Vec::new(),
+        relative: Vec::new(),
+    };
+    for act in board.all("Story").flat_map(|story| story.all("Act")) {
+        reader.act(act, scope)?;
+    }
+    reader.lanes_stay()?;
+    let Reader { scripts, gone, .. } = reader;
+    for (entity, script) in entities.iter_mut().zip(scripts) {
+        entity.steps = script.steps;
+        entity.meets = script.meets;
+        entity.gap_m = script.gap_m;
+        entity.placed = script.placed;
+    }
+    entities.retain(|it| !gone.contains(&it.name));
+    Ok(())
+}
+
+/// What somebody does, as far as it has been read.
+struct Script {
+    name: String,
+    placed: Placed,
+    speeds: Speeds,
+    /// Where it is beside the reference line, and by how much lane changes have
+    /// moved it.
+    lane: Option<i32>,
+    t_m: f64,
+    changed_m: f64,
+    steps: Vec<Step>,
+    meets: Option<Approached>,
+    gap_m: Option<f64>,
+    /// Whether an event of it has been read.
+    has_begun: bool,
+    /// The elements that end with the step before.
+    ended: Vec<StoryElement>,
+    /// The act of the step before.
+    act: usize,
+}
+
+impl Script {
+    fn of(entity: &Entity) -> Script {
+        Script {
+            name: entity.name.clone(),
+            placed: entity.placed.clone(),
+            speeds: Speeds {
+                now_mps: Some(entity.speed_mps),
+                most_mps2: entity.body.most_mps2,
+            },
+            lane: entity.placed.lane.as_ref().map(|at| at.lane),
+            t_m: entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m),
+            changed_m: 0.0,
+            steps: Vec::new(),
+            meets: None,
+            gap_m: entity.gap_m,
+            has_begun: false,
+            ended: Vec::new(),
+            act: 0,
+        }
+    }
+}
+
+/// An event with what surrounds it.
+struct EventContext<'a> {
+    act: &'a Node,
+    begins_s: f64,
+    group: &'a Node,
+    maneuver: &'a Node,
+    event: &'a Node,
+    scope: &'a Scope,
+    actors: &'a [String],
+}
+
+struct Reader<'a> {
+    ground: Ground<'a>,
+    scripts: Vec<Script>,
+    gone: Vec<String>,
+    /// Who has been asked for its lane, and where.
+    relative: Vec<(String, ImportError)>,
+}
+
+impl Reader<'_> {
+    fn act(&mut self, act: &Node, scope: &Scope) -> Result<(), ImportError> {
+        let mut context = Vec::new();
+        for group in act.all("ManeuverGroup") {
+            let actors = group.child("Actors");
+            let refs = actors.into_iter().flat_map(|it| it.all("EntityRef"));
+            let names = refs.map(|it| scope.text(it, "entityRef"));
+            let names = names.collect::<Result<Vec<_>, _>>()?;
+            for it in &group.children {
+                let (maneuver, own) = match it.name.as_str() {
+                    "Maneuver" => (it.clone(), scope.clone()),
+                    "CatalogReference" => {
+                        self.ground.catalogs.entry(it, scope, self.ground.files)?
+                    }
+                    _ => continue,
+                };
+                context.push((group, names.clone(), maneuver, own));
+            }
+        }
+        let mut moves = false;
+        for (_, actors, maneuver, _) in &context {
+            for event in maneuver.all("Event") {
+                moves |= !moving(event, actors)?.is_empty();
+            }
+        }
+        // What does nothing may begin when it likes.
+        if !moves {
+            return Ok(());
+        }
+        let begins_s = match starts(act, scope, 0.0)? {
+            Starts::Never => return Ok(()),
+            Starts::At(at_s) => at_s,
+            Starts::After { .. } | Starts::When { .. } => {
+                let help = "begin the act by a time, and its events by what they wait for";
+                return Err(act.refused("an act that waits for something is not read", help));
+            }
+        };
+        if let Some(stop) = act
+            .child("StopTrigger")
+            .filter(|it| !it.children.is_empty())
+        {
+            let help = "end what the act does by its own dynamics, and remove the StopTrigger";
+            return Err(stop.refused("an act that is stopped is not read", help));
+        }
+        for (group, actors, maneuver, scope) in &context {
+            for event in maneuver.all("Event") {
+                let context = EventContext {
+                    act,
+                    begins_s,
+                    group,
+                    maneuver,
+                    event,
+                    scope,
+                    actors,
+                };
+                self.event(&context)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, context: &EventContext<'_>) -> Result<(), ImportError> {
+        let actions = moving(context.event, context.actors)?;
+        for action in context.event.all("Action") {
+            self.weather(action, context)?;
+        }
+        if actions.is_empty() {
+            return Ok(());
+        }
+        happens_once(context)?;
+        let mut moved = Vec::new();
+        for (kind, inner) in &actions {
+            match kind.name.as_str() {
+                "PrivateAction" => moved.push(*inner),
+                "GlobalAction" => self.global(context, inner)?,
+                _ => return Err(kind.error("an action of this kind is not read")),
+            }
+        }
+        if moved.is_empty() {
+            return Ok(());
+        }
+        for actor in context.actors {
+            if actor == "Ego" {
+                let help = "let the ego keep its speed: your controller drives it";
+                let what = "an ego that is context how to move is not read";
+                return Err(moved[0].refused(what, help));
+            }
+            let known = self.scripts.iter().position(|it| it.name == *actor);
+            let known = known.ok_or_else(|| {
+                context
+                    .event
+                    .error(format!("there is nobody called `{actor}`"))
+            })?;
+            self.step(known, context, &moved)?;
+        }
+        Ok(())
+    }
+
+    /// Friction is that of the Init.
+    fn weather(&self, action: &Node, context: &EventContext<'_>) -> Result<(), ImportError> {
+        let global = action.child("GlobalAction");
+        let changed = global.and_then(|it| it.child("EnvironmentAction"));
+        let Some(changed) = changed else {
+            return Ok(());
+        };
+        match friction_of(changed, context.scope, self.ground)? {
+            None => Ok(()),
+            Some(_) => {
+                let help = "set the friction in Init";
+                Err(changed.refused("friction that changes on the way is not read", help))
+            }
+        }
+    }
+
+    fn global(&mut self, context: &EventContext<'_>, it: &Node) -> Result<(), ImportError> {
+        let deletes = it.name == "EntityAction" && it.child("DeleteEntityAction").is_some();
+        if !deletes {
+            return Err(it.error("an action of this kind is not read"));
+        }
+        match starts(context.event, context.scope, context.begins_s)? {
+            Starts::At(at_s) if at_s <= 0.0 => self.gone.push(context.scope.text(it, "entityRef")?),
+            Starts::Never => {}
+            _ => {
+                let help = "delete it at the start, or leave it out of the file";
+                return Err(it.refused("somebody who vanishes on the way is not read", help));
+            }
+        }
+        Ok(())
+    }
+
+    fn step(
+        &mut self,
+        who: usize,
+        context: &EventContext<'_>,
+        actions: &[&Node],
+    ) -> Result<(), ImportError> {
+        let event = context.event;
+        let script = &self.scripts[who];
+        let is_first = !script.has_begun;
+        if script.meets.is_some() {
+            let help = "let the SynchronizeAction be the only event of the entity";
+            return Err(event.refused("an event beside a meeting is not read", help));
+        }
+        let mut step = Step {
+            when: None,
+            after_s: 0.0,
+            laws: Vec::new(),
+        };
+        // Behind an act that begins later, the end of another act may be past.
+        let in_time = context.begins_s == 0.0 || script.act == context.act.place;
+        match starts(event, context.scope, context.begins_s)? {
+            Starts::Never => return Ok(()),
+            Starts::At(at_s) if is_first => step.after_s = at_s,
+            Starts::After { element, delay_s } if script.ended.contains(&element) && in_time => {
+                step.after_s = delay_s;
+            }
+            Starts::When { watch, .. } if is_first && watch.rises && 0.0 < context.begins_s => {
+                let help = "begin the act at 0 s, or write conditionEdge=\"none\"";
+                let what = "a rising edge in an act that begins later is not read";
+                return Err(event.refused(what, help));
+            }
+            Starts::When { watch, delay_s } if is_first => {
+                // Nobody looks before the act has begun.
+                if 0.0 < context.begins_s {
+                    self.scripts[who].steps.push(Step {
+                        after_s: context.begins_s,
+                        ..step.clone()
+                    });
+                }
+                step.when = Some(watch);
+                step.after_s = delay_s;
+            }
+            _ => {
+                let what = "an event that may begin before the one before it has ended is not read";
+                let help = "begin it by a StoryboardElementStateCondition: the endTransition of \
+                            the event before it, which only this entity carries out";
+                return Err(event.refused(what, help));
+            }
+        }
+        self.scripts[who].has_begun = true;
+        self.scripts[who].act = context.act.place;
+        let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
+        for action in actions {
+            self.action(who, context, action, at_start, &mut step)?;
+        }
+        let script = &mut self.scripts[who];
+        script.ended = ended(context, actions.len());
+        if script.meets.is_some() && !step.laws.is_empty() {
+            let help = "let the SynchronizeAction be the only action of the entity";
+            return Err(event.refused("an action beside a meeting is not read", help));
+        }
+        // What is done at the start by itself needs no step.
+        if !step.laws.is_empty() {
+            script.steps.push(step);
+        }
+        Ok(())
+    }
+
+    fn action(
+        &mut self,
+        who: usize,
+        context: &EventContext<'_>,
+        action: &Node,
+        at_start: bool,
+        step: &mut Step,
+    ) -> Result<(), ImportError> {
+        let (scope, ground) = (context.scope, self.ground);
+        let it = match action.name.as_str() {
+            "LongitudinalAction" | "LateralAction" | "RoutingAction" => action.only()?,
+            _ => action,
+        };
+        let script = &mut self.scripts[who];
+        match it.name.as_str() {
+            "SpeedAction" => step.laws.push(speed(it, scope, &mut script.speeds)?),
+            "LaneChangeAction" => {
+                let law = self.lane_change(who, it, scope)?;
+                step.laws.push(law);
+            }
+            "LaneOffsetAction" => {
+                let law = self.lane_offset(who, it, scope)?;
+                step.laws.push(law);
+            }
+            "LongitudinalDistanceAction" if at_start && step.after_s == 0.0 => {
+                let now_mps = script.speeds.now_mps.unwrap_or(0.0);
+                script.gap_m = Some(gap_of(it, scope, now_mps)?);
+            }
+            "SynchronizeAction" if at_start => {
+                if script.speeds.now_mps != Some(0.0) {
+                    let help = "let it stand in Init: the meeting brings it up to its speed";
+                    return Err(it.refused("a meeting of somebody who moves is not read", help));
+                }
+                script.meets = Some(approached(it, scope, ground)?);
+            }
+            "FollowTrajectoryAction" if script.steps.is_empty() => {
+                let (way, law) = walked(it, scope, ground)?;
+                let off = way.way.begins.sees(&script.placed.spot);
+                if SAME_M < off.x_m.hypot(off.y_m) {
+                    let what = format!(
+                        "a way that begins {:.3} m from where somebody stands",
+                        off.x_m.hypot(off.y_m)
+                    );
+                    let help = "begin the trajectory where the entity is placed";
+                    return Err(it.refused(what, help));
+                }
+                script.placed.way = Some(way);
+                step.laws.push(law);
+            }
+            _ => return Err(it.error("an action of this kind is not read here")),
+        }
+        Ok(())
+    }
+
+    fn lane_change(&mut self, who: usize, it: &Node, scope: &Scope) -> Result<Law, ImportError> {
+        let ground = self.ground;
+        let on = own_lane(&self.scripts[who], it)?;
+        let target = it.inner("LaneChangeTarget")?.only()?;
+        let value = scope.number(target, "value")? as i32;
+        let to = match target.name.as_str() {
+            "AbsoluteTargetLane" => value,
+            _ => lane_beside(&self.lane_of(target, scope)?, value),
+        };
+        let line = ground.roads.road(it, &on.road)?;
+        let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
+        let rate_mps = dynamics(it.inner("LaneChangeActionDynamics")?, scope, "rate")?;
+        let script = &mut self.scripts[who];
+        let by_m = to_m - script.t_m;
+        script.lane = Some(to);
+        script.t_m = to_m;
+        script.changed_m += by_m;
+        Ok(Law::LaneChange { by_m, rate_mps })
+    }
+
+    fn lane_offset(&mut self, who: usize, it: &Node, scope: &Scope) -> Result<Law, ImportError> {
+        let ground = self.ground;
+        let on = own_lane(&self.scripts[who], it)?;
+        if it.raw("continuous").is_some_and(|value| value != "false") {
+            let help = "write continuous=\"false\"";
+            return Err(it.refused("an offset that is kept for ever is not read", help));
+        }
+        let target = it.inner("LaneOffsetTarget")?.only()?;
+        let mut offset_m = scope.number(target, "value")?;
+        let line = ground.roads.road(it, &on.road)?;
+        let lane = self.scripts[who].lane.unwrap_or(on.lane);
+        let middle_m = line.middle_m(it, lane)?;
+        if target.name == "RelativeTargetLaneOffset" {
+            let other = self.lane_of(target, scope)?;
+            offset_m += other.t_m - line.middle_m(it, other.lane)?;
+        }
+        let dynamics = it.inner("LaneOffsetActionDynamics")?;
+        if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
+            return Err(dynamics.error("only sinusoidal lane offsets are read"));
+        }
+        let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
+        let script = &mut self.scripts[who];
+        script.t_m = middle_m + offset_m;
+        Ok(Law::Beside {
+            t_m: script.t_m - script.changed_m,
+            most_lateral_mps2,
+        })
+    }
+
+    /// The lane of somebody to which a target is relative, which must be the one
+    /// on which it is placed for as long as it is there.
+    fn lane_of(&mut self, target: &Node, scope: &Scope) -> Result<OnLane, ImportError> {
+        let name = scope.text(target, "entityRef")?;
+        let other = self.ground.placed.get(&name);
+        let lane = other.and_then(|it| it.lane.clone());
+        let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
+        let help = "name the lane by an absolute target";
+        if 0 < lane.lane {
+            let what = format!("a lane relative to `{name}`, who drives against the road");
+            return Err(target.refused(what, help));
+        }
+        let what = format!("a lane relative to `{name}`, who changes its own, is not read");
+        self.relative.push((name, target.refused(what, help)));
+        Ok(lane)
+    }
+
+    /// Refuses what is relative to the lane of somebody who leaves it.
+    fn lanes_stay(&self) -> Result<(), ImportError> {
+        let leaves = |name: &str| {
+            let script = self.scripts.iter().find(|it| it.name == name);
+            let laws = script.into_iter().flat_map(|it| &it.steps);
+            let mut laws = laws.flat_map(|step| &step.laws);
+            laws.any(|law| matches!(law, Law::LaneChange { .. } | Law::Beside { .. }))
+        };
+        let wrong = self.relative.iter().find(|(name, _)| leaves(name));
+        wrong.map_or(Ok(()), |(_, error)| Err(error.clone()))
+    }
+}
+
+fn own_lane(script: &Script, it: &Node) -> Result<OnLane, ImportError> {
+    let lane = script.placed.lane.clone();
+    lane.ok_or_else(|| it.error("it is on no lane"))
+}
+
+/// The actions of an event that move somebody, each with what contains it.
+fn moving<'a>(
+    event: &'a Node,
+    actors: &[String],
+) -> Result<Vec<(&'a Node, &'a Node)>, ImportError> {
+    let is_for_ego = actors.iter().all(|it| it == "Ego");
+    let mut moving = Vec::new();
+    for action in event.all("Action") {
+        let kind = action.only()?;
+        let inner = kind.only()?;
+        if !is_still(inner, is_for_ego)? {
+            moving.push((kind, inner));
+        }
+    }
+    Ok(moving)
+}
+
+/// Refuses what happens again, and actors who are only known on the way.
+fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError> {
+    for node in [context.event, context.group] {
+        let often = context
+            .scope
+            .number_or_zero(node, "maximumExecutionCount")?;
+        if node.raw("maximumExecutionCount").is_some() && often != 1.0 {
+            let what = format!("it is carried out {often} times: only 1 is read");
+            let help = "write an event for each time, each after the end of the one before";
+            return Err(node.refused(what, help));
+        }
+    }
+    let actors = context.group.child("Actors");
+    let selected = actors.and_then(|it| it.raw("selectTriggeringEntities"));
+    if let (Some(actors), Some("true")) = (actors, selected) {
+        let what = "actors who are those that trigger it are not read";
+        let help = "name them by EntityRef, with selectTriggeringEntities=\"false\"";
+        return Err(actors.refused(what, help));
+    }
+    Ok(())
+}
+
+/// The elements that end when an event does: those in which nothing else goes on.
+fn ended(context: &EventContext<'_>, moving: usize) -> Vec<StoryElement> {
+    let mut ended = Vec::new();
+    if context.actors.len() != 1 {
+        return ended;
+    }
+    ended.extend(StoryElement::of("event", context.event));
+    let actions: Vec<&Node> = context.event.all("Action").collect();
+    if let ([action], 1) = (&actions[..], moving) {
+        ended.extend(StoryElement::of("action", action));
+    }
+    if context.maneuver.all("Event").count() == 1 {
+        ended.extend(StoryElement::of("maneuver", context.maneuver));
+    }
+    ended
+}

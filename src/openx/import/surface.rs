@@ -1,0 +1,107 @@
+//! Friction and speed limits of a road.
+
+use super::error::ImportError;
+use super::scope::Scope;
+use super::tree::Node;
+
+/// Metres per second of a mile per hour.
+const MPH_MPS: f64 = 0.44704;
+
+/// What a world says of a road as a whole; refused where it changes along the
+/// road or from lane to lane.
+#[derive(Clone, Debug)]
+pub(super) struct Surface {
+    /// μ as the road has it, before the scenario scales it.
+    pub friction: Result<f64, ImportError>,
+    pub limit_mps: Result<Option<f64>, ImportError>,
+}
+
+impl Default for Surface {
+    fn default() -> Surface {
+        Surface {
+            friction: Ok(1.0),
+            limit_mps: Ok(None),
+        }
+    }
+}
+
+impl Surface {
+    /// Of a road with the lanes of a section.
+    pub fn of(road: &Node, section: Option<&Node>) -> Result<Surface, ImportError> {
+        let sides = section.into_iter().flat_map(|it| &it.children);
+        let lanes = sides.flat_map(|side| side.all("lane"));
+        let driven = lanes.filter(|lane| lane.raw("type") == Some("driving"));
+        let driven: Vec<&Node> = driven.collect();
+        Ok(Surface {
+            friction: friction(&driven)?,
+            limit_mps: limit_mps(road, &driven)?,
+        })
+    }
+}
+
+fn friction(driven: &[&Node]) -> Result<Result<f64, ImportError>, ImportError> {
+    let mut known = None;
+    for material in driven.iter().flat_map(|lane| lane.all("material")) {
+        let value = Scope::default().number_or_zero(material, "friction")?;
+        let begins_m = Scope::default().number_or_zero(material, "sOffset")?;
+        if begins_m != 0.0 || known.is_some_and(|known| known != value) {
+            let what = "friction that changes along the road or from lane to lane is not read";
+            let help = "give every driving lane the same `material` from sOffset=\"0\" on";
+            return Ok(Err(material.refused(what, help)));
+        }
+        known = Some(value);
+    }
+    Ok(Ok(known.unwrap_or(1.0)))
+}
+
+/// The limit of the lanes, or else of the road.
+fn limit_mps(
+    road: &Node,
+    driven: &[&Node],
+) -> Result<Result<Option<f64>, ImportError>, ImportError> {
+    let of_road = road
+        .all("type")
+        .map(|it| (it, "s", it.child("speed").unwrap_or(it)));
+    let of_lanes = driven.iter().flat_map(|lane| lane.all("speed"));
+    let of_lanes: Vec<_> = of_lanes.map(|it| (it, "sOffset", it)).collect();
+    // Lanes of which only some have a limit differ from the road's.
+    let limited = driven.iter().filter(|lane| lane.child("speed").is_some());
+    let is_partly = !of_lanes.is_empty() && limited.count() < driven.len();
+    let records: Vec<_> = match of_lanes.is_empty() {
+        true => of_road.collect(),
+        false if is_partly => of_road.chain(of_lanes).collect(),
+        false => of_lanes,
+    };
+    let has_none = is_partly && road.child("type").is_none();
+    let mut known = has_none.then_some(None);
+    for (record, begins, speed) in records {
+        let limit_mps = max_mps(speed)?;
+        let begins_late = Scope::default().number_or_zero(record, begins)? != 0.0;
+        let begins_late = begins_late && limit_mps.is_some() && known.is_none();
+        if begins_late || known.is_some_and(|known| known != limit_mps) {
+            let what = "a speed limit that changes along the road or from lane to lane is not read";
+            let help = "keep one limit for the whole road on which the ego drives";
+            return Ok(Err(record.refused(what, help)));
+        }
+        known = Some(limit_mps);
+    }
+    Ok(Ok(known.flatten()))
+}
+
+/// What a `speed` says; `no limit` and `undefined` are none.
+fn max_mps(speed: &Node) -> Result<Option<f64>, ImportError> {
+    if matches!(speed.raw("max"), None | Some("no limit" | "undefined")) {
+        return Ok(None);
+    }
+    let value = Scope::default().number(speed, "max")?;
+    let per_mps = match speed.raw("unit") {
+        None | Some("m/s") => 1.0,
+        Some("km/h") => 1.0 / 3.6,
+        Some("mph") => MPH_MPS,
+        Some(unit) => {
+            let what = format!("a speed limit in `{unit}`");
+            return Err(speed.refused(what, "use m/s, km/h or mph"));
+        }
+    };
+    Ok((0.0 < value).then_some(value * per_mps))
+}

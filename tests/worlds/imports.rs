@@ -1,0 +1,763 @@
+//! Imports of small scenarios: each variant moves as its file says, or is refused
+//! where it says so.
+//!
+//! The places are those of the laws of OpenSCENARIO; esmini has them to one of its
+//! steps of 0.01 s.
+
+use std::path::Path;
+
+use brakecheck::openx::import::{DroppedElements, Import, ImportError, Imported};
+use brakecheck::scenario::Scenario;
+use brakecheck::scene::Start;
+use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+
+const BASE: &str = include_str!("imports/base.xosc");
+const ROADS: [(&str, &str); 2] = [
+    ("straight.xodr", include_str!("imports/straight.xodr")),
+    ("bend.xodr", include_str!("imports/bend.xodr")),
+];
+/// From the rear axle, which a file places, to the front.
+const LEVER_M: f64 = 3.6;
+
+/// When the first event begins, and the act around it.
+const FIRST: &str = r#"<Condition name="first begins" delay="0" conditionEdge="none"><ByValueCondition><SimulationTimeCondition value="2" rule="greaterThan"/></ByValueCondition></Condition>"#;
+const ACT: &str = r#"<Condition name="act begins" delay="0" conditionEdge="none"><ByValueCondition><SimulationTimeCondition value="0" rule="greaterOrEqual"/></ByValueCondition></Condition>"#;
+/// What the first event does.
+const SLOWER: &str = r#"<LongitudinalAction><SpeedAction>
+                <SpeedActionDynamics dynamicsShape="linear" dynamicsDimension="rate" value="1"/>
+                <SpeedActionTarget><AbsoluteTargetSpeed value="4"/></SpeedActionTarget>
+              </SpeedAction></LongitudinalAction>"#;
+const FASTER: &str = r#"<LongitudinalAction><SpeedAction><SpeedActionDynamics dynamicsShape="linear" dynamicsDimension="rate" value="2"/><SpeedActionTarget><AbsoluteTargetSpeed value="10"/></SpeedActionTarget></SpeedAction></LongitudinalAction>"#;
+const CHANGE: &str = r#"<LateralAction><LaneChangeAction targetLaneOffset="0.5"><LaneChangeActionDynamics dynamicsShape="sinusoidal" dynamicsDimension="rate" value="1"/><LaneChangeTarget><AbsoluteTargetLane value="-1"/></LaneChangeTarget></LaneChangeAction></LateralAction>"#;
+const CENTRE: &str = r#"<LateralAction><LaneOffsetAction continuous="false"><LaneOffsetActionDynamics dynamicsShape="sinusoidal" maxLateralAcc="1"/><LaneOffsetTarget><AbsoluteTargetLaneOffset value="0"/></LaneOffsetTarget></LaneOffsetAction></LateralAction>"#;
+const MEETING: &str = r#"<SynchronizeAction masterEntityRef="Ego"><TargetPositionMaster><LanePosition roadId="0" laneId="-1" s="300"/></TargetPositionMaster><TargetPosition><LanePosition roadId="0" laneId="-2" s="200"/></TargetPosition><FinalSpeed><AbsoluteSpeed value="10"><TargetDistanceSteadyState distance="5"/></AbsoluteSpeed></FinalSpeed></SynchronizeAction>"#;
+
+/// A change of the files: a text, and what stands in its place.
+type Edit = (&'static str, String);
+
+fn edit(from: &'static str, to: impl Into<String>) -> Edit {
+    (from, to.into())
+}
+
+fn time(at_s: f64, edge: &str, delay_s: f64) -> String {
+    format!(
+        r#"<Condition name="c" delay="{delay_s}" conditionEdge="{edge}"><ByValueCondition><SimulationTimeCondition value="{at_s}" rule="greaterThan"/></ByValueCondition></Condition>"#
+    )
+}
+
+/// A clear distance to the lead of some of the others.
+fn distance(who: &[&str], rule: &str, edge: &str, needs: &str, value_m: f64) -> String {
+    let who = who
+        .iter()
+        .map(|name| format!(r#"<EntityRef entityRef="{name}"/>"#));
+    let who: String = who.collect();
+    format!(
+        r#"<Condition name="c" delay="0" conditionEdge="{edge}"><ByEntityCondition><TriggeringEntities triggeringEntitiesRule="{needs}">{who}</TriggeringEntities><EntityCondition><RelativeDistanceCondition entityRef="Lead" relativeDistanceType="longitudinal" freespace="true" value="{value_m}" rule="{rule}"/></EntityCondition></ByEntityCondition></Condition>"#
+    )
+}
+
+fn after(kind: &str, name: &str, delay_s: f64) -> String {
+    format!(
+        r#"<Condition name="c" delay="{delay_s}" conditionEdge="none"><ByValueCondition><StoryboardElementStateCondition storyboardElementType="{kind}" storyboardElementRef="{name}" state="endTransition"/></ByValueCondition></Condition>"#
+    )
+}
+
+/// One more event of the lead.
+fn second(condition: &str, action: &str) -> Edit {
+    let text = format!(
+        r#"<Event name="second" priority="override"><Action name="other"><PrivateAction>{action}</PrivateAction></Action><StartTrigger><ConditionGroup>{condition}</ConditionGroup></StartTrigger></Event>"#
+    );
+    edit("<!--events-->", text)
+}
+
+/// A third car, on the ego's lane.
+fn third() -> Vec<Edit> {
+    let lead = |from: &str, to: &str| {
+        let (_, rest) = BASE.split_once(from).expect("the beginning");
+        let (text, _) = rest.split_once(to).expect("the end");
+        format!("{from}{text}").replace("Lead", "Other")
+    };
+    let object = lead(r#"<ScenarioObject name="Lead">"#, "<!--entities-->");
+    let placed = lead(r#"<Private entityRef="Lead">"#, "</Actions>");
+    let placed = placed
+        .replace(r#"laneId="-2" s="150""#, r#"laneId="-1" s="120""#)
+        .replace(r#"value="10"/>"#, r#"value="15"/>"#);
+    vec![
+        edit("<!--entities-->", object),
+        edit("</Actions></Init>", format!("{placed}</Actions></Init>")),
+    ]
+}
+
+/// The files with changes, each of which must apply somewhere.
+fn files(edits: &[Edit]) -> Vec<(&'static str, String)> {
+    let mut all = vec![("base.xosc", BASE.to_owned())];
+    all.extend(ROADS.map(|(name, text)| (name, text.to_owned())));
+    for (from, to) in edits {
+        let mut applied = false;
+        for (_, text) in &mut all {
+            applied |= text.contains(from);
+            *text = text.replace(from, to);
+        }
+        assert!(applied, "{from}");
+    }
+    all
+}
+
+fn import(files: &[(&str, String)]) -> Result<Imported, ImportError> {
+    let import = Import {
+        scenario: Path::new("base.xosc"),
+        points: None,
+        only: None,
+        skips_broken: false,
+        name: "small",
+        ado: None,
+    };
+    import.read(&|path| {
+        let found = files.iter().find(|(name, _)| Path::new(name) == path);
+        let text = found.map(|(_, text)| text.clone());
+        text.ok_or_else(|| std::io::Error::from(std::io::ErrorKind::NotFound))
+    })
+}
+
+fn world(imported: &Imported) -> Scenario {
+    let text = &imported.worlds[0].text;
+    Scenario::parse("small.ron", text).unwrap_or_else(|error| panic!("{error:?}\n{text}"))
+}
+
+fn run(world: &Scenario) -> Episode {
+    let start = Start(Vec::new());
+    let mut bench = world.bench();
+    play(&mut bench, &start, 0, &mut Constant(0), Aftermath::Play)
+}
+
+/// The rear axle of somebody at a time.
+fn at(episode: &Episode, name: &str, time_s: f64) -> (f64, f64) {
+    let row = (time_s / 0.05).round() as usize;
+    let of = |what: &str| {
+        let signal = episode.trace.signal(&format!("{name}.{what}"));
+        *signal.expect("there").get(row).expect("a row so late")
+    };
+    let (x_m, y_m, heading_rad) = (of("x"), of("y"), of("heading"));
+    (
+        x_m - LEVER_M * heading_rad.cos(),
+        y_m - LEVER_M * heading_rad.sin(),
+    )
+}
+
+/// What differs from a place at a time by more than a step of esmini.
+fn off(episode: &Episode, name: &str, (time_s, x_m, y_m): (f64, f64, f64)) -> Option<String> {
+    let (x, y) = at(episode, name, time_s);
+    let off_m = (x - x_m).hypot(y - y_m);
+    (0.02 < off_m).then(|| format!("({x:.3}, {y:.3}), not ({x_m}, {y_m}), at {time_s} s"))
+}
+
+#[test]
+fn small_scenarios_move_as_their_files_say() {
+    // Lane -2, on which the lead starts, is the world's lane 0.
+    let near = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="140""#);
+    let late_distance = |act_s: f64| {
+        let below = distance(&["Ego"], "lessThan", "none", "any", 20.0);
+        vec![edit(ACT, time(act_s, "none", 0.0)), edit(FIRST, below)]
+    };
+    let others = |needs: &str| {
+        let mut edits = third();
+        let below = distance(&["Ego", "Other"], "lessThan", "rising", needs, 20.0);
+        edits.push(edit(FIRST, below));
+        edits
+    };
+    let parameter = r#"<Condition name="c" delay="3" conditionEdge="none"><ByValueCondition><ParameterCondition parameterRef="on" rule="equalTo" value="1"/></ByValueCondition></Condition>"#;
+    let declared = r#"<ParameterDeclarations><ParameterDeclaration name="on" parameterType="integer" value="1"/></ParameterDeclarations><CatalogLocations/>"#;
+    type Case = (&'static str, Vec<Edit>, Vec<(f64, f64, f64)>);
+    let cases: Vec<Case> = vec![
+        (
+            "as it is",
+            vec![],
+            vec![(2.0, 170.0, 0.0), (12.0, 228.0, 0.0)],
+        ),
+        (
+            "an act within the first second begins when it says",
+            vec![
+                edit(ACT, time(0.6, "none", 0.0)),
+                edit(FIRST, time(0.0, "none", 0.0)),
+            ],
+            vec![(12.0, 219.6, 0.0)],
+        ),
+        (
+            "an event does not begin before its act",
+            vec![edit(ACT, time(5.0, "none", 0.0))],
+            vec![(12.0, 246.0, 0.0)],
+        ),
+        (
+            "a rising edge of a time",
+            vec![edit(FIRST, time(2.0, "rising", 0.0))],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "either edge of a time that only rises",
+            vec![edit(FIRST, time(2.0, "risingOrFalling", 0.0))],
+            vec![(12.0, 228.0, 0.0)],
+        ),
+        (
+            "a delay",
+            vec![edit(FIRST, time(2.0, "rising", 1.5))],
+            vec![(12.0, 237.0, 0.0)],
+        ),
+        (
+            "the delay of what holds from the start on",
+            vec![
+                edit(FIRST, parameter),
+                edit("<ParameterDeclarations/>\n  <CatalogLocations/>", declared),
+            ],
+            vec![(12.0, 234.0, 0.0)],
+        ),
+        (
+            "any of two is near",
+            others("any"),
+            vec![(5.0, 192.4728, 0.0)],
+        ),
+        (
+            "all of two are near",
+            others("all"),
+            vec![(5.0, 200.0, 0.0), (12.0, 260.1432, 0.0)],
+        ),
+        (
+            "far apart behind an overtaking, too",
+            vec![
+                near.clone(),
+                edit(
+                    FIRST,
+                    distance(&["Ego"], "greaterThan", "rising", "any", 30.0),
+                ),
+            ],
+            vec![(12.0, 242.64, 0.0)],
+        ),
+        (
+            "near after the act has begun",
+            late_distance(3.0),
+            vec![(12.0, 260.1432, 0.0)],
+        ),
+        (
+            "near as the act begins",
+            [late_distance(3.0), vec![near]].concat(),
+            vec![(12.0, 234.0, 0.0)],
+        ),
+        (
+            "one event after the other",
+            vec![second(&after("event", "first", 1.0), FASTER)],
+            vec![(9.0, 216.0, 0.0), (12.0, 237.0, 0.0)],
+        ),
+        (
+            "a lane change to an offset, and an offset within the lane that it leads to",
+            vec![
+                edit(r#"offset="0""#, r#"offset="0.25""#),
+                edit(
+                    r#"<AbsoluteTargetSpeed value="20"/><!--ego speed-->"#,
+                    r#"<AbsoluteTargetSpeed value="10"/>"#,
+                ),
+                edit(SLOWER, CHANGE),
+                second(&after("action", "slower", 1.0), CENTRE),
+            ],
+            vec![
+                (2.0, 170.0, 0.25),
+                (8.5, 234.852, 4.0),
+                (12.0, 269.852, 3.5),
+            ],
+        ),
+    ];
+    let mut wrong = Vec::new();
+    for (name, edits, places) in cases {
+        let imported = import(&files(&edits)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let episode = run(&world(&imported));
+        let off = places
+            .iter()
+            .filter_map(|place| off(&episode, "lead", *place));
+        wrong.extend(off.map(|what| format!("{name}: {what}")));
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A file with a change, what is said of it, and what stands on the line that is
+/// named.
+type Refusal = (Vec<Edit>, &'static str, &'static str);
+
+fn refused_of_storyboards() -> Vec<Refusal> {
+    let init = r#"<SpeedActionDynamics dynamicsShape="step" dynamicsDimension="time" value="0"/><!--init dynamics-->"#;
+    let ramp = |dimension: &str, shape: &str| {
+        let to = format!(
+            r#"<SpeedActionDynamics dynamicsShape="{shape}" dynamicsDimension="{dimension}" value="3"/><!--ramp-->"#
+        );
+        vec![edit(init, to)]
+    };
+    let near = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="140""#);
+    let lead = |action: &str| {
+        let action = format!("<PrivateAction>{action}</PrivateAction><!--added-->");
+        vec![edit("<!--lead init-->", action)]
+    };
+    let slower = |from: &'static str, to: &str| vec![edit(SLOWER, SLOWER.replace(from, to))];
+    let below = |edge: &str| distance(&["Ego"], "lessThan", edge, "any", 20.0);
+    vec![
+        (
+            vec![edit(
+                r#"priority="override" maximumExecutionCount="1""#,
+                r#"priority="override" maximumExecutionCount="2""#,
+            )],
+            "carried out 2 times",
+            r#"<Event name="first""#,
+        ),
+        (
+            vec![edit(
+                r#"name="group" maximumExecutionCount="1""#,
+                r#"name="group" maximumExecutionCount="3""#,
+            )],
+            "carried out 3 times",
+            "<ManeuverGroup",
+        ),
+        (
+            vec![edit(
+                r#"selectTriggeringEntities="false""#,
+                r#"selectTriggeringEntities="true""#,
+            )],
+            "those that trigger it",
+            "<Actors",
+        ),
+        (
+            vec![edit(FIRST, time(2.0, "falling", 0.0))],
+            "falling edge",
+            "falling",
+        ),
+        (
+            vec![edit(FIRST, below("falling"))],
+            "falling edge",
+            "falling",
+        ),
+        (
+            vec![near.clone(), edit(FIRST, below("rising"))],
+            "holds from the start",
+            "RelativeDistance",
+        ),
+        (
+            vec![
+                edit(ACT, time(3.0, "none", 0.0)),
+                edit(FIRST, below("rising")),
+            ],
+            "rising edge in an act that begins later",
+            r#"<Event name="first""#,
+        ),
+        (
+            vec![
+                edit(ACT, time(3.0, "none", 0.0)),
+                edit(FIRST, time(2.0, "rising", 0.0)),
+            ],
+            "rising edge at 2 s is never seen",
+            "rising",
+        ),
+        (
+            vec![edit(FIRST, time(2.0, "none", -1.0))],
+            "a delay of -1 s",
+            "delay",
+        ),
+        (
+            vec![second(&time(4.0, "none", 0.0), FASTER)],
+            "before the one before it has ended",
+            "second",
+        ),
+        (
+            vec![second(&below("none"), FASTER)],
+            "before the one before it has ended",
+            "second",
+        ),
+        (
+            vec![second(&after("event", "other", 0.0), FASTER)],
+            "before the one before it has ended",
+            "second",
+        ),
+        (
+            vec![
+                edit(
+                    r#"<EntityRef entityRef="Lead"/>"#,
+                    r#"<EntityRef entityRef="Lead"/><EntityRef entityRef="Other"/>"#,
+                ),
+                second(&after("event", "first", 0.0), FASTER),
+            ]
+            .into_iter()
+            .chain(third())
+            .collect(),
+            "before the one before it has ended",
+            "second",
+        ),
+        (
+            vec![edit(
+                "<!--act-->",
+                format!(
+                    "<StopTrigger><ConditionGroup>{}</ConditionGroup></StopTrigger>",
+                    time(4.0, "none", 0.0)
+                ),
+            )],
+            "an act that is stopped",
+            "<StopTrigger>",
+        ),
+        (
+            vec![edit(ACT, after("event", "first", 0.0))],
+            "an act that waits",
+            "<Act",
+        ),
+        (
+            ramp("time", "linear"),
+            "only reached after the start",
+            "<!--ramp-->",
+        ),
+        (
+            ramp("rate", "linear"),
+            "only reached after the start",
+            "<!--ramp-->",
+        ),
+        (
+            ramp("distance", "sinusoidal"),
+            "only reached after the start",
+            "<!--ramp-->",
+        ),
+        (
+            lead(
+                r#"<LongitudinalAction><SpeedProfileAction><SpeedProfileEntry speed="3" time="5"/></SpeedProfileAction></LongitudinalAction>"#,
+            ),
+            "not read in Init",
+            "SpeedProfileAction",
+        ),
+        (
+            lead(
+                r#"<ControllerAction><ActivateControllerAction longitudinal="true" lateral="false"/></ControllerAction>"#,
+            ),
+            "whom a controller moves",
+            "ControllerAction",
+        ),
+        (
+            lead(
+                r#"<RoutingAction><AssignRouteAction><Route name="r" closed="false"><Waypoint routeStrategy="shortest"><Position><RelativeObjectPosition entityRef="Ego" dx="50" dy="40"/></Position></Waypoint></Route></AssignRouteAction></RoutingAction>"#,
+            ),
+            "a route that turns off",
+            "AssignRouteAction",
+        ),
+        (
+            slower(
+                r#"<AbsoluteTargetSpeed value="4"/>"#,
+                r#"<AbsoluteTargetSpeed value="-4"/>"#,
+            ),
+            "a speed of -4 m/s",
+            "-4",
+        ),
+        (
+            slower(
+                r#"<AbsoluteTargetSpeed value="4"/>"#,
+                r#"<RelativeTargetSpeed entityRef="Ego" value="0.5" speedTargetValueType="factor" continuous="false"/>"#,
+            ),
+            "a target speed of this kind",
+            "factor",
+        ),
+        (
+            vec![edit(SLOWER, MEETING), edit(FIRST, time(0.0, "none", 0.0))],
+            "a meeting of somebody who moves",
+            "Synchronize",
+        ),
+        (
+            vec![edit(
+                SLOWER,
+                r#"<LongitudinalAction><LongitudinalDistanceAction entityRef="Ego" freespace="true" continuous="false" displacement="leadingReferencedEntity" distance="9"/></LongitudinalAction>"#,
+            )],
+            "not read here",
+            "LongitudinalDistanceAction",
+        ),
+        (
+            vec![edit(r#"laneId="-2" s="150""#, r#"laneId="-2" s="1200""#)],
+            "1200 m along road `0`, which has 1000 m",
+            "LanePosition",
+        ),
+        (
+            vec![edit(
+                r#"<LanePosition roadId="0" laneId="-2" s="150" offset="0"/>"#,
+                r#"<RelativeLanePosition entityRef="Ego" dLane="-1" ds="960"/>"#,
+            )],
+            "1010 m along road `0`, which has 1000 m",
+            "RelativeLanePosition",
+        ),
+        (
+            vec![edit(
+                "<!--global-->",
+                r#"<GlobalAction><EntityAction entityRef="Lead"><DeleteEntityAction/></EntityAction></GlobalAction>"#,
+            )],
+            "not read in Init",
+            "EntityAction",
+        ),
+    ]
+}
+
+fn refused_of_roads() -> Vec<Refusal> {
+    let line = r#"<geometry s="0" x="0" y="0" hdg="0" length="1000"><line/></geometry>"#;
+    let two = |second: &str| {
+        let first = line.replace("1000", "400");
+        vec![edit(line, format!("{first}\n{second}"))]
+    };
+    let lane = "<!--lane-->";
+    vec![
+        (
+            vec![edit(r#"rule="RHT""#, r#"rule="LHT""#)],
+            "left-hand traffic",
+            "<road",
+        ),
+        (
+            two(r#"<geometry s="400" x="401" y="0" hdg="0" length="600"><line/></geometry>"#),
+            "1.000 m and 0.0000 rad off",
+            "401",
+        ),
+        (
+            two(r#"<geometry s="400" x="400" y="0" hdg="0.1" length="600"><line/></geometry>"#),
+            "0.1000 rad off",
+            "0.1",
+        ),
+        (
+            two(r#"<geometry s="410" x="400" y="0" hdg="0" length="590"><line/></geometry>"#),
+            "s = 410 m instead of 400 m",
+            "410",
+        ),
+        (
+            two(r#"<geometry s="400" x="400" y="0" hdg="0" length="500"><line/></geometry>"#),
+            "that of its geometry 900 m",
+            "<road",
+        ),
+        (
+            vec![edit(
+                "<!--offsets-->",
+                "<laneOffset s=\"0\" a=\"0\"/>\n<laneOffset s=\"300\" a=\"3.5\"/>",
+            )],
+            "offset changes along the road",
+            "3.5",
+        ),
+        (
+            vec![edit("<!--offsets-->", r#"<laneOffset s="300" a="3.5"/>"#)],
+            "offset changes along the road",
+            "laneOffset",
+        ),
+        (
+            vec![edit(
+                lane,
+                r#"<material sOffset="0" friction="0.8"/><material sOffset="100" friction="0.4"/>"#,
+            )],
+            "friction that changes",
+            "material",
+        ),
+        (
+            vec![edit(
+                "<!--types-->",
+                "<type s=\"0\" type=\"town\"><speed max=\"50\" unit=\"km/h\"/></type>\n<type s=\"200\" type=\"town\"><speed max=\"30\" unit=\"km/h\"/></type>",
+            )],
+            "a speed limit that changes",
+            "s=\"200\"",
+        ),
+        (
+            vec![edit(lane, r#"<speed sOffset="0" max="50" unit="km/h"/>"#)],
+            "a speed limit that changes",
+            "speed",
+        ),
+        (
+            vec![edit(
+                "<!--types-->",
+                r#"<type s="0" type="town"><speed max="50" unit="knots"/></type>"#,
+            )],
+            "a speed limit in `knots`",
+            "knots",
+        ),
+    ]
+}
+
+#[test]
+fn what_would_move_otherwise_is_refused_by_file_line_and_cure() {
+    let mut wrong = Vec::new();
+    for (edits, what, on_line) in [refused_of_storyboards(), refused_of_roads()].concat() {
+        let files = files(&edits);
+        let Err(error) = import(&files) else {
+            wrong.push(format!("{what}: it is imported"));
+            continue;
+        };
+        let of = |name: &Path| files.iter().find(|(known, _)| Path::new(known) == name);
+        let text = of(&error.file).map_or("", |(_, text)| text);
+        let line = error.element.as_deref().map_or(0, |(_, line)| *line);
+        let line = line.checked_sub(1).and_then(|line| text.lines().nth(line));
+        let shown = error.to_string();
+        if !shown.contains(what) {
+            wrong.push(format!("{what}: it says {shown}"));
+        }
+        if line.is_none_or(|line| !line.contains(on_line)) {
+            wrong.push(format!("{what}: it names {line:?}"));
+        }
+        let has_cure = error.help.is_some();
+        let is_known = ["not read here", "EntityAction"]
+            .iter()
+            .any(|it| what == *it || on_line == *it);
+        if !has_cure && !is_known {
+            wrong.push(format!("{what}: no help"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn friction_and_speed_limits_are_carried_over() {
+    let wet = |scale: f64| {
+        let text = format!(
+            r#"<GlobalAction><EnvironmentAction><Environment name="wet"><Weather/><RoadCondition frictionScaleFactor="{scale}"/></Environment></EnvironmentAction></GlobalAction>"#
+        );
+        edit("<!--global-->", text)
+    };
+    let limit = |max: &str, unit: &str| {
+        let text = format!(r#"<type s="0" type="town"><speed max="{max}" unit="{unit}"/></type>"#);
+        edit("<!--types-->", text)
+    };
+    let surface = r#"<width sOffset="0" a="3.5" b="0" c="0" d="0"/>"#;
+    let lanes = |text: &str| edit(surface, format!("{surface}{text}"));
+    let cases: Vec<(Vec<Edit>, f64, Option<f64>)> = vec![
+        (vec![], 1.0, None),
+        (vec![wet(0.6)], 0.6, None),
+        (
+            vec![wet(0.5), lanes(r#"<material sOffset="0" friction="0.8"/>"#)],
+            0.4,
+            None,
+        ),
+        (vec![limit("50", "km/h")], 1.0, Some(50.0 / 3.6)),
+        (vec![limit("no limit", "km/h")], 1.0, None),
+        (vec![limit("30", "mph")], 1.0, Some(13.4112)),
+        (
+            vec![
+                limit("50", "km/h"),
+                lanes(r#"<speed sOffset="0" max="20" unit="m/s"/>"#),
+            ],
+            1.0,
+            Some(20.0),
+        ),
+    ];
+    for (edits, friction, limit_mps) in cases {
+        let imported = import(&files(&edits)).unwrap_or_else(|error| panic!("{edits:?}: {error}"));
+        let world = world(&imported);
+        let road = &world.drive().expect("a driving scene").road;
+        assert!((road.friction() - friction).abs() < 1e-9, "{edits:?}");
+        let found = road.speed_limit_mps();
+        let same = match (found, limit_mps) {
+            (Some(a), Some(b)) => (a - b).abs() < 1e-6,
+            (a, b) => a == b,
+        };
+        assert!(same, "{edits:?}: {found:?}");
+    }
+}
+
+#[test]
+fn what_is_dropped_is_listed_with_the_place_of_the_first() {
+    let edits = [
+        edit(
+            "<elevationProfile/>",
+            "<elevationProfile><elevation s=\"0\" a=\"0\" b=\"0\" c=\"0\" d=\"0\"/>\n<elevation s=\"10\" a=\"0\" b=\"0.05\" c=\"0\" d=\"0\"/><elevation s=\"20\" a=\"0.5\" b=\"0\" c=\"0\" d=\"0\"/></elevationProfile>",
+        ),
+        edit(
+            "<!--signals-->",
+            r#"<signals><signal id="1" s="50" t="-6" dynamic="no"/></signals>"#,
+        ),
+        edit(
+            "<!--lead vehicle-->",
+            r#"<Trailer><CatalogReference catalogName="c" entryName="t"/></Trailer>"#,
+        ),
+        edit(
+            "<!--ego init-->",
+            r#"<PrivateAction><RoutingAction><AssignRouteAction><Route name="r" closed="false"><Waypoint routeStrategy="shortest"><Position><LanePosition roadId="0" laneId="-1" s="900"/></Position></Waypoint></Route></AssignRouteAction></RoutingAction></PrivateAction>"#,
+        ),
+        edit(
+            "<!--global-->",
+            r#"<GlobalAction><EnvironmentAction><Environment name="wet"><Weather/></Environment></EnvironmentAction></GlobalAction>"#,
+        ),
+        edit(
+            r#"<Condition name="stop""#,
+            r#"<Condition name="and" delay="0" conditionEdge="none"><ByEntityCondition/></Condition><Condition name="stop""#,
+        ),
+    ];
+    let files = files(&edits);
+    let imported = import(&files).expect("a world");
+    let line_of = |file: &str, text: &str| {
+        let (_, all) = files
+            .iter()
+            .find(|(name, _)| *name == file)
+            .expect("a file");
+        let found = all.lines().position(|line| line.contains(text));
+        1 + found.unwrap_or_else(|| panic!("{text}"))
+    };
+    let expected = [
+        ("trailers", "base.xosc", "<Trailer>", 1),
+        ("weather", "base.xosc", "<Weather/>", 1),
+        ("routes", "base.xosc", "<AssignRouteAction>", 1),
+        (
+            "stop conditions",
+            "base.xosc",
+            "<StopTrigger><ConditionGroup>",
+            1,
+        ),
+        ("elevation", "straight.xodr", "s=\"10\"", 2),
+        ("traffic signals", "straight.xodr", "<signal ", 1),
+    ];
+    let expected: Vec<(&str, &str, usize, usize)> = expected
+        .iter()
+        .map(|(kind, file, text, count)| (*kind, *file, line_of(file, text), *count))
+        .collect();
+    let of = |it: &'_ DroppedElements| (it.kind, it.file.display().to_string(), it.line, it.count);
+    let found: Vec<_> = imported.dropped.iter().map(of).collect();
+    let expected: Vec<_> = expected
+        .iter()
+        .map(|(kind, file, line, count)| (*kind, (*file).to_owned(), *line, *count))
+        .collect();
+    assert_eq!(found, expected);
+    // What drops nothing lists nothing.
+    let plain = import(&self::files(&[])).expect("a world");
+    assert_eq!(plain.dropped, []);
+}
+
+#[test]
+fn a_run_ends_before_anybody_leaves_its_road() {
+    let horizon_s = |edits: &[Edit]| {
+        let imported = import(&files(edits)).expect("a world");
+        let cut = imported
+            .dropped
+            .iter()
+            .any(|it| it.kind.contains("the end of a road"));
+        {
+            let world = world(&imported);
+            (world.drive().expect("a driving scene").clock.horizon_s, cut)
+        }
+    };
+    assert_eq!(horizon_s(&[]), (12.0, false));
+    // 10 m/s from 950 m of 1000 m on, slower from 2 s on: 30 m at 10 - t m/s more.
+    let far = edit(r#"laneId="-2" s="150""#, r#"laneId="-2" s="950""#);
+    let (ends_s, cut) = horizon_s(&[far.clone()]);
+    assert!(cut && (5.0..=5.7).contains(&ends_s), "{ends_s}");
+    // The ego coasts.
+    let far = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="900""#);
+    assert_eq!(horizon_s(&[far]), (5.0, true));
+}
+
+#[test]
+fn a_bend_goes_on_as_far_as_anybody_drives() {
+    let edits = [
+        edit(r#"filepath="straight.xodr""#, r#"filepath="bend.xodr""#),
+        edit(
+            r#"<SimulationTimeCondition value="12""#,
+            r#"<SimulationTimeCondition value="52""#,
+        ),
+    ];
+    let imported = import(&files(&edits)).expect("a world");
+    let episode = run(&world(&imported));
+    for time_s in [10.0, 30.0, 50.0] {
+        // Lane -1 is 1.75 m to the right of an arc of 250 m, lane -2, on which the
+        // world's road begins, 5.25 m.
+        let radius_m = 251.75;
+        let turned_rad = 50.0 / 250.0 + 20.0 * time_s / radius_m;
+        let place = (
+            time_s,
+            radius_m * turned_rad.sin(),
+            250.0 - radius_m * turned_rad.cos() + 5.25,
+        );
+        assert_eq!(off(&episode, "ego", place), None);
+    }
+}
