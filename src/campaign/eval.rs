@@ -379,6 +379,7 @@ pub(super) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         method: String::new(),
         train_seed: None,
         context: None,
+        warning: None,
         start_seed: starts.seed,
         starts: 0,
         trivial: 0,

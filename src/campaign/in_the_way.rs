@@ -28,6 +28,12 @@ pub struct InTheWay {
     pub without_all: usize,
     /// Solved without one rule, rule by rule.
     pub without: Vec<(String, usize)>,
+    /// Most switches of action of the sequences that were searched.
+    pub switches: usize,
+    /// Starts on which the ego violates its specification with all rules kept, in
+    /// no way that counts; `None`: every violation counts in this world.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uncounted: Option<usize>,
 }
 
 /// Searches the first of some starts again, without the rules.
@@ -61,7 +67,10 @@ pub(super) fn in_the_way(
         let world = scenario.without_rules(|name| name == rule.name);
         (rule.name.clone(), solved(&world))
     });
+    let counts_all = scenario.rulebook().counts.is_violation();
     let found = InTheWay {
+        switches,
+        uncounted: (!counts_all).then(|| solved(&scenario.counting_every_violation())),
         ego: ego.to_owned(),
         starts: few.starts.len(),
         without_all,
@@ -70,16 +79,32 @@ pub(super) fn in_the_way(
     (!watch.stopped()).then_some(found)
 }
 
+fn switches_in_words(switches: usize) -> String {
+    match switches {
+        1 => "1 switch".to_owned(),
+        _ => format!("{switches} switches"),
+    }
+}
+
 impl fmt::Display for InTheWay {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (starts, all) = (self.starts, self.without_all);
         write!(f, "{}: ", self.ego)?;
         if all == 0 {
-            return write!(
+            write!(
                 f,
-                "search finds nothing, and nothing without the rules either, in {starts} starts: \
-                 this ego withstands these actions and starts"
-            );
+                "no sequence of actions with at most {} makes the ego fail from any of {starts} \
+                 starts, with the rules or without them",
+                switches_in_words(self.switches)
+            )?;
+            return match self.uncounted {
+                None | Some(0) => Ok(()),
+                Some(some) => write!(
+                    f,
+                    "; from {some} of them it violates its specification, but not in a way that \
+                     this world `counts`"
+                ),
+            };
         }
         write!(
             f,

@@ -108,7 +108,7 @@ impl<'a> Patience<'a> {
         let nothing = now.searched == 0 && now.solved() == 0;
         let ended = if nothing || !self.adapts() {
             Some(Ended::Asked)
-        } else if !now.is_incomplete() {
+        } else if now.is_complete() {
             Some(Ended::Learned)
         } else if solved.is_some_and(|solved| now.solved() <= solved) {
             Some(Ended::Settled)

@@ -18,6 +18,9 @@ use rand::RngExt;
 /// for, per start.
 const MAX_CONFIRMATIONS: u64 = 30;
 
+/// Every so many decisions an action may be switched, coarse walks first.
+const STRIDES: [usize; 5] = [16, 8, 4, 2, 1];
+
 /// What a search of one start came to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Scouted {
@@ -144,9 +147,10 @@ impl Worker<'_> {
         let from = (&start, noise);
         self.first.begin(&start, noise, Aftermath::Skip);
         let forks = self.first.fork().is_some();
-        let scouted = match forks && self.sequences(switches) <= simulations {
-            true => self.walk(from, index, switches),
-            false => self.sample(from, index, switches, simulations),
+        let scouted = if forks {
+            self.walk(from, index, switches, simulations)
+        } else {
+            self.sample(from, index, switches, simulations)
         };
         let found = scouted.actions.is_some();
         (found || !self.watch.stopped()).then_some(scouted)
@@ -165,8 +169,24 @@ impl Worker<'_> {
         sum
     }
 
-    /// All of them, fewest switches first, prefixes shared by copying the ego.
-    fn walk(&mut self, from: (&Start, u64), index: u64, switches: usize) -> Scouted {
+    /// All of them, fewest switches first, prefixes shared by copying the ego, as
+    /// far as the simulations go.
+    ///
+    /// A branch ends where a rule is broken, so the sequences that can be played
+    /// may be far fewer than [`Worker::sequences`] counts. Where even those may
+    /// be too many, sequences that switch at every 16th decision come first, then
+    /// those at every 8th and so on: what is left out is spread evenly.
+    fn walk(
+        &mut self,
+        from: (&Start, u64),
+        index: u64,
+        switches: usize,
+        simulations: u64,
+    ) -> Scouted {
+        let strides = match self.sequences(switches) <= simulations {
+            true => &STRIDES[STRIDES.len() - 1..],
+            false => &STRIDES,
+        };
         let mut scouted = Scouted::default();
         let mut confirmations = 0;
         let asked = &mut self.asked;
@@ -189,11 +209,15 @@ impl Worker<'_> {
         let from = (from, index as usize);
         let first = &mut self.first;
         let mut tree = Tree::new(first, from, Aftermath::Skip, &mut accept, self.watch);
+        tree.most = simulations;
         let mut next = Next::Continue;
-        for switches in 0..=switches {
-            for action in 0..first.spaces().actions {
-                if next == Next::Continue {
-                    next = tree.begin(first, action, switches);
+        for stride in strides {
+            tree.stride = *stride;
+            for switches in 0..=switches {
+                for action in 0..first.spaces().actions {
+                    if next == Next::Continue {
+                        next = tree.begin(first, action, switches);
+                    }
                 }
             }
         }
@@ -203,8 +227,8 @@ impl Worker<'_> {
         scouted
     }
 
-    /// Some of them, drawn at random: where there are too many, or every one has
-    /// to be played from the start, and so costs several times as much.
+    /// Some of them, drawn at random: where the ego cannot be copied, every one
+    /// has to be played from the start, and so costs several times as much.
     fn sample(
         &mut self,
         from: (&Start, u64),
@@ -253,4 +277,34 @@ fn confirms(
     scouted.simulations += 1;
     scouted.physics_steps += episode.physics_steps;
     episode.verdict.is_success()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two switches of `acc`'s three actions in thirty decisions: 5,133 sequences
+    /// by the count, far fewer where rules end them.
+    #[test]
+    fn a_walk_is_not_given_up_for_sequences_that_rules_end_early() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.on(PlantKind::Kinematic);
+        let scout = Scout::new(&world, Purpose::Calibration, 3);
+        let watch = Watch::unwatched();
+        let indices: Vec<u64> = (0..20).collect();
+        let solved = |simulations: u64| {
+            let found = scout.search(&indices, 2, simulations, &watch);
+            let found: Vec<Scouted> = found.into_iter().flatten().collect();
+            let most = found.iter().map(|it| it.simulations).max().unwrap_or(0);
+            assert!(most <= simulations, "{most} of {simulations}");
+            let solved = found.iter().filter(|it| it.actions.is_some());
+            solved.count()
+        };
+        let nominal = scout.worker(&watch).sequences(2);
+        let all = solved(nominal);
+        assert!(5_000 < nominal && 10 < all, "{nominal} {all}");
+        // Below the nominal count it still walks, coarsely first.
+        assert!(all <= solved(nominal - 1) + 1);
+        assert!(all <= 2 * solved(nominal / 20));
+    }
 }

@@ -196,6 +196,7 @@ impl Trained<'_> {
         let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
         let mut row = eval(&ego.met_by(ado, starts), watch).row;
         row.compare_with_search(&searched.row.solved);
+        row.warning = self.run.warning();
         row
     }
 

@@ -227,6 +227,7 @@ impl PlanDir {
                 }
             })?;
         }
+        self.note_warnings(watch);
         let mut failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
         failed.sort_by_key(|(number, _)| *number);
         Ok(Ran {
@@ -234,6 +235,26 @@ impl PlanDir {
             all,
             failed,
         })
+    }
+
+    /// Notes every trained ado of the campaign that has not learned its world.
+    fn note_warnings(&self, watch: &Watch<'_>) {
+        let given = self.plan.ados.iter().map(|run| self.dir.join(&run.dir));
+        let own = self.plan.trainings.iter();
+        let own = own.map(|planned| training::dir_of(&self.dir, &self.plan, planned));
+        // The pieces of a run that cannot be opened have failed already.
+        for run in given
+            .chain(own)
+            .filter_map(|path| training::finished(&path).ok())
+        {
+            if let Some(warning) = run.warning() {
+                watch.note(&format!(
+                    "warning: {}: {}",
+                    run.path().display(),
+                    warning.what
+                ));
+            }
+        }
     }
 
     fn make(&self, piece: &CampaignPiece, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {

@@ -7,8 +7,8 @@ use crate::ego::reference::ReferenceDriver;
 /// Which violations of ψ_ego are counterexamples; the others are
 /// [`super::Verdict::Uncounted`].
 ///
-/// A contact counts only between the ego and an ado, where the ego moves at
-/// more than 0.5 m/s and was not struck from behind.
+/// A contact counts between the ego and any road user, an ado or not, where the
+/// ego moves at more than 0.5 m/s and is not struck from behind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Counts {

@@ -49,6 +49,11 @@ impl Verdict {
     pub fn is_success(&self) -> bool {
         matches!(self, Verdict::Counterexample { .. })
     }
+
+    /// Whether an ado broke a rule, which is no success.
+    pub fn is_foul(&self) -> bool {
+        matches!(self, Verdict::Foul { .. })
+    }
 }
 
 /// Whether the ados' rules held between a success and the contact.

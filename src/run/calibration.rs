@@ -38,9 +38,10 @@ impl Calibration {
         (ENOUGH <= self.searched).then(|| self.both as f64 / self.searched as f64)
     }
 
-    /// Whether a search solves more than a few starts that the ado does not.
-    pub fn is_incomplete(&self) -> bool {
-        100 * self.both < COMPLETE * self.searched
+    /// Whether the ado solves nearly all starts that the search solves, and those
+    /// are enough to say so.
+    pub fn is_complete(&self) -> bool {
+        ENOUGH <= self.searched && COMPLETE * self.searched <= 100 * self.both
     }
 
     /// What a user has to know before believing in the ado: what was seen, and
@@ -69,8 +70,19 @@ impl Calibration {
                         .to_owned(),
                 });
             }
+            (few, _) if few < ENOUGH && (0 < both || few == 0) => {
+                return Some(CalibrationWarning {
+                    what: format!(
+                        "{search} solves only {searched} of {starts} calibration starts, too few \
+                         to say whether the ado has learned this world: it solves {}",
+                        self.solved()
+                    ),
+                    help: "compare the ado with a search on more starts: \
+                           `brakecheck eval RUN --starts 1000 --search 2`"
+                        .to_owned(),
+                });
+            }
             _ if LEARNED * searched <= 100 * both => return None,
-            _ if searched < ENOUGH && 0 < both => return None,
             (_, 0) => format!(
                 "the ado solves none of the {searched} calibration starts, out of {starts}, that \
                  {search} solves: it never learned this world"
@@ -82,9 +94,9 @@ impl Calibration {
         };
         Some(CalibrationWarning {
             what,
-            help: "train longer (`--decisions`), or with another `--seed`; look whether the ado \
-                   observes what its rules and the ego's specification read (`brakecheck check`); \
-                   until then `brakecheck search` finds more than the ado"
+            help: "look whether the ado observes what its rules and the ego's specification read \
+                   (`brakecheck check`), then train with another `--seed`; until then \
+                   `brakecheck search` finds more than the ado"
                 .to_owned(),
         })
     }
@@ -154,16 +166,25 @@ mod tests {
         let few = says(calibration(5, 0, 0)).expect("a warning");
         assert!(few.contains("none of the 5"), "{few}");
         // Too few to say, or more than the search found.
-        assert_eq!(says(calibration(9, 4, 1)), None);
-        assert_eq!(says(calibration(0, 0, 30)), None);
+        let unsure = says(calibration(9, 4, 1)).expect("a warning");
+        assert!(
+            unsure.contains("only 9 of 100") && unsure.ends_with("it solves 5"),
+            "{unsure}"
+        );
+        let unsure = says(calibration(0, 0, 30)).expect("a warning");
+        assert!(
+            unsure.contains("only 0 of 100") && unsure.ends_with("it solves 30"),
+            "{unsure}"
+        );
     }
 
     #[test]
     fn a_training_goes_on_where_search_still_finds_more() {
-        assert!(calibration(40, 38, 60).is_incomplete());
-        assert!(calibration(5, 4, 0).is_incomplete());
-        assert!(!calibration(40, 39, 0).is_incomplete());
-        assert!(!calibration(0, 0, 0).is_incomplete());
+        assert!(!calibration(40, 38, 60).is_complete());
+        assert!(calibration(40, 39, 0).is_complete());
+        // Too few to say.
+        assert!(!calibration(5, 5, 0).is_complete());
+        assert!(!calibration(0, 0, 30).is_complete());
         assert_eq!(calibration(5, 5, 0).recall(), None);
         assert_eq!(calibration(40, 30, 9).recall(), Some(0.75));
     }

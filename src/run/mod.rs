@@ -283,6 +283,11 @@ impl RunDir {
         &self.manifest
     }
 
+    /// Why its ado cannot be relied on; `None`: nothing speaks against it.
+    pub fn warning(&self) -> Option<CalibrationWarning> {
+        self.manifest.calibration?.warning()
+    }
+
     /// The world it was trained in, on the plant it was trained on.
     ///
     /// # Errors

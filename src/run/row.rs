@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter};
 
 use serde::{Deserialize, Serialize};
 
+use super::calibration::CalibrationWarning;
 use super::outcome::{Outcomes, StartOutcome};
 use super::repeated::Repeated;
 use crate::rulebook::JudgeKind;
@@ -34,6 +35,9 @@ pub struct Row {
     /// `adapted` or `nominal` parameters of the ego; `told` before 0.2.0.
     #[serde(alias = "told", default, skip_serializing_if = "Option::is_none")]
     pub context: Option<String>,
+    /// Why the ado's training cannot be relied on, if so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<CalibrationWarning>,
     /// Seed of the test starts.
     pub start_seed: u64,
     /// Starts evaluated: those that are not trivial.
@@ -59,7 +63,8 @@ pub struct Row {
     /// Solved, but not by search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beyond_search: Option<usize>,
-    /// Share of starts on which a rule was broken, which is no success.
+    /// Share of starts on which a rule was broken, which is no success; of a
+    /// search the share of the sequences it tried in which a rule was broken.
     pub foul_rate: f64,
     /// Starts on which ψ_ego was violated, every rule kept, but not in a way
     /// that counts; `None`: every violation counts in this world.

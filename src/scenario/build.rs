@@ -47,6 +47,7 @@ pub(super) fn build(
     problems.done()?;
     let excluding = trial::can_be_kept(&mut problems, &scenario);
     problems.done()?;
+    let excluding = excluding.or_else(|| trial::kept_to_the_end(&scenario));
     warnings.found(trial::tie(&scenario.text, &scenario));
     warnings.found(excluding);
     warnings.found(vacuous::warnings(&scenario));

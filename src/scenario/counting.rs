@@ -44,19 +44,22 @@ pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
         problems.add(&place, what, "needs another reward", help);
     }
     let mut agents = file.agents.iter();
-    if !agents.any(is_ado_with_a_body) {
-        let what = "no ado of this world can touch the ego".to_owned();
-        let help = Some("only vehicles and pedestrians can; write counts: Violation".to_owned());
+    if !agents.any(is_other_with_a_body) {
+        let what = "no agent of this world can touch the ego".to_owned();
+        let help = Some(
+            "add a vehicle, a pedestrian or an obstacle; or write counts: Violation".to_owned(),
+        );
         problems.add(&place, what, "here", help);
     }
 }
 
-fn is_ado_with_a_body(agent: &AgentFile) -> bool {
+fn is_other_with_a_body(agent: &AgentFile) -> bool {
     match agent {
         AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => {
-            matches!(drive, DriveFile::Ado(_))
+            !matches!(drive, DriveFile::Ego(_))
         }
-        AgentFile::Obstacle { .. } | AgentFile::Light { .. } => false,
+        AgentFile::Obstacle { .. } => true,
+        AgentFile::Light { .. } => false,
     }
 }
 

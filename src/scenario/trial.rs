@@ -247,7 +247,43 @@ pub(super) fn can_be_kept(
         return Some((Oddity::BarelyTried, problem));
     }
     let mut pairs = numbered().flat_map(|j| (0..j).map(move |i| (i, j)));
-    let (i, j) = pairs.find(|&(i, j)| !ever(i, j))?;
+    let pair = pairs.find(|&(i, j)| !ever(i, j))?;
+    Some(excluding(scenario, pair, tries))
+}
+
+/// Rules that runs to the horizon never keep, alone or together.
+///
+/// An episode may end before a rule asks for anything, so that
+/// [`can_be_kept`], which reads episodes, finds `always[2, T] φ` kept by a run of
+/// one second. Here nothing but a contact ends a run, and every rule is read on
+/// all of it.
+pub(super) fn kept_to_the_end(scenario: &Scenario) -> Option<(Oddity, Problem)> {
+    let rules = &scenario.rulebook().rules;
+    let runs = rules_kept_to_the_end(&scenario.on(PlantKind::Kinematic));
+    let tries = runs.len();
+    if tries < LEAST_TRIALS {
+        return None;
+    }
+    let numbered = || 0..rules.len();
+    let together = |i: usize, j: usize| runs.iter().any(|kept| kept[i] && kept[j]);
+    if let Some(never) = numbered().find(|&i| !together(i, i)) {
+        let name = &rules[never].name;
+        let problem = Problem {
+            what: format!("the rule `{name}` was kept to the end of none of {tries} runs"),
+            span: rule_place(scenario, name).find(&scenario.text),
+            label: "can it be kept up to T?".to_owned(),
+            help: Some("an episode that ends early may keep it: ask for less, or later".to_owned()),
+        };
+        return Some((Oddity::NeverKept, problem));
+    }
+    let mut pairs = numbered().flat_map(|j| (0..j).map(move |i| (i, j)));
+    let (i, j) = pairs.find(|&(i, j)| !together(i, j))?;
+    Some(excluding(scenario, (i, j), tries))
+}
+
+/// The warning about two rules that no run kept together.
+fn excluding(scenario: &Scenario, (i, j): (usize, usize), tries: usize) -> (Oddity, Problem) {
+    let rules = &scenario.rulebook().rules;
     let (first, second) = (&rules[i].name, &rules[j].name);
     let problem = Problem {
         what: format!("the rules `{first}` and `{second}` were never kept together"),
@@ -258,7 +294,45 @@ pub(super) fn can_be_kept(
              do they exclude each other?"
         )),
     };
-    Some((Oddity::ExcludingRules, problem))
+    (Oddity::ExcludingRules, problem)
+}
+
+/// Which rules each of some runs to the horizon kept; the last may have kept all.
+fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
+    let lawless = Rulebook {
+        rules: Vec::new(),
+        judge: JudgeKind::WholeRun,
+        ..tried.rulebook().clone()
+    };
+    let mut bench = Testbench::new(tried.world().scene(), Arc::new(lawless));
+    let mut runs: Vec<Vec<bool>> = Vec::new();
+    // A program as the ego is not run for a warning's sake.
+    if bench.fork().is_none() || tried.rulebook().rules.is_empty() {
+        return runs;
+    }
+    let (actions, neutral) = (bench.spaces().actions, bench.spaces().neutral);
+    let mut scratch = crate::stl::Scratch::default();
+    let mut samples = 0;
+    for (i, start) in tried_starts(tried).iter().enumerate() {
+        let others = (0..actions).filter(|action| *action != neutral);
+        let constant = std::iter::once(neutral).chain(others);
+        let constant = constant.map(|action| Box::new(Constant(action)) as Box<dyn Actor>);
+        let changing = HeldRandom::new(actions, 1 + i % MAX_HOLD);
+        for mut actor in constant.chain([Box::new(changing) as Box<dyn Actor>]) {
+            let episode = play(&mut bench, start, i as u64, &mut *actor, Aftermath::Skip);
+            samples += episode.trace.len();
+            let rules = tried.rulebook().rules.iter();
+            let kept: Vec<bool> = rules
+                .map(|rule| 0.0 < rule.monitor.robustness(&episode.trace, &mut scratch))
+                .collect();
+            let together = kept.iter().all(|kept| *kept);
+            runs.push(kept);
+            if together || MAX_TRIALS <= runs.len() || TRIED_SAMPLES <= samples {
+                return runs;
+            }
+        }
+    }
+    runs
 }
 
 /// Which rules each of some runs kept; the last may have kept all.

@@ -9,7 +9,7 @@ use super::{Against, ChangeError, Family, LoadError, Path, Repeats, Scenario, Sc
 use super::{changed, check, read};
 use crate::ego::Command;
 use crate::rl::{ConfigError, LearnerConfig};
-use crate::rulebook::Rulebook;
+use crate::rulebook::{Counts, JudgeKind, Rulebook};
 use crate::scene::World;
 use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController, Sensors};
 use crate::sim::PlantKind;
@@ -34,6 +34,19 @@ impl Scenario {
         rulebook.rules.retain(|rule| !left_out(&rule.name));
         same.rulebook = Arc::new(rulebook);
         same
+    }
+
+    /// The same world where every violation counts, each run judged up to it.
+    pub(crate) fn counting_every_violation(&self) -> Scenario {
+        let rulebook = Rulebook {
+            counts: Counts::Violation,
+            judge: JudgeKind::UntilViolation,
+            ..Rulebook::clone(&self.rulebook)
+        };
+        Scenario {
+            rulebook: Arc::new(rulebook),
+            ..self.clone()
+        }
     }
 
     /// The same world, each start played so often.

@@ -7,10 +7,11 @@ use super::error::Problem;
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, RuleFile, ScenarioFile, StartFile};
 use super::locate::Path;
 use super::problems::Problems;
+use crate::ego::ControllerSpec;
 use crate::scene::Clock;
 use crate::stl::{Formula, Monitor};
 
-/// Nobody starts faster than this on a road: 252 km/h.
+/// Fastest start and fastest speed of a controller on a road: 252 km/h.
 const FAST_MPS: f64 = 70.0;
 /// No actuator is slower than this.
 const SLOW_S: f64 = 5.0;
@@ -30,6 +31,8 @@ pub(super) enum Oddity {
     DuplicateObservation,
     /// Nobody drives so fast.
     FastStart,
+    /// No controller drives so fast.
+    FastEgo,
     /// No actuator is so slow.
     LongLag,
     /// The world asks nothing.
@@ -40,6 +43,8 @@ pub(super) enum Oddity {
     Tie,
     /// Rules that no run kept together.
     ExcludingRules,
+    /// A rule that no run kept to its end.
+    NeverKept,
     /// A rule that asks for nothing.
     UnbreakableRule,
     /// A rule was broken in all of too few runs.
@@ -178,6 +183,7 @@ impl Warnings {
         let top = Path::top();
         self.question(&file.question);
         self.clock(&top.to("clock"), &file.clock);
+        self.changed_egos(file);
         for (i, agent) in file.agents.iter().enumerate() {
             let path = top.to("agents").at(i);
             match agent {
@@ -198,7 +204,10 @@ impl Warnings {
 
     fn drive(&mut self, path: &Path, drive: &DriveFile) {
         match drive {
-            DriveFile::Ego(ego) => self.lag(&path.at(0).to("lag_s"), ego.lag_s),
+            DriveFile::Ego(ego) => {
+                self.lag(&path.at(0).to("lag_s"), ego.lag_s);
+                self.controller(&path.at(0), &ego.controller);
+            }
             DriveFile::Ado(ado) => self.driven_ado(path, ado),
             DriveFile::Trained(_)
             | DriveFile::Scripted(_)
@@ -235,6 +244,40 @@ impl Warnings {
             let what = format!("a start at {most_mps} m/s, which is {kmh:.0} km/h");
             let words = ("very fast", "speeds are in m/s");
             self.note(Oddity::FastStart, path.to("speed_mps"), what, words);
+        }
+    }
+
+    /// Speeds of a controller that look like km/h.
+    fn controller(&mut self, path: &Path, controller: &ControllerSpec) {
+        for parameter in controller.parameters() {
+            self.speed(path, parameter.name, parameter.value);
+        }
+    }
+
+    /// A speed of a controller by name; parameters of another unit are passed over.
+    fn speed(&mut self, path: &Path, name: &str, value: f64) {
+        if name.ends_with("_mps") && FAST_MPS < value {
+            let kmh = 3.6 * value;
+            let what = format!("`{name}` is {value} m/s, which is {kmh:.0} km/h");
+            let words = ("very fast", "speeds are in m/s");
+            self.note(Oddity::FastEgo, path.to(name), what, words);
+        }
+    }
+
+    /// Speeds of the egos under `reuse` and of the family that look like km/h.
+    fn changed_egos(&mut self, file: &ScenarioFile) {
+        for (name, change) in &file.reuse.0 {
+            let path = Path::top().to("reuse").to(name);
+            if let Some(controller) = &change.controller {
+                self.controller(&path.to("controller").at(0), &controller.controller);
+            }
+            for (name, value) in &change.ego.0 {
+                self.speed(&path.to("ego"), name, *value);
+            }
+        }
+        let family = file.train_against.iter();
+        for (name, (_, hi)) in family.flat_map(|family| &family.ego.0) {
+            self.speed(&Path::top().to("train_against").to("ego"), name, *hi);
         }
     }
 

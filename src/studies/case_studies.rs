@@ -86,7 +86,9 @@ pub fn case_study(
         let run = RunDir::open(path)?;
         let policy = run.policy()?;
         let ado = Ado::Trained(&*policy, run.manifest().seed);
-        trained.push(one(scenario, ado, &starts, watch));
+        let mut row = one(scenario, ado, &starts, watch);
+        row.warning = run.warning();
+        trained.push(row);
     }
     let held = one(scenario, Ado::Held, &starts, watch);
     let random = one(scenario, Ado::Random, &starts, watch);
@@ -237,5 +239,14 @@ pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
             study.train_cpu_s,
         ));
     }
-    text + EXPLAINED
+    text.push_str(EXPLAINED);
+    for row in studies.iter().flat_map(|study| &study.rows) {
+        if let (Some(warning), Some(seed)) = (&row.warning, row.train_seed) {
+            text.push_str(&format!(
+                "- warning: {}, training {seed}: {}\n",
+                row.world, warning.what
+            ));
+        }
+    }
+    text
 }

@@ -36,6 +36,9 @@ pub struct CrashRow {
     /// Seed of its training, for trained ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
+    /// Why that training cannot be relied on, if so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
     /// Starts that are not trivial.
     pub starts: usize,
     /// Starts with a crash that counts, every rule kept.
@@ -126,6 +129,7 @@ impl Study<'_> {
         CrashRow {
             ado,
             seed,
+            warning: None,
             starts: self
                 .starts
                 .trivial
@@ -254,7 +258,10 @@ pub fn crash_study(
         let run = RunDir::open(path).map_err(TrainError::from)?;
         let policy = run.policy().map_err(TrainError::from)?;
         let seed = run.manifest().seed;
-        rows.push(study.of(Ado::Trained(&*policy, seed), Some(seed)));
+        rows.push(CrashRow {
+            warning: run.warning().map(|warning| warning.what),
+            ..study.of(Ado::Trained(&*policy, seed), Some(seed))
+        });
     }
     rows.push(study.of(Ado::Held, None));
     let best = best_constant(scenario, "nominal", &starts, watch);
@@ -305,7 +312,18 @@ pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
             text.push_str(&line(&study.world, row));
         }
     }
-    text + EXPLAINED
+    text.push_str(EXPLAINED);
+    for study in studies {
+        for row in &study.rows {
+            if let (Some(warning), Some(seed)) = (&row.warning, row.seed) {
+                text.push_str(&format!(
+                    "- warning: {}, {} {seed}: {warning}\n",
+                    study.world, row.ado
+                ));
+            }
+        }
+    }
+    text
 }
 
 fn line(world: &str, row: &CrashRow) -> String {

@@ -6,7 +6,6 @@ use super::Testbench;
 use crate::ego::reference::ReferenceDriver;
 use crate::preventability::Replayer;
 use crate::rulebook::{Counts, Verdict};
-use crate::scene::{Role, Touch};
 
 impl Testbench {
     /// The verdict as the world counts it: the rulebook reads traces, and what
@@ -28,7 +27,7 @@ impl Testbench {
             return false;
         };
         let concerns_ego = touch.impact.is_some_and(|impact| impact.concerns_ego());
-        if touch.closing_speed_mps < least_mps || !concerns_ego || !self.is_with_ado(touch) {
+        if touch.closing_speed_mps < least_mps || !concerns_ego {
             return false;
         }
         match counts {
@@ -48,12 +47,5 @@ impl Testbench {
             (Some(replayer), Some(motion)) => replayer.preventable_by(motion, by),
             _ => false,
         }
-    }
-
-    /// Whether one of the two is an ado; traffic that follows a script is none.
-    fn is_with_ado(&self, touch: &Touch) -> bool {
-        let cast = self.scene.stage().cast;
-        let mut ados = cast.iter().filter(|who| who.role == Role::Ado);
-        ados.any(|ado| [&touch.between.0, &touch.between.1].contains(&&ado.name))
     }
 }

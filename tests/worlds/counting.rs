@@ -5,7 +5,7 @@ use brakecheck::rulebook::Verdict;
 use brakecheck::scenario::Scenario;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::severity::Side;
-use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, play};
+use brakecheck::testbench::{Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, play};
 
 const ISO: &str = include_str!("../../worlds/acc_iso.ron");
 const OF_ISO: &str = "counts: Preventable(by: [RSS], closing_mps: 3.0)";
@@ -118,4 +118,30 @@ fn a_copy_of_the_bench_counts_as_the_original_does() {
         counted += usize::from(episode.verdict.is_success());
     }
     assert!(0 < counted);
+}
+
+/// A cut-out: the car ahead leaves the lane, and the ego hits who stands there,
+/// whom no ado drives.
+#[test]
+fn a_contact_with_somebody_whom_no_ado_drives_counts() {
+    let text = include_str!("../../worlds/r157/cut_out.ron").replace(
+        "judge: UntilContact,",
+        "judge: UntilContact, counts: Contact(closing_mps: 2.0),",
+    );
+    let world = Scenario::parse("cut_out.ron", &text).expect("a world");
+    let coasting = world.with(&world.reuse["coasts"]).expect("an ego");
+    let mut bench = coasting.bench();
+    let start = bench.draw(StartKey {
+        purpose: Purpose::Test,
+        seed: 0,
+        index: 0,
+    });
+    let mut neutral = Constant(bench.spaces().neutral);
+    let episode = play(&mut bench, &start, 0, &mut neutral, Aftermath::Skip);
+    let touch = episode.contact.as_ref().expect("a contact");
+    assert_eq!(
+        touch.between,
+        ("ego".to_owned(), "target_blocking".to_owned())
+    );
+    assert!(episode.verdict.is_success(), "{:?}", episode.verdict);
 }

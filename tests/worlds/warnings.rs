@@ -82,6 +82,33 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
             ),
         ),
         (
+            "fast_ego",
+            "`desired_speed_mps` is 130 m/s, which is 468 km/h",
+            with(
+                ACC,
+                "reuse: {",
+                "reuse: { \"fast\": Change(controller: Idm(desired_speed_mps: 130.0, time_gap_s: 1.0, min_gap_m: 2.0, max_accel_mps2: 1.0, comfort_brake_mps2: 2.0, max_brake_mps2: 8.0, lag_s: 0.2)),",
+            ),
+        ),
+        (
+            "excluding_rules",
+            "the rules `moves` and `stands` were never kept together",
+            with(
+                ACC,
+                "rulebook: [",
+                "rulebook: [Rule(name: \"moves\", stl: \"always (ado.speed >= 1)\"), Rule(name: \"stands\", stl: \"always[2, T] (ado.speed <= 0.5)\"),",
+            ),
+        ),
+        (
+            "never_kept",
+            "the rule `stands` was kept to the end of none of 200 runs",
+            with(
+                ACC,
+                "rulebook: [",
+                "rulebook: [Rule(name: \"stands\", stl: \"always[0.5, T] (ado.speed <= 0.5)\"),",
+            ),
+        ),
+        (
             "long_lag",
             "an actuator that lags by 6 s",
             with(ACC, "neutral: 1,", "neutral: 1, lag_s: 6.0,"),

@@ -155,6 +155,7 @@ impl<'a> Meeting<'a> {
         };
         self.found = Some(found);
         row.context = self.ado.told.map(str::to_owned);
+        row.warning = self.asked.run.warning();
         row
     }
 

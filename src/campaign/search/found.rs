@@ -16,6 +16,8 @@ pub struct Found {
     pub foul_before_contact: bool,
     /// Episodes run, a part of one counted as one; the last is the success.
     pub simulations: u64,
+    /// Those of them in which a rule was broken.
+    pub fouls: u64,
     /// Physics steps spent, on both plants.
     pub physics_steps: u64,
     /// Sequences that succeeded when pre-screened and not on the plant asked for.

@@ -125,8 +125,10 @@ impl SearchRequest<'_> {
         });
         row.faults = count_faults(invalid);
         let valid = searched.clone().filter(|found| !found.is_invalid());
-        let simulations: u64 = valid.map(|found| found.simulations).sum();
+        let simulations: u64 = valid.clone().map(|found| found.simulations).sum();
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        let fouls: u64 = valid.map(|found| found.fouls).sum();
+        row.foul_rate = fouls as f64 / simulations.max(1) as f64;
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
         // Not `sum`, which is -0.0 of nothing.
         row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);

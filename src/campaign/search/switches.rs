@@ -92,6 +92,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
         }
     }
     let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
+    found.fouls += tree.fouls;
     found.fault = tree.fault.or(confirmer.fault);
     if found.actions.is_none() && found.fault.is_none() && watch.stopped() {
         return None;

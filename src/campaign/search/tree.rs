@@ -39,10 +39,14 @@ pub(in crate::campaign) struct Tree<'a> {
     pub stride: usize,
     /// Physics steps that may be spent.
     pub budget: u64,
+    /// Sequences that may be played.
+    pub most: u64,
     /// The first fault met.
     pub fault: Option<Fault>,
     /// Sequences played, a part of one counted as one.
     pub simulations: u64,
+    /// Those of them in which a rule was broken.
+    pub fouls: u64,
     /// Physics steps spent.
     pub physics_steps: u64,
 }
@@ -73,8 +77,10 @@ impl<'a> Tree<'a> {
             after: Vec::new(),
             stride: 1,
             budget: u64::MAX,
+            most: u64::MAX,
             fault: None,
             simulations: 0,
+            fouls: 0,
             physics_steps: 0,
         }
     }
@@ -94,7 +100,10 @@ impl<'a> Tree<'a> {
     }
 
     fn is_stopped(&self) -> bool {
-        self.watch.stopped() || self.budget <= self.physics_steps
+        self.watch.stopped()
+            || self.budget <= self.physics_steps
+            // The one that is being played is counted already.
+            || self.most < self.simulations
     }
 
     /// Goes on with `action` and exactly `switches` later changes of it.
@@ -148,6 +157,8 @@ impl<'a> Tree<'a> {
 
     /// An episode is over.
     fn note(&mut self, bench: &Testbench) {
+        let fouled = bench.verdict().is_some_and(|verdict| verdict.is_foul());
+        self.fouls += u64::from(fouled);
         self.watch.faults.note(self.index as u64, bench.fault());
         if self.fault.is_none() {
             self.fault = bench.fault().cloned();

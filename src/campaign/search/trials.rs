@@ -83,6 +83,7 @@ impl<'a> Trials<'a> {
             .faults
             .note(one.index as u64, episode.fault.as_ref());
         self.found.simulations += 1;
+        self.found.fouls += u64::from(episode.verdict.is_foul());
         self.found.physics_steps += episode.physics_steps;
         if self.found.fault.is_none() {
             self.found.fault.clone_from(&episode.fault);
