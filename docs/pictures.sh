@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.."
 brakecheck=${BRAKECHECK:-target/release/brakecheck}
 rerun=${RERUN:-rerun}
 
-"$brakecheck" view tests/regressions/cut_in_clear-idm-0074.ron -o docs/img/opening.svg --beside FSM
+"$brakecheck" view tests/regressions/acc_iso-nominal-0005.ron -o docs/img/opening.svg --beside CC
 
 if ! command -v "$rerun" >/dev/null; then
   echo "docs/pictures.sh: $rerun is absent; docs/img/viewer.png stays as it is" >&2

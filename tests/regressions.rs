@@ -97,6 +97,7 @@ acc-2D-plant-0002: kept
 acc-nominal-0001: kept
 acc-nominal-0002: kept
 acc-wet-road-0001: kept
+acc_iso-nominal-0005: kept
 bend-3D-plant-0001: no contact
 bend-nominal-0001: no contact
 cut_in-nominal-0000: kept

@@ -105,7 +105,7 @@ impl RawReplayed {
                 "fault": episode.fault, "noise": episode.noise, "actions": episode.actions,
                 "start": start.collect::<serde_json::Map<_, _>>(),
                 "first_difference": differs.map(|differs| differs.to_string()),
-                "about": self.replayed.about.as_ref().map(|about| about.to_string()),
+                "about": self.replayed.known().to_string(),
             }),
         )
     }

@@ -69,7 +69,8 @@ def test_an_ado_of_one_s_own_has_the_rows_of_the_trained_one(run):
     ado = Ado(run)
     rows = brakecheck.eval("acc", ado=ado, starts=20, search=1)
     trained = brakecheck.eval(run, ado=["trained", "hold", "random", "constant"], starts=20, search=1)
-    named = {"ado", "method", "train_seed", "cpu_s"}
+    # Only the run of a training is warned of, and tells where the ego fails alone.
+    named = {"ado", "method", "train_seed", "cpu_s", "warning", "fails_alone"}
     for mine, theirs in zip(rows, trained):
         assert {k: v for k, v in mine.items() if k not in named} == {
             k: v for k, v in theirs.items() if k not in named
@@ -189,7 +190,7 @@ def test_progress_and_remarks_come_while_it_runs(tmp_path):
         "acc", tmp_path / "run", decisions=4_000, starts=50, progress=lambda *told: heard.append(told)
     )
     assert all(done <= total for _, done, total, _ in heard)
-    assert {total for _, _, total, _ in heard if total} == {4_000, 50}
+    assert {4_000, 50} <= {total for _, _, total, _ in heard}
 
 
 def test_ctrl_c_stops_a_training_that_can_be_gone_on_with(tmp_path):

@@ -201,7 +201,9 @@ impl<'a> EvaluationTable<'a> {
         if !self.starts.judges_each_ego(asked.nominal) {
             return Some((None, false));
         }
-        let (own, _) = self.starts.for_ego(asked.nominal, ego, watch)?;
+        let (own, _) =
+            self.starts
+                .for_ego(asked.nominal, (ego.scenario(), ego.is_nominal()), watch)?;
         Some((Some(own), true))
     }
 

@@ -116,6 +116,6 @@ pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};
 pub use untrained::{Untrained, untrained};
 pub use view_kind::ViewKind;
-pub use watch::{Place, Remark, Watch};
+pub use watch::{Remark, StepPlace, Watch};
 pub(crate) use why::leaf;
 pub use why::{Driver, decisive, last_chance, why};

@@ -293,7 +293,7 @@ mod tests {
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..20).collect();
         let solved = |simulations: u64| {
-            let found = scout.search(&indices, 2, simulations, &watch);
+            let found = scout.search(&indices, (2, simulations), (0, indices.len()), &watch);
             let found: Vec<Scouted> = found.into_iter().flatten().collect();
             let most = found.iter().map(|it| it.simulations).max().unwrap_or(0);
             assert!(most <= simulations, "{most} of {simulations}");

@@ -132,7 +132,8 @@ impl SearchCampaign<'_> {
         let (mut rows, mut evens, mut all) = (Vec::new(), Vec::new(), Vec::new());
         for (nth, ego) in self.egos.iter().enumerate() {
             let watch = &watch.later(nth);
-            let Some((own, alone)) = starts.for_ego(self.world, ego, watch) else {
+            let tested = (ego.scenario(), ego.is_nominal());
+            let Some((own, alone)) = starts.for_ego(self.world, tested, watch) else {
                 break;
             };
             let request = SearchRequest {

@@ -3,13 +3,12 @@
 use std::ops::Range;
 
 use super::Watch;
-use super::ego_under_test::EgoUnderTest;
 use super::episodes::{EpisodeLoop, Turn};
 use crate::run::FailsAlone;
 use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
-use crate::testbench::{Aftermath, Constant, Testbench};
+use crate::testbench::{Aftermath, Constant, FaultLog, Testbench};
 
 /// Test starts, with those on which the nominal ego fails by itself.
 ///
@@ -133,19 +132,31 @@ impl TestStarts {
     /// The same starts for an ego under test, and on how many of them it fails by
     /// itself. `None`: stopped.
     ///
+    /// `ego` is the world with that ego, and whether it is the world's own.
     /// It is judged itself, instead of the nominal ego of `world`, where that says
     /// nothing of others ([`Scenario::judges_each_ego`]) or fails on every start.
     pub(super) fn for_ego(
         &self,
         world: &Scenario,
-        ego: &EgoUnderTest,
+        (ego, is_nominal): (&Scenario, bool),
         watch: &Watch<'_>,
     ) -> Option<(TestStarts, Option<FailsAlone>)> {
         let left_out = self.judges_each_ego(world);
-        if ego.is_nominal() && !left_out {
+        if is_nominal && !left_out {
             return Some((self.clone(), None));
         }
-        let own = TestStarts::tried(ego.scenario(), self.seed, self.starts.clone(), watch)?;
+        // Faults of an ego that does not run belong to the work that follows.
+        let apart = Watch {
+            faults: FaultLog::default(),
+            ..watch.later(0)
+        };
+        let Some(own) = TestStarts::tried(ego, self.seed, self.starts.clone(), &apart) else {
+            let mut all = self.clone();
+            if left_out {
+                all.trivial.fill(false);
+            }
+            return (!watch.stopped()).then_some((all, None));
+        };
         let starts = own.trivial.iter().filter(|trivial| **trivial).count();
         let alone = Some(FailsAlone { starts, left_out });
         match left_out {

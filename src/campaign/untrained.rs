@@ -43,7 +43,8 @@ pub fn untrained(
             break;
         }
         let watch = &watch.later(nth);
-        let Some((starts, alone)) = starts.for_ego(nominal, ego, watch) else {
+        let tested = (ego.scenario(), ego.is_nominal());
+        let Some((starts, alone)) = starts.for_ego(nominal, tested, watch) else {
             break;
         };
         let found = search(

@@ -23,7 +23,7 @@ pub enum Remark<'a> {
 
 /// Where in a command some work is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Place {
+pub enum StepPlace {
     /// Nobody counted the steps.
     #[default]
     Unnumbered,
@@ -49,7 +49,7 @@ pub struct Watch<'a> {
     /// Is told of every episode, and gives up on an ego that does not run.
     pub faults: FaultLog,
     /// Which step of a command is watched.
-    pub place: Place,
+    pub place: StepPlace,
 }
 
 impl<'a> Watch<'a> {
@@ -60,7 +60,7 @@ impl<'a> Watch<'a> {
             remarks: &|_| {},
             stop,
             faults: FaultLog::default(),
-            place: Place::Unnumbered,
+            place: StepPlace::Unnumbered,
         }
     }
 
@@ -74,19 +74,19 @@ impl<'a> Watch<'a> {
     pub fn quiet(&self) -> Watch<'a> {
         Watch {
             progress: &|_, _| {},
-            ..self.at(Place::Inside)
+            ..self.at(StepPlace::Inside)
         }
     }
 
     /// The same for the first of so many steps.
     pub fn first_of(&self, of: usize) -> Watch<'a> {
-        self.at(Place::Step { at: 1, of })
+        self.at(StepPlace::Step { at: 1, of })
     }
 
     /// The same for a step so many behind this one; unnumbered if this one is.
     pub fn later(&self, by: usize) -> Watch<'a> {
         self.at(match self.place {
-            Place::Step { at, of } => Place::Step { at: at + by, of },
+            StepPlace::Step { at, of } => StepPlace::Step { at: at + by, of },
             other => other,
         })
     }
@@ -94,12 +94,12 @@ impl<'a> Watch<'a> {
     /// The same for steps that nobody counted.
     pub fn unnumbered(&self) -> Watch<'a> {
         self.at(match self.place {
-            Place::Step { .. } => Place::Unnumbered,
+            StepPlace::Step { .. } => StepPlace::Unnumbered,
             other => other,
         })
     }
 
-    fn at(&self, place: Place) -> Watch<'a> {
+    fn at(&self, place: StepPlace) -> Watch<'a> {
         Watch {
             faults: self.faults.clone(),
             place,
@@ -121,16 +121,16 @@ impl<'a> Watch<'a> {
     /// Says what is done now; what is counted then begins anew.
     pub fn phase(&self, what: &str) {
         let step = match self.place {
-            Place::Inside => return,
-            Place::Unnumbered => None,
-            Place::Step { at, of } => Some((at, of)),
+            StepPlace::Inside => return,
+            StepPlace::Unnumbered => None,
+            StepPlace::Step { at, of } => Some((at, of)),
         };
         (self.remarks)(Remark::Phase { what, step });
     }
 
     /// Says what is known of the present phase.
     pub fn detail(&self, what: &str) {
-        if self.place != Place::Inside {
+        if self.place != StepPlace::Inside {
             (self.remarks)(Remark::Detail(what));
         }
     }

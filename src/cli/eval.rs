@@ -191,12 +191,18 @@ pub(super) fn run(args: &EvalArgs) -> Result<Exit, Failure> {
     let compared = Compared::of(args, sweep.as_ref(), &evaluated, &watch.unnumbered())?;
     drop(bar);
     show(args, &evaluated, theorems.as_ref(), &compared)?;
+    keep(args, &evaluated, egos.len())?;
+    ended(args, evaluated, theorems, &compared)
+}
+
+/// Keeps counterexamples if asked to: the step after as many as there are egos.
+fn keep(args: &EvalArgs, evaluated: &EvaluationTable<'_>, egos: usize) -> Result<(), Failure> {
     if let Some(dir) = args.keep.dir() {
         let bar = progress::bar("");
-        let watch = bar.watch().first_of(egos.len() + 1).later(egos.len());
+        let watch = bar.watch().first_of(egos + 1).later(egos);
         evaluated.keep(dir, args.keep.settings(), &watch)?;
     }
-    ended(args, evaluated, theorems, &compared)
+    Ok(())
 }
 
 /// What a conditional ado is told of the egos; says so if that is nothing.

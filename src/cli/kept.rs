@@ -83,17 +83,21 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     }?;
     seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
+    Ok(exit(args, regressions.is_recorded_ego(), &replayed))
+}
+
+/// What the replays come to for a script.
+fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit {
     let differs = replayed.iter().any(|replayed| !replayed.is_reproduced());
-    if regressions.is_recorded_ego() && differs {
-        return Ok(Exit::NotIdentical);
+    if is_recorded_ego && differs {
+        return Exit::NotIdentical;
     }
     let is_other = replayed.iter().any(|replayed| !replayed.identical);
-    let still_fails = replayed.iter().any(Replayed::still_fails);
-    Ok(match (args.expect, still_fails) {
+    match (args.expect, replayed.iter().any(Replayed::still_fails)) {
         (Some(Expect::Recorded), _) if is_other => Exit::NotIdentical,
         (None, true) => Exit::Counterexample,
         _ => Exit::Done,
-    })
+    }
 }
 
 /// What all replays come to.

@@ -13,7 +13,7 @@ use crate::scenario::Scenario;
 
 /// What the tables say, below them.
 const EXPLAINED: &str = "
-passed         points at which the ego meets its specification, whoever it is up to then
+passed         points at which the ego meets its specification
 failed         points at which it does not; in m/s: the closing speed of its contact
 did not run    points at which the ego or the physics failed: neither passed nor failed
 varied         passed points at which a lawful variation makes the ego fail: an `!` at the point

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
 use super::talk;
-use crate::campaign::{Place, Remark, Watch};
+use crate::campaign::{Remark, StepPlace, Watch};
 use crate::visible::visible_line;
 
 /// Between two lines of progress, where there is no terminal.
@@ -158,14 +158,12 @@ impl Shared {
     /// Writes a line now and then, also while nothing is done.
     fn write_lines(&self) {
         let mut present = self.present();
-        loop {
+        // Asked before it is waited for: a short command may be over already.
+        while !present.ended {
             let waited = self.ended.wait_timeout(present, EVERY);
             let (now, timeout) = waited.unwrap_or_else(PoisonError::into_inner);
             present = now;
-            if present.ended {
-                return;
-            }
-            if timeout.timed_out() {
+            if timeout.timed_out() && !present.ended {
                 talk::say(&present.phase.line(present.spent(), self.at_once));
             }
         }
@@ -269,7 +267,7 @@ impl Bar {
             remarks: &*self.remarks,
             stop: talk::stop(),
             faults: talk::faults(),
-            place: Place::Unnumbered,
+            place: StepPlace::Unnumbered,
         }
     }
 }

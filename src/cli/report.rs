@@ -69,6 +69,11 @@ pub(super) fn run(args: &ReportArgs) -> Result<Exit, Failure> {
             "leave it out; `brakecheck eval RUN --ego E --json` makes rows for `--rows`",
         ));
     }
+    of_run(args)
+}
+
+/// Writes the page of a run.
+fn of_run(args: &ReportArgs) -> Result<Exit, Failure> {
     let run = open_run(&args.run, &args.common)?;
     let scenario = run.scenario()?;
     let others = args.with.iter().map(|other| open_run(other, &args.common));

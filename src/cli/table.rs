@@ -14,7 +14,7 @@ const ROWS_EXPLAINED: &str = "
 success        starts on which the ego fails, and no rule was broken before; with its 95 % interval
 recall         of the starts that search solves, the share solved here too; –: none was asked for
 sims/start     simulations spent per start, on average
-fouls          starts on which a rule was broken first: no success; search: of the sequences it tried
+fouls          starts on which a rule was broken first: no success; search: sequences it tried
 fouls before   starts that were solved, a rule being broken between failure and contact
 contact        starts that end in a contact; closing: its speed, median and 90 % quantile; –: none
 cpu s          processor time spent on all of the starts";

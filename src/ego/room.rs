@@ -163,6 +163,8 @@ mod tests {
         lateral_m: 0.0,
         lane: 0,
         heading_rad: 0.0,
+        lateral_mps: 0.0,
+        yaw_rate_rad_per_s: 0.0,
         length_m: 4.5,
         width_m: 1.8,
     };

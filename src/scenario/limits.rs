@@ -188,10 +188,10 @@ mod tests {
 
     #[test]
     fn every_limit_is_in_the_documents() {
-        let page = include_str!("../../docs/world-file.md");
+        let page = include_str!("../../docs/files.md");
         for Limit { most, of, what } in ALL {
             let row = format!("| {what} of {of} | {most} |");
-            assert!(page.contains(&row), "docs/world-file.md lacks `{row}`");
+            assert!(page.contains(&row), "docs/files.md lacks `{row}`");
         }
     }
 }

@@ -24,8 +24,8 @@ pub use behaviours::{
 pub use case_studies::{CaseStudies, case_studies_markdown, case_study, trained_run};
 pub use crashes::{CrashStudyError, crash_study, crashes_markdown};
 pub use letter::{
-    JUDGES, LETTER_PATHS, LetterError, LetterPath, LetterStudy, LetterStudyError, letter_baselines,
-    letter_markdown, letter_row,
+    JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow, LetterStudy,
+    LetterStudyError, letter_baselines, letter_markdown, letter_row,
 };
 pub use near::{Alumnus, NearFailing, near_starts, near_starts_markdown};
 pub use paper_rows::{PaperRow, measure_paper_row, paper_rows_markdown};

@@ -292,7 +292,7 @@ fn egos_that_fork_neither_hang_a_verb_nor_leave_anything_behind() {
         let verbs: [Vec<&str>; 5] = [
             vec!["check"],
             vec!["eval", &run, "--starts", "4", "--jobs", "2"],
-            vec!["eval", &run, "--starts", "3", "--runs", "4"],
+            vec!["eval", &run, "--starts", "3", "--runs", "10"],
             vec![
                 "search",
                 "worlds/acc.ron",
@@ -301,7 +301,7 @@ fn egos_that_fork_neither_hang_a_verb_nor_leave_anything_behind() {
                 "--starts",
                 "2",
                 "--method",
-                "random",
+                "uniform",
                 "--budget",
                 "3",
             ],

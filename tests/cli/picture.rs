@@ -7,7 +7,7 @@ use brakecheck::run::{About, Counterexample};
 use super::{brakecheck, code, json, path, root, scratch, stderr};
 
 /// The crash on top of the README, and who is shown beside it.
-const CRASH: &str = "tests/regressions/cut_in_clear-nominal.ron";
+const CRASH: &str = "tests/regressions/acc_iso-nominal-0005.ron";
 const BESIDE: &str = "CC";
 
 fn read(file: impl AsRef<std::path::Path>) -> String {

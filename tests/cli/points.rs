@@ -15,7 +15,7 @@ for line in sys.stdin:
     elif "reset" in message:
         answer = {"id": message["id"], "ready": True}
     elif "step" in message:
-        ahead = [o for o in message["step"]["others"] if 0.0 < o["headway_m"] < 40.0]
+        ahead = [o for o in message["step"]["others"] if 0.0 < o["headway_m"] < 15.0]
         answer = {"id": message["id"], "accel_mps2": -3.0 if ahead else 0.0}
     else:
         break

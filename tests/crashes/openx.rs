@@ -97,7 +97,7 @@ pub(super) fn all() -> &'static [Exported] {
         });
         exported.collect()
     });
-    assert_eq!(ALL.len(), 21);
+    assert_eq!(ALL.len(), 22);
     &ALL
 }
 
@@ -196,7 +196,7 @@ fn a_replay_ends_at_the_instant_of_the_contact() {
         assert_eq!(stop.text("rule"), "greaterThan");
         contacts += usize::from(contact_s.is_some());
     }
-    assert_eq!(contacts, 12);
+    assert_eq!(contacts, 13);
 }
 
 #[test]

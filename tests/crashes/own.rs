@@ -43,7 +43,10 @@ fn own(copies: bool, shakes: bool) -> Scenario {
     static MADE: AtomicU64 = AtomicU64::new(0);
     let stock = acc().controller().expect("a stock ego").controller;
     let factory: ControllerFactory = Arc::new(move || {
-        let nth = MADE.fetch_add(u64::from(shakes), Ordering::Relaxed);
+        let nth = match shakes {
+            true => MADE.fetch_add(1, Ordering::Relaxed),
+            false => 0,
+        };
         Box::new(Own {
             inner: stock.build(),
             copies,
@@ -57,6 +60,7 @@ fn own(copies: bool, shakes: bool) -> Scenario {
 fn a_deterministic_ego_gets_the_labels_that_the_same_stock_ego_gets() {
     for copies in [true, false] {
         let world = own(copies, false);
+        let mut smaller = 0;
         for stock in &acc_found()[..3] {
             let episode = replayed(&world, stock, &stock.actions);
             assert!(!episode.commands.is_empty() && episode.trace == stock.trace);
@@ -65,6 +69,7 @@ fn a_deterministic_ego_gets_the_labels_that_the_same_stock_ego_gets() {
             let (small, shrunk) = shrink(&world, &episode, &Watch::unwatched());
             assert!(small.verdict.is_success());
             assert!(!shrunk.before.is_less_than(&shrunk.after));
+            smaller += usize::from(shrunk.after.is_less_than(&shrunk.before));
             let (of_stock, _) = shrink(acc(), stock, &Watch::unwatched());
             if copies {
                 assert_eq!(small.actions, of_stock.actions);
@@ -72,6 +77,7 @@ fn a_deterministic_ego_gets_the_labels_that_the_same_stock_ego_gets() {
             let runs = about(&world, &small).ego_runs.expect("counted");
             assert_eq!((runs.copied, runs.ended), (copies, None));
         }
+        assert!(0 < smaller, "nothing was made smaller");
     }
 }
 

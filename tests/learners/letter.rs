@@ -1,7 +1,7 @@
 //! The paper's settings: squared loss, a step per decision, a random table, a
 //! floor under the exploration.
 
-use brakecheck::rl::{Bundle, Control, End, Learner, LearnerConfig, LearnerSettings, Spaces};
+use brakecheck::rl::{Bundle, End, LearnerConfig, LearnerSettings, Spaces};
 
 use crate::config;
 use crate::scripted::{Episode, Scripted, level};
@@ -167,40 +167,19 @@ fn a_table_learns_from_each_decision_as_it_is_taken_or_from_the_end() {
     }
 }
 
-/// Share of the actions that are not the greedy one, after all of the training.
-fn explored(learner: &LearnerConfig) -> f64 {
-    let mut checkpoint = learner.build(&spaces(), 3).checkpoint();
-    if learner.name() == "Dqn" {
-        level(&mut checkpoint, "online", &[1.0, 0.0]);
-    }
-    checkpoint.put("counters", &[3], vec![learner.decisions(), 9, 0]);
-    let mut learner: Box<dyn Learner> = learner.restore(&spaces(), &checkpoint).unwrap();
-    let mut env = Scripted::new(&spaces(), |_| Episode::still(20_000));
-    learner.episode(&mut env);
-    learner.train(&mut env, &mut |_| Control::Stop);
-    env.actions.iter().filter(|action| **action == 1).count() as f64 / env.actions.len() as f64
-}
-
+/// schedules.rs holds the shares of actions to ε; here ε is what it should be.
 #[test]
 fn the_letter_worlds_keep_every_action_likely_to_the_end_of_training() {
     for name in ["acc_letter", "merge_letter", "yellow_light_letter"] {
         let world = brakecheck::scenario::Scenario::shipped(name)
             .unwrap()
             .unwrap();
-        let own = [world.learner().clone(), world.learners()["q_table"].clone()];
-        for learner in own {
-            let spaces = spaces();
-            let floor = {
-                let mut checkpoint = learner.build(&spaces, 1).checkpoint();
-                checkpoint.put("counters", &[3], vec![learner.decisions(), 9, 0]);
-                learner.restore(&spaces, &checkpoint).unwrap().exploration()
-            };
-            assert_eq!(floor, 0.1, "{name}");
-            // An exploratory action is uniform among two: half of them are greedy.
-            if learner.name() == "QTable" {
-                let share = explored(&learner);
-                assert!((share - 0.05).abs() < 0.01, "{name}: {share}");
-            }
+        for learner in [world.learner(), &world.learners()["q_table"]] {
+            let mut checkpoint = learner.build(&spaces(), 1).checkpoint();
+            checkpoint.put("counters", &[3], vec![learner.decisions(), 9, 0]);
+            let ended = learner.restore(&spaces(), &checkpoint).unwrap();
+            assert!(ended.finished());
+            assert_eq!(ended.exploration(), 0.1, "{name}");
         }
     }
 }

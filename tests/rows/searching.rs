@@ -185,7 +185,7 @@ fn sequences_with_few_switches_are_found_where_and_when_paper_finds_them() {
         );
         let late = row.foul_before_contact_rate.expect("followed");
         near(late, count(|p| p.late_foul) as f64 / 16.0);
-        assert_eq!(row.foul_rate, 0.0);
+        assert!(0.0 < row.foul_rate && row.foul_rate < 1.0);
         // −2 solves what constants can; braking early and coasting solves 28.01 m too.
         assert_eq!(successes, [14, 15, 15][most]);
         let speeds: Vec<f64> = papers.iter().filter_map(|p| p.closing_mps).collect();

@@ -129,7 +129,7 @@ fn a_contact_with_somebody_whom_no_ado_drives_counts() {
         "judge: UntilContact, counts: Contact(closing_mps: 2.0),",
     );
     let world = Scenario::parse("cut_out.ron", &text).expect("a world");
-    let coasting = world.with(&world.reuse["coasts"]).expect("an ego");
+    let coasting = world.with(&world.reuse()["coasts"]).expect("an ego");
     let mut bench = coasting.bench();
     let start = bench.draw(StartKey {
         purpose: Purpose::Test,

@@ -730,7 +730,7 @@ fn a_run_ends_before_anybody_leaves_its_road() {
     assert_eq!(horizon_s(&[]), (12.0, false));
     // 10 m/s from 950 m of 1000 m on, slower from 2 s on: 30 m at 10 - t m/s more.
     let far = edit(r#"laneId="-2" s="150""#, r#"laneId="-2" s="950""#);
-    let (ends_s, cut) = horizon_s(&[far.clone()]);
+    let (ends_s, cut) = horizon_s(std::slice::from_ref(&far));
     assert!(cut && (5.0..=5.7).contains(&ends_s), "{ends_s}");
     // The ego coasts.
     let far = edit(r#"laneId="-1" s="50""#, r#"laneId="-1" s="900""#);
@@ -751,8 +751,8 @@ fn a_bend_goes_on_as_far_as_anybody_drives() {
     for time_s in [10.0, 30.0, 50.0] {
         // Lane -1 is 1.75 m to the right of an arc of 250 m, lane -2, on which the
         // world's road begins, 5.25 m.
-        let radius_m = 251.75;
-        let turned_rad = 50.0 / 250.0 + 20.0 * time_s / radius_m;
+        let radius_m: f64 = 251.75;
+        let turned_rad: f64 = 50.0 / 250.0 + 20.0 * time_s / radius_m;
         let place = (
             time_s,
             radius_m * turned_rad.sin(),

@@ -144,7 +144,7 @@ fn a_program_is_tried_against_the_protocol() {
     };
     let sound = tried(&answering(BRAKES));
     assert!(sound.passed(), "{:?}", sound.findings);
-    assert_eq!(sound.findings.len(), 10);
+    assert_eq!(sound.findings.len(), 11);
     let wild = tried(&answering(
         "echo \"{\\\"id\\\":$id,\\\"accel_mps2\\\":99}\"",
     ));

@@ -101,7 +101,7 @@ fn oddities() -> Vec<(&'static str, &'static str, String)> {
         ),
         (
             "never_kept",
-            "the rule `stands` was kept to the end of none of 200 runs",
+            "the rule `stands` was kept to the end of none of 160 runs",
             with(
                 ACC,
                 "rulebook: [",

@@ -20,19 +20,10 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// From when on a run is another one than was recorded.
+    /// From when on a run is another one than was recorded, and by what.
     pub fn since(&self) -> String {
-        let from = format!(
-            "different from the recorded run from t = {:.2} s",
-            self.time_s
-        );
-        match (&self.signal, &self.unpublished) {
-            (Some((name, recorded, now)), _) => {
-                format!("{from}: `{name}` is {now:.3}, recorded was {recorded:.3}")
-            }
-            (None, Some(name)) => format!("{from}: `{name}` is no signal any more"),
-            (None, None) => from,
-        }
+        let time_s = self.time_s;
+        format!("different from the recorded run from t = {time_s:.2} s: {self}")
     }
 }
 

@@ -100,10 +100,7 @@ impl<'a> Tree<'a> {
     }
 
     fn is_stopped(&self) -> bool {
-        self.watch.stopped()
-            || self.budget <= self.physics_steps
-            // The one that is being played is counted already.
-            || self.most < self.simulations
+        self.watch.stopped() || self.budget <= self.physics_steps
     }
 
     /// Goes on with `action` and exactly `switches` later changes of it.
@@ -119,6 +116,9 @@ impl<'a> Tree<'a> {
 
     fn walk(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
         if switches == 0 {
+            if self.most <= self.simulations {
+                return Next::Stop;
+            }
             self.simulations += 1;
         }
         while !bench.is_done() {
@@ -168,6 +168,9 @@ impl<'a> Tree<'a> {
     /// The same where the ego cannot be copied: first to the end with `action`,
     /// which tells where it can be changed, then each change from the start.
     fn walk_anew(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
+        if self.most <= self.simulations {
+            return Next::Stop;
+        }
         let depth = self.prefix.len();
         while !bench.is_done() {
             if self.is_stopped() {

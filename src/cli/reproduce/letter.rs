@@ -5,8 +5,8 @@ use serde_json::json;
 use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, settings, world};
 use crate::campaign::test_starts;
 use crate::studies::{
-    CaseStudies, JUDGES, LETTER_PATHS, LetterError, LetterPath, LetterStudy, LetterStudyError,
-    letter_baselines, letter_markdown, letter_row,
+    CaseStudies, JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow,
+    LetterStudy, LetterStudyError, letter_baselines, letter_markdown, letter_row,
 };
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
@@ -17,45 +17,12 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let mut studies = Vec::new();
     for path in LETTER_PATHS.iter().filter(asked) {
         let letter = world(args, path.world)?;
-        let steps = path.steps(letter.text())?;
-        let learner = path.learner.unwrap_or("dqn");
-        let mut baselines = Vec::new();
-        for judge in JUDGES {
-            let scenario = steps[0].judged_by(judge)?;
-            let own = json!({ "starts": args.starts, "switches": path.switches });
-            let piece = format!("{}, {judge}", path.world);
-            let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
-                let starts = test_starts(&scenario, seeds.starts, args.starts, watch);
-                Ok(starts.and_then(|starts| {
-                    letter_baselines((&scenario, path.switches), &starts, watch)
-                }))
-            })?;
-            let Some(made) = made else {
-                return Ok(None);
-            };
-            baselines.push(made);
-        }
-        let mut rows = Vec::new();
-        for (at, step) in steps.iter().enumerate() {
-            let scenario = step.scenario()?;
-            let own = json!({ "starts": args.starts });
-            let piece = format!("{}, {learner}, step {at}", path.world);
-            let request = CaseStudies {
-                seeds,
-                starts: args.starts,
-                runs: &args
-                    .output
-                    .join("runs")
-                    .join(format!("{learner}-step-{at}")),
-            };
-            let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
-                Ok(letter_row(step, &baselines, &request, watch)?)
-            })?;
-            let Some(row) = made else {
-                return Ok(None);
-            };
-            rows.push(row);
-        }
+        let Some(baselines) = baselines(args, path, letter.text())? else {
+            return Ok(None);
+        };
+        let Some(rows) = rows(args, path, letter.text(), &baselines)? else {
+            return Ok(None);
+        };
         studies.push(LetterStudy {
             world: path.world.to_owned(),
             learner: path.learner.map(str::to_owned),
@@ -69,6 +36,69 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         markdown: headed(seeds, &letter_markdown(&studies)),
         json: json!({ "letter": studies }),
     }))
+}
+
+/// What a search and ados that learned nothing do, under both judges. `None`: stopped.
+fn baselines(
+    args: &ReproduceArgs,
+    path: &LetterPath,
+    text: &str,
+) -> Result<Option<Vec<LetterBaselines>>, Failure> {
+    let seeds = args.asked_seeds(MOST_SEEDS);
+    // Baselines need no learner: paths of one world share them.
+    let unlearned = LetterPath {
+        learner: None,
+        changes: &[],
+        ..*path
+    };
+    let unlearned = unlearned.steps(text)?;
+    let mut baselines = Vec::new();
+    for judge in JUDGES {
+        let scenario = unlearned[0].judged_by(judge)?;
+        let own = json!({ "starts": args.starts, "switches": path.switches });
+        let piece = format!("{}, {judge}", path.world);
+        let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
+            let starts = test_starts(&scenario, seeds.starts, args.starts, watch);
+            Ok(starts
+                .and_then(|starts| letter_baselines((&scenario, path.switches), &starts, watch)))
+        })?;
+        let Some(made) = made else {
+            return Ok(None);
+        };
+        baselines.push(made);
+    }
+    Ok(Some(baselines))
+}
+
+/// A row for each step of a path. `None`: stopped.
+fn rows(
+    args: &ReproduceArgs,
+    path: &LetterPath,
+    text: &str,
+    baselines: &[LetterBaselines],
+) -> Result<Option<Vec<LetterRow>>, Failure> {
+    let seeds = args.asked_seeds(MOST_SEEDS);
+    let learner = path.learner.unwrap_or("dqn");
+    let mut rows = Vec::new();
+    for (at, step) in path.steps(text)?.iter().enumerate() {
+        let scenario = step.scenario()?;
+        let own = json!({ "starts": args.starts });
+        let piece = format!("{}, {learner}, step {at}", path.world);
+        let runs = args.output.join("runs");
+        let request = CaseStudies {
+            seeds,
+            starts: args.starts,
+            runs: &runs.join(format!("{learner}-step-{at}")),
+        };
+        let made = once(args, (&piece, &scenario), settings(seeds, own), |watch| {
+            Ok(letter_row(step, baselines, &request, watch)?)
+        })?;
+        let Some(row) = made else {
+            return Ok(None);
+        };
+        rows.push(row);
+    }
+    Ok(Some(rows))
 }
 
 impl From<LetterError> for Failure {

@@ -344,10 +344,10 @@ impl Reader<'_> {
             "FollowTrajectoryAction" if script.steps.is_empty() => {
                 let (way, law) = walked(it, scope, ground)?;
                 let off = way.way.begins.sees(&script.placed.spot);
-                if SAME_M < off.x_m.hypot(off.y_m) {
+                if SAME_M < libm::hypot(off.x_m, off.y_m) {
                     let what = format!(
                         "a way that begins {:.3} m from where somebody stands",
-                        off.x_m.hypot(off.y_m)
+                        libm::hypot(off.x_m, off.y_m)
                     );
                     let help = "begin the trajectory where the entity is placed";
                     return Err(it.refused(what, help));

@@ -273,7 +273,7 @@ fn meets(
     (s_m, start): (f64, Spot),
 ) -> Result<(), ImportError> {
     let (ends_m, end) = before.unwrap_or((0.0, start));
-    let off_m = (start.x_m - end.x_m).hypot(start.y_m - end.y_m);
+    let off_m = libm::hypot(start.x_m - end.x_m, start.y_m - end.y_m);
     let turned_rad = wrapped(start.heading_rad - end.heading_rad).abs();
     let fits = (s_m - ends_m).abs() <= MEET_M && off_m <= MEET_M && turned_rad <= MEET_RAD;
     match fits {

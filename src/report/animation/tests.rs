@@ -349,7 +349,7 @@ fn a_looping_picture_moves_everybody_from_the_first_to_the_last_pose() {
     for scenario in [acc(), cut_in()] {
         let example = crash(&scenario);
         let picture = Picture::of(&scenario, &example, 0);
-        let svg = looping_picture(&scenario, &example, "mine", None);
+        let svg = looping_picture(&scenario, &example, ("mine", None), None);
         assert!(svg.contains("prefers-reduced-motion") && !svg.contains("<script"));
         for frames in keyframes(&svg) {
             let percents: Vec<f64> = frames.iter().map(|(percent, _)| *percent).collect();

@@ -27,7 +27,7 @@ pub const JUDGES: [&str; 2] = ["WholeRun", "UntilViolation"];
 
 /// A change of a world's text.
 #[derive(Clone, Copy, Debug)]
-pub struct Change {
+pub struct LetterChange {
     /// What changes, in a few words.
     pub what: &'static str,
     /// Texts that occur once, and what takes their places.
@@ -44,7 +44,7 @@ pub struct LetterPath {
     /// Most switches of action in the search beside it.
     pub switches: usize,
     /// The changes, each on top of those before.
-    pub changes: &'static [Change],
+    pub changes: &'static [LetterChange],
 }
 
 /// A step of a path: a world's text, edited so far.

@@ -1,29 +1,29 @@
 //! The ways from the letter to the defaults, as edits of world files.
 
-use super::{Change, LetterPath};
+use super::{LetterChange, LetterPath};
 
 /// As in `acc`.
 const ACC_STATE: (&str, &str) = (
     r#"["headway", "ego.speed", "ado.speed"]"#,
     r#"["headway", "ego.speed", "ado.speed", "ego.accel", "time_left"]"#,
 );
-const RHO_10: Change = Change {
+const RHO_10: LetterChange = LetterChange {
     what: "ρ_max 50 → 10",
     edits: &[("rho_max: 50.0", "rho_max: 10.0")],
 };
-const RHO_1: Change = Change {
+const RHO_1: LetterChange = LetterChange {
     what: "ρ_max 10 → 1",
     edits: &[("rho_max: 10.0", "rho_max: 1.0")],
 };
-const RHO_50_TO_1: Change = Change {
+const RHO_50_TO_1: LetterChange = LetterChange {
     what: "ρ_max 50 → 1",
     edits: &[("rho_max: 50.0", "rho_max: 1.0")],
 };
-const JUDGE: Change = Change {
+const JUDGE: LetterChange = LetterChange {
     what: "judge: the whole run → until the violation",
     edits: &[("judge: WholeRun", "judge: UntilViolation")],
 };
-const REWARD: Change = Change {
+const REWARD: LetterChange = LetterChange {
     what: "reward: plain → tanh with a jump",
     edits: &[(
         "Plain(rho_max: 1.0)",
@@ -55,29 +55,29 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
         changes: &[
             RHO_10,
             RHO_1,
-            Change {
+            LetterChange {
                 what: "state: and the ego's acceleration, the time left",
                 edits: &[ACC_STATE],
             },
             JUDGE,
             REWARD,
-            Change {
+            LetterChange {
                 what: "loss: squared → Huber 1",
                 edits: &[LOSS],
             },
-            Change {
+            LetterChange {
                 what: "exploration: 0.1 → from 1 to 0.05, held",
                 edits: &[EXPLORATION],
             },
-            Change {
+            LetterChange {
                 what: "target: the same network → one that follows by 0.005",
                 edits: &[TARGET],
             },
-            Change {
+            LetterChange {
                 what: "learner: the rest of the Dqn recipe (batch, updates, replay, γ 1)",
                 edits: &[BATCH, UPDATES, REPLAY],
             },
-            Change {
+            LetterChange {
                 what: DEFAULT,
                 edits: &[(
                     "Dqn(\n        decisions: 50_000,\n",
@@ -92,7 +92,7 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
         switches: 1,
         changes: &[
             RHO_50_TO_1,
-            Change {
+            LetterChange {
                 what: "state: and closing and lateral speed, acceleration, time left",
                 edits: &[(
                     r#"["d_long", "offset", "ego.speed", "ado.speed"]"#,
@@ -101,11 +101,11 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
             },
             JUDGE,
             REWARD,
-            Change {
+            LetterChange {
                 what: RECIPE,
                 edits: &[LOSS, EXPLORATION, TARGET, BATCH, UPDATES, REPLAY],
             },
-            Change {
+            LetterChange {
                 what: DEFAULT,
                 edits: &[(
                     "Dqn(\n        decisions: 80_000,\n",
@@ -120,7 +120,7 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
         switches: 1,
         changes: &[
             RHO_50_TO_1,
-            Change {
+            LetterChange {
                 what: "state: the line in place of the headway, acceleration, time left",
                 edits: &[(
                     r#"["ego.ado.headway", "ego.speed", "ado.speed"]"#,
@@ -129,11 +129,11 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
             },
             JUDGE,
             REWARD,
-            Change {
+            LetterChange {
                 what: RECIPE,
                 edits: &[LOSS, EXPLORATION, TARGET, BATCH, UPDATES, REPLAY],
             },
-            Change {
+            LetterChange {
                 what: DEFAULT,
                 edits: &[(
                     "Dqn(\n        decisions: 50_000,\n",
@@ -149,7 +149,7 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
         changes: &[
             RHO_10,
             RHO_1,
-            Change {
+            LetterChange {
                 what: "state: and the ego's acceleration, the time left",
                 edits: &[
                     ACC_STATE,
@@ -161,14 +161,14 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
             },
             JUDGE,
             REWARD,
-            Change {
+            LetterChange {
                 what: "exploration: 0.1 → from 1 to 0.05, held",
                 edits: &[(
                     "\n            exploration: 0.1, final_exploration: 0.1, hold: 1,",
                     "\n            exploration_fraction: 0.8,",
                 )],
             },
-            Change {
+            LetterChange {
                 what: "table: random → −0.5, learned from backwards, γ 1",
                 edits: &[
                     (
@@ -178,7 +178,7 @@ pub const LETTER_PATHS: [LetterPath; 4] = [
                     ("\n            discount: 0.99,", ""),
                 ],
             },
-            Change {
+            LetterChange {
                 what: "decisions: 0.4 → 4 million, as in `acc`",
                 edits: &[("decisions: 400_000", "decisions: 4_000_000")],
             },

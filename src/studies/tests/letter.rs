@@ -7,7 +7,7 @@ use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
 use crate::scenario::Scenario;
 use crate::seed::Seeds;
-use crate::studies::letter::{Change, LetterStudy};
+use crate::studies::letter::{LetterChange, LetterStudy};
 use crate::studies::{
     CaseStudies, JUDGES, LETTER_PATHS, LetterError, LetterPath, letter_baselines, letter_markdown,
     letter_row,
@@ -86,7 +86,8 @@ fn default_for(decisions: u64) -> LearnerConfig {
 fn an_edit_that_does_not_fit_is_refused() {
     for (from, found) in [("judge: UntilContact", 0), ("ado.speed", 3)] {
         let edits: &'static [(&str, &str)] = Box::leak(Box::new([(from, "")]));
-        let changes: &'static [Change] = Box::leak(Box::new([Change { what: "odd", edits }]));
+        let changes: &'static [LetterChange] =
+            Box::leak(Box::new([LetterChange { what: "odd", edits }]));
         let path = LetterPath {
             changes,
             ..LETTER_PATHS[0]
@@ -101,7 +102,7 @@ fn an_edit_that_does_not_fit_is_refused() {
 
 #[test]
 fn a_step_is_judged_by_both_judges_on_the_same_starts() {
-    const SHORT: [Change; 1] = [Change {
+    const SHORT: [LetterChange; 1] = [LetterChange {
         what: "short",
         edits: &[("decisions: 50_000", "decisions: 1_000")],
     }];
