@@ -41,7 +41,7 @@ pub enum Choice {
 /// In which form they are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// Made as small as they get ([`shrink`]).
+    /// Made as small as they get ([`super::shrink`]).
     Shrunk,
     /// With the actions that were found.
     AsFound,

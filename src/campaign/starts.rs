@@ -14,7 +14,7 @@ use crate::testbench::{Aftermath, Constant, FaultLog, Testbench};
 ///
 /// What the nominal ego fails is left out for every ego, so that their rates are
 /// about the same starts. Where the nominal ego says nothing about the others,
-/// each ego has its own ([`TestStarts::for_ego`]).
+/// each ego has its own.
 #[derive(Clone, Debug)]
 pub struct TestStarts {
     /// Seed of the stream.
