@@ -17,7 +17,7 @@ use crate::error::{failed, raised};
 use crate::python_thread::{LOOK, stopped_by};
 
 /// How long work that was told to stop may take to end, before it is left behind.
-const GRACE: Duration = Duration::from_secs(1);
+const GRACE: Duration = Duration::from_millis(500);
 
 /// How to run a campaign.
 #[derive(FromPyObject)]
