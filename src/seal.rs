@@ -1,8 +1,10 @@
-//! Texts that hold their own SHA-256, so that a single flipped bit shows.
+//! Texts that hold their own SHA-256, so that a single flipped bit shows, and
+//! values by the SHA-256 of their canonical JSON.
 //!
 //! The hash is of the text with zeros in its place: it is taken, then put
 //! there. Whoever changes a sealed text by hand breaks the seal; that is meant.
 
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 /// Stands where the hash will be; the first of a text is the one meant.
@@ -11,6 +13,17 @@ pub(crate) const BLANK: &str = "000000000000000000000000000000000000000000000000
 /// Of bytes, in hexadecimal digits.
 pub(crate) fn sha256(bytes: &[u8]) -> String {
     in_digits(Sha256::digest(bytes).as_slice())
+}
+
+/// SHA-256 of a value as JSON whose keys are sorted.
+///
+/// Run directories and caches are identified by it. Names of types, the order of
+/// fields and `Debug` do not count, and neither does a field that is not written.
+pub(crate) fn fingerprint(value: &Value) -> String {
+    let mut sorted = value.clone();
+    // A dependency may ask for maps that keep the order of insertion.
+    sorted.sort_all_objects();
+    sha256(sorted.to_string().as_bytes())
 }
 
 /// A hash as hexadecimal digits.
@@ -41,6 +54,40 @@ pub(crate) fn check(text: &str, hash: &str) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_fingerprint_depends_on_values_and_on_nothing_else() {
+        #[derive(serde::Serialize)]
+        struct Before {
+            share: f64,
+            plant: &'static str,
+        }
+        // Renamed, fields in another order, and one more that is left out.
+        #[derive(serde::Serialize)]
+        struct After {
+            plant: &'static str,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            newer: Option<u8>,
+            share: f64,
+        }
+        let before = fingerprint(&serde_json::json!(Before {
+            share: 0.15,
+            plant: "Rigid",
+        }));
+        let after = |newer, share| {
+            let plant = "Rigid";
+            fingerprint(&serde_json::json!(After {
+                plant,
+                newer,
+                share
+            }))
+        };
+        assert_eq!(before, after(None, 0.15));
+        assert_ne!(before, after(Some(1), 0.15));
+        assert_ne!(before, after(None, 0.150_000_000_000_000_02));
+        let text = r#"{"plant":"Rigid","share":0.15}"#;
+        assert_eq!(before, sha256(text.as_bytes()));
+    }
 
     #[test]
     fn every_flipped_bit_breaks_the_seal() {

@@ -135,7 +135,7 @@ pub(super) fn identified(
     (runs, seed): (u64, u64),
     watch: &Watch<'_>,
 ) -> Result<Option<IdentifiedAs>, CampaignError> {
-    let asked = format!("identified {runs} {seed}");
+    let asked = serde_json::json!({ "identified_from": runs, "seed": seed });
     let place = place_of(run, ego, &asked).map(|place| place.with_extension("json"));
     if let Some(place) = &place
         && let Ok(text) = std::fs::read_to_string(place)

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::{Value, json};
+
 use super::ego_under_test::EgoUnderTest;
 use crate::run::RunDir;
-use crate::seal::sha256;
+use crate::seal::{fingerprint, sha256};
 
 /// The directory in a run.
 pub(super) const DIR: &str = "learned";
@@ -14,23 +16,22 @@ pub(super) const DIR: &str = "learned";
 ///
 /// Its name is a hash of everything that an answer depends on: the version, the world,
 /// the ego, its plant and, if it is a program, the files its command names.
-pub(super) fn place_of(run: &RunDir, ego: &EgoUnderTest, asked: &str) -> Option<PathBuf> {
+pub(super) fn place_of(run: &RunDir, ego: &EgoUnderTest, asked: &Value) -> Option<PathBuf> {
     if ego.is_own() {
         return None;
     }
-    let mut key = format!(
-        "{} {} {:?} {:?} {asked}",
-        env!("CARGO_PKG_VERSION"),
-        run.manifest().world_sha256,
-        ego.change(),
-        ego.scenario().plant(),
-    );
-    if let Some(program) = ego.scenario().program() {
-        let files = program.command.iter().map(Path::new);
-        for bytes in files.filter_map(|path| std::fs::read(path).ok()) {
-            key.push_str(&sha256(&bytes));
-        }
-    }
-    let name = sha256(key.as_bytes())[..16].to_owned();
+    let program = ego.scenario().program();
+    let files = program.iter().flat_map(|program| &program.command);
+    let files = files.filter_map(|path| std::fs::read(Path::new(path)).ok());
+    let files: Vec<String> = files.map(|bytes| sha256(&bytes)).collect();
+    let name = fingerprint(&json!({
+        "brakecheck": env!("CARGO_PKG_VERSION"),
+        "world_sha256": run.manifest().world_sha256,
+        "change": ego.change(),
+        "plant": ego.scenario().plant(),
+        "files_sha256": files,
+        "asked": asked,
+    }));
+    let name = name[..16].to_owned();
     Some(run.path().join(DIR).join(name))
 }

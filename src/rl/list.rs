@@ -102,16 +102,9 @@ impl Default for LearnerSettings {
 /// assert_eq!(error.to_string(), "learner field `hidden` is 0; give a number from 1 to 8");
 /// # Ok::<(), brakecheck::rl::ConfigError>(())
 /// ```
-#[derive(Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "LearnerSettings", into = "LearnerSettings")]
 pub struct LearnerConfig(LearnerSettings);
-
-/// As its settings: run directories hold a hash of this text.
-impl std::fmt::Debug for LearnerConfig {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.fmt(f)
-    }
-}
 
 impl TryFrom<LearnerSettings> for LearnerConfig {
     type Error = ConfigError;

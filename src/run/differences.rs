@@ -94,13 +94,13 @@ impl RunDir {
         let settings = settings_of(scenario);
         if found.is_empty()
             && begun
-                .settings_sha256
+                .settings_fingerprint
                 .as_ref()
                 .is_some_and(|was| *was != settings)
         {
             found.push(RunDifference {
                 what: "settings of the learner or the family".to_owned(),
-                begun: begun.settings_sha256.clone().unwrap_or_default(),
+                begun: begun.settings_fingerprint.clone().unwrap_or_default(),
                 now: settings,
             });
         }
@@ -221,6 +221,48 @@ mod tests {
                 "learner.Dqn.hidden: [64,64], now [64]",
                 "learner.Dqn.steps: null, now 3"
             ]
+        );
+    }
+
+    /// A change of a default is refused, whatever types are called.
+    #[test]
+    fn settings_that_a_world_file_leaves_open_must_be_as_they_were() {
+        let (dir, text) = (
+            tempfile::tempdir().expect("scratch"),
+            include_str!("../../worlds/acc.ron"),
+        );
+        let world = Scenario::parse("acc.ron", text).expect("a world");
+        let mut run = RunDir::create(&dir.path().join("run"), &world, 7).expect("begun");
+        let asked = || Asked {
+            scenario: &world,
+            seed: 7,
+            ego: None,
+        };
+        run.must_be_of(asked()).expect("the same");
+        // Another version of the program had another default of the family.
+        let mut family = serde_json::json!({ "learner": world.learner, "family": world.family() });
+        assert_eq!(crate::seal::fingerprint(&family), settings_of(&world));
+        family["family"]["nominal_share"] = json!(0.25);
+        run.manifest.settings_fingerprint = Some(crate::seal::fingerprint(&family));
+        let error = run.must_be_of(asked()).expect_err("another family");
+        assert!(
+            error.to_string().contains("the learner or the family"),
+            "{error}"
+        );
+        // An earlier version noted nothing that could be compared.
+        run.manifest.settings_fingerprint = None;
+        run.must_be_of(asked()).expect("not known to differ");
+    }
+
+    /// A run directory that was begun holds this: it changes when a setting is
+    /// added that is always written, and not when a type is renamed.
+    #[test]
+    fn the_identity_of_settings_lasts() {
+        let learner = crate::rl::LearnerConfig::new(crate::rl::DqnSettings::default());
+        let learner = json!(learner.expect("in range"));
+        assert_eq!(
+            crate::seal::fingerprint(&learner),
+            "98fede4b59ae601ac105d8ff5388149345a507fe0e8db3fdcd16dc58c732a7e4"
         );
     }
 

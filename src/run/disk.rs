@@ -14,7 +14,7 @@ use sha2::Digest;
 
 use super::RunError;
 use crate::scenario::Scenario;
-use crate::seal::{in_digits, sha256};
+use crate::seal::{fingerprint, in_digits};
 
 /// Files that are not yet whole are called so; what is left of them is swept.
 const UNFINISHED: &str = ".brakecheck-";
@@ -327,19 +327,13 @@ pub(super) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) ->
     }
 }
 
-/// What a world file leaves to defaults, too, of its learner and its family:
-/// another version of the program may have others. Settings were once called
-/// configurations and had fewer fields, and run directories hold hashes of that text.
+/// Identity of a world's learner and family, defaults included: another version of
+/// the program may have other defaults.
 pub(super) fn settings_of(scenario: &Scenario) -> String {
-    let mut settings = format!("{:?} {:?}", scenario.learner, scenario.family());
-    for (now, once) in [
-        ("Settings {", "Config {"),
-        (", loss: Huber, newest: false", ""),
-        (", initial_spread: 0.0, backward: true", ""),
-    ] {
-        settings = settings.replace(now, once);
-    }
-    sha256(settings.as_bytes())
+    fingerprint(&serde_json::json!({
+        "learner": scenario.learner,
+        "family": scenario.family(),
+    }))
 }
 
 /// A name as a file is called: whatever could disturb a path is replaced.

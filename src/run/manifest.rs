@@ -108,10 +108,11 @@ pub struct Manifest {
     /// The structure of its family that it never met.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
-    /// Of the learner's and the family's settings, defaults included; `None`:
-    /// an earlier version did not note it.
+    /// Identity of the learner's and the family's settings, defaults included: the
+    /// SHA-256 of their JSON with sorted keys. `None`: an earlier version did not
+    /// note it, or noted a hash of another text.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub settings_sha256: Option<String>,
+    pub settings_fingerprint: Option<String>,
     /// The learner's settings, defaults included; `None`: an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings: Option<serde_json::Value>,

@@ -148,7 +148,7 @@ impl RunDir {
                 learner: scenario.learning.clone(),
                 against: scenario.against,
                 left_out: scenario.left_out.clone(),
-                settings_sha256: Some(settings_of(scenario)),
+                settings_fingerprint: Some(settings_of(scenario)),
                 settings: serde_json::to_value(&scenario.learner).ok(),
                 told: told_names(scenario),
                 ego: with.ego,

@@ -82,7 +82,7 @@ pub struct Member {
 }
 
 /// Egos, sensors, roads and plants to train against, checked.
-#[derive(Clone, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Family {
     /// What varies, in the order of the file.
     pub quantities: Vec<Quantity>,
@@ -90,6 +90,7 @@ pub struct Family {
     pub plants: Vec<(PlantKind, u32)>,
     /// Controllers of other structures, each met as often as the world's own. A
     /// conditional ado meets none of them: it could not be told which.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<Structure>,
     /// Probability with which a quantity of a member is nominal.
     pub nominal_share: f64,
@@ -403,23 +404,6 @@ impl Family {
             .map(|(q, value)| format!("{} {value:.3}", q.varied.name()))
             .collect();
         list.join(", ")
-    }
-}
-
-/// As derived; structures are left out where there are none, so that the
-/// fingerprints of runs that were trained without them stay.
-impl fmt::Debug for Family {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut shown = f.debug_struct("Family");
-        shown.field("quantities", &self.quantities);
-        shown.field("plants", &self.plants);
-        if !self.structures.is_empty() {
-            shown.field("structures", &self.structures);
-        }
-        shown.field("nominal_share", &self.nominal_share);
-        shown.field("wide", &self.wide);
-        shown.field("conditional", &self.conditional);
-        shown.field("base", &self.base).finish()
     }
 }
 

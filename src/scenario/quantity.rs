@@ -1,12 +1,13 @@
 //! What a family of egos varies, and how far.
 
 use rand::{Rng, RngExt};
+use serde::Serialize;
 
 use crate::ego::{Actuated, ControllerSpec};
 use crate::scene::drive::{DriveSpec, EgoVariant};
 
 /// What a family varies.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize)]
 pub enum Varied {
     /// A parameter of the ego's controller.
     Ego(String),
@@ -65,7 +66,7 @@ impl Varied {
 }
 
 /// One varied quantity and its range.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Quantity {
     /// What is varied.
     pub varied: Varied,

@@ -2,12 +2,13 @@
 //! each with ranges over its own parameters.
 
 use rand::Rng;
+use serde::Serialize;
 
 use super::quantity::Quantity;
 use crate::ego::{Actuated, ControllerSpec};
 
 /// A controller of another kind, and how far its parameters vary.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Structure {
     /// Its name in the world file.
     pub name: String,

@@ -58,14 +58,13 @@ pub(in crate::campaign) fn learned(
 
 /// The file of what is asked: it depends on the ado as well.
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
-    let asked = format!(
-        "{:?} {} {} {:?} {}",
-        run.manifest().policy_sha256,
-        request.runs,
-        request.seed,
-        request.unknown,
-        request.kept.is_some(),
-    );
+    let asked = serde_json::json!({
+        "learned_for_policy_sha256": run.manifest().policy_sha256,
+        "runs": request.runs,
+        "seed": request.seed,
+        "unknown": request.unknown,
+        "learns_on": request.kept.is_some(),
+    });
     place_of(run, ego, &asked).map(|place| place.with_extension("safetensors"))
 }
 

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use super::layout::Layout;
 use super::sensors::Sensors;
 use super::spec::EgoController;
@@ -13,7 +15,7 @@ use crate::sim::PlantKind;
 ///
 /// None of them changes signals, observations or starts. Families have one as
 /// their nominal ego and make one of every member.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EgoVariant {
     /// The ego's controller and actuator.
     pub controller: Actuated<ControllerSpec>,
