@@ -2,7 +2,7 @@
 
 use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
 
-use super::error::CampaignError;
+use super::adversary_error::AdversaryError;
 use super::eval::Ado;
 use super::heuristic::{Heuristic, tune_heuristic};
 use super::watch::Watch;
@@ -74,7 +74,7 @@ impl Baselines {
         run: &RunDir,
         nominal: &Scenario,
         watch: &Watch<'_>,
-    ) -> Result<Baselines, CampaignError> {
+    ) -> Result<Baselines, AdversaryError> {
         let all = asked.contains(&AdoKind::All);
         let ados = match all {
             true => AdoKind::all(nominal),
@@ -114,7 +114,7 @@ fn tuned(
     run: &RunDir,
     nominal: &Scenario,
     watch: &Watch<'_>,
-) -> Result<Option<Heuristic>, CampaignError> {
+) -> Result<Option<Heuristic>, AdversaryError> {
     let heuristic = tune_heuristic(nominal, run.manifest().seed, watch);
     match &heuristic {
         Some(heuristic) => watch.note(&format!(
@@ -124,10 +124,9 @@ fn tuned(
         )),
         None if watch.stopped() => {}
         None => {
-            return Err(CampaignError::request(
-                format!("the ado in `{}` observes nothing", nominal.name),
-                "a heuristic reads one observed signal: leave out `--ado heuristic`",
-            ));
+            return Err(AdversaryError::NothingObserved {
+                world: nominal.name.clone(),
+            });
         }
     }
     Ok(heuristic)

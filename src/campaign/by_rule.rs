@@ -1,7 +1,7 @@
 //! Ados of grid worlds that follow a rule: the exact solution, and the chaser.
 
+use super::adversary_error::AdversaryError;
 use super::ego_under_test::EgoUnderTest;
-use super::error::CampaignError;
 use super::eval::Ado;
 use crate::scenario::Scenario;
 use crate::scene::grid::exact::{PositionPolicy, chase};
@@ -27,12 +27,9 @@ impl ByRule {
     pub(super) fn policy(
         self,
         ego: &EgoUnderTest,
-    ) -> Result<(Scenario, PositionPolicy), CampaignError> {
-        let not_a_grid = || {
-            CampaignError::request(
-                format!("`{}` is no grid world", ego.scenario().name),
-                "only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`",
-            )
+    ) -> Result<(Scenario, PositionPolicy), AdversaryError> {
+        let not_a_grid = || AdversaryError::NotAGrid {
+            world: ego.scenario().name.clone(),
         };
         let whole = ego.scenario().fully_observed().ok_or_else(not_a_grid)?;
         let grid = whole.grid().ok_or_else(not_a_grid)?;
@@ -46,7 +43,6 @@ impl ByRule {
                 PositionPolicy::optimal(grid, |rho| reward.lawful(rho))
             }
         };
-        let policy = policy.map_err(|error| CampaignError::Fault(error.to_string()))?;
-        Ok((whole, policy))
+        Ok((whole, policy?))
     }
 }

@@ -1,9 +1,9 @@
 //! Which policy meets an ego: a conditional ado is told the ego's parameters.
 
 use super::ego_under_test::EgoUnderTest;
-use super::error::CampaignError;
 use super::identification::{IdentifiedAs, identified};
 use super::surrogate::LEAST_RUNS;
+use super::sysid_error::ConditioningError;
 use super::tries::other_members;
 use super::watch::Watch;
 use crate::rl::Policy;
@@ -45,7 +45,7 @@ impl ContextSource {
     ///
     /// # Errors
     /// The run has no policy, or its file is damaged.
-    pub fn of(run: &RunDir, runs: u64) -> Result<Option<ContextSource>, CampaignError> {
+    pub fn of(run: &RunDir, runs: u64) -> Result<Option<ContextSource>, ConditioningError> {
         run.policy_bundle()?;
         Ok(
             (run.manifest().against == Against::Conditional).then_some(match runs {
@@ -78,7 +78,7 @@ pub fn conditioned(
     ego: &EgoUnderTest,
     seed: u64,
     watch: &Watch<'_>,
-) -> Result<ConditionedAdo, CampaignError> {
+) -> Result<ConditionedAdo, ConditioningError> {
     let Some(source) = source else {
         return Ok(ConditionedAdo {
             policy: run.policy()?,
@@ -90,9 +90,7 @@ pub fn conditioned(
     };
     let world = run.world()?;
     let (Some(family), Some(spec)) = (world.family(), ego.scenario().drive()) else {
-        return Err(CampaignError::Fault(
-            "a conditional ado without a family".to_owned(),
-        ));
+        return Err(ConditioningError::NoFamily);
     };
     let nominal = family.nominal(spec.plant);
     let found = match *source {
@@ -128,9 +126,9 @@ pub fn conditioned(
     })
 }
 
-fn plant_of(ego: &EgoUnderTest) -> Result<PlantKind, CampaignError> {
+fn plant_of(ego: &EgoUnderTest) -> Result<PlantKind, ConditioningError> {
     let plant = ego.scenario().plant().plant();
-    plant.ok_or_else(|| CampaignError::Fault("an ego on no plant".to_owned()))
+    plant.ok_or(ConditioningError::NoPlant)
 }
 
 /// Says of an ego that no member explains what the ado is told instead.

@@ -2,14 +2,15 @@
 
 use std::path::Path;
 
-use super::error::CampaignError;
+use super::ego_error::EgoError;
 use super::eval::{Ado, EvalRequest};
 use super::reuse::Relation;
 use super::starts::TestStarts;
 use crate::ego::Process;
 use crate::run::{ChangedEgo, RunDir};
-use crate::scenario::{Against, Change, Scenario, guessed};
+use crate::scenario::{Against, Change, Scenario};
 use crate::scene::drive::ControllerFactory;
+use crate::sim::PlantKind;
 
 /// An ego under test: its name in rows, how it differs from the world's own
 /// ego, and the world with it.
@@ -35,7 +36,7 @@ impl EgoUnderTest {
     ///
     /// # Errors
     /// There is no such ego, or it does not fit the world.
-    pub fn find(world: &Scenario, asked: &str) -> Result<Vec<EgoUnderTest>, CampaignError> {
+    pub fn find(world: &Scenario, asked: &str) -> Result<Vec<EgoUnderTest>, EgoError> {
         let reused = |(name, change): (&String, &Change)| {
             EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
         };
@@ -62,13 +63,10 @@ impl EgoUnderTest {
         }
         let known = ["nominal", "all"].into_iter();
         let known = known.chain(world.reuse.keys().map(String::as_str));
-        Err(CampaignError::request(
-            format!("there is no ego `{asked}` in this world"),
-            format!(
-                "{}; or name a RON file with a `Change`",
-                guessed(asked, "known", known)
-            ),
-        ))
+        Err(EgoError::Unknown {
+            asked: asked.to_owned(),
+            known: known.map(str::to_owned).collect(),
+        })
     }
 
     /// The user's own controller; `name` is what rows and files call it.
@@ -79,15 +77,12 @@ impl EgoUnderTest {
         world: &Scenario,
         name: &str,
         factory: ControllerFactory,
-    ) -> Result<EgoUnderTest, CampaignError> {
+    ) -> Result<EgoUnderTest, EgoError> {
         if world.drive().is_none() {
-            return Err(CampaignError::request(
-                format!(
-                    "nobody drives in `{}`: `{name}` cannot be its ego",
-                    world.name
-                ),
-                "a controller drives the ego of a driving world",
-            ));
+            return Err(EgoError::NotDriven {
+                world: world.name.clone(),
+                ego: name.to_owned(),
+            });
         }
         Ok(EgoUnderTest {
             name: name.to_owned(),
@@ -100,7 +95,7 @@ impl EgoUnderTest {
     ///
     /// # Errors
     /// The world is not driven.
-    pub fn program(world: &Scenario, command: &[String]) -> Result<EgoUnderTest, CampaignError> {
+    pub fn program(world: &Scenario, command: &[String]) -> Result<EgoUnderTest, EgoError> {
         let change = EgoUnderTest::change_to(command);
         let help = "a program drives the ego of a driving world";
         let ego = EgoUnderTest::changed(world, &command.join(" "), &change, help)?;
@@ -118,14 +113,11 @@ impl EgoUnderTest {
         world: &Scenario,
         asked: &str,
         program: &[String],
-    ) -> Result<Vec<EgoUnderTest>, CampaignError> {
+    ) -> Result<Vec<EgoUnderTest>, EgoError> {
         match (program.is_empty(), asked) {
             (true, _) => EgoUnderTest::find(world, asked),
             (false, "nominal") => Ok(vec![EgoUnderTest::program(world, program)?]),
-            (false, _) => Err(CampaignError::request(
-                "`--ego` names one ego, and the program after `--` is another",
-                "leave out one of the two",
-            )),
+            (false, _) => Err(EgoError::NamedTwice),
         }
     }
 
@@ -141,16 +133,13 @@ impl EgoUnderTest {
         world: &Scenario,
         name: &str,
         change: &Change,
-        help: &str,
-    ) -> Result<EgoUnderTest, CampaignError> {
+        help: &'static str,
+    ) -> Result<EgoUnderTest, EgoError> {
         let scenario = world.with(change);
         Ok(EgoUnderTest {
             name: name.to_owned(),
             change: change.clone(),
-            scenario: scenario.map_err(|error| {
-                let what = error.to_string();
-                CampaignError::request(what, error.help.unwrap_or_else(|| help.to_owned()))
-            })?,
+            scenario: scenario.map_err(|error| EgoError::Misfit { error, help })?,
         })
     }
 
@@ -159,7 +148,7 @@ impl EgoUnderTest {
     pub(super) fn of_training(
         world: &Scenario,
         ego: Option<&ChangedEgo>,
-    ) -> Result<EgoUnderTest, CampaignError> {
+    ) -> Result<EgoUnderTest, EgoError> {
         match ego {
             None => Ok(EgoUnderTest::nominal(world)),
             Some(ego) => {
@@ -233,15 +222,28 @@ impl EgoUnderTest {
     }
 }
 
+/// The same driving world on the plant asked for.
+///
+/// # Errors
+/// The world is not driven.
+pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, EgoError> {
+    match world.drive() {
+        Some(_) => Ok(world.on(plant)),
+        None => Err(EgoError::NoPlant {
+            world: world.name.clone(),
+        }),
+    }
+}
+
 /// The same for the structures of a family that is trained against.
 ///
 /// # Errors
 /// One is not allowed; nothing was started.
-pub(super) fn consent_to_family(world: &Scenario) -> Result<(), CampaignError> {
+pub(super) fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
     let met = world.family().filter(|_| !world.against.is_nominal());
     let mut programs = met.into_iter().flat_map(|family| family.programs());
     match programs.next().filter(|_| !world.may_start_programs()) {
-        Some((name, program)) => Err(CampaignError::NotAllowed {
+        Some((name, program)) => Err(EgoError::NotAllowed {
             who: format!("the structure `{name}`"),
             command: program.command.clone(),
         }),
@@ -254,7 +256,7 @@ pub(super) fn consent_to_family(world: &Scenario) -> Result<(), CampaignError> {
 ///
 /// # Errors
 /// One is not allowed; nothing was started.
-pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), CampaignError> {
+pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), EgoError> {
     let own = EgoUnderTest::nominal(world);
     consent_to(std::slice::from_ref(&own))?;
     consent_to(egos)
@@ -264,12 +266,12 @@ pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), CampaignEr
 ///
 /// # Errors
 /// One is not allowed; nothing was started.
-pub fn consent_to(egos: &[EgoUnderTest]) -> Result<(), CampaignError> {
+pub fn consent_to(egos: &[EgoUnderTest]) -> Result<(), EgoError> {
     let mut programs = egos
         .iter()
         .filter_map(|ego| Some((ego.name(), ego.scenario().program()?)));
     match programs.find(|(_, program)| !program.is_allowed()) {
-        Some((name, program)) => Err(CampaignError::NotAllowed {
+        Some((name, program)) => Err(EgoError::NotAllowed {
             who: format!("the ego `{name}`"),
             command: program.command.clone(),
         }),

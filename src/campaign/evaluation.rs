@@ -16,8 +16,8 @@ use super::baselines::Baselines;
 use super::by_rule::ByRule;
 use super::conditioning::{ConditionedAdo, conditioned};
 use super::ego_under_test::{EgoUnderTest, consent};
-use super::error::CampaignError;
 use super::eval::{EvalRequest, Evaluated};
+use super::evaluation_error::EvaluationError;
 use super::identification::IdentifiedAs;
 use super::keep::{Again, KeepSettings, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
@@ -68,7 +68,7 @@ pub struct EvaluationTable<'a> {
     /// What was learned of each, if that was asked for.
     pub adapted_to: Vec<AdaptedTo>,
     /// Why it ended early, if it did.
-    pub failure: Option<CampaignError>,
+    pub failure: Option<EvaluationError>,
     /// The nominal ego's test starts.
     pub starts: TestStarts,
     asked: Evaluation<'a>,
@@ -91,7 +91,7 @@ impl<'a> Evaluation<'a> {
     ///
     /// # Errors
     /// The ado cannot be played, or a baseline cannot be made.
-    pub fn run(self, watch: &Watch<'_>) -> Result<Option<EvaluationTable<'a>>, CampaignError> {
+    pub fn run(self, watch: &Watch<'_>) -> Result<Option<EvaluationTable<'a>>, EvaluationError> {
         let world = self.run.world()?;
         consent(&world, self.egos)?;
         self.can_learn()?;
@@ -138,7 +138,7 @@ impl<'a> EvaluationTable<'a> {
         ego: &'a EgoUnderTest,
         baselines: &Baselines,
         watch: &Watch<'_>,
-    ) -> Result<(), CampaignError> {
+    ) -> Result<(), EvaluationError> {
         let asked = self.asked;
         let Some((own, left_out)) = self.own_starts(ego, watch) else {
             return Ok(());
@@ -213,7 +213,7 @@ impl<'a> EvaluationTable<'a> {
     ///
     /// # Errors
     /// A theorem does not apply to the world.
-    pub fn theorems(&self, watch: &Watch<'_>) -> Result<Option<TheoremsChecked>, CampaignError> {
+    pub fn theorems(&self, watch: &Watch<'_>) -> Result<Option<TheoremsChecked>, EvaluationError> {
         let Evaluation {
             run,
             nominal,
@@ -258,7 +258,7 @@ impl<'a> EvaluationTable<'a> {
         dir: &Path,
         settings: KeepSettings,
         watch: &Watch<'_>,
-    ) -> Result<Vec<KeptFiles>, CampaignError> {
+    ) -> Result<Vec<KeptFiles>, EvaluationError> {
         let mut all = Vec::new();
         for found in &self.found {
             let kept = self.keep_those(found, dir, settings, watch)?;
@@ -274,7 +274,7 @@ impl<'a> EvaluationTable<'a> {
         dir: &Path,
         settings: KeepSettings,
         watch: &Watch<'_>,
-    ) -> Result<KeptFiles, CampaignError> {
+    ) -> Result<KeptFiles, EvaluationError> {
         let starts = found.starts.as_ref().unwrap_or(&self.starts);
         let trained = self.asked.trained(found.ego, &found.ado, starts);
         let change = found.ego.change();

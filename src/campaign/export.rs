@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::error::CampaignError;
-use super::replay::{Regressions, Replayed};
+use super::replay::{RegressionError, Regressions, Replayed};
 use crate::ego::{Command, Fault};
 use crate::openx::{Crash, OpenX, OpenXError};
-use crate::run::{RunError, make_dir, write_file};
+use crate::run::{KeptError, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
 use crate::scene::World;
 use crate::testbench::{Episode, passage_of};
@@ -57,9 +56,9 @@ pub enum ExportRefusal {
 /// # Errors
 /// A kept file is not usable, names a program to which nobody consented, or the
 /// disk refuses.
-pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, CampaignError> {
+pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, RegressionError> {
     let replayed = regressions.replay_recorded()?;
-    make_dir(dir)?;
+    make_dir(dir).map_err(KeptError::from)?;
     let mut exports = Exports {
         files: Vec::with_capacity(3 * replayed.len()),
         refused: Vec::new(),
@@ -68,7 +67,10 @@ pub fn export(regressions: &Regressions, dir: &Path) -> Result<Exports, Campaign
         let stem = replayed.path.file_stem().unwrap_or_default();
         let name = stem.to_string_lossy();
         match as_recorded(replayed, &name, &kept.counterexample.ego) {
-            Ok(files) => exports.files.extend(write_openx(&files, dir, &name)?),
+            Ok(files) => {
+                let written = write_openx(&files, dir, &name).map_err(KeptError::from)?;
+                exports.files.extend(written);
+            }
             Err(why) => exports.refused.push(NotExported {
                 path: replayed.path.clone(),
                 why,

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::ego_under_test::EgoUnderTest;
-use super::error::CampaignError;
 use super::identify::{Identified, IdentifyRequest, identify, is_telling};
 use super::of_egos::{DIR, place_of};
+use super::sysid_error::ConditioningError;
 use super::watch::Watch;
 use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::{Family, Member, Scenario};
@@ -88,14 +88,14 @@ impl IdentifiedAs {
         &self,
         family: &Family,
         plant: PlantKind,
-    ) -> Result<(Member, &'static str), CampaignError> {
+    ) -> Result<(Member, &'static str), ConditioningError> {
         if !is_telling(self.explains, self.residual_m, self.nominal_residual_m) {
             return Ok((family.nominal(plant), "nominal"));
         }
         let values = self.parameters.iter().map(|p| (p.name.clone(), p.fitted));
         let member = family.member_named(&values.collect(), plant);
         // It was found in this family, or read from a file under its hash.
-        let member = member.map_err(|error| CampaignError::Fault(error.to_string()))?;
+        let member = member.map_err(ConditioningError::NoMember)?;
         Ok((member, "identified"))
     }
 }
@@ -134,7 +134,7 @@ pub(super) fn identified(
     ego: &EgoUnderTest,
     (runs, seed): (u64, u64),
     watch: &Watch<'_>,
-) -> Result<Option<IdentifiedAs>, CampaignError> {
+) -> Result<Option<IdentifiedAs>, ConditioningError> {
     let asked = serde_json::json!({ "identified_from": runs, "seed": seed });
     let place = place_of(run, ego, &asked).map(|place| place.with_extension("json"));
     if let Some(place) = &place
@@ -161,8 +161,7 @@ pub(super) fn identified(
         return Ok(None);
     };
     let family = world.family();
-    let family =
-        family.ok_or_else(|| CampaignError::Fault("identified without a family".to_owned()))?;
+    let family = family.ok_or(ConditioningError::NoFamily)?;
     let found = IdentifiedAs::of(ego.name(), family, &found);
     if let Some(place) = &place {
         let text = Kept::written(&found).map_err(|error| RunError::Damaged {

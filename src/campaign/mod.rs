@@ -4,6 +4,7 @@
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
 mod adapt;
+mod adversary_error;
 mod against;
 mod alike;
 mod baselines;
@@ -13,12 +14,13 @@ mod calibration;
 mod conditioning;
 mod cost;
 mod distinct;
+mod ego_error;
 mod ego_under_test;
 mod entropy;
 mod episodes;
-mod error;
 mod eval;
 mod evaluation;
+mod evaluation_error;
 mod export;
 mod heuristic;
 mod identification;
@@ -43,10 +45,12 @@ mod search_table;
 mod seeding;
 mod serving;
 mod session;
+mod session_error;
 mod shrink;
 mod starts;
 mod surrogate;
 mod sweep;
+mod sysid_error;
 mod telling;
 mod theorems;
 mod train;
@@ -57,20 +61,22 @@ mod watch;
 mod why;
 
 pub use adapt::{AdaptRequest, Adapted, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, adapt};
+pub use adversary_error::AdversaryError;
 pub use alike::{best_constant, best_then_brake};
 pub use baselines::AdoKind;
 pub use break_even::{BreakEven, PerStart, break_even};
 pub use conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS, conditioned};
 pub use cost::Cost;
 pub use distinct::{NEAR, POINTS, Shape, clusters};
-pub use ego_under_test::{EgoUnderTest, consent, consent_to};
+pub use ego_error::EgoError;
+pub use ego_under_test::{EgoUnderTest, consent, consent_to, on_plant};
 pub(crate) use episodes::EpisodeLoop;
-pub use error::CampaignError;
 pub(crate) use eval::count_solved;
 pub use eval::{Ado, EvalRequest, Evaluated, Outcome, eval, explain_first};
 pub use evaluation::{
     Evaluation, EvaluationTable, ExplainedCounterexample, Flipped, Gate, TheoremsChecked,
 };
+pub use evaluation_error::EvaluationError;
 pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{FoundParameter, IdentifiedAs};
@@ -80,12 +86,12 @@ pub use keep::{
     Again, Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep,
 };
 pub use persistence::{FRICTION, START, persistence};
-pub use picture::picture;
+pub use picture::{Inapplicable, picture};
 pub use points::{
     PointFailure, PointOutcome, PointResult, PointsRequest, PointsTable, VariedPoint, points,
 };
 pub use repeatable::{answers_differ, note_if_unrepeatable};
-pub use replay::{Difference, Kept, RegressionError, Regressions, Replayed, replay};
+pub use replay::{Difference, FindError, Kept, RegressionError, Regressions, Replayed, replay};
 pub use reporting::{GivenRows, ReportRequest};
 pub use reruns::KEEP_RUNS;
 pub use retrained::retrained;
@@ -93,18 +99,20 @@ pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summari
 pub(crate) use search::count_contacts;
 pub use search::{
     BUDGET, Cem, Found, Hold, Method, MethodInfo, MethodOption, MethodSettings, Mutate, SWITCHES,
-    SearchRequest, Searched, Switches, Uniform, anytime, search,
+    SearchError, SearchRequest, Searched, Switches, Uniform, anytime, search,
 };
 pub use search_table::{SearchCampaign, SearchTable, SearchedEgo, counterexamples_for};
 pub use serving::{ServeError, Served, ServedAdo, asked_of, policy_told_by_name};
-pub use session::{Closing, TrainRequest, TrainSession, on_plant};
+pub use session::{Closing, TrainRequest, TrainSession};
+pub use session_error::{OptionClash, SessionError};
 pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, drawn_starts, test_noise, test_starts};
 pub use surrogate::{
     Acts, AdaptedRow, AdaptedTo, BrakedFor, EmergencyBrake, LEAST_RUNS, LearnEgoRequest,
     LearnedEgo, LearnedFrom, Likeness, SurrogateError, TriedActions, learn_ego,
 };
-pub use sweep::{Point, Sweep, Swept};
+pub use sweep::{Point, Sweep, SweepError, Swept};
+pub use sysid_error::ConditioningError;
 pub use telling::{Telling, telling};
 pub use theorems::{
     Approximation, Carried, CarriedOver, CarryOver, DELTAS, Distance, Forecast, GridTheorems,
@@ -115,7 +123,7 @@ pub use theorems::{
 pub use train::{TrainError, TrainingOutcome, train};
 pub use tries::{Tried, Tries, other_members};
 pub use untrained::{Untrained, untrained};
-pub use view_kind::ViewKind;
+pub use view_kind::{UnknownViewKind, ViewKind};
 pub use watch::{Remark, StepPlace, Watch};
 pub(crate) use why::leaf;
 pub use why::{Driver, decisive, last_chance, why};

@@ -1,12 +1,32 @@
 //! A kept crash as one picture that plays by itself.
 
-use super::error::CampaignError;
+use std::path::PathBuf;
+
 use super::keep::about;
 use super::replay::Replayed;
 use crate::ego::reference::ReferenceDriver;
 use crate::preventability::FilmedDriver;
 use crate::report::{Beside, Example, looping_picture};
 use crate::testbench::film;
+
+/// A reference driver cannot take the ego's place in an episode.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{} cannot take the ego's place in `{}`: {why}", driver.name(), path.display())]
+pub struct Inapplicable {
+    /// The driver.
+    pub driver: ReferenceDriver,
+    /// Where the kept counterexample lies.
+    pub path: PathBuf,
+    /// The reason, in words.
+    pub why: &'static str,
+}
+
+impl Inapplicable {
+    /// The fix.
+    pub fn help(&self) -> &'static str {
+        "leave `--beside` out; `docs/preventability.md` says to which contacts the drivers apply"
+    }
+}
 
 /// What came of replaying a kept counterexample, as an SVG that loops; `ego`
 /// says who is under test. With `beside` the other half shows what that
@@ -29,7 +49,7 @@ pub fn picture(
     replayed: &Replayed,
     ego: &str,
     beside: Option<ReferenceDriver>,
-) -> Result<String, CampaignError> {
+) -> Result<String, Inapplicable> {
     let Replayed {
         scenario, episode, ..
     } = replayed;
@@ -83,17 +103,14 @@ fn with_lights(mut filmed: FilmedDriver, example: &Example) -> FilmedDriver {
     filmed
 }
 
-fn inapplicable(replayed: &Replayed, driver: ReferenceDriver) -> CampaignError {
+fn inapplicable(replayed: &Replayed, driver: ReferenceDriver) -> Inapplicable {
     let known = replayed.scenario.preventability(&replayed.episode);
     let why = known
         .not_applicable
         .map_or("it sees no danger", |why| why.words());
-    CampaignError::request(
-        format!(
-            "{} cannot take the ego's place in `{}`: {why}",
-            driver.name(),
-            replayed.path.display()
-        ),
-        "leave `--beside` out; `docs/preventability.md` says to which contacts the drivers apply",
-    )
+    Inapplicable {
+        driver,
+        path: replayed.path.clone(),
+        why,
+    }
 }

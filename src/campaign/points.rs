@@ -14,7 +14,6 @@ use serde::Serialize;
 
 use super::ego_under_test::EgoUnderTest;
 use super::episodes::EpisodeLoop;
-use super::error::CampaignError;
 use super::eval::{Ado, EvalRequest, Evaluated, Outcome, eval};
 use super::keep::{KeepSettings, Keeper, KeptFiles, about};
 use super::repeatable::note_if_unrepeatable;
@@ -25,7 +24,7 @@ use super::watch::Watch;
 use super::why::leaf;
 use crate::report::{Example, PointCase, PointsPage};
 use crate::rulebook::Verdict;
-use crate::run::{Row, StartOutcome};
+use crate::run::{KeptError, Row, StartOutcome};
 use crate::scenario::Scenario;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, film, play};
 
@@ -409,7 +408,7 @@ impl PointsTable {
         dir: &Path,
         settings: KeepSettings,
         watch: &Watch<'_>,
-    ) -> Result<Vec<KeptFiles>, CampaignError> {
+    ) -> Result<Vec<KeptFiles>, KeptError> {
         let [failed, strayed] = self.failing();
         let keeper = |ado| Keeper {
             scenario: self.met.scenario(),

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 pub use difference::Difference;
 use difference::first_difference;
+pub use find::FindError;
 pub use kept::Kept;
 
 use super::keep::about_of_run;

@@ -8,8 +8,8 @@ use super::break_even::BreakEven;
 use super::conditioning::{ContextSource, conditioned};
 use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
-use super::error::CampaignError;
 use super::eval::{Ado, EvalRequest, eval, explain_first};
+use super::evaluation_error::EvaluationError;
 use super::keep::{about, worse_first};
 use super::starts::{TestStarts, test_starts};
 use super::telling::telling;
@@ -60,12 +60,10 @@ impl GivenRows {
     ///
     /// # Errors
     /// The file cannot be read, holds no rows, or those of another world.
-    pub fn read(&mut self, file: &Path, scenario: &Scenario) -> Result<(), CampaignError> {
-        let wrong = |why: String| {
-            CampaignError::request(
-                format!("`{}` holds no rows: {why}", file.display()),
-                "give what `brakecheck eval RUN --json` or `search … --json` printed",
-            )
+    pub fn read(&mut self, file: &Path, scenario: &Scenario) -> Result<(), EvaluationError> {
+        let wrong = |why: String| EvaluationError::NoRows {
+            file: file.into(),
+            why,
         };
         let size = std::fs::metadata(file).map(|meta| meta.len());
         if size.is_ok_and(|size| MAX_ROWS_BYTES < size) {
@@ -96,15 +94,14 @@ impl<'a> ReportRequest<'a> {
     ///
     /// # Errors
     /// The runs are of different worlds, or one is damaged.
-    pub fn report(&self, watch: &Watch<'_>) -> Result<Option<Report<'a>>, CampaignError> {
+    pub fn report(&self, watch: &Watch<'_>) -> Result<Option<Report<'a>>, EvaluationError> {
         let run = self.run;
         let mut trainings = vec![training(run)?];
         for other in self.with {
             if other.manifest().world_sha256 != run.manifest().world_sha256 {
-                return Err(CampaignError::request(
-                    format!("`{}` is a run of another world", other.path().display()),
-                    "`--with` shows runs whose world files are equal to the letter",
-                ));
+                return Err(EvaluationError::OtherWorld {
+                    run: other.path().into(),
+                });
             }
             trainings.push(training(other)?);
         }
@@ -138,7 +135,7 @@ impl<'a> ReportRequest<'a> {
         &self,
         report: &mut Report<'_>,
         watch: &Watch<'_>,
-    ) -> Result<Option<()>, CampaignError> {
+    ) -> Result<Option<()>, EvaluationError> {
         let egos = match self.given.rows.is_empty() {
             true => EgoUnderTest::find(self.scenario, "all")?,
             false => Vec::new(),
@@ -210,7 +207,7 @@ impl<'a> ReportRequest<'a> {
         egos: &[EgoUnderTest],
         starts: &TestStarts,
         watch: &Watch<'_>,
-    ) -> Result<Option<()>, CampaignError> {
+    ) -> Result<Option<()>, EvaluationError> {
         let (_, seed) = self.starts;
         let count = self.reuse_starts.unwrap_or_else(|| {
             (REUSE_EPISODES / (2 * egos.len())).clamp(LEAST_STARTS, MOST_STARTS)
@@ -294,7 +291,7 @@ fn costs(report: &Report<'_>, evens: &[BreakEven]) -> Vec<TestingCost> {
     trained.into_iter().chain(searches).collect()
 }
 
-fn training(run: &RunDir) -> Result<Training, CampaignError> {
+fn training(run: &RunDir) -> Result<Training, EvaluationError> {
     Ok(Training {
         run: shown(run.path()),
         manifest: run.manifest().clone(),

@@ -5,8 +5,8 @@ use std::path::Path;
 use super::break_even::{BreakEven, break_even};
 use super::cost::Cost;
 use super::ego_under_test::{EgoUnderTest, consent};
-use super::error::CampaignError;
 use super::eval::{Ado, eval};
+use super::evaluation_error::EvaluationError;
 use super::keep::{KeepSettings, Keeper, KeptFiles};
 use super::repeatable::note_if_unrepeatable;
 use super::search::{Found, Method, MethodOption, SearchRequest, Searched, search};
@@ -83,7 +83,7 @@ impl SearchTable {
         dir: &Path,
         settings: KeepSettings,
         watch: &Watch<'_>,
-    ) -> Result<Vec<KeptFiles>, CampaignError> {
+    ) -> Result<Vec<KeptFiles>, EvaluationError> {
         let mut all = Vec::new();
         for searched in &self.searched {
             let ego = &searched.ego;
@@ -122,7 +122,7 @@ impl SearchCampaign<'_> {
     ///
     /// # Errors
     /// The run's policy is damaged.
-    pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, CampaignError> {
+    pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, EvaluationError> {
         consent(self.world, self.egos)?;
         let trained = self.trained(watch)?;
         let (count, seed) = self.starts;
@@ -170,7 +170,7 @@ impl SearchCampaign<'_> {
         }))
     }
 
-    fn trained(&self, watch: &Watch<'_>) -> Result<Option<Trained<'_>>, CampaignError> {
+    fn trained(&self, watch: &Watch<'_>) -> Result<Option<Trained<'_>>, EvaluationError> {
         let finished = self.run.filter(|run| run.manifest().is_finished());
         let Some(run) = finished else {
             return Ok(None);
@@ -230,18 +230,16 @@ impl Trained<'_> {
 ///
 /// # Errors
 /// It stored none, or they do not fit the egos' worlds.
-pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, CampaignError> {
+pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, EvaluationError> {
     let (stored, source) = (run.counterexamples()?, run.scenario()?);
     let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
     let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));
     match unlike.find(|(_, scenario)| shape(scenario) != shape(&source)) {
-        Some((ego, scenario)) => Err(CampaignError::request(
-            format!(
-                "the counterexamples of `{}` do not fit `{}` with the ego `{ego}`: other starts or actions",
-                source.name, scenario.name
-            ),
-            "name a run of the same world",
-        )),
+        Some((ego, scenario)) => Err(EvaluationError::OtherActions {
+            source_world: source.name.clone(),
+            world: scenario.name.clone(),
+            ego: ego.to_owned(),
+        }),
         None => Ok(stored),
     }
 }

@@ -10,7 +10,7 @@ use indexmap::IndexMap;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
-use super::error::CampaignError;
+use super::sysid_error::ConditioningError;
 use crate::rl::Policy;
 use crate::run::RunDir;
 use crate::scenario::Scenario;
@@ -85,7 +85,7 @@ struct Hello {
 pub fn policy_told_by_name(
     run: &RunDir,
     told: &IndexMap<String, f64>,
-) -> Result<Box<dyn Policy>, CampaignError> {
+) -> Result<Box<dyn Policy>, ConditioningError> {
     let world = run.scenario()?;
     let manifest = run.manifest();
     match (world.family(), world.plant().plant()) {
@@ -94,16 +94,15 @@ pub fn policy_told_by_name(
                 true => Ok(family.nominal(plant)),
                 false => family.member_named(told, plant),
             };
-            let member = member.map_err(|error| {
-                let help = format!("the ado is told: {}", manifest.told.join(", "));
-                CampaignError::request(error.to_string(), help)
+            let member = member.map_err(|error| ConditioningError::Misfit {
+                error,
+                known: manifest.told.clone(),
             })?;
             Ok(run.policy_told(&member)?)
         }
-        _ if !told.is_empty() => Err(CampaignError::request(
-            format!("the ado in `{}` is not told anything", run.path().display()),
-            "tell it nothing, or train with `--against conditional`",
-        )),
+        _ if !told.is_empty() => Err(ConditioningError::NotConditional {
+            run: run.path().into(),
+        }),
         _ => Ok(run.policy()?),
     }
 }
@@ -113,7 +112,7 @@ impl ServedAdo {
     ///
     /// # Errors
     /// As for [`policy_told_by_name`].
-    pub fn of(run: &RunDir, told: &IndexMap<String, f64>) -> Result<ServedAdo, CampaignError> {
+    pub fn of(run: &RunDir, told: &IndexMap<String, f64>) -> Result<ServedAdo, ConditioningError> {
         Ok(ServedAdo {
             policy: policy_told_by_name(run, told)?,
             world: run.scenario()?,

@@ -4,16 +4,16 @@
 use std::path::Path;
 
 use super::alike::best_constant;
-use super::ego_under_test::{EgoUnderTest, consent, consent_to_family};
-use super::error::CampaignError;
+use super::ego_under_test::{EgoUnderTest, consent, consent_to_family, on_plant};
 use super::eval::{Ado, Evaluated, eval};
 use super::keep::keep;
+use super::session_error::{OptionClash, SessionError};
 use super::starts::{TestStarts, test_starts};
 use super::train::{TrainError, TrainingOutcome, steps, train};
 use super::watch::Watch;
 use crate::rl::{LearnerConfig, Policy};
 use crate::run::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
-use crate::scenario::{Against, Change, Scenario, guessed};
+use crate::scenario::{Against, Change, Scenario};
 use crate::sim::PlantKind;
 
 /// Counterexamples of the closing evaluation that a run directory keeps.
@@ -69,15 +69,14 @@ impl TrainSession {
         world: &Scenario,
         path: &Path,
         request: &TrainRequest<'_>,
-    ) -> Result<TrainSession, CampaignError> {
+    ) -> Result<TrainSession, SessionError> {
         let world = request.world(world)?;
         if world
             .drive()
             .is_some_and(|spec| spec.action_sets().next().is_none())
         {
-            return Err(CampaignError::Request {
-                what: format!("nobody in `{}` is an ado, so there is nothing to train", world.name()),
-                help: "give one agent `drive: Ado(actions: …, rulebook: […])`, or ask `search` which starts the ego passes".to_owned(),
+            return Err(SessionError::NoAdo {
+                world: world.name.clone(),
             });
         }
         let ego = request.ego(&world)?;
@@ -103,7 +102,7 @@ impl TrainSession {
         world: &Scenario,
         path: &Path,
         request: &TrainRequest<'_>,
-    ) -> Result<TrainSession, CampaignError> {
+    ) -> Result<TrainSession, SessionError> {
         let world = request.world(world)?;
         // Before the run is opened: what cannot be asked for is no reason to hold it.
         let asked = request.ego(&world)?;
@@ -121,10 +120,9 @@ impl TrainSession {
         let own = ego.as_ref().filter(|ego| ego.is_own());
         if own.is_some_and(|ego| world.own_ego() != Some(&ego.name)) {
             let name = own.map_or("", |ego| &ego.name);
-            return Err(CampaignError::request(
-                format!("the run was begun against `{name}`, which is in no file"),
-                "go on with it from where it was begun, with that controller as the ego",
-            ));
+            return Err(SessionError::EgoInNoFile {
+                ego: name.to_owned(),
+            });
         }
         run.must_be_of(Asked {
             scenario: &world,
@@ -139,7 +137,7 @@ impl TrainSession {
         world: Scenario,
         ego: Option<ChangedEgo>,
         open: impl FnOnce(Option<ChangedEgo>) -> Result<RunDir, RunError>,
-    ) -> Result<TrainSession, CampaignError> {
+    ) -> Result<TrainSession, SessionError> {
         let tested = EgoUnderTest::of_training(&world, ego.as_ref())?;
         consent(&world, std::slice::from_ref(&tested))?;
         consent_to_family(&world)?;
@@ -156,7 +154,7 @@ impl TrainSession {
     ///
     /// # Errors
     /// The disk refuses, or the ego keeps failing to run.
-    pub fn train(&mut self, watch: &Watch<'_>) -> Result<TrainingOutcome, CampaignError> {
+    pub fn train(&mut self, watch: &Watch<'_>) -> Result<TrainingOutcome, SessionError> {
         let scenario = self.ego.scenario();
         let watch = watch.first_of(steps(scenario));
         Ok(train(scenario, &mut self.run, &watch)?)
@@ -171,7 +169,7 @@ impl TrainSession {
         &self,
         starts: usize,
         watch: &Watch<'_>,
-    ) -> Result<Option<Closing>, CampaignError> {
+    ) -> Result<Option<Closing>, SessionError> {
         let policy = self.policy()?;
         let steps = steps(self.ego.scenario());
         let watch = &watch.first_of(steps).later(steps - 1);
@@ -202,7 +200,7 @@ impl TrainSession {
     ///
     /// # Errors
     /// The disk refuses.
-    pub fn keep(&self, closing: &Closing) -> Result<(), CampaignError> {
+    pub fn keep(&self, closing: &Closing) -> Result<(), SessionError> {
         self.run.save_report(&closing.rows)?;
         let episodes = self.run.path().join("episodes");
         let ado = self.trained(&*closing.policy);
@@ -233,7 +231,7 @@ impl TrainSession {
     }
 
     /// The trained ado; a conditional one is told the nominal parameters.
-    fn policy(&self) -> Result<Box<dyn Policy>, CampaignError> {
+    fn policy(&self) -> Result<Box<dyn Policy>, SessionError> {
         let scenario = self.ego.scenario();
         Ok(match (scenario.family(), scenario.drive()) {
             (Some(family), Some(spec)) => self.run.policy_told(&family.nominal(spec.plant))?,
@@ -244,30 +242,21 @@ impl TrainSession {
 
 impl TrainRequest<'_> {
     /// The world, with what is asked for.
-    fn world(&self, world: &Scenario) -> Result<Scenario, CampaignError> {
+    fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let mut world = match self.plant {
             Some(plant) => on_plant(world, plant)?,
             None => world.clone(),
         };
         if let Some(name) = self.learner {
-            let none = || {
-                let known = world.learners.keys().map(String::as_str);
-                let help = match world.learners.is_empty() {
-                    true => "it names none under `learners`: leave out `--learner`".to_owned(),
-                    false => format!(
-                        "{}; or leave out `--learner`",
-                        guessed(name, "known", known)
-                    ),
-                };
-                CampaignError::request(format!("`{}` has no learner `{name}`", world.name), help)
+            let none = || SessionError::NoLearner {
+                world: world.name.clone(),
+                learner: name.to_owned(),
+                known: world.learners.keys().cloned().collect(),
             };
             world = world.learning_by(name).ok_or_else(none)?;
         }
         if self.leave_out.is_some() && self.against != Against::Wide {
-            return Err(CampaignError::request(
-                "only a wide ado meets structures of which one can be left out",
-                "add `--against wide`, or leave out `--leave-out`",
-            ));
+            return Err(SessionError::Options(OptionClash::LeaveOut));
         }
         if !self.against.is_nominal() {
             world = self.against_family(&world)?;
@@ -278,64 +267,47 @@ impl TrainRequest<'_> {
         })
     }
 
-    fn against_family(&self, world: &Scenario) -> Result<Scenario, CampaignError> {
-        let refused = |what: &str, help: &str| Err(CampaignError::request(what, help));
+    fn against_family(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let refused = |clash: OptionClash| Err(SessionError::Options(clash));
         if self.ego.is_some() {
-            return refused(
-                "`--against` trains on a family of egos, `--ego` on one of them",
-                "leave out one of the two",
-            );
+            return refused(OptionClash::FamilyAndEgo);
         }
         if self.learner.is_some() {
-            return refused(
-                "`--learner` is for training against the nominal ego",
-                "leave it out: a family names its own learners, `wide` and `conditional`",
-            );
+            return refused(OptionClash::FamilyAndLearner);
         }
         if self.plant.is_some() {
-            return refused(
-                "`--plant` is for training against one ego",
-                "leave it out: a family names its plants under `train_against`",
-            );
+            return refused(OptionClash::FamilyAndPlant);
         }
         let world = self.leaving_out(world)?;
-        world.training_against(self.against).ok_or_else(|| {
-            CampaignError::request(
-                format!("`{}` names no family of egos", world.name),
-                "add `train_against: Family(ego: { … })` to the world: docs/reuse.md",
-            )
-        })
+        world
+            .training_against(self.against)
+            .ok_or_else(|| SessionError::NoFamily {
+                world: world.name.clone(),
+            })
     }
 
-    fn leaving_out(&self, world: &Scenario) -> Result<Scenario, CampaignError> {
+    fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
         let Some(name) = self.leave_out else {
             return Ok(world.clone());
         };
         world.leaving_out(name).ok_or_else(|| {
             let structures = world.family().into_iter().flat_map(|f| &f.structures);
-            let known: Vec<&str> = structures.map(|other| other.name.as_str()).collect();
-            let help = match known.is_empty() {
-                true => {
-                    "name some under `structures` of `train_against`: docs/adapting.md".to_owned()
-                }
-                false => guessed(name, "known", known),
-            };
-            let what = format!("the family of `{}` has no structure `{name}`", world.name);
-            CampaignError::request(what, help)
+            SessionError::NoStructure {
+                world: world.name.clone(),
+                structure: name.to_owned(),
+                known: structures.map(|other| other.name.clone()).collect(),
+            }
         })
     }
 
     /// The changed ego that is asked for; `None`: the nominal one.
-    fn ego(&self, world: &Scenario) -> Result<Option<ChangedEgo>, CampaignError> {
+    fn ego(&self, world: &Scenario) -> Result<Option<ChangedEgo>, SessionError> {
         match self.ego {
             None => Ok(world.own_ego().map(|name| ChangedEgo {
                 name: name.to_owned(),
                 change: Change::default(),
             })),
-            Some("all") => Err(CampaignError::request(
-                "`--ego all` names many egos, and an ado is trained against one",
-                "name one of them; `--against wide` trains against a family",
-            )),
+            Some("all") => Err(SessionError::Options(OptionClash::AllEgos)),
             Some(name) => {
                 let egos = EgoUnderTest::find(world, name)?;
                 Ok(egos.first().and_then(EgoUnderTest::as_changed))
@@ -344,7 +316,7 @@ impl TrainRequest<'_> {
     }
 
     /// What was not asked for is as it was when a run was begun.
-    fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Result<Scenario, CampaignError> {
+    fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Result<Scenario, SessionError> {
         let begun = run.manifest();
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
             world = world.on(plant);
@@ -379,34 +351,16 @@ fn begun_with(begun: &Manifest) -> Option<LearnerConfig> {
     serde_json::from_value(settings).ok()
 }
 
-/// The same driving world on the plant asked for.
-///
-/// # Errors
-/// The world is not driven.
-pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, CampaignError> {
-    match world.drive() {
-        Some(_) => Ok(world.on(plant)),
-        None => Err(CampaignError::request(
-            format!("`{}` runs on no plant", world.name),
-            "leave out `--plant`: it is for driving worlds",
-        )),
-    }
-}
-
 /// A conditional ado is told the ego's parameters, others are not: one cannot
 /// become the other.
-fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), CampaignError> {
+fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), SessionError> {
     let was = from.manifest().against;
     if (was == Against::Conditional) == (world.against == Against::Conditional) {
         return Ok(());
     }
-    Err(CampaignError::request(
-        format!(
-            "the ado in `{}` is {was}, this training {}",
-            from.path().display(),
-            world.against
-        ),
-        "a conditional ado is told the ego's parameters, others are not: \
-         fine-tune a conditional ado with `--against conditional`, any other without",
-    ))
+    Err(SessionError::OtherKind {
+        run: from.path().into(),
+        was,
+        asked: world.against,
+    })
 }

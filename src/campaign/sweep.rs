@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
+use super::ego_error::EgoError;
 use super::ego_under_test::EgoUnderTest;
-use super::error::CampaignError;
 use super::reuse::ReusedOn;
 use crate::run::{Row, StartOutcome};
 use crate::scenario::{Change, Scenario};
@@ -24,6 +24,40 @@ pub struct Sweep {
     pub values: Vec<f64>,
 }
 
+/// A text is no sweep.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SweepError {
+    /// It has another form.
+    #[error("`{text}` is no sweep over a parameter")]
+    NoSweep {
+        /// The text.
+        text: String,
+    },
+    /// The range holds nothing.
+    #[error("the range {lo}..{hi} of `{text}` is empty")]
+    EmptyRange {
+        /// Least value.
+        lo: f64,
+        /// Greatest value.
+        hi: f64,
+        /// The text.
+        text: String,
+    },
+    /// Too few or too many values.
+    #[error("a sweep has 2 to {MAX_STEPS} values, not {steps}")]
+    Steps {
+        /// Values asked for.
+        steps: usize,
+    },
+}
+
+impl SweepError {
+    /// The fix.
+    pub fn help(&self) -> &'static str {
+        "write for example --over ego.time_gap_s=0.3..1.5:7"
+    }
+}
+
 impl Sweep {
     /// Reads `ego.NAME=LO..HI` or `ego.NAME=LO..HI:STEPS`.
     ///
@@ -35,10 +69,7 @@ impl Sweep {
     ///
     /// # Errors
     /// Another form, an empty range, or not 2 to 1000 values.
-    pub fn parse(text: &str) -> Result<Sweep, CampaignError> {
-        let wrong = |what: String| {
-            CampaignError::request(what, "write for example --over ego.time_gap_s=0.3..1.5:7")
-        };
+    pub fn parse(text: &str) -> Result<Sweep, SweepError> {
         let parts = || {
             let (name, range) = text.split_once('=')?;
             let name = name.trim().strip_prefix(PREFIX)?;
@@ -51,14 +82,18 @@ impl Sweep {
             Some((name, number(lo)?, number(hi)?, steps))
         };
         let (name, lo, hi, steps): (&str, f64, f64, usize) =
-            parts().ok_or_else(|| wrong(format!("`{text}` is no sweep over a parameter")))?;
+            parts().ok_or_else(|| SweepError::NoSweep {
+                text: text.to_owned(),
+            })?;
         if !(lo.is_finite() && hi.is_finite() && lo < hi) {
-            return Err(wrong(format!("the range {lo}..{hi} of `{text}` is empty")));
+            return Err(SweepError::EmptyRange {
+                lo,
+                hi,
+                text: text.to_owned(),
+            });
         }
         if !(2..=MAX_STEPS).contains(&steps) {
-            return Err(wrong(format!(
-                "a sweep has 2 to {MAX_STEPS} values, not {steps}"
-            )));
+            return Err(SweepError::Steps { steps });
         }
         let last = (steps - 1) as f64;
         let value = |i: usize| lo + (hi - lo) * i as f64 / last;
@@ -73,7 +108,7 @@ impl Sweep {
     ///
     /// # Errors
     /// The ego has no such parameter, or not such values.
-    pub fn egos(&self, world: &Scenario) -> Result<Vec<EgoUnderTest>, CampaignError> {
+    pub fn egos(&self, world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
         let ego = |value: &f64| {
             let mut change = Change::default();
             change.ego.0.insert(self.parameter.clone(), *value);

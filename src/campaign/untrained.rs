@@ -1,8 +1,8 @@
 //! What the egos of a world meet before anybody has trained an ado for it.
 
 use super::alike::best_constant;
+use super::ego_error::EgoError;
 use super::ego_under_test::{EgoUnderTest, consent};
-use super::error::CampaignError;
 use super::eval::{Ado, eval};
 use super::in_the_way::{InTheWay, in_the_way};
 use super::search::{SearchRequest, Switches, search};
@@ -32,7 +32,7 @@ pub fn untrained(
     (count, seed): (usize, u64),
     switches: usize,
     watch: &Watch<'_>,
-) -> Result<Option<Untrained>, CampaignError> {
+) -> Result<Option<Untrained>, EgoError> {
     consent(nominal, egos)?;
     let Some(starts) = test_starts(nominal, seed, count, watch) else {
         return Ok(None);

@@ -1,8 +1,6 @@
 //! Kinds of files that show an episode, by their names.
 
-use std::path::Path;
-
-use super::error::CampaignError;
+use std::path::{Path, PathBuf};
 
 /// Kind of file that shows an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +9,21 @@ pub enum ViewKind {
     Recording,
     /// `.svg`, for any browser; see [`picture`](super::picture).
     Picture,
+}
+
+/// A file whose name is of no kind that shows an episode.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("`{}` is neither a recording nor a picture", file.display())]
+pub struct UnknownViewKind {
+    /// The file.
+    pub file: PathBuf,
+}
+
+impl UnknownViewKind {
+    /// The fix.
+    pub fn help(&self) -> &'static str {
+        "name a `.rrd`, for the rerun viewer, or a `.svg`, for any browser"
+    }
 }
 
 impl ViewKind {
@@ -23,21 +36,17 @@ impl ViewKind {
     /// use brakecheck::campaign::ViewKind;
     /// assert_eq!(ViewKind::of("crash.SVG".as_ref())?, ViewKind::Picture);
     /// assert!(ViewKind::of("crash.png".as_ref()).is_err());
-    /// # Ok::<(), brakecheck::campaign::CampaignError>(())
+    /// # Ok::<(), brakecheck::campaign::UnknownViewKind>(())
     /// ```
-    pub fn of(output: &Path) -> Result<ViewKind, CampaignError> {
+    pub fn of(output: &Path) -> Result<ViewKind, UnknownViewKind> {
         let extension = output.extension().unwrap_or_default();
         let is = |kind: &str| extension.eq_ignore_ascii_case(kind);
         match (is("rrd"), is("svg")) {
             (true, _) => Ok(ViewKind::Recording),
             (_, true) => Ok(ViewKind::Picture),
-            _ => Err(CampaignError::request(
-                format!(
-                    "`{}` is neither a recording nor a picture",
-                    output.display()
-                ),
-                "name a `.rrd`, for the rerun viewer, or a `.svg`, for any browser",
-            )),
+            _ => Err(UnknownViewKind {
+                file: output.into(),
+            }),
         }
     }
 }

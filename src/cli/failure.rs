@@ -7,10 +7,12 @@ use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Se
 
 use super::excerpt::Excerpt;
 use crate::campaign::{
-    CampaignError, ExportRefusal, IdentifyError, NotExported, RegressionError, TheoremsError,
-    TrainError,
+    AdversaryError, ConditioningError, EgoError, EvaluationError, ExportRefusal, FindError,
+    IdentifyError, Inapplicable, NotExported, RegressionError, SearchError, SessionError,
+    SweepError, TheoremsError, TrainError, UnknownViewKind,
 };
 use crate::openx::OpenXError;
+use crate::pieces::CampaignError;
 use crate::rl::ConfigError;
 use crate::run::{KeptError, RunError};
 use crate::scenario::{LoadError, Problem, Scenario, ScenarioError, guessed};
@@ -243,21 +245,119 @@ impl From<&RunError> for Failure {
     }
 }
 
+impl From<&EgoError> for Failure {
+    fn from(error: &EgoError) -> Failure {
+        match error {
+            EgoError::NotAllowed { who, command } => not_allowed(who, command),
+            EgoError::World(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&AdversaryError> for Failure {
+    fn from(error: &AdversaryError) -> Failure {
+        match error {
+            AdversaryError::Run(error) => error.into(),
+            AdversaryError::Indistinct(_) => Failure::fault(error.to_string(), None),
+            _ => Failure::plain(
+                Exit::Input,
+                error.to_string(),
+                error.help().map(str::to_owned),
+            ),
+        }
+    }
+}
+
+impl From<&SearchError> for Failure {
+    fn from(error: &SearchError) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&SweepError> for Failure {
+    fn from(error: &SweepError) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&UnknownViewKind> for Failure {
+    fn from(error: &UnknownViewKind) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&Inapplicable> for Failure {
+    fn from(error: &Inapplicable) -> Failure {
+        Failure::input(error.to_string(), error.help())
+    }
+}
+
+impl From<&FindError> for Failure {
+    fn from(error: &FindError) -> Failure {
+        match error {
+            FindError::Ego(error) => error.into(),
+            FindError::Change(error) => error.into(),
+            FindError::Kept(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&SessionError> for Failure {
+    fn from(error: &SessionError) -> Failure {
+        match error {
+            SessionError::Ego(error) => error.into(),
+            SessionError::Run(error) => error.into(),
+            SessionError::Train(error) => error.into(),
+            SessionError::Config(error) => error.into(),
+            SessionError::Kept(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&ConditioningError> for Failure {
+    fn from(error: &ConditioningError) -> Failure {
+        match error {
+            ConditioningError::Identify(error) => error.into(),
+            ConditioningError::Run(error) => error.into(),
+            ConditioningError::NoFamily
+            | ConditioningError::NoPlant
+            | ConditioningError::NoMember(_) => Failure::fault(error.to_string(), None),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
+impl From<&EvaluationError> for Failure {
+    fn from(error: &EvaluationError) -> Failure {
+        match error {
+            EvaluationError::Ego(error) => error.into(),
+            EvaluationError::Adversary(error) => error.into(),
+            EvaluationError::Conditioning(error) => error.into(),
+            EvaluationError::Theorems(error) => error.into(),
+            EvaluationError::Train(error) => error.into(),
+            EvaluationError::Kept(error) => error.into(),
+            EvaluationError::Run(error) => error.into(),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
+        }
+    }
+}
+
 impl From<&CampaignError> for Failure {
     fn from(error: &CampaignError) -> Failure {
         match error {
-            CampaignError::Request { what, help } => Failure::input(what, help),
-            CampaignError::NotAllowed { who, command } => not_allowed(who, command),
+            CampaignError::Faults { complaint, .. } => complaint.into(),
+            CampaignError::Ego(error) => error.into(),
+            CampaignError::Search(error) => error.into(),
+            CampaignError::Sweep(error) => error.into(),
             CampaignError::World(error) => error.into(),
             CampaignError::Run(error) => error.into(),
-            CampaignError::Train(error) => error.into(),
+            CampaignError::Session(error) => error.into(),
             CampaignError::Config(error) => error.into(),
-            CampaignError::Regression(error) => error.into(),
-            CampaignError::Kept(error) => error.into(),
-            CampaignError::Identify(error) => error.into(),
-            CampaignError::Theorems(error) => error.into(),
-            CampaignError::Faults { complaint, .. } => complaint.into(),
             CampaignError::Fault(what) => Failure::fault(what, None),
+            _ => Failure::plain(Exit::Input, error.to_string(), error.help()),
         }
     }
 }
@@ -503,19 +603,29 @@ macro_rules! from_owned {
 }
 
 from_owned!(
+    AdversaryError,
     CampaignError,
     Complaint,
+    ConditioningError,
     ConfigError,
+    EgoError,
+    EvaluationError,
+    FindError,
     IdentifyError,
+    Inapplicable,
     KeptError,
     LoadError,
     RegressionError,
     ReuseError,
     RunError,
     ScenarioError,
+    SearchError,
+    SessionError,
+    SweepError,
     Table1Error,
     TheoremsError,
     TrainError,
+    UnknownViewKind,
 );
 
 /// Errors print in a test that returns them as they do on the command line:
@@ -533,10 +643,14 @@ macro_rules! prints_as_on_the_command_line {
 
 prints_as_on_the_command_line!(
     CampaignError,
+    EgoError,
+    EvaluationError,
+    FindError,
     KeptError,
     LoadError,
     RegressionError,
     RunError,
     ScenarioError,
+    SessionError,
     TrainError,
 );

@@ -11,11 +11,12 @@ use cpu_time::ThreadTime;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::error::CampaignError;
 use super::piece::{self, Heading, PieceText, Unusable};
 use super::plan::{CampaignPiece, FORMAT, Plan, PlannedAdo, Unit, Work};
 use super::play::{Stage, TrainedAdo};
 use super::training;
-use crate::campaign::{CampaignError, EgoUnderTest, Watch, on_plant};
+use crate::campaign::{EgoUnderTest, Watch, on_plant};
 use crate::run::{RunDir, RunError, write_file};
 use crate::scenario::Scenario;
 use crate::seal::{check, sha256};
@@ -78,10 +79,7 @@ impl PlanDir {
             })
         };
         if !path.is_file() {
-            return Err(CampaignError::request(
-                format!("`{}` holds no planned campaign", dir.display()),
-                "plan one: `brakecheck campaign plan CAMPAIGN.ron -o DIR`",
-            ));
+            return Err(CampaignError::NoPlan { dir: dir.into() });
         }
         let text = read(&path)?;
         let damaged = |path: &Path, why: String| RunError::Damaged {
@@ -93,14 +91,10 @@ impl PlanDir {
         check(&text, &plan.sha256).map_err(|why| damaged(&path, why))?;
         let version = env!("CARGO_PKG_VERSION");
         if plan.brakecheck != version || plan.format != FORMAT {
-            return Err(CampaignError::request(
-                format!(
-                    "`{}` was planned by brakecheck {}, and this is {version}",
-                    dir.display(),
-                    plan.brakecheck
-                ),
-                "run it with that version, or plan it again in another directory",
-            ));
+            return Err(CampaignError::OtherVersion {
+                dir: dir.into(),
+                planned: plan.brakecheck,
+            });
         }
         let mut worlds = Vec::new();
         let mut played = Vec::new();
@@ -179,10 +173,10 @@ impl PlanDir {
             .piece(number)
             .filter(|it| it.number < self.plan.len())
         else {
-            return Err(CampaignError::request(
-                format!("the campaign has no piece {number}"),
-                format!("its {} pieces count from 0", self.plan.len()),
-            ));
+            return Err(CampaignError::NoPiece {
+                number,
+                pieces: self.plan.len(),
+            });
         };
         if self.read(&piece)?.is_ok() {
             return Ok(PieceDone::Before);
@@ -335,7 +329,12 @@ impl PlanDir {
     fn ego(&self, unit: &Unit) -> Result<EgoUnderTest, CampaignError> {
         let (name, change) = (&unit.ego.name, &unit.ego.change);
         let help = "the plan was made with another world";
-        EgoUnderTest::changed(&self.played[unit.world], name, change, help)
+        Ok(EgoUnderTest::changed(
+            &self.played[unit.world],
+            name,
+            change,
+            help,
+        )?)
     }
 
     /// The world of a unit as its file has it.
@@ -379,10 +378,9 @@ impl PlanDir {
         let planned = &self.plan.trainings[training];
         let path = training::dir_of(&self.dir, &self.plan, planned);
         training::finished(&path).map_err(|error| match error {
-            RunError::NotARun { .. } | RunError::Unfinished { .. } => CampaignError::request(
-                format!("this piece needs the training of piece {training}: {error}"),
-                format!("run `brakecheck campaign run DIR --piece {training}` first"),
-            ),
+            RunError::NotARun { .. } | RunError::Unfinished { .. } => {
+                CampaignError::Untrained { training, error }
+            }
             other => other.into(),
         })
     }

@@ -8,11 +8,12 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::dir::PlanDir;
+use super::error::CampaignError;
 use super::piece::{self, PIECES, PieceText, Unusable};
 use super::plan::{CampaignPiece, PlannedAdo, Work};
 use super::row::RowOutcome;
 use super::summary::{CampaignSummary, Tally};
-use crate::campaign::{CampaignError, Watch};
+use crate::campaign::Watch;
 use crate::run::{RunError, WholeFile, make_dir, write_file};
 
 /// Where the merged file and what is said of it are.
@@ -77,10 +78,7 @@ impl PlanDir {
             (watch.progress)(seen as u64, pieces.len() as u64);
             seen += batch.len();
             if watch.interrupted() {
-                return Err(CampaignError::request(
-                    "interrupted: nothing was merged",
-                    "run the same command again",
-                ));
+                return Err(CampaignError::Interrupted);
             }
             let checked: Result<Vec<_>, RunError> = batch
                 .par_iter()
@@ -248,10 +246,9 @@ impl PlanDir {
         strangers.sort();
         match strangers.is_empty() {
             true => Ok(()),
-            false => Err(CampaignError::request(
-                format!("no piece of this campaign: {}", listed(&strangers)),
-                "take these files away: nobody can tell which of two pieces is meant",
-            )),
+            false => Err(CampaignError::Strangers {
+                files: listed(&strangers),
+            }),
         }
     }
 
@@ -260,23 +257,12 @@ impl PlanDir {
             .iter()
             .map(|(number, why)| format!("piece {number} is {why}"));
         let named: Vec<String> = named.collect();
-        let damaged = wrong.iter().any(|(_, why)| why != "missing");
-        let help = match damaged {
-            false => "run them: `brakecheck campaign run DIR`",
-            true => {
-                "remove those that are damaged or foreign and run them again: \
-                 `brakecheck campaign run DIR` makes what is not there or not right"
-            }
-        };
-        CampaignError::request(
-            format!(
-                "{} of {} pieces cannot be merged:\n{}",
-                wrong.len(),
-                self.plan.len(),
-                listed(&named)
-            ),
-            help,
-        )
+        CampaignError::Unmergeable {
+            wrong: wrong.len(),
+            pieces: self.plan.len(),
+            listed: listed(&named),
+            some_are_wrong: wrong.iter().any(|(_, why)| why != "missing"),
+        }
     }
 }
 

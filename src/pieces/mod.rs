@@ -14,6 +14,7 @@ mod boundary;
 mod check;
 mod dir;
 mod engine;
+mod error;
 mod estimate;
 mod file;
 mod merge;
@@ -28,6 +29,7 @@ mod summary;
 mod training;
 
 pub use dir::{PieceDone, PlanDir, Ran};
+pub use error::CampaignError;
 pub use file::{GateOn, StartsAsked};
 pub use merge::Merged;
 pub use page::COLUMNS;

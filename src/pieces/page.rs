@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use super::boundary;
 use super::dir::PlanDir;
+use super::error::CampaignError;
 use super::merge::{Merged, page_of};
 use super::plan::Unit;
 use super::row::RowOutcome;
 use super::summary::{CellMap, GateVerdict, SummaryRow};
-use crate::campaign::CampaignError;
 use crate::report::{CampaignPage, CellState, MapCell, StartMap};
 use crate::run::write_file;
 

@@ -5,10 +5,11 @@ use std::path::Path;
 use super::check::{Checked, check};
 use super::dir::PLAN;
 use super::engine;
+use super::error::CampaignError;
 use super::estimate;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::play::Stage;
-use crate::campaign::{CampaignError, EgoUnderTest, Watch, consent, on_plant};
+use crate::campaign::{EgoUnderTest, Watch, consent, on_plant};
 use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
 use crate::testbench::FaultLog;
@@ -129,7 +130,8 @@ impl Checked {
             None => as_filed.clone(),
         };
         let (name, change) = (&unit.ego.name, &unit.ego.change);
-        EgoUnderTest::changed(&played, name, change, "mend the campaign")
+        let help = "mend the campaign";
+        Ok(EgoUnderTest::changed(&played, name, change, help)?)
     }
 
     /// What a start of a unit takes. `None`: stopped.
@@ -201,10 +203,7 @@ impl Cut {
         if let Ok(there) = std::fs::read_to_string(&path) {
             return match there == text {
                 true => Ok(()),
-                false => Err(CampaignError::request(
-                    format!("`{}` holds another plan", dir.display()),
-                    "go on with that one (`brakecheck campaign run DIR`), or name another directory with `-o`",
-                )),
+                false => Err(CampaignError::OtherPlan { dir: dir.into() }),
             };
         }
         let write = |name: &str, bytes: &[u8]| -> Result<(), RunError> {

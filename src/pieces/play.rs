@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
+use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::row::{RowOutcome, StartRow};
 use crate::campaign::{
-    Ado, CampaignError, EgoUnderTest, EpisodeLoop, EvalRequest, Method, MethodSettings,
-    SearchRequest, TestStarts, Watch, consent, eval, leaf, search,
+    Ado, EgoUnderTest, EpisodeLoop, EvalRequest, Method, MethodSettings, SearchRequest, TestStarts,
+    Watch, consent, eval, leaf, search,
 };
 use crate::rl::Policy;
 use crate::rulebook::Verdict;

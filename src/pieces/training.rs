@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use super::error::CampaignError;
 use super::plan::{Plan, PlannedTraining};
-use crate::campaign::{CampaignError, TrainRequest, TrainSession, Watch};
+use crate::campaign::{TrainRequest, TrainSession, Watch};
 use crate::run::{RunDir, RunError, file_name};
 use crate::scenario::Scenario;
 

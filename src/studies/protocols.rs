@@ -153,7 +153,7 @@ fn sum(rows: &[ProtocolRow], ego: &str) -> ProtocolRow {
 pub fn protocol_egos(
     world: &Scenario,
     asked: &[String],
-) -> Result<Vec<EgoUnderTest>, crate::campaign::CampaignError> {
+) -> Result<Vec<EgoUnderTest>, crate::campaign::EgoError> {
     let all = ["all".to_owned()];
     let asked = if asked.is_empty() { &all[..] } else { asked };
     let mut egos = Vec::new();

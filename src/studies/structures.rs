@@ -6,7 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{AdaptedTo, AdoKind, CampaignError, EgoUnderTest, Evaluation, Watch};
+use crate::campaign::{
+    AdaptedTo, AdoKind, EgoError, EgoUnderTest, Evaluation, EvaluationError, Watch,
+};
 use crate::run::{Outcomes, Row, RunDir};
 use crate::scenario::Scenario;
 
@@ -124,7 +126,7 @@ pub struct StructuresAsked<'a> {
 ///
 /// # Errors
 /// Nobody drives in the world.
-pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, CampaignError> {
+pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
     let Some(Ok(structures)) = Scenario::shipped(STRUCTURES) else {
         return Ok(Vec::new());
     };
@@ -158,7 +160,7 @@ impl StructuresAsked<'_> {
         &self,
         ego: &EgoUnderTest,
         watch: &Watch<'_>,
-    ) -> Result<Option<StructureRow>, CampaignError> {
+    ) -> Result<Option<StructureRow>, EvaluationError> {
         use AdoKind::{Constant, Hold, Switch, Trained};
         let beside = [Trained, Hold, Constant, Switch];
         let kin = kin(ego);
@@ -209,7 +211,7 @@ impl StructuresAsked<'_> {
         ados: &[AdoKind],
         (runs, tries, search, unknown): (u64, u64, Option<usize>, &[&str]),
         watch: &Watch<'_>,
-    ) -> Result<Option<Part>, CampaignError> {
+    ) -> Result<Option<Part>, EvaluationError> {
         let egos = std::slice::from_ref(ego);
         let evaluation = Evaluation {
             run: self.run,

@@ -3,8 +3,8 @@
 use crate::campaign::baselines::AdoKind;
 use crate::campaign::conditioning::{ConditionedAdo, ContextSource};
 use crate::campaign::ego_under_test::EgoUnderTest;
-use crate::campaign::error::CampaignError;
 use crate::campaign::eval::{Ado, EvalRequest, Evaluated};
+use crate::campaign::evaluation_error::EvaluationError;
 use crate::campaign::starts::TestStarts;
 use crate::campaign::surrogate::{AdaptedRow, LEAST_RUNS};
 use crate::campaign::tries::{Tried, Tries};
@@ -52,13 +52,10 @@ impl Evaluation<'_> {
     }
 
     /// Refuses more to be learned than the runs are enough for.
-    pub(super) fn can_learn(&self) -> Result<(), CampaignError> {
+    pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
         match self.learns() && self.runs < LEAST_RUNS + self.identified_from() {
             false => Ok(()),
-            true => Err(CampaignError::request(
-                format!("an ego is not learned from {} runs", self.runs),
-                format!("`--runs` takes {LEAST_RUNS} at least; 100 are enough for most"),
-            )),
+            true => Err(EvaluationError::TooFewRuns { runs: self.runs }),
         }
     }
 

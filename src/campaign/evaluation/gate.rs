@@ -6,8 +6,8 @@ use super::asked::FoundBy;
 use super::{EvaluationTable, Found};
 use crate::campaign::Watch;
 use crate::campaign::episodes::EpisodeLoop;
-use crate::campaign::error::CampaignError;
 use crate::campaign::eval::Evaluated;
+use crate::campaign::evaluation_error::EvaluationError;
 use crate::campaign::starts::TestStarts;
 use crate::campaign::tries::Tried;
 use crate::run::{ClosingSpeed, StartOutcome, mcnemar};
@@ -111,7 +111,7 @@ impl EvaluationTable<'_> {
     ///
     /// # Errors
     /// Two egos do not start alike, so that nothing pairs their starts.
-    pub fn gates(&self, baseline: &str, watch: &Watch<'_>) -> Result<Vec<Gate>, CampaignError> {
+    pub fn gates(&self, baseline: &str, watch: &Watch<'_>) -> Result<Vec<Gate>, EvaluationError> {
         let mut gates = self.compared(baseline)?;
         for gate in &mut gates {
             if let Some(found) = self.found_of(&gate.ego) {
@@ -159,7 +159,7 @@ impl EvaluationTable<'_> {
         }
     }
 
-    fn compared(&self, baseline: &str) -> Result<Vec<Gate>, CampaignError> {
+    fn compared(&self, baseline: &str) -> Result<Vec<Gate>, EvaluationError> {
         let Some(old) = self.found_of(baseline) else {
             return Ok(Vec::new());
         };
@@ -174,13 +174,10 @@ impl EvaluationTable<'_> {
                         (new.ego.name(), new.by.evaluated()),
                         (baseline, old.by.evaluated()),
                     )),
-                    false => Err(CampaignError::request(
-                        format!(
-                            "`{}` and `{baseline}` start from different places",
-                            new.ego.name()
-                        ),
-                        "compare egos on the same map",
-                    )),
+                    false => Err(EvaluationError::StartsDiffer {
+                        ego: new.ego.name().to_owned(),
+                        baseline: baseline.to_owned(),
+                    }),
                 },
             )
             .collect()

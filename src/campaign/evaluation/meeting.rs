@@ -6,8 +6,8 @@ use crate::campaign::baselines::{AdoKind, Baselines};
 use crate::campaign::by_rule::ByRule;
 use crate::campaign::conditioning::ConditionedAdo;
 use crate::campaign::ego_under_test::EgoUnderTest;
-use crate::campaign::error::CampaignError;
 use crate::campaign::eval::{Ado, EvalRequest, Evaluated, eval, explain_first};
+use crate::campaign::evaluation_error::EvaluationError;
 use crate::campaign::retrained::retrained;
 use crate::campaign::search::{Hold, SearchRequest, Switches, search};
 use crate::campaign::starts::TestStarts;
@@ -30,7 +30,7 @@ pub(super) struct Meeting<'a> {
 }
 
 impl<'a> Meeting<'a> {
-    pub fn play(&mut self) -> Result<(), CampaignError> {
+    pub fn play(&mut self) -> Result<(), EvaluationError> {
         for &kind in &self.baselines.ados {
             for ado in self.baselines.made(kind) {
                 self.rows.push(self.evaluated(ado).row);
@@ -64,7 +64,7 @@ impl<'a> Meeting<'a> {
     }
 
     /// `None`: it does not apply, or has rows of its own.
-    fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, CampaignError> {
+    fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, EvaluationError> {
         Ok(match kind {
             AdoKind::Heuristic | AdoKind::Replays => None,
             AdoKind::Trained | AdoKind::All => {
@@ -160,7 +160,7 @@ impl<'a> Meeting<'a> {
     }
 
     /// The ado that plans in a surrogate of this ego. `None`: stopped.
-    fn adapted(&mut self) -> Result<Option<Row>, CampaignError> {
+    fn adapted(&mut self) -> Result<Option<Row>, EvaluationError> {
         let asked = self.asked;
         let policy = &*self.ado.policy;
         // Runs with which the ado was told what it meets are runs of the ego too.
@@ -193,7 +193,7 @@ impl<'a> Meeting<'a> {
     }
 
     /// One trained for this very ego; the nominal one has the trained ado.
-    fn retrained(&self) -> Result<Option<Row>, CampaignError> {
+    fn retrained(&self) -> Result<Option<Row>, EvaluationError> {
         let Some(changed) = self.ego.as_changed() else {
             return Ok(None);
         };
@@ -211,7 +211,7 @@ impl<'a> Meeting<'a> {
         Ok(Some(row))
     }
 
-    fn by_rule(&self, rule: ByRule) -> Result<Evaluated, CampaignError> {
+    fn by_rule(&self, rule: ByRule) -> Result<Evaluated, EvaluationError> {
         let (whole, policy) = rule.policy(self.ego)?;
         let request = EvalRequest {
             scenario: &whole,

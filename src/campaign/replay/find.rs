@@ -1,11 +1,85 @@
 //! Which kept counterexamples are replayed, and against whom.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::Regressions;
+use crate::campaign::ego_error::EgoError;
 use crate::campaign::ego_under_test::EgoUnderTest;
-use crate::campaign::error::CampaignError;
-use crate::scenario::Scenario;
+use crate::run::KeptError;
+use crate::scenario::{LoadError, Scenario};
+
+/// No kept counterexample is meant.
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
+pub enum FindError {
+    /// The directory holds fewer.
+    #[error("there is no episode {number} in `{}`", dir.display())]
+    NoEpisode {
+        /// Number asked for.
+        number: usize,
+        /// The directory.
+        dir: PathBuf,
+        /// Episodes that it holds.
+        count: usize,
+    },
+    /// A world is named.
+    #[error("`{}` is a world, and no kept counterexample", world.display())]
+    World {
+        /// The world's file or name.
+        world: PathBuf,
+        /// Whether it lists points to play.
+        has_points: bool,
+    },
+    /// Nothing is there.
+    #[error("there is no `{}`", path.display())]
+    Missing {
+        /// The path.
+        path: PathBuf,
+        /// What is asked for, in words.
+        want: &'static str,
+    },
+    /// A directory is named where a file is asked for, or the reverse.
+    #[error("`{}` is no {want}", path.display())]
+    WrongKind {
+        /// The path.
+        path: PathBuf,
+        /// What is asked for, in words.
+        want: &'static str,
+    },
+    /// The other ego cannot be tested.
+    #[error(transparent)]
+    Ego(#[from] EgoError),
+    /// A change that cannot be loaded.
+    #[error(transparent)]
+    Change(#[from] LoadError),
+    /// A file is not usable.
+    #[error(transparent)]
+    Kept(#[from] KeptError),
+}
+
+impl FindError {
+    /// The fix; `None`: the error has another form than a sentence and its fix.
+    pub fn help(&self) -> Option<String> {
+        Some(match self {
+            FindError::NoEpisode { count, .. } => format!("it holds {count}, counted from 0"),
+            FindError::World { world, has_points } => {
+                let world = world.display();
+                let keep = match has_points {
+                    true => format!("brakecheck eval {world} --keep kept -- COMMAND"),
+                    false => format!("brakecheck search {world} --keep kept"),
+                };
+                format!("keep what fails in it first: `{keep}`; then name the directory `kept`")
+            }
+            FindError::Missing { want, .. } | FindError::WrongKind { want, .. } => {
+                format!("name a {want}")
+            }
+            FindError::Ego(error) => return error.help(),
+            FindError::Change(_) | FindError::Kept(_) => return None,
+        })
+    }
+}
 
 impl Regressions {
     /// The kept counterexamples under a path (a file, a directory, or a run), or
@@ -13,7 +87,7 @@ impl Regressions {
     ///
     /// # Errors
     /// There is none such, or one is damaged.
-    pub fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, CampaignError> {
+    pub fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, FindError> {
         let inside = what.join("episodes");
         let dir = match what.join("manifest.json").is_file() {
             true => inside.as_path(),
@@ -33,10 +107,11 @@ impl Regressions {
             let count = all.kept().len();
             return match all.kept().get(number) {
                 Some(kept) => Ok(Regressions::load(&kept.path)?),
-                None => Err(CampaignError::request(
-                    format!("there is no episode {number} in `{}`", dir.display()),
-                    format!("it holds {count}, counted from 0"),
-                )),
+                None => Err(FindError::NoEpisode {
+                    number,
+                    dir: dir.into(),
+                    count,
+                }),
             };
         }
         let file = dir.join(episode);
@@ -55,11 +130,7 @@ impl Regressions {
     ///
     /// # Errors
     /// Both are named, or the file holds no change that fits.
-    pub fn against(
-        self,
-        ego: Option<&str>,
-        program: &[String],
-    ) -> Result<Regressions, CampaignError> {
+    pub fn against(self, ego: Option<&str>, program: &[String]) -> Result<Regressions, FindError> {
         let Some(ego) = ego else {
             return Ok(match program.is_empty() {
                 true => self,
@@ -70,10 +141,7 @@ impl Regressions {
             });
         };
         if !program.is_empty() {
-            return Err(CampaignError::request(
-                "`--ego` names one ego, and the program after `--` is another",
-                "leave out one of the two",
-            ));
+            return Err(EgoError::NamedTwice.into());
         }
         let path = Path::new(ego);
         if path.extension().is_none_or(|extension| extension != "ron") {
@@ -94,23 +162,20 @@ fn is_world(what: &Path) -> bool {
 }
 
 /// A world is given where something kept is asked for.
-fn no_world(what: &Path) -> CampaignError {
-    let world = what.display();
-    let keep = match Scenario::find(what).is_ok_and(|world| world.has_points()) {
-        true => format!("brakecheck eval {world} --keep kept -- COMMAND"),
-        false => format!("brakecheck search {world} --keep kept"),
-    };
-    CampaignError::request(
-        format!("`{world}` is a world, and no kept counterexample"),
-        format!("keep what fails in it first: `{keep}`; then name the directory `kept`"),
-    )
+fn no_world(what: &Path) -> FindError {
+    FindError::World {
+        world: what.into(),
+        has_points: Scenario::find(what).is_ok_and(|world| world.has_points()),
+    }
 }
 
 /// A path is given as one thing and is another.
-fn wrong_kind(path: &Path, want: &str) -> CampaignError {
-    let what = match path.exists() {
-        true => format!("`{}` is no {want}", path.display()),
-        false => format!("there is no `{}`", path.display()),
-    };
-    CampaignError::request(what, format!("name a {want}"))
+fn wrong_kind(path: &Path, want: &'static str) -> FindError {
+    let is_there = path.exists();
+    let path = path.into();
+    if is_there {
+        FindError::WrongKind { path, want }
+    } else {
+        FindError::Missing { path, want }
+    }
 }

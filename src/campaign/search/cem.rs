@@ -8,10 +8,9 @@
 use rand::RngExt;
 
 use super::found::Found;
-use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
+use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::trials::Trials;
 use crate::campaign::entropy::pick;
-use crate::campaign::error::CampaignError;
 use crate::run::Unconfirmed;
 use crate::seed;
 
@@ -48,7 +47,7 @@ impl SearchMethod<'_> for Cem {
         "The cross-entropy method, with the rulebook's reward",
     );
 
-    fn with(_: &MethodSettings<'_>) -> Result<Cem, CampaignError> {
+    fn with(_: &MethodSettings<'_>) -> Result<Cem, SearchError> {
         Ok(Cem::default())
     }
 

@@ -2,9 +2,8 @@
 //! A method that only tests have.
 
 use super::found::Found;
-use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
+use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::trials::Trials;
-use crate::campaign::error::CampaignError;
 
 /// Each action for a whole episode, in order.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +12,7 @@ pub struct Constants;
 impl SearchMethod<'_> for Constants {
     const INFO: MethodInfo = MethodInfo::sampling("constants", "Each action for a whole episode");
 
-    fn with(_: &MethodSettings<'_>) -> Result<Constants, CampaignError> {
+    fn with(_: &MethodSettings<'_>) -> Result<Constants, SearchError> {
         Ok(Constants)
     }
 

@@ -1,10 +1,9 @@
 //! A random action, held for some decisions.
 
 use super::found::Found;
-use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
+use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::random;
 use super::trials::Trials;
-use crate::campaign::error::CampaignError;
 use crate::testbench::HOLD_DECISIONS;
 
 /// A uniformly random action, held for [`HOLD_DECISIONS`].
@@ -15,7 +14,7 @@ impl SearchMethod<'_> for Hold {
     const INFO: MethodInfo =
         MethodInfo::sampling("hold", "A random action, held for five decisions");
 
-    fn with(_: &MethodSettings<'_>) -> Result<Hold, CampaignError> {
+    fn with(_: &MethodSettings<'_>) -> Result<Hold, SearchError> {
         Ok(Hold)
     }
 

@@ -5,8 +5,9 @@
 //! `SearchMethod`, and one line in the list.
 
 use super::found::Found;
-use super::method::{MethodInfo, MethodOption, MethodSettings, SearchMethod, StartSearch};
-use crate::campaign::error::CampaignError;
+use super::method::{
+    MethodInfo, MethodOption, MethodSettings, SearchError, SearchMethod, StartSearch,
+};
 use crate::run::Unconfirmed;
 
 macro_rules! methods {
@@ -43,7 +44,7 @@ macro_rules! methods {
             pub fn named(
                 name: &str,
                 settings: &MethodSettings<'a>,
-            ) -> Result<Method<'a>, CampaignError> {
+            ) -> Result<Method<'a>, SearchError> {
                 $(
                     $(#[cfg($when)])?
                     if name == $kind::INFO.name {
@@ -104,23 +105,41 @@ impl MethodInfo {
     ///
     /// # Errors
     /// Names the first of those given that the method does not take.
-    pub fn refuse_others(&self, given: &[MethodOption]) -> Result<(), CampaignError> {
+    pub fn refuse_others(&self, given: &[MethodOption]) -> Result<(), SearchError> {
         let Some(option) = given.iter().find(|option| !self.takes(**option)) else {
             return Ok(());
         };
-        let own: Vec<String> = self.takes.iter().map(|o| quoted(o.usage())).collect();
-        let takes = match own.is_empty() {
-            true => "no option".to_owned(),
-            false => own.join(" and "),
-        };
-        let (flag, name) = (option.flag(), self.name);
-        Err(CampaignError::request(
-            format!("`{flag}` does nothing with `--method {name}`"),
-            format!(
-                "it is for {}; `{name}` takes {takes}",
-                takers(*option, quoted)
-            ),
-        ))
+        Err(SearchError::DoesNothing {
+            option: *option,
+            method: self.name,
+            takes: self.takes,
+        })
+    }
+}
+
+impl SearchError {
+    /// The fix.
+    pub fn help(&self) -> String {
+        match self {
+            SearchError::UnknownMethod { .. } => {
+                let names = METHODS.iter().map(|method| quoted(method.name));
+                format!("there are {}", names.collect::<Vec<_>>().join(", "))
+            }
+            SearchError::DoesNothing {
+                option,
+                method,
+                takes,
+            } => {
+                let own: Vec<String> = takes.iter().map(|o| quoted(o.usage())).collect();
+                let takes = match own.is_empty() {
+                    true => "no option".to_owned(),
+                    false => own.join(" and "),
+                };
+                let others = takers(*option, quoted);
+                format!("it is for {others}; `{method}` takes {takes}")
+            }
+            SearchError::NothingToMutate => "name a run directory with `--from RUN`".to_owned(),
+        }
     }
 }
 
@@ -140,12 +159,10 @@ fn takers(option: MethodOption, shown: fn(&str) -> String) -> String {
     names.join(", ")
 }
 
-fn unknown(name: &str) -> CampaignError {
-    let names: Vec<String> = METHODS.iter().map(|method| quoted(method.name)).collect();
-    CampaignError::request(
-        format!("no search method is called `{name}`"),
-        format!("there are {}", names.join(", ")),
-    )
+fn unknown(name: &str) -> SearchError {
+    SearchError::UnknownMethod {
+        name: name.to_owned(),
+    }
 }
 
 fn quoted(word: &str) -> String {

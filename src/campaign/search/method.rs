@@ -4,7 +4,6 @@ use strum::VariantArray;
 
 use super::found::Found;
 use crate::campaign::Watch;
-use crate::campaign::error::CampaignError;
 use crate::run::{Stored, Unconfirmed};
 use crate::scenario::Scenario;
 use crate::scene::Start;
@@ -60,6 +59,30 @@ impl MethodOption {
         let usage = self.usage();
         usage.split_once(' ').map_or(usage, |(flag, _)| flag)
     }
+}
+
+/// A search that cannot be asked for.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SearchError {
+    /// No method has this name.
+    #[error("no search method is called `{name}`")]
+    UnknownMethod {
+        /// Name asked for.
+        name: String,
+    },
+    /// An option that the method does not take.
+    #[error("`{}` does nothing with `--method {method}`", option.flag())]
+    DoesNothing {
+        /// The option.
+        option: MethodOption,
+        /// Name of the method.
+        method: &'static str,
+        /// Options that the method takes.
+        takes: &'static [MethodOption],
+    },
+    /// A method that begins with counterexamples of a training has none.
+    #[error("`--method mutate` needs the counterexamples of a training")]
+    NothingToMutate,
 }
 
 /// A method by its name: what users read of it, and which options it takes.
@@ -126,7 +149,7 @@ pub(super) trait SearchMethod<'a>: Copy {
     ///
     /// # Errors
     /// It needs one that is missing.
-    fn with(settings: &MethodSettings<'a>) -> Result<Self, CampaignError>;
+    fn with(settings: &MethodSettings<'a>) -> Result<Self, SearchError>;
 
     /// What rows call it, with the budget and what did not carry over.
     fn text(&self, budget: u64, _unconfirmed: Option<Unconfirmed>) -> String {

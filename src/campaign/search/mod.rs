@@ -19,7 +19,7 @@ mod uniform;
 pub(super) use confirm::{Confirmed, Confirmer};
 pub use found::Found;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
-pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES};
+pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};
 pub use request::SearchRequest;
 
 use super::Watch;

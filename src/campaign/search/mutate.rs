@@ -10,9 +10,10 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::found::Found;
-use super::method::{MethodInfo, MethodOption, MethodSettings, SearchMethod, StartSearch};
+use super::method::{
+    MethodInfo, MethodOption, MethodSettings, SearchError, SearchMethod, StartSearch,
+};
 use super::trials::Trials;
-use crate::campaign::error::CampaignError;
 use crate::run::Stored;
 use crate::seed;
 
@@ -36,14 +37,9 @@ impl<'a> SearchMethod<'a> for Mutate<'a> {
         )
     };
 
-    fn with(settings: &MethodSettings<'a>) -> Result<Mutate<'a>, CampaignError> {
-        let missing = || {
-            CampaignError::request(
-                "`--method mutate` needs the counterexamples of a training",
-                "name a run directory with `--from RUN`",
-            )
-        };
-        settings.stored.map(Mutate).ok_or_else(missing)
+    fn with(settings: &MethodSettings<'a>) -> Result<Mutate<'a>, SearchError> {
+        let stored = settings.stored.map(Mutate);
+        stored.ok_or(SearchError::NothingToMutate)
     }
 
     fn solve(&self, one: StartSearch<'_>) -> Option<Found> {

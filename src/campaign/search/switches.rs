@@ -3,10 +3,9 @@
 use super::confirm::Confirmer;
 use super::found::Found;
 use super::method::{
-    MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchMethod, StartSearch,
+    MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError, SearchMethod, StartSearch,
 };
 use super::tree::{Next, Tree};
-use crate::campaign::error::CampaignError;
 use crate::run::Unconfirmed;
 use crate::testbench::{Aftermath, Testbench};
 
@@ -25,7 +24,7 @@ impl SearchMethod<'_> for Switches {
         prescreens: true,
     };
 
-    fn with(settings: &MethodSettings<'_>) -> Result<Switches, CampaignError> {
+    fn with(settings: &MethodSettings<'_>) -> Result<Switches, SearchError> {
         Ok(Switches(settings.switches.unwrap_or(SWITCHES)))
     }
 

@@ -1,10 +1,9 @@
 //! A random action at each decision.
 
 use super::found::Found;
-use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
+use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::random;
 use super::trials::Trials;
-use crate::campaign::error::CampaignError;
 
 /// A uniformly random action at each decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +12,7 @@ pub struct Uniform;
 impl SearchMethod<'_> for Uniform {
     const INFO: MethodInfo = MethodInfo::sampling("uniform", "A random action at each decision");
 
-    fn with(_: &MethodSettings<'_>) -> Result<Uniform, CampaignError> {
+    fn with(_: &MethodSettings<'_>) -> Result<Uniform, SearchError> {
         Ok(Uniform)
     }
 

@@ -1,7 +1,8 @@
 //! The ados of a campaign, found in a world.
 
 use super::Checker;
-use crate::campaign::{BUDGET, CampaignError, Method, MethodOption, MethodSettings, SWITCHES};
+use crate::campaign::{BUDGET, Method, MethodOption, MethodSettings, SWITCHES};
+use crate::pieces::error::CampaignError;
 use crate::pieces::file::AdoEntry;
 use crate::pieces::plan::{PlannedAdo, PlannedRun, PlannedTraining};
 use crate::run::{RunDir, file_name};

@@ -1,7 +1,8 @@
 //! The egos of a campaign, found in a world.
 
 use super::Checker;
-use crate::campaign::{CampaignError, EgoUnderTest, Sweep};
+use crate::campaign::{EgoUnderTest, Sweep};
+use crate::pieces::error::CampaignError;
 use crate::pieces::file::EgoEntry;
 use crate::run::ChangedEgo;
 use crate::scenario::Path;
@@ -59,7 +60,7 @@ impl Checker {
             }
             EgoEntry::Ego(asked) => EgoUnderTest::find(played, asked).map_err(wrong),
             EgoEntry::Sweep(text) => {
-                let sweep = Sweep::parse(text).map_err(&wrong)?;
+                let sweep = Sweep::parse(text).map_err(self.source.at(at))?;
                 sweep.egos(played).map_err(wrong)
             }
             EgoEntry::Changed { name, change } => {

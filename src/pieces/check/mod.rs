@@ -9,7 +9,8 @@ use std::path::{Path as FilePath, PathBuf};
 use super::boundary;
 use super::file::{BoundaryEntry, CampaignFile, GateEntry, GateOn, StartsAsked, WorldEntry};
 use super::plan::{FORMAT, Plan, PlannedRun, PlannedTraining, PlannedWorld, Unit};
-use crate::campaign::{CampaignError, on_plant};
+use crate::campaign::on_plant;
+use crate::pieces::error::CampaignError;
 use crate::run::file_name;
 use crate::scenario::{LoadError, Path, Problem, Scenario, ScenarioError, guessed, read_file};
 use crate::seal::sha256;
@@ -32,10 +33,7 @@ pub(super) struct Checked {
 /// Reads and checks a campaign file; what it names is found beside it.
 pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
     let (name, text, file) = read_file::<CampaignFile>(path).map_err(|error| match error {
-        LoadError::Io { .. } => CampaignError::request(
-            error.to_string(),
-            "name a campaign file, such as examples/campaigns/r157_cut_in.ron",
-        ),
+        LoadError::Io { .. } => CampaignError::NoFile(error),
         other => other.into(),
     })?;
     let dir = path.parent().unwrap_or(FilePath::new("")).to_owned();
@@ -73,11 +71,14 @@ impl Source {
     }
 
     /// What is wrong with something the file asks for, at its place.
-    fn at(&self, at: &Path) -> impl Fn(CampaignError) -> CampaignError + '_ {
+    fn at<E: Into<CampaignError>>(&self, at: &Path) -> impl Fn(E) -> CampaignError + use<'_, E> {
         let at = at.clone();
-        move |error| match error {
-            CampaignError::Request { what, help } => self.wrong(&at, what, Some(help)),
-            other => other,
+        move |error| {
+            let error = error.into();
+            match error.help() {
+                Some(help) => self.wrong(&at, error.to_string(), Some(help)),
+                None => error,
+            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The starts of a campaign: a grid has to lie within every world's ranges.
 
 use super::Checker;
-use crate::campaign::CampaignError;
+use crate::pieces::error::CampaignError;
 use crate::pieces::file::{StartsAsked, StartsEntry};
 use crate::scenario::{Path, Scenario, guessed};
 
