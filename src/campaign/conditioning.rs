@@ -2,7 +2,6 @@
 
 use super::ego_under_test::EgoUnderTest;
 use super::identification::{IdentifiedAs, identified};
-use super::surrogate::LEAST_RUNS;
 use super::sysid_error::ConditioningError;
 use super::tries::other_members;
 use super::watch::Watch;
@@ -13,6 +12,9 @@ use crate::sim::PlantKind;
 
 /// Runs of an ego from which it is identified, where more are left to learn it from.
 pub const RECORDED_RUNS: u64 = 10;
+
+/// With fewer runs there is nothing to fit.
+pub const LEAST_RUNS: u64 = 10;
 
 /// Whence a conditional ado knows the ego it meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

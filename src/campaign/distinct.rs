@@ -14,7 +14,7 @@
 //! in the order given, worst first, each joins the first leader it is like, or
 //! leads a new cluster. So every leader is the worst of its cluster.
 
-use super::why::leaf;
+use super::leaf::leaf;
 use crate::scenario::Scenario;
 use crate::severity::CrashKind;
 use crate::testbench::Episode;

@@ -3,12 +3,9 @@
 use std::path::Path;
 
 use super::ego_error::EgoError;
-use super::eval::{Ado, EvalRequest};
-use super::reuse::Relation;
-use super::starts::TestStarts;
 use crate::ego::Process;
-use crate::run::{ChangedEgo, RunDir};
-use crate::scenario::{Against, Change, Scenario};
+use crate::run::ChangedEgo;
+use crate::scenario::{Change, Scenario};
 use crate::scene::drive::ControllerFactory;
 use crate::sim::PlantKind;
 
@@ -182,43 +179,12 @@ impl EgoUnderTest {
         &self.scenario
     }
 
-    /// An ado, to be evaluated against it.
-    pub fn met_by<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
-        EvalRequest {
-            scenario: &self.scenario,
-            ego: &self.name,
-            ado,
-            starts,
-        }
-    }
-
     /// As manifests name it; `None`: it is the world's own.
     pub fn as_changed(&self) -> Option<ChangedEgo> {
         (self.change != Change::default()).then(|| ChangedEgo {
             name: self.name.clone(),
             change: self.change.clone(),
         })
-    }
-
-    /// What it was to the ado of a run; `nominal` is the run's world.
-    pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
-        let trained = run.manifest().ego.as_ref();
-        if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {
-            // Of such an ego nothing is known but its name.
-            return match self.is_own() && trained.is_some_and(|ego| ego.name == self.name) {
-                true => Relation::Trained,
-                false => Relation::ZeroShot,
-            };
-        }
-        let trained = trained.map(|ego| &ego.change);
-        if self.change == trained.cloned().unwrap_or_default() {
-            return Relation::Trained;
-        }
-        match (nominal.against, nominal.family()) {
-            (Against::Nominal, _) | (_, None) => Relation::ZeroShot,
-            (_, Some(family)) if family.covers(&self.change) => Relation::Inside,
-            _ => Relation::Outside,
-        }
     }
 }
 

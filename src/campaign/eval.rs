@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use super::ego_under_test::EgoUnderTest;
 use super::heuristic::Heuristic;
+use super::leaf::leaf;
 use super::replays::{NearestReplay, replay_nearest};
-use super::why::leaf;
 use super::{TestStarts, Watch};
 use crate::ego::{Command, Fault};
 use crate::rl::Policy;
@@ -99,6 +100,18 @@ pub struct EvalRequest<'a> {
     pub ado: Ado<'a>,
     /// The test starts.
     pub starts: &'a TestStarts,
+}
+
+impl EgoUnderTest {
+    /// An ado, to be evaluated against it.
+    pub fn met_by<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
+        EvalRequest {
+            scenario: self.scenario(),
+            ego: self.name(),
+            ado,
+            starts,
+        }
+    }
 }
 
 /// How one episode of an evaluation went.

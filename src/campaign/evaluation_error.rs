@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use super::adversary_error::AdversaryError;
+use super::conditioning::LEAST_RUNS;
 use super::ego_error::EgoError;
-use super::surrogate::LEAST_RUNS;
 use super::sysid_error::ConditioningError;
 use super::theorems::TheoremsError;
 use super::train::TrainError;

@@ -27,6 +27,7 @@ mod identification;
 mod identify;
 mod in_the_way;
 mod keep;
+mod leaf;
 mod of_egos;
 mod patience;
 mod persistence;
@@ -65,7 +66,7 @@ pub use adversary_error::AdversaryError;
 pub use alike::{best_constant, best_then_brake};
 pub use baselines::AdoKind;
 pub use break_even::{BreakEven, PerStart, break_even};
-pub use conditioning::{ConditionedAdo, ContextSource, RECORDED_RUNS, conditioned};
+pub use conditioning::{ConditionedAdo, ContextSource, LEAST_RUNS, RECORDED_RUNS, conditioned};
 pub use cost::Cost;
 pub use distinct::{NEAR, POINTS, Shape, clusters};
 pub use ego_error::EgoError;
@@ -85,6 +86,7 @@ pub use in_the_way::InTheWay;
 pub use keep::{
     Again, Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep,
 };
+pub(crate) use leaf::leaf;
 pub use persistence::{FRICTION, START, persistence};
 pub use picture::{Inapplicable, picture};
 pub use points::{
@@ -108,8 +110,8 @@ pub use session_error::{OptionClash, SessionError};
 pub use shrink::{CLOSING, effort, shrink};
 pub use starts::{TestStarts, drawn_starts, test_noise, test_starts};
 pub use surrogate::{
-    Acts, AdaptedRow, AdaptedTo, BrakedFor, EmergencyBrake, LEAST_RUNS, LearnEgoRequest,
-    LearnedEgo, LearnedFrom, Likeness, SurrogateError, TriedActions, learn_ego,
+    Acts, AdaptedRow, AdaptedTo, BrakedFor, EmergencyBrake, LearnEgoRequest, LearnedEgo,
+    LearnedFrom, Likeness, SurrogateError, TriedActions, learn_ego,
 };
 pub use sweep::{Point, Sweep, SweepError, Swept};
 pub use sysid_error::ConditioningError;
@@ -125,5 +127,4 @@ pub use tries::{Tried, Tries, other_members};
 pub use untrained::{Untrained, untrained};
 pub use view_kind::{UnknownViewKind, ViewKind};
 pub use watch::{Remark, StepPlace, Watch};
-pub(crate) use why::leaf;
 pub use why::{Driver, decisive, last_chance, why};

@@ -8,9 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::TestStarts;
 use super::Watch;
+use super::ego_under_test::EgoUnderTest;
 use super::eval::{Ado, EvalRequest, eval};
-use crate::run::{FailsAlone, Outcomes, Row, StartOutcome, mean_difference};
-use crate::scenario::Scenario;
+use crate::run::{ChangedEgo, FailsAlone, Outcomes, Row, RunDir, StartOutcome, mean_difference};
+use crate::scenario::{Against, Scenario};
 
 /// Egos on which search solves less than this share of starts tell nothing of
 /// recall: a few starts would decide.
@@ -41,6 +42,29 @@ impl Relation {
             Relation::Inside => "inside the family it was trained against",
             Relation::Outside => "outside that family",
             Relation::Changed => "all changed egos",
+        }
+    }
+}
+
+impl EgoUnderTest {
+    /// What it was to the ado of a run; `nominal` is the run's world.
+    pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
+        let trained = run.manifest().ego.as_ref();
+        if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {
+            // Of such an ego nothing is known but its name.
+            return match self.is_own() && trained.is_some_and(|ego| ego.name == self.name()) {
+                true => Relation::Trained,
+                false => Relation::ZeroShot,
+            };
+        }
+        let trained = trained.map(|ego| &ego.change);
+        if *self.change() == trained.cloned().unwrap_or_default() {
+            return Relation::Trained;
+        }
+        match (nominal.against, nominal.family()) {
+            (Against::Nominal, _) | (_, None) => Relation::ZeroShot,
+            (_, Some(family)) if family.covers(self.change()) => Relation::Inside,
+            _ => Relation::Outside,
         }
     }
 }

@@ -8,6 +8,7 @@
 use std::sync::Arc;
 
 use super::Watch;
+use super::leaf::violated;
 use super::reruns::{KEEP_RUNS, Reruns};
 use crate::ego::{Controller, FullBrake, RecordedCommands, Takeover};
 use crate::rulebook::Verdict;
@@ -15,9 +16,7 @@ use crate::run::{Decisive, LastChance, NotAsked, Why};
 use crate::scenario::Scenario;
 use crate::scene::drive::ControllerFactory;
 use crate::sim::GRAVITY_MPS2;
-use crate::stl::Interval;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
-use crate::trace::Trace;
 
 /// A driver in the ego's place.
 #[derive(Clone)]
@@ -72,33 +71,6 @@ pub(super) fn why_within(reruns: &Reruns<'_>, episode: &Episode, driver: Option<
             .or(ideal.as_ref())
             .and_then(|driver| last_chance(scenario, episode, driver)),
     }
-}
-
-/// The samples up to the first from which ψ_ego cannot be satisfied any more, of
-/// those that were judged: a run that goes on to the contact gets worse, and the
-/// worst sample is not when the ego failed.
-fn violated(scenario: &Scenario, episode: &Episode) -> Trace {
-    let mut judged = episode.trace.clone();
-    judged.truncate(episode.judged);
-    let samples = scenario.world().clock().samples();
-    let mut monitor = scenario.rulebook().spec.online_for(samples);
-    let mut row = vec![0.0; judged.schema().len()];
-    let lost = (0..judged.len()).find(|&sample| {
-        judged.read_row(sample, &mut row);
-        monitor.push(&row).is_ok_and(Interval::is_violated)
-    });
-    judged.truncate(lost.map_or(judged.len(), |sample| sample + 1));
-    judged
-}
-
-/// The leaf of ψ_ego that decides an episode.
-pub(crate) fn leaf(scenario: &Scenario, episode: &Episode) -> String {
-    let explanation = scenario
-        .rulebook()
-        .spec
-        .explain(&violated(scenario, episode));
-    let leaf = explanation.leaf().map(|leaf| leaf.formula.clone());
-    leaf.unwrap_or_default()
 }
 
 /// The earliest decision whose replacement by the neutral action, later ones as

@@ -1,12 +1,12 @@
 //! What is asked of an evaluation, and what is found for it.
 
 use crate::campaign::baselines::AdoKind;
-use crate::campaign::conditioning::{ConditionedAdo, ContextSource};
+use crate::campaign::conditioning::{ConditionedAdo, ContextSource, LEAST_RUNS};
 use crate::campaign::ego_under_test::EgoUnderTest;
 use crate::campaign::eval::{Ado, EvalRequest, Evaluated};
 use crate::campaign::evaluation_error::EvaluationError;
 use crate::campaign::starts::TestStarts;
-use crate::campaign::surrogate::{AdaptedRow, LEAST_RUNS};
+use crate::campaign::surrogate::AdaptedRow;
 use crate::campaign::tries::{Tried, Tries};
 use crate::run::RunDir;
 use crate::scenario::Scenario;

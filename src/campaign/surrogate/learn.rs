@@ -26,8 +26,6 @@ use crate::scenario::Scenario;
 use crate::scene::Start;
 use crate::sim::PlantKind;
 
-/// With fewer runs there is nothing to fit.
-pub const LEAST_RUNS: u64 = 10;
 /// From so many runs on they are recorded in three rounds, else in two.
 const THREE_ROUNDS: u64 = 90;
 /// Updates of each network after every round but the last one.

@@ -46,8 +46,6 @@ mod trial;
 pub use acting::{AdaptedRow, AdaptedTo};
 pub use brake::{BrakedFor, EmergencyBrake};
 pub use fixed::TriedActions;
-pub use learn::{
-    Acts, LEAST_RUNS, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego,
-};
+pub use learn::{Acts, LearnEgoRequest, LearnedEgo, LearnedFrom, SurrogateError, learn_ego};
 pub use likeness::Likeness;
 pub(super) use stored::learned;
