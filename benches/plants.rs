@@ -6,13 +6,13 @@
 //! `bare_usual` is rapier as one would set it up first, colliders included.
 
 use brakecheck::rl::{Control, Env};
-use brakecheck::scenario::Scenario;
 use brakecheck::seed::Purpose;
 use brakecheck::sim::{
     Body, BodyCommand, BodyId, GRAVITY_MPS2, Ground, Kinematic, Plant, PlantKind, Pose, Rigid,
     plant,
 };
 use brakecheck::testbench::Gym;
+use brakecheck::world::Scenario;
 use divan::{Bencher, black_box};
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d::query::DefaultQueryDispatcher;

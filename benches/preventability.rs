@@ -5,11 +5,11 @@
 //! the replayer; `assess` gives everything, rulebook included.
 
 use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::scenario::{Change, Scenario};
 use brakecheck::scene::Motion;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, motion_of, play};
+use brakecheck::world::{Change, Scenario};
 use divan::{Bencher, black_box};
 
 const WORLDS: [&str; 3] = ["acc_plain", "cut_in", "merge_plain"];

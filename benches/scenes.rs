@@ -3,10 +3,10 @@
 //! An old world (`acc`) beside the same with a lead car that has a plan, so that
 //! what is not used can be seen to cost nothing, in one run on one machine.
 
-use brakecheck::scenario::Scenario;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, play};
+use brakecheck::world::Scenario;
 use divan::Bencher;
 use divan::counter::ItemsCount;
 

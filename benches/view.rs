@@ -5,10 +5,10 @@
 //! one would log from a loop. `film` plays the episode again, which any
 //! recording has to, and `whole` is all of it up to the bytes of the file.
 
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, film, play};
 use brakecheck::view::Recording;
+use brakecheck::world::Scenario;
 use divan::counter::ItemsCount;
 use divan::{Bencher, black_box};
 use rerun::{RecordingStream, RecordingStreamBuilder, Scalars, Transform3D};

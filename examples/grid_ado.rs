@@ -5,9 +5,9 @@
 //! ```
 
 use brakecheck::rl::Control;
-use brakecheck::scenario::{GridChange, Scenario};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::{Aftermath, Gym, PolicyActor, play};
+use brakecheck::world::{GridChange, Scenario};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let world = Scenario::load("worlds/grid_hard.ron".as_ref())?;

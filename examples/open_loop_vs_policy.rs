@@ -6,10 +6,10 @@
 //! ```
 
 use brakecheck::rl::Control;
-use brakecheck::scenario::{GridChange, Scenario};
 use brakecheck::scene::Start;
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::{Actor, Aftermath, Episode, Gym, PolicyActor, Replay, play};
+use brakecheck::world::{GridChange, Scenario};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let world = Scenario::load("worlds/grid_hard.ron".as_ref())?;

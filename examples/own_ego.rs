@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use brakecheck::campaign::Regressions;
+use brakecheck::crashes::Regressions;
 use brakecheck::ego::{Command, Controller, Fault, Percept};
 
 /// A cautious follower: keeps a two-second gap and brakes early.

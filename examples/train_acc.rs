@@ -6,10 +6,10 @@
 
 use brakecheck::rl::Learner;
 use brakecheck::rl::{Control, LearnerConfig};
-use brakecheck::scenario::Scenario;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Gym, PolicyActor, play};
+use brakecheck::world::Scenario;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let world = Scenario::load("worlds/acc.ron".as_ref())?;

@@ -12,7 +12,7 @@
 //! A tour, from the bottom up:
 //!
 //! ```
-//! use brakecheck::scenario::Scenario;
+//! use brakecheck::world::Scenario;
 //! use brakecheck::testbench::{Aftermath, Constant, play};
 //! use brakecheck::seed::{Purpose, StartKey};
 //!
@@ -30,31 +30,41 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! [`guide`] has an example for every verb of the command line.
+//! [`doc_pages`] has an example for every verb of the command line.
 
+pub mod adversary;
 pub mod campaign;
 pub mod cli;
 pub mod conformance;
+mod content_hash;
+pub mod crashes;
+pub mod doc_pages;
 pub mod ego;
-pub mod guide;
+pub mod evaluation;
+pub mod experiment;
 pub mod openx;
-pub mod pieces;
 pub mod preventability;
 pub mod report;
 pub mod rl;
 pub mod rulebook;
-pub mod run;
-pub mod scenario;
+pub mod run_dir;
 pub mod scene;
-mod seal;
+pub mod search;
 pub mod seed;
+pub mod serving;
 pub mod severity;
 pub mod sim;
+pub mod stats;
 mod studies;
+pub mod surrogate;
+pub mod sysid;
 pub mod testbench;
+pub mod theorems;
+pub mod training;
 #[cfg(feature = "rerun")]
 pub mod view;
 mod visible;
+pub mod world;
 
 #[doc(inline)]
 pub use brakecheck_stl as stl;

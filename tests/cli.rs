@@ -40,7 +40,7 @@ use std::process::Output;
 use std::sync::OnceLock;
 
 use assert_cmd::Command;
-use brakecheck::run::{Counterexample, csv_of};
+use brakecheck::run_dir::{Counterexample, csv_of};
 use brakecheck::trace::Trace;
 use serde_json::Value;
 use sha2::{Digest, Sha256};

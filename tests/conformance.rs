@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf};
 
 use brakecheck::conformance::{check_controller, check_env, check_policy, check_scene};
 use brakecheck::rl::{LearnerConfig, LearnerSettings, load_policy_for};
-use brakecheck::scenario::Scenario;
 use brakecheck::seed::Purpose;
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::Gym;
+use brakecheck::world::Scenario;
 
 fn shipped() -> Vec<(String, Scenario)> {
     let dir = Path::new(env!("CARGO_MANIFEST_DIR")).join("worlds");

@@ -12,11 +12,11 @@ mod learning;
 mod theorems;
 
 use brakecheck::rl::Policy;
-use brakecheck::scenario::{GridChange, Scenario};
 use brakecheck::scene::Start;
 use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
 use brakecheck::scene::grid::{Arena, AtWall};
 use brakecheck::testbench::{Aftermath, Episode, PolicyActor, play};
+use brakecheck::world::{GridChange, Scenario};
 
 const A: AtWall = AtWall::Stays;
 const B: AtWall = AtWall::FirstInMap;

@@ -5,14 +5,14 @@ mod at_the_wheel;
 #[path = "preventability/panel.rs"]
 mod panel;
 
-use brakecheck::campaign::Regressions;
+use brakecheck::crashes::Regressions;
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::preventability::{Label, NotApplicable, PANEL, Preventability, Seat};
-use brakecheck::scenario::{Change, Scenario};
 use brakecheck::scene::{Motion, Touch};
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, HOLD_DECISIONS, HeldRandom, motion_of, play};
+use brakecheck::world::{Change, Scenario};
 
 const WORLDS: [&str; 6] = [
     "acc_plain",

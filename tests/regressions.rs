@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use brakecheck::campaign::{Kept, Regressions};
+use brakecheck::crashes::{Kept, Regressions};
 use brakecheck::rulebook::JudgeKind;
-use brakecheck::run::{digests_of, trace_of_csv};
-use brakecheck::scenario::Scenario;
+use brakecheck::run_dir::{digests_of, trace_of_csv};
 use brakecheck::stl::Scratch;
 use brakecheck::trace::Trace;
+use brakecheck::world::Scenario;
 
 fn kept() -> Regressions {
     let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions");

@@ -5,10 +5,10 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, play};
 use brakecheck::view::{Recording, ViewError, entities, record};
+use brakecheck::world::Scenario;
 use rerun::external::re_log_encoding::DecoderApp;
 use rerun::log::{Chunk, LogMsg};
 
@@ -176,7 +176,7 @@ fn an_unwritable_output_is_an_error_that_names_it() {
 #[test]
 fn every_kept_crash_of_every_world_can_be_watched() {
     let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/regressions");
-    let kept = brakecheck::campaign::Regressions::load(dir).unwrap();
+    let kept = brakecheck::crashes::Regressions::load(dir).unwrap();
     let out = tempfile::tempdir().unwrap();
     let (mut unseen, mut seen) = (Vec::new(), Vec::new());
     for replayed in kept.replay().unwrap() {

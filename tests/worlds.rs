@@ -51,7 +51,7 @@ mod warnings;
 
 use std::path::PathBuf;
 
-use brakecheck::scenario::Scenario;
+use brakecheck::world::Scenario;
 
 /// All shipped worlds by file name.
 fn shipped() -> Vec<(String, Scenario)> {

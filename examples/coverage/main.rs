@@ -1,4 +1,4 @@
-//! How often the intervals of `brakecheck::run` hold the truth, as Markdown.
+//! How often the intervals of `brakecheck::run_dir` hold the truth, as Markdown.
 //!
 //! `cargo run --release --example coverage` makes the tables of
 //! docs/lab/coverage.md; a number behind it is experiments per cell (2000), and

@@ -1,8 +1,10 @@
 //! Trainings and starts drawn from known distributions, and how often an
 //! interval of their marks holds the truth.
 
-use brakecheck::run::{Outcomes, StartOutcome, mean_difference, paired_difference, seeds_interval};
 use brakecheck::seed::generator;
+use brakecheck::stats::{
+    Outcomes, StartOutcome, mean_difference, paired_difference, seeds_interval,
+};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

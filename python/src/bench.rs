@@ -3,12 +3,12 @@
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use brakecheck::rulebook::Verdict;
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::stl::Scratch;
 use brakecheck::testbench::{Aftermath, Testbench};
 use brakecheck::trace::Trace;
+use brakecheck::world::Scenario;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -3,14 +3,15 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use brakecheck::campaign::{
-    Ado, AdoKind, BUDGET, Choice, ContextSource, EgoUnderTest, Evaluation, Form, GivenRows,
-    IdentifyRequest, KeepSettings, Keeper, Method, MethodSettings, ReportRequest, SearchCampaign,
-    SearchRequest, Switches, TestStarts, TrainRequest, TrainSession, Watch, best_constant, consent,
-    eval, identify, on_plant, search, test_starts, untrained,
-};
-use brakecheck::run::{Row, RunDir};
-use brakecheck::scenario::Scenario;
+use brakecheck::adversary::{Ado, AdoKind, best_constant, eval};
+use brakecheck::crashes::{Choice, Form, KeepSettings, Keeper};
+use brakecheck::evaluation::{Evaluation, GivenRows, ReportRequest, SearchCampaign, untrained};
+use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, consent, on_plant, test_starts};
+use brakecheck::run_dir::{Row, RunDir};
+use brakecheck::search::{BUDGET, Method, MethodSettings, SearchRequest, Switches, search};
+use brakecheck::sysid::{ContextSource, IdentifyRequest, identify};
+use brakecheck::training::{TrainRequest, TrainSession};
+use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use serde_json::json;
@@ -436,8 +437,8 @@ pub(crate) fn report_run(
         let Some(report) = request.report(watch)? else {
             return Ok(None);
         };
-        brakecheck::run::write_file(&html, report.html().as_bytes())?;
-        brakecheck::run::write_file(&junit, report.junit().as_bytes())?;
+        brakecheck::run_dir::write_file(&html, report.html().as_bytes())?;
+        brakecheck::run_dir::write_file(&junit, report.junit().as_bytes())?;
         Ok(Some(()))
     })?;
     something(done)?;

@@ -3,10 +3,10 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use brakecheck::campaign::EgoUnderTest;
 use brakecheck::ego::{Controller, Process};
-use brakecheck::scenario::Scenario;
+use brakecheck::experiment::EgoUnderTest;
 use brakecheck::scene::drive::ControllerFactory;
+use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyString, PyType};
 

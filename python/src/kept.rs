@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use brakecheck::campaign::{Regressions, Replayed, ViewKind, export, picture};
 use brakecheck::cli::Failure;
+use brakecheck::crashes::{Regressions, Replayed, ViewKind, export, picture};
 use brakecheck::ego::reference::ReferenceDriver;
-use brakecheck::run::write_file;
+use brakecheck::run_dir::write_file;
 use brakecheck::view;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};

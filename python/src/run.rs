@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use brakecheck::campaign::policy_told_by_name;
-use brakecheck::run::RunDir;
-use brakecheck::scenario::Scenario;
+use brakecheck::run_dir::RunDir;
+use brakecheck::serving::policy_told_by_name;
+use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 
 use crate::ado::RawPolicy;

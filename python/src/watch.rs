@@ -5,8 +5,8 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use brakecheck::campaign::{Remark, Watch};
 use brakecheck::cli::Failure;
+use brakecheck::experiment::{Remark, Watch};
 use brakecheck::testbench::FaultLog;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;

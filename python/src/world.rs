@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use brakecheck::campaign::{asked_of, on_plant};
-use brakecheck::scenario::Scenario;
+use brakecheck::experiment::on_plant;
 use brakecheck::scene::World;
+use brakecheck::serving::asked_of;
 use brakecheck::sim::PlantKind;
+use brakecheck::world::Scenario;
 use pyo3::prelude::*;
 use serde_json::json;
 

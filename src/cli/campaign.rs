@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use serde_json::json;
 
 use super::{Common, Exit, Failure, examples, finished, print_json, progress, table_of, talk};
-use crate::pieces::{
+use crate::campaign::{
     COLUMNS, GateVerdict, Merged, PIECE_S, PieceDone, Plan, PlanCost, PlanDir, SummaryRow,
 };
 

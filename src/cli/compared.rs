@@ -5,9 +5,11 @@ use serde_json::{Value, json};
 
 use super::eval::EvalArgs;
 use super::{Failure, table_of, talk};
-use crate::campaign::{EvaluationTable, Gate, Point, Sweep, Swept, Watch};
+use crate::evaluation::{EvaluationTable, Gate, Point, Sweep, Swept};
+use crate::experiment::Watch;
 use crate::report::sweep_curve;
-use crate::run::{at_most, wilson, write_file};
+use crate::run_dir::write_file;
+use crate::stats::{at_most, wilson};
 
 /// What the columns of a sweep mean.
 const EXPLAINED: &str = "

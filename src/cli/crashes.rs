@@ -15,7 +15,7 @@ use clap::Parser;
 use rand::RngExt;
 
 use super::{Cli, Exit, carry_out};
-use crate::run::disk::crash::{How, failing};
+use crate::run_dir::disk::crash::{How, failing};
 use crate::seed::generator;
 
 /// Steps per verb and way to fail, unless all are asked for.

@@ -12,13 +12,15 @@ use super::{
     Common, Exit, Failure, exit_of, gone, interrupted_early, load_world, one_of, open_run, points,
     print_json, progress, table, talk, theorems,
 };
-use crate::campaign::{
-    AdoKind, ContextSource, EgoUnderTest, Evaluation, EvaluationTable, Sweep, TheoremsChecked,
-    Watch, on_plant, summarise, untrained,
+use crate::adversary::AdoKind;
+use crate::evaluation::{
+    Evaluation, EvaluationTable, Sweep, TheoremsChecked, summarise, untrained,
 };
-use crate::run::RunDir;
-use crate::scenario::Scenario;
+use crate::experiment::{EgoUnderTest, Watch, on_plant};
+use crate::run_dir::RunDir;
 use crate::sim::PlantKind;
+use crate::sysid::ContextSource;
+use crate::world::Scenario;
 
 #[derive(Args, Debug)]
 pub(super) struct EvalArgs {

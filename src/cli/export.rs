@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, print_json, talk};
-use crate::campaign::{Exports, NotExported, Regressions, export};
+use crate::crashes::{Exports, NotExported, Regressions, export};
 
 #[derive(Args, Debug)]
 pub(super) struct ExportArgs {

@@ -6,19 +6,24 @@ use std::path::Path;
 use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, Severity};
 
 use super::excerpt::Excerpt;
-use crate::campaign::{
-    AdversaryError, ConditioningError, EgoError, EvaluationError, ExportRefusal, FindError,
-    IdentifyError, Inapplicable, NotExported, RegressionError, SearchError, SessionError,
-    SweepError, TheoremsError, TrainError, UnknownViewKind,
+use crate::adversary::AdversaryError;
+use crate::campaign::CampaignError;
+use crate::crashes::{
+    ExportRefusal, FindError, Inapplicable, NotExported, RegressionError, UnknownViewKind,
 };
+use crate::evaluation::{EvaluationError, SweepError};
+use crate::experiment::EgoError;
 use crate::openx::OpenXError;
-use crate::pieces::CampaignError;
 use crate::rl::ConfigError;
-use crate::run::{KeptError, RunError};
-use crate::scenario::{LoadError, Problem, Scenario, ScenarioError, guessed};
+use crate::run_dir::{KeptError, RunError};
+use crate::search::SearchError;
 use crate::studies::{ReuseError, Table1Error};
+use crate::sysid::{ConditioningError, IdentifyError};
 use crate::testbench::Complaint;
+use crate::theorems::TheoremsError;
+use crate::training::{SessionError, TrainError};
 use crate::visible::{command_line, visible, visible_line};
+use crate::world::{LoadError, Problem, Scenario, ScenarioError, guessed};
 
 /// Messages of one failure that are printed.
 const MOST_NOTES: usize = 50;

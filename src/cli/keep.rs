@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::campaign::{Choice, Form, KEEP_RUNS, KeepSettings};
+use crate::crashes::{Choice, Form, KEEP_RUNS, KeepSettings};
 
 /// Counterexamples that are written per ego, unless the command line says how many.
 const USUAL: usize = 10;

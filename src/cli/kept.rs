@@ -9,9 +9,10 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, finite_or_word, print_json, progress, table_of, talk};
-use crate::campaign::{Regressions, Replayed};
+use crate::crashes::{Regressions, Replayed};
 use crate::rulebook::RulesUntilContact;
-use crate::run::{About, StartRepeated, wilson};
+use crate::run_dir::{About, StartRepeated};
+use crate::stats::wilson;
 use crate::testbench::Episode;
 
 #[derive(Args, Debug)]

@@ -43,9 +43,9 @@ use strum::{EnumMessage, VariantArray};
 
 pub use failure::{Exit, Failure, Note};
 
-use crate::run::{Row, RunDir, RunError};
-use crate::scenario::Scenario;
+use crate::run_dir::{Row, RunDir, RunError};
 use crate::visible::visible;
+use crate::world::Scenario;
 
 /// Can a car that keeps every rule still make yours crash?
 #[derive(Parser, Debug)]

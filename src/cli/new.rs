@@ -8,8 +8,8 @@ use serde_json::json;
 
 use super::{Common, Exit, Failure, print_json, talk};
 use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
-use crate::run::write_file;
-use crate::scenario::Scenario;
+use crate::run_dir::write_file;
+use crate::world::Scenario;
 
 /// The world that is written; its name is put in.
 const WORLD: &str = include_str!("new_world.ron");

@@ -6,10 +6,9 @@ use serde_json::json;
 
 use super::eval::EvalArgs;
 use super::{Exit, Failure, interrupted_early, print_json, progress, table, talk};
-use crate::campaign::{
-    EgoUnderTest, PointOutcome, PointResult, PointsRequest, PointsTable, consent_to, points,
-};
-use crate::scenario::Scenario;
+use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, points};
+use crate::experiment::{EgoUnderTest, consent_to};
+use crate::world::Scenario;
 
 /// What the tables say, below them.
 const EXPLAINED: &str = "

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
 use super::talk;
-use crate::campaign::{Remark, StepPlace, Watch};
+use crate::experiment::{Remark, StepPlace, Watch};
 use crate::visible::visible_line;
 
 /// Between two lines of progress, where there is no terminal.

@@ -11,12 +11,11 @@ use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, open_run, print_json, progress,
     talk,
 };
-use crate::campaign::{
-    EgoUnderTest, GivenRows, PointsRequest, ReportRequest, consent_to, file_stem, openx, points,
-    write_openx,
-};
+use crate::crashes::{file_stem, openx, write_openx};
+use crate::evaluation::{GivenRows, PointsRequest, ReportRequest, points};
+use crate::experiment::{EgoUnderTest, consent_to};
 use crate::report::Report;
-use crate::run::{RunDir, make_dir, write_file};
+use crate::run_dir::{RunDir, make_dir, write_file};
 
 /// Failures that the page of a world's points shows moving.
 const MOST_EXAMPLES: usize = 12;

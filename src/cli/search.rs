@@ -13,11 +13,10 @@ use super::{
     Common, Exit, Failure, exit_of, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,
 };
-use crate::campaign::{
-    BUDGET, BreakEven, EgoUnderTest, Method, MethodInfo, MethodOption, MethodSettings,
-    SearchCampaign, SearchTable, counterexamples_for, on_plant,
-};
-use crate::run::{Row, RunDir, Stored};
+use crate::evaluation::{BreakEven, SearchCampaign, SearchTable, counterexamples_for};
+use crate::experiment::{EgoUnderTest, on_plant};
+use crate::run_dir::{Row, RunDir, Stored};
+use crate::search::{BUDGET, Method, MethodInfo, MethodOption, MethodSettings};
 use crate::sim::PlantKind;
 
 #[derive(Args, Debug)]
@@ -161,8 +160,9 @@ fn stored(
 fn anytime_lines(rows: &[Row]) -> String {
     let mut text = String::new();
     for row in rows.iter().filter(|row| 1 < row.anytime.len()) {
-        let part =
-            |at: &crate::run::Anytime| format!("{}: {:.1} %", at.budget, 100.0 * at.success_rate);
+        let part = |at: &crate::run_dir::Anytime| {
+            format!("{}: {:.1} %", at.budget, 100.0 * at.success_rate)
+        };
         let parts: Vec<String> = row.anytime.iter().map(part).collect();
         text.push_str(&format!(
             "\n{}, {}: success after so many simulations per start: {}",

@@ -7,7 +7,7 @@ use clap::Args;
 use indexmap::IndexMap;
 
 use super::{Common, Exit, Failure, open_run, talk};
-use crate::campaign::{ServeError, ServedAdo};
+use crate::serving::{ServeError, ServedAdo};
 
 /// Where the conversation is written down.
 const DOCUMENT: &str = "docs/ado-protocol.md";

@@ -6,12 +6,12 @@ use clap::{Args, ValueEnum};
 use serde_json::json;
 
 use super::{Common, Exit, Failure, finite_or_word, print_json, talk};
-use crate::run::trace_of_csv;
-use crate::scenario::{Problem, ScenarioError};
+use crate::run_dir::trace_of_csv;
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
 use crate::trace::Trace;
+use crate::world::{Problem, ScenarioError};
 
 #[derive(Args, Debug)]
 pub(super) struct StlArgs {

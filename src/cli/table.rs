@@ -3,8 +3,9 @@
 use comfy_table::{Cell, CellAlignment, ContentArrangement, Table, presets};
 
 use super::table_of;
-use crate::campaign::{IdentifiedAs, LEAST_REACHABLE, Relation, ReusedOn, Summary};
-use crate::run::Row;
+use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
+use crate::run_dir::Row;
+use crate::sysid::IdentifiedAs;
 
 /// Columns of a table at most; what is wider is wrapped.
 pub(super) const WIDTH: u16 = 100;
@@ -392,7 +393,7 @@ mod tests {
     use super::*;
 
     fn row(ego: &str, ado: &str, (successes, starts): (usize, usize)) -> Row {
-        let at_most = (successes == 0).then(|| crate::run::at_most(starts));
+        let at_most = (successes == 0).then(|| crate::stats::at_most(starts));
         let row = serde_json::json!({
             "world": "w", "plant": "Kinematic", "judge": "UntilViolation", "ego": ego, "ado": ado,
             "method": "m", "start_seed": 0, "starts": starts, "trivial": 0,

@@ -1,9 +1,10 @@
 //! What `eval --theorems` prints.
 
 use super::table_of;
-use crate::campaign::{
+use crate::evaluation::TheoremsChecked;
+use crate::theorems::{
     Carried, CarryOver, Forecast, GridTheorems, Nearby, Theorem1, Theorem2, Theorem3,
-    TheoremOutcome, TheoremsChecked,
+    TheoremOutcome,
 };
 
 /// Tables and sentences.

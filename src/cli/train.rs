@@ -10,10 +10,10 @@ use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,
 };
-use crate::campaign::{TrainRequest, TrainSession, TrainingOutcome};
-use crate::run::{Ended, Row};
-use crate::scenario::{Against, Scenario};
+use crate::run_dir::{Ended, Row};
 use crate::sim::PlantKind;
+use crate::training::{TrainRequest, TrainSession, TrainingOutcome};
+use crate::world::{Against, Scenario};
 
 #[derive(Args, Debug)]
 pub(super) struct TrainArgs {

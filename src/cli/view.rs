@@ -9,9 +9,9 @@ use serde_json::json;
 use strum::VariantArray;
 
 use super::{Common, Exit, Failure, print_json, talk};
-use crate::campaign::{Regressions, Replayed, ViewKind, picture};
+use crate::crashes::{Regressions, Replayed, ViewKind, picture};
 use crate::ego::reference::ReferenceDriver;
-use crate::run::write_file;
+use crate::run_dir::write_file;
 
 #[derive(Args, Debug)]
 pub(super) struct ViewArgs {

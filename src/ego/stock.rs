@@ -212,9 +212,9 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::scenario::Scenario;
     use crate::seed::{Purpose, StartKey};
     use crate::testbench::{Aftermath, Constant, play};
+    use crate::world::Scenario;
 
     const GUIDE: &str = include_str!("../../docs/egos.md");
     const WORLD: &str = include_str!("../../worlds/acc.ron");

@@ -24,10 +24,10 @@ mod xml;
 
 use std::io;
 
-use crate::scenario::Scenario;
 use crate::scene::drive::DriveWorld;
 use crate::scene::{Passage, World};
 use crate::testbench::Episode;
+use crate::world::Scenario;
 use entity::Limits;
 use origin::{AUTHOR, DATE};
 use path::Vertex;

@@ -9,7 +9,7 @@
 //!
 //! ```
 //! use brakecheck::preventability::Label;
-//! use brakecheck::scenario::Scenario;
+//! use brakecheck::world::Scenario;
 //! use brakecheck::seed::{Purpose, StartKey};
 //! use brakecheck::testbench::{Aftermath, Constant, play};
 //!

@@ -6,9 +6,9 @@ use super::Example;
 use super::animation::{animation, colour_class};
 use super::plot::{Chart, Curve, Mark, chart};
 use super::verdict::VerdictWords;
-use crate::scenario::Scenario;
 use crate::testbench::Episode;
 use crate::trace::{SignalKind, Trace};
+use crate::world::Scenario;
 
 /// One counterexample: what came of it, the animated picture, what is known of
 /// it, and curves; it is number `nth` of `all`.

@@ -4,11 +4,11 @@
 
 use super::Example;
 use crate::preventability::{Label, NotApplicable};
-use crate::run::LastChance;
-use crate::scenario::Scenario;
+use crate::run_dir::LastChance;
 use crate::scene::World;
 use crate::scene::drive::{Direction, DriveWorld};
 use crate::sim::Pose;
+use crate::world::Scenario;
 
 /// The words, and the class that colours them.
 pub(super) type Fault = (String, &'static str);

@@ -3,7 +3,8 @@
 use maud::{Markup, PreEscaped, html};
 
 use super::{Report, Tested};
-use crate::run::{Row, StartOutcome};
+use crate::run_dir::Row;
+use crate::stats::StartOutcome;
 use crate::testbench::FaultCount;
 use crate::visible::visible_markup;
 

@@ -22,10 +22,10 @@ mod verdict;
 mod words;
 
 use crate::rulebook::Verdict;
-use crate::run::{About, Manifest, Progress, Row};
-use crate::scenario::Scenario;
+use crate::run_dir::{About, Manifest, Progress, Row};
 use crate::scene::{Frame, Start};
 use crate::testbench::{Episode, FaultCount};
+use crate::world::Scenario;
 
 pub use animation::{Beside, looping_picture};
 pub use campaign::CampaignPage;

@@ -2,13 +2,11 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::animation;
 use super::examples::example;
-use super::results::{self, percent};
-use super::reuse;
-use super::{Nominal, Report};
-use crate::scenario::Scenario;
+use super::results::percent;
+use super::{Nominal, Report, animation, results, reuse};
 use crate::visible::visible_markup;
+use crate::world::Scenario;
 
 /// Colours and pictures, shared with the figures.
 pub(super) const STYLE: &str = include_str!("style.css");

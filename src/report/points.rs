@@ -2,12 +2,11 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use super::Example;
-use super::animation;
 use super::examples::example;
 use super::page::{head, world};
-use crate::scenario::Scenario;
+use super::{Example, animation};
 use crate::visible::visible_markup;
+use crate::world::Scenario;
 
 /// One ego at the points of a world.
 pub struct PointsPage<'a> {

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::plot::{Cell, Chart, Curve, HeatMap, Histogram, Mark, chart, heat_map, histogram};
 use super::{Nominal, TestingCost, Training};
 use crate::rulebook::Verdict;
-use crate::run::Row;
+use crate::run_dir::Row;
 use crate::scene::Axis;
 
 /// Columns and rows of a heat map at most.
@@ -25,7 +25,7 @@ pub(super) fn percent(share: f64) -> String {
 
 /// Share of training episodes that were solved, and the mean return.
 pub(super) fn training(trainings: &[Training]) -> Markup {
-    let curve = |nth: usize, training: &Training, y: fn(&crate::run::Progress) -> f64| {
+    let curve = |nth: usize, training: &Training, y: fn(&crate::run_dir::Progress) -> f64| {
         let points = training.progress.iter();
         Curve {
             name: format!("seed {}", training.manifest.seed),
@@ -34,7 +34,7 @@ pub(super) fn training(trainings: &[Training]) -> Markup {
             dots: Vec::new(),
         }
     };
-    let picture = |title: &str, label: &str, y: fn(&crate::run::Progress) -> f64| {
+    let picture = |title: &str, label: &str, y: fn(&crate::run_dir::Progress) -> f64| {
         let curves = trainings.iter().enumerate();
         chart(&Chart {
             title: title.to_owned(),

@@ -4,7 +4,8 @@ use maud::{Markup, html};
 
 use super::results::{interval, percent};
 use super::{Tested, Training};
-use crate::run::{Row, StartOutcome};
+use crate::run_dir::Row;
+use crate::stats::StartOutcome;
 
 /// All rows, sorted: the nominal ego, then the egos that the trained ado fails
 /// most; of one ego the most successful first.

@@ -5,11 +5,11 @@ use super::Example;
 use super::fault::{Fault, fault};
 use crate::ego::Phase;
 use crate::rulebook::{RulesUntilContact, Verdict};
-use crate::run::{LastChance, Severity};
-use crate::scenario::Scenario;
+use crate::run_dir::{LastChance, Severity};
 use crate::scene::Role;
 use crate::severity::{CrashKind, Side};
 use crate::testbench::Episode;
+use crate::world::Scenario;
 
 /// The sentence, in parts.
 pub(super) struct VerdictWords {

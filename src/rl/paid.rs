@@ -170,10 +170,11 @@ impl Learner for Learning {
 /// From a world file to a policy that plays, by the doors all learners use.
 #[test]
 fn a_learner_is_one_file_and_one_line() {
-    use crate::campaign::{Watch, train};
-    use crate::run::RunDir;
-    use crate::scenario::Scenario;
+    use crate::experiment::Watch;
+    use crate::run_dir::RunDir;
     use crate::testbench::{Aftermath, PolicyActor, play};
+    use crate::training::train;
+    use crate::world::Scenario;
 
     let acc = include_str!("../../worlds/acc.ron");
     let with = |learner: &str| {

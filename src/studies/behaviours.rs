@@ -4,12 +4,13 @@
 //! sequences with few switches, so the same pictures come out on every machine.
 
 use super::extreme::extreme;
-use crate::campaign::{SWITCHES, SearchRequest, Switches, TestStarts, Watch, search};
+use crate::experiment::{TestStarts, Watch};
 use crate::rulebook::Verdict;
-use crate::scenario::Scenario;
 use crate::scene::Start;
+use crate::search::{SWITCHES, SearchRequest, Switches, search};
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Constant, Episode, Replay, play};
+use crate::world::Scenario;
 
 /// The same where all sequences are played and two switches would be too many.
 const FEW_SWITCHES: usize = 1;

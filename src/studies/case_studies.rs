@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{
-    Ado, EvalRequest, SWITCHES, SearchRequest, Switches, TestStarts, TrainError, Watch,
-    best_constant, eval, search, test_starts, train,
-};
-use crate::run::{Asked, Outcomes, Row, RunDir, RunError, paired_difference, seeds_interval};
-use crate::scenario::{Against, Scenario};
+use crate::adversary::{Ado, EvalRequest, best_constant, eval};
+use crate::experiment::{TestStarts, Watch, test_starts};
+use crate::run_dir::{Asked, Row, RunDir, RunError};
+use crate::search::{SWITCHES, SearchRequest, Switches, search};
 use crate::seed::Seeds;
+use crate::stats::{Outcomes, paired_difference, seeds_interval};
+use crate::training::{TrainError, train};
+use crate::world::{Against, Scenario};
 
 /// With more joint actions than this, all sequences with two switches are too
 /// many: one switch then, and the row of the search says so.

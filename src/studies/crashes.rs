@@ -8,18 +8,19 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{
-    Ado, EvalRequest, Evaluated, SearchRequest, Switches, TestStarts, TrainError, Watch,
-    best_constant, eval, persistence, search, test_starts,
-};
+use super::case_studies::{CaseStudies, trained_run};
+use crate::adversary::{Ado, EvalRequest, Evaluated, best_constant, eval};
+use crate::crashes::persistence;
 use crate::ego::reference::ReferenceDriver;
 use crate::ego::{Actuated, CcLatchedDriver, ControllerSpec};
-use crate::run::{ClosingSpeed, RunDir, wilson};
-use crate::scenario::{Change, ChangeError, Scenario};
+use crate::experiment::{TestStarts, Watch, test_starts};
+use crate::run_dir::{ClosingSpeed, RunDir};
+use crate::search::{SearchRequest, Switches, search};
 use crate::severity::CrashKind;
+use crate::stats::wilson;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
-
-use super::case_studies::{CaseStudies, trained_run};
+use crate::training::TrainError;
+use crate::world::{Change, ChangeError, Scenario};
 
 /// The competent driver of UN R157 that reads the next lane, and does not let go.
 const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
@@ -112,7 +113,7 @@ impl Study<'_> {
         play: Play<'_>,
     ) -> CrashRow {
         let (ado, seed, foul_rate) = evaluated;
-        let all = crate::campaign::EpisodeLoop::uncounted(self.watch);
+        let all = crate::experiment::EpisodeLoop::uncounted(self.watch);
         let looked = all.run(
             solved,
             || (self.scenario.bench(), self.competent.bench()),

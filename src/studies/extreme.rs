@@ -1,10 +1,10 @@
 //! The action sequence from one start that does something most.
 
-use crate::campaign::{EpisodeLoop, Watch};
-use crate::scenario::Scenario;
+use crate::experiment::{EpisodeLoop, Watch};
 use crate::scene::Start;
 use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench};
+use crate::world::Scenario;
 
 /// Sequences that are tried on the world's own plant at most.
 const MAX_CONFIRMED: usize = 50;

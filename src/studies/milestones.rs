@@ -8,12 +8,13 @@
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use crate::campaign::{Ado, EvalRequest, TestStarts, Watch, eval};
+use crate::adversary::{Ado, EvalRequest, eval};
+use crate::experiment::{TestStarts, Watch};
 use crate::rl::Control;
-use crate::run::Row;
-use crate::scenario::Scenario;
+use crate::run_dir::Row;
 use crate::seed::Purpose;
 use crate::testbench::Gym;
+use crate::world::Scenario;
 
 /// A policy on the way.
 #[derive(Clone, Debug, Serialize)]

@@ -7,13 +7,13 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{EpisodeLoop, TestStarts, Watch};
+use crate::experiment::{EpisodeLoop, TestStarts, Watch};
 use crate::rl::Policy;
-use crate::run::wilson;
-use crate::scenario::Scenario;
 use crate::scene::{Axis, Start};
 use crate::seed::{Purpose, StartKey};
+use crate::stats::wilson;
 use crate::testbench::{Aftermath, PolicyActor, Testbench};
+use crate::world::Scenario;
 
 /// Two starts are as good as the same if no quantity differs by more than this
 /// share of its range.

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::milestones::{Milestone, milestones};
-use crate::campaign::{TestStarts, Watch, test_starts};
-use crate::run::{Outcomes, seeds_interval};
-use crate::scenario::Scenario;
+use crate::experiment::{TestStarts, Watch, test_starts};
 use crate::seed::Seeds;
+use crate::stats::{Outcomes, seeds_interval};
+use crate::world::Scenario;
 
 /// One training to be measured on the way.
 pub struct PaperRow<'a> {

@@ -7,8 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{EgoUnderTest, PointsRequest, Watch, points};
-use crate::scenario::Scenario;
+use crate::evaluation::{PointsRequest, points};
+use crate::experiment::{EgoUnderTest, Watch};
+use crate::world::Scenario;
 
 /// Most changes of what is added to a plan.
 const SWITCHES: usize = 2;
@@ -153,7 +154,7 @@ fn sum(rows: &[ProtocolRow], ego: &str) -> ProtocolRow {
 pub fn protocol_egos(
     world: &Scenario,
     asked: &[String],
-) -> Result<Vec<EgoUnderTest>, crate::campaign::EgoError> {
+) -> Result<Vec<EgoUnderTest>, crate::experiment::EgoError> {
     let all = ["all".to_owned()];
     let asked = if asked.is_empty() { &all[..] } else { asked };
     let mut egos = Vec::new();

@@ -6,11 +6,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::campaign::{
-    AdaptedTo, AdoKind, EgoError, EgoUnderTest, Evaluation, EvaluationError, Watch,
-};
-use crate::run::{Outcomes, Row, RunDir};
-use crate::scenario::Scenario;
+use crate::adversary::AdoKind;
+use crate::evaluation::{Evaluation, EvaluationError};
+use crate::experiment::{EgoError, EgoUnderTest, Watch};
+use crate::run_dir::{Row, RunDir};
+use crate::stats::Outcomes;
+use crate::surrogate::AdaptedTo;
+use crate::world::Scenario;
 
 /// Runs of each ego that are recorded; fewer in the second column.
 pub const RUNS: u64 = 100;

@@ -46,7 +46,7 @@
 //! borrowed, played again on a bench of its own, and written down.
 //!
 //! ```no_run
-//! use brakecheck::scenario::Scenario;
+//! use brakecheck::world::Scenario;
 //! use brakecheck::seed::{Purpose, StartKey};
 //! use brakecheck::testbench::{Aftermath, Constant, play};
 //!
@@ -83,8 +83,8 @@ use rerun::external::re_log_types::BlueprintActivationCommand;
 use rerun::log::LogMsg;
 use rerun::{EntityPath, RecordingInfo, StoreKind};
 
-use crate::scenario::Scenario;
 use crate::testbench::Episode;
+use crate::world::Scenario;
 pub use error::ViewError;
 use journal::Journal;
 pub use panel::Entity;

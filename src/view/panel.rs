@@ -4,7 +4,7 @@ use super::error::ViewError;
 use super::journal::Journal;
 use super::layout::{Layout, Views};
 use super::story::Story;
-use crate::scenario::Scenario;
+use crate::world::Scenario;
 
 /// A part of recordings: a file in `panels/`, and its line in the list there.
 pub(super) struct Panel {

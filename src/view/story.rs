@@ -1,11 +1,12 @@
 //! What happened in an episode, as numbers: no viewer in sight.
 
-use super::palette::{self, Rgb};
+use super::palette;
+use super::palette::Rgb;
 use crate::rulebook::Verdict;
-use crate::scenario::Scenario;
 use crate::scene::{Frame, Role, Stage};
 use crate::stl::{Interval, Monitor};
 use crate::testbench::{Episode, film};
+use crate::world::Scenario;
 
 /// Who opens a recording later than this after the verdict does not see it.
 const GOES_ON_S: f64 = 0.3;

@@ -172,7 +172,7 @@ impl Index<'_> {
         {
             return leads(room);
         }
-        // `surrogate::likening`, on a page that has said of which room.
+        // `surrogate::model_fit`, on a page that has said of which room.
         let mut modules = self.sources.modules_called(first);
         leads(&path) || modules.any(|module| leads(&[module, &path[1..]].concat()))
     }

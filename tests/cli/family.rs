@@ -26,7 +26,7 @@ fn a_conditional_ado_is_told_identified_true_or_nominal_parameters_and_nothing_e
     let fields = older.as_object_mut().expect("a row");
     let context = fields.remove("context").expect("said");
     fields.insert("told".to_owned(), context);
-    let older: brakecheck::run::Row = serde_json::from_value(older).expect("an older row");
+    let older: brakecheck::run_dir::Row = serde_json::from_value(older).expect("an older row");
     assert_eq!(older.context.as_deref(), Some("nominal"));
     let manifest = std::fs::read_to_string(dir.path().join("run/manifest.json")).expect("it");
     assert!(manifest.contains("\"conditional\"") && manifest.contains("max_brake_mps2"));

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use brakecheck::campaign::{RegressionError, Regressions};
+use brakecheck::crashes::{RegressionError, Regressions};
 use brakecheck::ego::Process;
-use brakecheck::run::Counterexample;
-use brakecheck::scenario::Change;
+use brakecheck::run_dir::Counterexample;
+use brakecheck::world::Change;
 use serde_json::Value;
 
 use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};

@@ -42,7 +42,7 @@ fn a_gate_and_its_opposite_mirror_each_other() {
     let failing = starts(&worse, "newly_failing").len();
     let fixed = starts(&worse, "newly_fixed").len();
     assert!(fixed < failing, "softer brakes fail more often: {worse}");
-    assert_eq!(worse["p_value"], brakecheck::run::mcnemar(failing, fixed));
+    assert_eq!(worse["p_value"], brakecheck::stats::mcnemar(failing, fixed));
     assert_eq!(worse_exit, 1);
     assert_eq!(better_exit, i32::from(0 < fixed));
     // Only what CC_LATCHED or FSM would have avoided counts unless asked.

@@ -4,8 +4,8 @@
 use std::path::Path;
 use std::process::Output;
 
-use brakecheck::campaign::Regressions;
-use brakecheck::scenario::Scenario;
+use brakecheck::crashes::Regressions;
+use brakecheck::world::Scenario;
 
 use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
 

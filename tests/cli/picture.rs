@@ -2,7 +2,7 @@
 
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::rulebook::RulesUntilContact;
-use brakecheck::run::{About, Counterexample};
+use brakecheck::run_dir::{About, Counterexample};
 
 use super::{brakecheck, code, json, path, root, scratch, stderr};
 

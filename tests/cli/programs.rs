@@ -1,8 +1,8 @@
 //! Crashes of programs: minimized, labelled and persistent, as those of stock
 //! egos are.
 
-use brakecheck::campaign::Regressions;
-use brakecheck::run::{About, NotAsked};
+use brakecheck::crashes::Regressions;
+use brakecheck::run_dir::{About, NotAsked};
 
 use super::{brakecheck, code, path, scratch, stderr};
 

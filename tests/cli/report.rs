@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use brakecheck::run::RunDir;
-use brakecheck::scenario::Scenario;
+use brakecheck::run_dir::RunDir;
+use brakecheck::world::Scenario;
 
 use super::{brakecheck, code, json, path, root, scratch, small_run, stderr};
 

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::process::{Command, Output, Stdio};
 
-use brakecheck::run::RunDir;
+use brakecheck::run_dir::RunDir;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::Aftermath;
 use serde_json::{Value, json};

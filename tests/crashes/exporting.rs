@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use brakecheck::campaign::{ExportRefusal, Regressions, export, openx};
+use brakecheck::crashes::{ExportRefusal, Regressions, export, openx};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
 use brakecheck::openx::OpenXError;
-use brakecheck::run::Counterexample;
-use brakecheck::scenario::{Change, Scenario};
+use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, play};
+use brakecheck::world::{Change, Scenario};
 
 use super::openx::{all, regressions, way};
 use super::xml::Node;

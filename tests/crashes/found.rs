@@ -2,10 +2,11 @@
 
 use std::sync::LazyLock;
 
-use brakecheck::campaign::{Hold, SearchRequest, Watch, search, test_starts};
-use brakecheck::scenario::Scenario;
+use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::search::{Hold, SearchRequest, search};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
+use brakecheck::world::Scenario;
 
 /// The cruise control on the 2D plant.
 pub fn acc() -> &'static Scenario {

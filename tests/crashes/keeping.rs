@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use brakecheck::campaign::{
-    Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, Regressions, Watch, about,
+use brakecheck::crashes::{
+    Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, Regressions, about,
 };
-use brakecheck::scenario::Change;
+use brakecheck::experiment::Watch;
 use brakecheck::testbench::{Episode, Testbench};
+use brakecheck::world::Change;
 
 use super::found::{cut_in, cut_in_found};
 

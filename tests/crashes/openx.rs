@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use brakecheck::campaign::{Kept, Regressions, Replayed, openx};
+use brakecheck::crashes::{Kept, Regressions, Replayed, openx};
 use brakecheck::openx::OpenX;
 use brakecheck::scene::World;
 use brakecheck::scene::drive::{DriveSpec, DriveWorld};

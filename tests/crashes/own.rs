@@ -4,11 +4,12 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use brakecheck::campaign::{Watch, about, decisive, persistence, shrink};
+use brakecheck::crashes::{about, decisive, persistence, shrink};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
-use brakecheck::run::NotAsked;
-use brakecheck::scenario::{Repeats, Scenario};
+use brakecheck::experiment::Watch;
+use brakecheck::run_dir::NotAsked;
 use brakecheck::scene::drive::ControllerFactory;
+use brakecheck::world::{Repeats, Scenario};
 
 use super::found::{acc, acc_found, replayed};
 

@@ -2,10 +2,11 @@
 
 use std::cmp::Ordering;
 
-use brakecheck::campaign::{CLOSING, Watch, effort, shrink};
-use brakecheck::run::Effort;
-use brakecheck::scenario::Scenario;
+use brakecheck::crashes::{CLOSING, effort, shrink};
+use brakecheck::experiment::Watch;
+use brakecheck::run_dir::Effort;
 use brakecheck::testbench::Episode;
+use brakecheck::world::Scenario;
 
 use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};
 use super::near;

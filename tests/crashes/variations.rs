@@ -1,11 +1,11 @@
 //! What is varied, and that it is.
 
-use brakecheck::campaign::persistence;
-use brakecheck::run::{Persistence, Variation};
-use brakecheck::scenario::{Change, Scenario};
+use brakecheck::crashes::persistence;
+use brakecheck::run_dir::{Persistence, Variation};
 use brakecheck::scene::drive::Sensors;
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
+use brakecheck::world::{Change, Scenario};
 
 use super::found::{acc, acc_found};
 use super::near;

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use brakecheck::campaign::{Driver, Watch, decisive, last_chance, shrink, why};
+use brakecheck::crashes::{Driver, decisive, last_chance, shrink, why};
 use brakecheck::ego::{Acc, Controller, ControllerSpec, FullBrake, Takeover};
+use brakecheck::experiment::Watch;
 use brakecheck::rulebook::Verdict;
-use brakecheck::scenario::Scenario;
 use brakecheck::testbench::{Aftermath, Episode, Replay, play};
+use brakecheck::world::Scenario;
 
 use super::found::{acc, acc_found};
 use super::near;

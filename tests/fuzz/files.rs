@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use brakecheck::rl::LearnerConfig;
-use brakecheck::run::{Done, RunDir};
-use brakecheck::scenario::{LoadError, Scenario};
+use brakecheck::run_dir::{Done, RunDir};
+use brakecheck::world::{LoadError, Scenario};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use serde_json::Value;

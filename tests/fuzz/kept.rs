@@ -1,8 +1,8 @@
 //! Kept counterexamples: refused, or replayed in the world that is in them.
 
-use brakecheck::campaign::{Kept, replay};
+use brakecheck::crashes::{Kept, replay};
 use brakecheck::rulebook::Verdict;
-use brakecheck::run::{Counterexample, KeptError, digests_of};
+use brakecheck::run_dir::{Counterexample, KeptError, digests_of};
 use brakecheck::trace::Trace;
 
 use super::corpus::{self, Source};

@@ -1,6 +1,6 @@
 //! CSV: refused with its line, or the numbers that stand there.
 
-use brakecheck::run::{csv_of, trace_of_csv};
+use brakecheck::run_dir::{csv_of, trace_of_csv};
 use brakecheck::trace::{Schema, Signal, SignalKind, Trace};
 use proptest::prelude::*;
 use proptest::sample::select;

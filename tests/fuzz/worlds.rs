@@ -1,14 +1,14 @@
 //! World files: refused with a place and a reason, or playable.
 
-use brakecheck::campaign::{Kept, replay};
 use brakecheck::cli::{Failure, plain_theme};
+use brakecheck::crashes::{Kept, replay};
 use brakecheck::rulebook::Verdict;
-use brakecheck::run::Counterexample;
-use brakecheck::scenario::{Change, Scenario, ScenarioError};
+use brakecheck::run_dir::Counterexample;
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::stl::Scratch;
 use brakecheck::testbench::{Actor, Aftermath, Episode, play};
+use brakecheck::world::{Change, Scenario, ScenarioError};
 
 use super::corpus;
 use super::harness::{Seen, Target};

@@ -2,11 +2,11 @@
 
 use std::collections::{HashSet, VecDeque};
 
-use brakecheck::campaign::{TheoremOutcome, bisimulations, theorem_3};
-use brakecheck::scenario::{GridChange, Scenario};
 use brakecheck::scene::grid::bisimulation::{Bisimulation, coarse};
 use brakecheck::scene::grid::exact::Game;
 use brakecheck::scene::grid::{AtWall, Position};
+use brakecheck::theorems::{TheoremOutcome, bisimulations, theorem_3};
+use brakecheck::world::{GridChange, Scenario};
 
 use super::theorems::{converged, trained};
 use super::{A, B, changed, game, world};
@@ -129,7 +129,7 @@ fn checked(
     nominal: &Scenario,
     other: &Scenario,
     policy: &dyn brakecheck::rl::Policy,
-) -> Vec<brakecheck::campaign::Theorem3> {
+) -> Vec<brakecheck::theorems::Theorem3> {
     let relations = bisimulations(nominal, other, 0.5).expect("comparable");
     let rows = relations.iter();
     let rows = rows.map(|relation| theorem_3(nominal, ("other", other), policy, relation));

@@ -1,7 +1,7 @@
 //! Mistakes in a grid file read like a compiler's messages.
 
 use brakecheck::cli::{Failure, plain_theme};
-use brakecheck::scenario::Scenario;
+use brakecheck::world::Scenario;
 
 const GRID: &str = include_str!("../../worlds/grid_hard.ron");
 

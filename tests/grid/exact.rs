@@ -6,7 +6,7 @@ use brakecheck::scene::grid::position_of;
 use brakecheck::testbench::{Aftermath, Random, Replay, play};
 
 use super::{A, B, captures, changed, episode, game, world};
-use brakecheck::scenario::GridChange;
+use brakecheck::world::GridChange;
 
 fn chased(game: &Game) -> usize {
     let caught = |start: &_| game.captures(*start, |both| chase(both, &UNIT_MOVES));

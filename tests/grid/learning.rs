@@ -1,9 +1,9 @@
 //! What the shipped learners reach: margins over chaser and random, fixed seeds.
 
 use brakecheck::rl::{Control, LearnerConfig, Policy};
-use brakecheck::scenario::{GridChange, Scenario};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
+use brakecheck::world::{GridChange, Scenario};
 
 use super::{A, B, captures, changed, world};
 

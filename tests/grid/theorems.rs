@@ -1,16 +1,16 @@
 //! Theorems 1 and 2, played from every start, and the faults that they notice.
 
-use brakecheck::campaign::{
-    Approximation, Theorem1, Theorem2, TheoremOutcome, TheoremsError, grid_theorems,
-    optimal_values, theorem_1, theorem_2,
-};
 use brakecheck::rl::{Control, Dice, Policy};
-use brakecheck::scenario::{GridChange, Scenario};
 use brakecheck::scene::grid::exact::{Game, PositionPolicy};
 use brakecheck::scene::grid::values::ValueTable;
 use brakecheck::scene::grid::{AtWall, Horizon};
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::Gym;
+use brakecheck::theorems::{
+    Approximation, Theorem1, Theorem2, TheoremOutcome, TheoremsError, grid_theorems,
+    optimal_values, theorem_1, theorem_2,
+};
+use brakecheck::world::{GridChange, Scenario};
 
 use super::{A, B, changed, world};
 

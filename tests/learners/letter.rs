@@ -171,9 +171,7 @@ fn a_table_learns_from_each_decision_as_it_is_taken_or_from_the_end() {
 #[test]
 fn the_letter_worlds_keep_every_action_likely_to_the_end_of_training() {
     for name in ["acc_letter", "merge_letter", "yellow_light_letter"] {
-        let world = brakecheck::scenario::Scenario::shipped(name)
-            .unwrap()
-            .unwrap();
+        let world = brakecheck::world::Scenario::shipped(name).unwrap().unwrap();
         for learner in [world.learner(), &world.learners()["q_table"]] {
             let mut checkpoint = learner.build(&spaces(), 1).checkpoint();
             checkpoint.put("counters", &[3], vec![learner.decisions(), 9, 0]);

@@ -2,9 +2,9 @@
 
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::preventability::{DriverOutcome, Seat};
-use brakecheck::scenario::{Change, Scenario};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Episode, Replay, motion_of, play};
+use brakecheck::world::{Change, Scenario};
 use ron::extensions::Extensions;
 
 use super::{WORLDS, contacts, world};

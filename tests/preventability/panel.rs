@@ -2,10 +2,10 @@
 
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::preventability::{Case, DriverOutcome, Replayer, Seat, Struck};
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::{BodySample, Motion, Start, Touch};
 use brakecheck::sim::{BodyState, Pose};
 use brakecheck::testbench::{Aftermath, Constant, play};
+use brakecheck::world::Scenario;
 use serde_json::Value;
 
 /// Shares of the outcomes and of the labels that must be as worked out.

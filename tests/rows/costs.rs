@@ -1,7 +1,9 @@
 //! What a row says beside a search, and from when on a training has paid.
 
-use brakecheck::campaign::{Cost, Found, Searched, break_even};
-use brakecheck::run::Row;
+use brakecheck::evaluation::break_even;
+use brakecheck::experiment::Cost;
+use brakecheck::run_dir::Row;
+use brakecheck::search::{Found, Searched};
 use serde_json::json;
 
 use super::near;

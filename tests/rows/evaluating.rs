@@ -1,14 +1,14 @@
 //! Rows of evaluations, number by number.
 
-use brakecheck::campaign::{
-    Ado, EvalRequest, Evaluated, TestStarts, Tries, best_constant, eval, test_starts,
-};
+use brakecheck::adversary::{Ado, EvalRequest, Evaluated, Tries, best_constant, eval};
 use brakecheck::ego::{Fault, FaultKind};
+use brakecheck::experiment::{TestStarts, test_starts};
 use brakecheck::rl::Policy;
-use brakecheck::run::{ClosingSpeed, Row, StartOutcome, Stored, at_most, wilson};
-use brakecheck::scenario::{Repeats, Scenario};
+use brakecheck::run_dir::{ClosingSpeed, Row, Stored};
 use brakecheck::scene::Start;
+use brakecheck::stats::{StartOutcome, at_most, wilson};
 use brakecheck::testbench::{Actor, FaultLog, HeldRandom, Random, Success};
+use brakecheck::world::{Repeats, Scenario};
 
 use super::near;
 use super::scene::{

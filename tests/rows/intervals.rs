@@ -1,6 +1,6 @@
 //! Intervals against those of `intervals.py`, and against published ones.
 
-use brakecheck::run::{
+use brakecheck::stats::{
     Outcomes, at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
 };
 use serde::Deserialize;

@@ -1,9 +1,9 @@
 //! One ado on many egos, summed up by hand.
 
-use brakecheck::campaign::{
-    Ado, EvalRequest, LEAST_REACHABLE, Relation, ReusedOn, Summary, eval, reused_on, summarise,
-};
-use brakecheck::run::{Row, paired_difference};
+use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
+use brakecheck::run_dir::Row;
+use brakecheck::stats::paired_difference;
 
 use super::costs::row;
 use super::near;

@@ -28,10 +28,10 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{TestStarts, Watch};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
-use brakecheck::scenario::Scenario;
+use brakecheck::experiment::{TestStarts, Watch};
 use brakecheck::scene::Start;
+use brakecheck::world::Scenario;
 
 pub const TEXT: &str = include_str!("chase.ron");
 pub const ACCELERATIONS: [f64; 5] = [1.0, 0.0, -1.0, -2.0, -3.0];

@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use brakecheck::campaign::{
-    Cem, Found, Hold, Method, Mutate, SearchRequest, Searched, Switches, TestStarts, Uniform,
-    anytime, search,
-};
 use brakecheck::ego::{Command, Controller, Fault, Percept};
-use brakecheck::run::{ClosingSpeed, Stored, Unconfirmed, at_most, wilson};
-use brakecheck::scenario::Scenario;
+use brakecheck::experiment::TestStarts;
+use brakecheck::run_dir::{ClosingSpeed, Stored, Unconfirmed};
 use brakecheck::scene::Start;
 use brakecheck::scene::drive::ControllerFactory;
+use brakecheck::search::{
+    Cem, Found, Hold, Method, Mutate, SearchRequest, Searched, Switches, Uniform, anytime, search,
+};
+use brakecheck::stats::{at_most, wilson};
 use brakecheck::testbench::{FaultLog, Success};
+use brakecheck::world::Scenario;
 
 use super::near;
 use super::scene::{
@@ -485,7 +486,7 @@ fn a_search_asks_for_as_many_failures_as_the_gate() {
             ..Quirky::failing_from(&[])
         };
         let mut world = quirky.drives(&chase());
-        world = world.repeated(brakecheck::scenario::Repeats { runs: 5, gate });
+        world = world.repeated(brakecheck::world::Repeats { runs: 5, gate });
         let stored = Stored::new(
             vec![Success {
                 decisions: 0,

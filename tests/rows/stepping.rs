@@ -2,10 +2,10 @@
 
 use brakecheck::rl::{End, Env};
 use brakecheck::rulebook::{RulesUntilContact, Verdict};
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::seed::Purpose;
 use brakecheck::testbench::{Aftermath, Constant, Episode, FaultLog, Gym, Replay, play};
+use brakecheck::world::Scenario;
 
 use super::near;
 use super::scene::{Quirky, SUBSTEPS, altered, chase, paper, paper_of};

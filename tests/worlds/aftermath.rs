@@ -2,14 +2,15 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{
-    Ado, EvalRequest, Mutate, Regressions, SearchRequest, Switches, TestStarts, Watch, eval, search,
-};
+use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::crashes::Regressions;
+use brakecheck::experiment::{TestStarts, Watch};
 use brakecheck::rulebook::RulesUntilContact;
-use brakecheck::run::{Counterexample, Row, Stored};
-use brakecheck::scenario::{Change, Scenario};
+use brakecheck::run_dir::{Counterexample, Row, Stored};
 use brakecheck::scene::Start;
+use brakecheck::search::{Mutate, SearchRequest, Switches, search};
 use brakecheck::testbench::{Aftermath, Constant, Episode, Replay, Success, Testbench, play};
+use brakecheck::world::{Change, Scenario};
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
 

@@ -2,11 +2,13 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{SearchRequest, Switches, Watch, search, test_starts, train};
-use brakecheck::run::RunDir;
-use brakecheck::scenario::Scenario;
+use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::run_dir::RunDir;
+use brakecheck::search::{SearchRequest, Switches, search};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Actor, Aftermath, HeldRandom, PolicyActor, play};
+use brakecheck::training::train;
+use brakecheck::world::Scenario;
 
 const DOC: &str = include_str!("../../docs/worlds.md");
 const AUTHORED: [(&str, &str); 3] = [

@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{
-    Regressions, TheoremsError, TheoremsRequest, Watch, Witness, carry_over, test_starts,
-};
+use brakecheck::crashes::Regressions;
+use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::Policy;
 use brakecheck::rulebook::{Rulebook, Verdict};
-use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
 use brakecheck::stl::Scratch;
 use brakecheck::testbench::Episode;
+use brakecheck::theorems::{TheoremsError, TheoremsRequest, Witness, carry_over};
 use brakecheck::trace::Trace;
+use brakecheck::world::Scenario;
 use proptest::prelude::*;
 
 /// An ado that always does the same.

@@ -2,10 +2,10 @@
 
 use brakecheck::ego::reference::ReferenceDriver;
 use brakecheck::rulebook::Verdict;
-use brakecheck::scenario::Scenario;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::severity::Side;
 use brakecheck::testbench::{Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, play};
+use brakecheck::world::Scenario;
 
 const ISO: &str = include_str!("../../worlds/acc_iso.ron");
 const OF_ISO: &str = "counts: Preventable(by: [RSS], closing_mps: 3.0)";

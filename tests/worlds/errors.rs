@@ -1,7 +1,7 @@
 //! Mistakes in a world file read like a compiler's messages.
 
 use brakecheck::cli::{Failure, plain_theme};
-use brakecheck::scenario::Scenario;
+use brakecheck::world::Scenario;
 use proptest::prelude::*;
 
 const ACC: &str = include_str!("../../worlds/acc.ron");

@@ -2,18 +2,19 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::campaign::{
-    Ado, EvalRequest, Identified, IdentifyRequest, Tries, Watch, eval, identify, test_starts, train,
-};
+use brakecheck::adversary::{Ado, EvalRequest, Tries, eval};
 use brakecheck::cli::{Failure, plain_theme};
+use brakecheck::experiment::{Watch, test_starts};
 use brakecheck::rl::{Control, Policy};
-use brakecheck::run::RunDir;
-use brakecheck::run::StartOutcome::{Solved, Trivial};
-use brakecheck::scenario::{Against, Change, Family, Scenario};
+use brakecheck::run_dir::RunDir;
 use brakecheck::scene::Dynamics;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
+use brakecheck::stats::StartOutcome::{Solved, Trivial};
+use brakecheck::sysid::{Identified, IdentifyRequest, identify};
 use brakecheck::testbench::{Aftermath, Gym, HeldRandom, play};
+use brakecheck::training::train;
+use brakecheck::world::{Against, Change, Family, Scenario};
 
 use super::acc;
 
@@ -243,7 +244,7 @@ fn every_episode_of_a_family_meets_the_ego_of_its_key() {
     train(&world, &mut run, &quiet()).expect("trained");
     let family = family(&world);
     let spec = world.drive().expect("driven");
-    let told = |member: brakecheck::scenario::Member| run.policy_told(&member).expect("a policy");
+    let told = |member: brakecheck::world::Member| run.policy_told(&member).expect("a policy");
     let nominal = told(family.nominal(spec.plant));
     let sporty = world.with(&world.reuse()["sporty"]).expect("it fits");
     let sporty = told(
@@ -336,7 +337,7 @@ fn whoever_is_stopped_identifies_nothing() {
 #[test]
 fn an_ego_is_never_run_more_often_than_granted() {
     let world = acc().on(PlantKind::Kinematic);
-    let noisy = world.with(&brakecheck::scenario::Change {
+    let noisy = world.with(&brakecheck::world::Change {
         sensors: Some(brakecheck::scene::drive::Sensors {
             position_sd_m: 0.5,
             ..Default::default()

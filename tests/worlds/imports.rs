@@ -7,9 +7,9 @@
 use std::path::Path;
 
 use brakecheck::openx::import::{DroppedElements, Import, ImportError, Imported};
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::Scenario;
 
 const BASE: &str = include_str!("imports/base.xosc");
 const ROADS: [(&str, &str); 2] = [

@@ -278,7 +278,7 @@ fn on_the_bench_contact_holds_to_the_horizon_under_the_papers_judge() {
     use brakecheck::scene::Start;
     use brakecheck::testbench::{Aftermath, Constant, play};
     let text = include_str!("../../worlds/acc.ron").replace("UntilViolation", "WholeRun");
-    let world = brakecheck::scenario::Scenario::parse("acc.ron", &text).expect("a sound world");
+    let world = brakecheck::world::Scenario::parse("acc.ron", &text).expect("a sound world");
     let mut bench = world.bench();
     // A hard-braking lead car eight metres ahead of a fast ego.
     let start = Start(vec![25.0, 8.0, 25.0]);

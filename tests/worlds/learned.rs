@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::campaign::{
-    Ado, EvalRequest, TrainRequest, TrainSession, TrainingOutcome, Watch, eval, test_starts,
-};
-use brakecheck::run::{Ended, RunDir};
-use brakecheck::scenario::Scenario;
+use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::run_dir::{Ended, RunDir};
 use brakecheck::sim::PlantKind;
+use brakecheck::training::{TrainRequest, TrainSession, TrainingOutcome};
+use brakecheck::world::Scenario;
 
 /// The ACC world on the kinematic plant, its `learner` another one or left out.
 fn acc(learner: Option<&str>) -> Scenario {
@@ -51,7 +51,7 @@ fn a_world_without_a_learner_is_searched_first_and_the_search_is_paid_for() {
     assert_eq!(manifest.ended, Some(Ended::Asked));
     let once = manifest.episodes + sought.simulations + calibration.simulations;
     assert_eq!(
-        brakecheck::campaign::Cost::of_training(manifest).simulations,
+        brakecheck::experiment::Cost::of_training(manifest).simulations,
         once
     );
     assert!(sought.physics_steps < manifest.physics_steps);
@@ -186,7 +186,7 @@ fn failures_of_different_kinds_are_counted_apart() {
     );
     let text = serde_json::to_string(&row).expect("a row");
     assert_eq!(
-        serde_json::from_str::<brakecheck::run::Row>(&text).expect("a row"),
+        serde_json::from_str::<brakecheck::run_dir::Row>(&text).expect("a row"),
         row
     );
 }

@@ -1,6 +1,6 @@
 //! Names are free: what an ado observes follows from the expression itself.
 
-use brakecheck::scenario::Scenario;
+use brakecheck::world::Scenario;
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
 

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use brakecheck::run::RunsOnDisk;
-use brakecheck::scenario::{Problem, Scenario};
+use brakecheck::run_dir::RunsOnDisk;
+use brakecheck::world::{Problem, Scenario};
 
 use super::trained::{PLACED, fake, quick_acc, trained};
 

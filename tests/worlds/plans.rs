@@ -3,10 +3,10 @@
 
 use core::f64::consts::PI;
 
-use brakecheck::scenario::Scenario;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::Scenario;
 
 const PLANTS: [PlantKind; 2] = [PlantKind::Rigid, PlantKind::Kinematic];
 
@@ -322,7 +322,7 @@ fn nobody_needs_to_learn() {
     let contact = episode.contact.clone().expect("a contact");
     assert!((contact.closing_speed_mps - 10.0).abs() < 1e-3);
     // For other tools it is a crash like any other.
-    let files = brakecheck::campaign::openx(&world, &episode, "plans", "nominal");
+    let files = brakecheck::crashes::openx(&world, &episode, "plans", "nominal");
     let files = files.expect("exported");
     assert!(files.replay.contains("entityRef=\"other\""));
 }

@@ -2,9 +2,9 @@
 
 use brakecheck::ego::{FaultKind, Process, exercise};
 use brakecheck::rulebook::Verdict;
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::Scenario;
 
 /// The ACC world with a shell script as the ego; no one consented to it.
 fn named_world(script: &str, timeout_s: f64) -> Scenario {

@@ -3,13 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use brakecheck::campaign::EgoUnderTest;
+use brakecheck::experiment::EgoUnderTest;
 use brakecheck::openx::import::{Import, ImportError, ImportedWorld, points_of};
 use brakecheck::rulebook::Verdict;
-use brakecheck::scenario::Scenario;
 use brakecheck::scene::Start;
 use brakecheck::sim::PlantKind;
 use brakecheck::testbench::{Aftermath, Constant, Episode, play};
+use brakecheck::world::Scenario;
 use serde_json::Value;
 
 /// The vector in which somebody waits for the ego to come near.

@@ -4,15 +4,18 @@
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{
-    Ado, Cem, Cost, EvalRequest, Found, Hold, Method, Mutate, SearchRequest, Switches, TestStarts,
-    Uniform, Watch, best_constant, break_even, eval, search, test_starts, train, tune_heuristic,
+use brakecheck::adversary::{Ado, EvalRequest, best_constant, eval, tune_heuristic};
+use brakecheck::evaluation::break_even;
+use brakecheck::experiment::{Cost, TestStarts, Watch, test_starts};
+use brakecheck::run_dir::{RunDir, Stored};
+use brakecheck::search::{
+    Cem, Found, Hold, Method, Mutate, SearchRequest, Switches, Uniform, search,
 };
-use brakecheck::run::StartOutcome::{Solved, Unsolved};
-use brakecheck::run::{RunDir, Stored};
-use brakecheck::scenario::Scenario;
 use brakecheck::sim::PlantKind;
+use brakecheck::stats::StartOutcome::{Solved, Unsolved};
 use brakecheck::testbench::{Aftermath, Replay, play};
+use brakecheck::training::train;
+use brakecheck::world::Scenario;
 
 static GO: AtomicBool = AtomicBool::new(false);
 

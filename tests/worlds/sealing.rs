@@ -4,12 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brakecheck::campaign::{Regressions, TrainError, TrainRequest, TrainSession, Watch, train};
 use brakecheck::cli::Failure;
-use brakecheck::run::{Asked, Counterexample, RunDir, RunError};
-use brakecheck::scenario::Scenario;
+use brakecheck::crashes::Regressions;
+use brakecheck::experiment::Watch;
+use brakecheck::run_dir::{Asked, Counterexample, RunDir, RunError};
 use brakecheck::seed::generator;
 use brakecheck::sim::PlantKind;
+use brakecheck::training::{TrainError, TrainRequest, TrainSession, train};
+use brakecheck::world::Scenario;
 use rand::RngExt;
 use sha2::{Digest, Sha256};
 

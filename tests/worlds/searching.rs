@@ -2,14 +2,13 @@
 
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{
-    Ado, EvalRequest, Hold, Method, SearchRequest, Switches, TestStarts, Watch, eval, search,
-    test_starts,
-};
-use brakecheck::run::StartOutcome;
-use brakecheck::scenario::Scenario;
+use brakecheck::adversary::{Ado, EvalRequest, eval};
+use brakecheck::experiment::{TestStarts, Watch, test_starts};
+use brakecheck::search::{Hold, Method, SearchRequest, Switches, search};
 use brakecheck::sim::PlantKind;
+use brakecheck::stats::StartOutcome;
 use brakecheck::testbench::{Aftermath, Replay, play};
+use brakecheck::world::Scenario;
 
 static GO: AtomicBool = AtomicBool::new(false);
 

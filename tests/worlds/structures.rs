@@ -1,8 +1,8 @@
 //! Families with controllers of other structures than the world's own.
 
-use brakecheck::campaign::{TrainRequest, TrainSession};
-use brakecheck::run::RunDir;
-use brakecheck::scenario::{Against, Change, Scenario};
+use brakecheck::run_dir::RunDir;
+use brakecheck::training::{TrainRequest, TrainSession};
+use brakecheck::world::{Against, Change, Scenario};
 
 use super::families::{family, key, quiet};
 

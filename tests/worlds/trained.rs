@@ -3,12 +3,14 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use brakecheck::campaign::{Regressions, Watch, train};
-use brakecheck::run::{Counterexample, RunDir, RunsOnDisk};
-use brakecheck::scenario::{Change, Scenario, ScenarioError};
+use brakecheck::crashes::Regressions;
+use brakecheck::experiment::Watch;
+use brakecheck::run_dir::{Counterexample, RunDir, RunsOnDisk};
 use brakecheck::scene::Start;
 use brakecheck::seed::{Purpose, StartKey};
 use brakecheck::testbench::{Aftermath, Constant, PolicyActor, Testbench, play};
+use brakecheck::training::train;
+use brakecheck::world::{Change, Scenario, ScenarioError};
 use sha2::{Digest, Sha256};
 
 const ACC: &str = include_str!("../../worlds/acc.ron");

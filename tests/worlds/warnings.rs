@@ -1,6 +1,6 @@
 //! What is allowed but odd is warned about, and a world can say it is meant.
 
-use brakecheck::scenario::Scenario;
+use brakecheck::world::Scenario;
 
 const ACC: &str = include_str!("../../worlds/acc.ron");
 const NEW: &str = include_str!("../../src/cli/new_world.ron");

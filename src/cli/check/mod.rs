@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::{Common, Exit, Failure, failure, print_json, talk};
-use crate::scenario::{LoadError, Scenario};
+use crate::world::{LoadError, Scenario};
 
 #[derive(Args, Debug)]
 pub(super) struct CheckArgs {

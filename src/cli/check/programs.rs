@@ -5,8 +5,8 @@ use serde_json::json;
 
 use super::super::{Exit, Failure, print_json, table_of, talk};
 use crate::ego::{DOCUMENT, Exercise, Fault, FaultKind, Finding, Hello, Process, exercise};
-use crate::scenario::Scenario;
 use crate::visible::command_line;
+use crate::world::Scenario;
 
 /// A program that a world names, and what it said.
 #[derive(Serialize)]

@@ -3,7 +3,7 @@
 use indexmap::IndexMap;
 
 use super::super::table_of;
-use crate::scenario::Scenario;
+use crate::world::Scenario;
 
 /// With more agents than this, signals that differ by agents only are one line.
 const FEW_AGENTS: usize = 2;

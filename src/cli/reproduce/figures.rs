@@ -4,12 +4,12 @@ use serde_json::json;
 
 use super::super::progress;
 use super::{Failure, Made, ReproduceArgs, save, world};
-use crate::campaign::Watch;
+use crate::experiment::Watch;
 use crate::report::{Behaviour, Distances, figure_2, figure_3, figure_5};
 use crate::rulebook::Verdict;
-use crate::scenario::Scenario;
 use crate::studies::{FigureError, Shown, three_merges, two_at_the_light, two_behaviours};
 use crate::testbench::Episode;
+use crate::world::Scenario;
 
 /// Writes the three figures as SVG files.
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::{Failure, MOST_SEEDS, Made, ReproduceArgs, headed, once, settings, world};
-use crate::campaign::test_starts;
+use crate::experiment::test_starts;
 use crate::studies::{
     CaseStudies, JUDGES, LETTER_PATHS, LetterBaselines, LetterError, LetterPath, LetterRow,
     LetterStudy, LetterStudyError, letter_baselines, letter_markdown, letter_row,

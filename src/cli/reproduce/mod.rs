@@ -21,10 +21,10 @@ use serde_json::Value;
 
 use super::counts::start_count;
 use super::{Common, Exit, Failure, print_json, progress, talk};
-use crate::campaign::Watch;
-use crate::run::{Finished, RunError, make_dir, write_file};
-use crate::scenario::{Scenario, known_names};
+use crate::experiment::Watch;
+use crate::run_dir::{Finished, RunError, make_dir, write_file};
 use crate::seed::{FIRST_SEALED, Seeds};
+use crate::world::{Scenario, known_names};
 
 /// Trainings per world, at most.
 const MOST_SEEDS: u64 = 100;

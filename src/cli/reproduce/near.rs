@@ -3,13 +3,13 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, world};
-use crate::campaign::{Watch, test_starts};
-use crate::run::RunDir;
-use crate::scenario::Scenario;
+use crate::experiment::{Watch, test_starts};
+use crate::run_dir::RunDir;
 use crate::scene::Start;
 use crate::studies::{
     Alumnus, NearFailing, near_starts, near_starts_markdown, start_with, trained_run,
 };
+use crate::world::Scenario;
 
 /// World, and the paper's failing start (v_ego, v_ado, distance along the road).
 ///

@@ -3,8 +3,8 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, once, world};
-use crate::scenario::Scenario;
 use crate::studies::{ProtocolRow, protocol_egos, protocol_row, protocols_markdown};
+use crate::world::Scenario;
 
 /// Euro NCAP's.
 pub(super) fn ncap(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {

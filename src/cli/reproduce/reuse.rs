@@ -4,9 +4,10 @@ use serde_json::json;
 
 use super::super::progress;
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
-use crate::campaign::{ENOUGH_SIMULATIONS, EgoUnderTest};
-use crate::scenario::Scenario;
+use crate::experiment::EgoUnderTest;
 use crate::studies::{ReuseAsked, ReuseStudy, reuse_markdown};
+use crate::sysid::ENOUGH_SIMULATIONS;
+use crate::world::Scenario;
 
 /// The worlds that name a family.
 const WORLDS: [&str; 3] = ["acc", "merge", "yellow_light"];

@@ -3,13 +3,13 @@
 use serde_json::json;
 
 use super::{Failure, Made, ReproduceArgs, headed, once, settings, world};
-use crate::campaign::Watch;
-use crate::run::RunDir;
-use crate::scenario::Scenario;
+use crate::experiment::Watch;
+use crate::run_dir::RunDir;
 use crate::seed::Seeds;
 use crate::studies::{
     RUNS, StructureRow, StructuresAsked, other_structures, structures_markdown, trained_run,
 };
+use crate::world::Scenario;
 
 /// The scene of ACC, whose changed egos are controllers of ten structures; these are
 /// met in every other world too.

@@ -30,7 +30,7 @@ use maud::{Markup, html};
 
 use super::Example;
 use super::verdict::VerdictWords;
-use crate::scenario::Scenario;
+use crate::world::Scenario;
 use picture::Picture;
 
 /// What moves the pictures of a page; it loads nothing.

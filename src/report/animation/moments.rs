@@ -4,8 +4,8 @@
 use super::super::Example;
 use super::super::verdict::ego_failed;
 use super::moves::{Kind, Move};
-use crate::scenario::Scenario;
 use crate::stl::Interval;
+use crate::world::Scenario;
 
 /// Moments that are nearer than this share a still.
 const TOGETHER_S: f64 = 0.02;

@@ -1,8 +1,8 @@
 //! What the ados choose, in words: who, from when to when.
 
-use crate::scenario::Scenario;
 use crate::scene::drive::{Actions, Direction, Lateral};
 use crate::testbench::Episode;
+use crate::world::Scenario;
 
 /// Below this nobody runs.
 const RUNS_MPS: f64 = 2.2;

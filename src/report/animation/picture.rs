@@ -12,8 +12,8 @@ use super::moves::{Move, moves};
 use super::write::n;
 use crate::ego::Phase;
 use crate::report::Example;
-use crate::scenario::Scenario;
 use crate::scene::Stage;
+use crate::world::Scenario;
 
 /// Who brakes harder than this shows it.
 pub(super) const BRAKES_MPS2: f64 = 0.8;

@@ -4,7 +4,7 @@ use super::camera::{Camera, SCREEN};
 use super::data::json;
 use super::picture::Picture;
 use super::*;
-use crate::run::{About, Severity};
+use crate::run_dir::{About, Severity};
 use crate::scene::{Cast, Role};
 use crate::seed::{Purpose, StartKey};
 use crate::sim::Body;

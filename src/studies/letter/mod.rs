@@ -14,13 +14,14 @@ use serde::{Deserialize, Serialize};
 pub use paths::LETTER_PATHS;
 
 use super::case_studies::{CaseStudies, trained_run};
-use crate::campaign::{
-    Ado, EvalRequest, SearchRequest, Switches, TestStarts, TrainError, Watch, best_constant, eval,
-    search, test_starts,
-};
-use crate::run::{Outcomes, Row, RunDir, seeds_interval};
-use crate::scenario::{Scenario, ScenarioError};
+use crate::adversary::{Ado, EvalRequest, best_constant, eval};
+use crate::experiment::{TestStarts, Watch, test_starts};
+use crate::run_dir::{Row, RunDir};
+use crate::search::{SearchRequest, Switches, search};
 use crate::sim::PlantKind;
+use crate::stats::{Outcomes, seeds_interval};
+use crate::training::TrainError;
+use crate::world::{Scenario, ScenarioError};
 
 /// The two judges, as world files name them; each step is judged by both.
 pub const JUDGES: [&str; 2] = ["WholeRun", "UntilViolation"];
@@ -284,7 +285,7 @@ fn played(
     path: &Path,
     starts: &TestStarts,
     watch: &Watch<'_>,
-) -> Result<Row, crate::run::RunError> {
+) -> Result<Row, crate::run_dir::RunError> {
     let run = RunDir::open(path)?;
     let policy = run.policy()?;
     let request = EvalRequest {

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{CONDITIONAL, HELD_BUDGETS, Known};
-use crate::campaign::ReusedOn;
+use crate::evaluation::ReusedOn;
 
 /// A conditional ado against held-random search at equal success, in
 /// simulations.
@@ -81,8 +81,8 @@ fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign::Relation;
-    use crate::run::Row;
+    use crate::evaluation::Relation;
+    use crate::run_dir::Row;
     use serde_json::json;
 
     fn row(ado: &str, success_rate: f64, sims_per_start: f64) -> Row {

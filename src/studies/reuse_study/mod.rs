@@ -20,14 +20,17 @@ pub use economy::Economy;
 pub use text::reuse_markdown;
 
 use super::case_studies::trained_run;
-use crate::campaign::{
-    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, EgoUnderTest, Heuristic, Identified, IdentifyError,
-    IdentifyRequest, RECORDED_RUNS, Relation, ReusedOn, Summary, TestStarts, TrainError, Watch,
-    adapt, identify, reused_on, summarise, test_starts, tune_heuristic,
-};
-use crate::run::{Row, RunDir, RunError};
-use crate::scenario::{Against, Family, Member, Scenario};
+use crate::adversary::{Heuristic, tune_heuristic};
+use crate::evaluation::{Relation, ReusedOn, Summary, reused_on, summarise};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch, test_starts};
+use crate::run_dir::{Row, RunDir, RunError};
 use crate::seed::Seeds;
+use crate::sysid::{
+    AdaptRequest, Adapted, ENOUGH_SIMULATIONS, Identified, IdentifyError, IdentifyRequest,
+    RECORDED_RUNS, adapt, identify,
+};
+use crate::training::TrainError;
+use crate::world::{Against, Family, Member, Scenario};
 use players::{Player, called};
 
 /// Simulations per start of held-random search; the smaller ones are cut from it.

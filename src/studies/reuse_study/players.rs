@@ -1,14 +1,18 @@
 //! Who plays against one ego of the study of reuse.
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
-use crate::campaign::{
-    Ado, EvalRequest, Found, Heuristic, Hold, Method, Mutate, SWITCHES, SearchRequest, Searched,
-    Switches, TestStarts, Tries, Watch, best_constant, count_contacts, count_solved, eval,
-    other_members, search,
+use crate::adversary::{
+    Ado, EvalRequest, Heuristic, Tries, best_constant, count_solved, eval, other_members,
 };
+use crate::experiment::{TestStarts, Watch};
 use crate::rl::Policy;
-use crate::run::{Row, RunDir, RunError, StartOutcome, Stored};
-use crate::scenario::{Family, Member, Scenario};
+use crate::run_dir::{Row, RunDir, RunError, Stored};
+use crate::search::{
+    Found, Hold, Method, Mutate, SWITCHES, SearchRequest, Searched, Switches, count_contacts,
+    search,
+};
+use crate::stats::StartOutcome;
+use crate::world::{Family, Member, Scenario};
 
 /// One ego and the starts on which everybody meets it.
 pub(super) struct Player<'a> {

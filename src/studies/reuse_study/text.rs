@@ -1,8 +1,9 @@
 //! The study of reuse as Markdown.
 
 use super::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
-use crate::campaign::{ReusedOn, Summary, is_telling};
-use crate::run::Row;
+use crate::evaluation::{ReusedOn, Summary};
+use crate::run_dir::Row;
+use crate::sysid::is_telling;
 
 /// The study as Markdown: every ego, then the means of every block.
 pub fn reuse_markdown(studies: &[ReuseStudied]) -> String {

@@ -1,6 +1,6 @@
 //! The maps of RQ1 to RQ3 in Table I, and what the paper answers.
 
-use crate::scenario::GridChange;
+use crate::world::GridChange;
 
 /// A map of the table: change, question, words, what the paper reports.
 pub(super) struct Map {

@@ -22,15 +22,19 @@ pub use value::NearStarts;
 
 use maps::{Map, maps};
 
-use crate::campaign::{Ado, EvalRequest, TestStarts, TheoremsError, TrainError, Watch, eval};
+use crate::adversary::{Ado, EvalRequest, eval};
+use crate::experiment::{TestStarts, Watch};
 use crate::rl::{Control, Dice, LearnerConfig, Policy};
-use crate::run::{Outcomes, Row, StartOutcome, seeds_interval, wilson};
-use crate::scenario::{ChangeError, Scenario};
+use crate::run_dir::Row;
 use crate::scene::Start;
 use crate::scene::grid::exact::{Game, chase};
 use crate::scene::grid::{AtWall, Position, position_of};
 use crate::seed::{Purpose, Seeds, StartKey};
+use crate::stats::{Outcomes, StartOutcome, seeds_interval, wilson};
 use crate::testbench::{Gym, Success};
+use crate::theorems::TheoremsError;
+use crate::training::TrainError;
+use crate::world::{ChangeError, Scenario};
 
 /// Random tables behind every mean of them.
 const TABLES: usize = 20;

@@ -5,15 +5,15 @@ use serde::{Deserialize, Serialize};
 
 use super::value::LargeMap;
 use super::{Learned, LearnerOnMap, Progress, References, Table1Error, spread, starts_of};
-use crate::campaign::{bisimulations, lifted};
 use crate::rl::LearnerConfig;
-use crate::run::{Outcomes, StartOutcome, seeds_interval};
-use crate::scenario::{GridChange, Scenario};
 use crate::scene::Start;
 use crate::scene::grid::bisimulation::Bisimulation;
 use crate::scene::grid::exact::Game;
 use crate::scene::grid::{Position, Starts, position_of, start_of};
+use crate::stats::{Outcomes, StartOutcome, seeds_interval};
 use crate::testbench::{Actor, Aftermath, PolicyActor, Replay, Testbench, play};
+use crate::theorems::{bisimulations, lifted};
+use crate::world::{GridChange, Scenario};
 
 /// Random training starts, as in the paper.
 const TRAINING_STARTS: usize = 200;

@@ -3,12 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Table1Error};
-use crate::scenario::{GridChange, Scenario};
 use crate::scene::Start;
-use crate::scene::grid::Position;
 use crate::scene::grid::exact::Game;
-use crate::scene::grid::position_of;
+use crate::scene::grid::{Position, position_of};
 use crate::testbench::{Aftermath, PolicyActor, play};
+use crate::world::{GridChange, Scenario};
 
 /// The sequences of one learner's policies, played back open loop.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -4,13 +4,13 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Learned, Progress, Table1, Table1Error, learn};
-use crate::campaign::{TheoremsError, optimal_values};
 use crate::rl::{Dice, LearnerConfig};
-use crate::scenario::{GridChange, Scenario};
 use crate::scene::Start;
 use crate::scene::grid::exact::Game;
 use crate::scene::grid::{Starts, position_of};
 use crate::testbench::{Aftermath, PolicyActor, Success, play};
+use crate::theorems::{TheoremsError, optimal_values};
+use crate::world::{GridChange, Scenario};
 
 /// Random training starts of RQ4, as in the paper.
 const TRAINING_STARTS: usize = 100;

@@ -2,16 +2,16 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::campaign::{Watch, test_starts};
+use crate::experiment::{Watch, test_starts};
 use crate::rl::LearnerConfig;
 use crate::rulebook::{JudgeKind, Reward};
-use crate::scenario::Scenario;
 use crate::seed::Seeds;
 use crate::studies::letter::{LetterChange, LetterStudy};
 use crate::studies::{
     CaseStudies, JUDGES, LETTER_PATHS, LetterError, LetterPath, letter_baselines, letter_markdown,
     letter_row,
 };
+use crate::world::Scenario;
 
 static GO: AtomicBool = AtomicBool::new(false);
 

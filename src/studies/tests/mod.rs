@@ -6,7 +6,7 @@ mod paper;
 mod reusing;
 mod structures;
 
-use crate::scenario::Scenario;
+use crate::world::Scenario;
 
 /// The ACC world.
 fn acc() -> Scenario {

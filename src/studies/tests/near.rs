@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::campaign::{Watch, test_starts};
+use crate::experiment::{Watch, test_starts};
 use crate::rl::Policy;
 use crate::sim::PlantKind;
 use crate::studies::extreme::extreme;

@@ -2,7 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::campaign::{Ado, EvalRequest, Watch, eval, test_starts};
+use crate::adversary::{Ado, EvalRequest, eval};
+use crate::experiment::{Watch, test_starts};
 use crate::rl::Control;
 use crate::seed::{Purpose, Seeds};
 use crate::sim::PlantKind;

@@ -2,12 +2,14 @@
 
 use std::sync::atomic::AtomicBool;
 
-use crate::campaign::{ENOUGH_SIMULATIONS, EgoUnderTest, LEAST_SIMULATIONS, Relation, Watch};
-use crate::run::StartOutcome::Solved;
-use crate::scenario::Scenario;
+use crate::evaluation::Relation;
+use crate::experiment::{EgoUnderTest, Watch};
 use crate::seed::Seeds;
+use crate::stats::StartOutcome::Solved;
 use crate::studies::reuse_study::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Met};
 use crate::studies::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
+use crate::sysid::{ENOUGH_SIMULATIONS, LEAST_SIMULATIONS};
+use crate::world::Scenario;
 
 /// One training of a test: of an open seed, like everything that is looked at.
 const ONE: Seeds = Seeds {

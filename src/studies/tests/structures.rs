@@ -1,8 +1,8 @@
 //! Egos of other structures: whose they are, and what the table says of them.
 
-use crate::scenario::Scenario;
 use crate::studies::structures::SolvedBy;
 use crate::studies::{StructureRow, other_structures, structures_markdown};
+use crate::world::Scenario;
 
 fn row(ego: &str, searched: usize, recall: f64, successes: usize) -> StructureRow {
     let met = |recall: f64| SolvedBy {

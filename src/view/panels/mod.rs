@@ -19,7 +19,7 @@ use super::journal::Journal;
 use super::layout::Layout;
 use super::panel::{Column, Entity, Panel};
 use super::story::Story;
-use crate::scenario::Scenario;
+use crate::world::Scenario;
 
 /// From the top of their columns down.
 static PANELS: [&Panel; 8] = [

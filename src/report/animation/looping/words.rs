@@ -6,7 +6,7 @@ use crate::report::animation::film::Film;
 use crate::report::animation::picture::Picture;
 use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words};
 use crate::rulebook::{RulesUntilContact, Verdict};
-use crate::scenario::Scenario;
+use crate::world::Scenario;
 
 /// So many letters fit into a line.
 const LETTERS: usize = 132;

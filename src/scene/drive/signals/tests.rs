@@ -2,9 +2,9 @@
 //! What follows from the list: listing, values, bounds, names, the table.
 
 use super::*;
-use crate::scenario::Scenario;
 use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Constant, play};
+use crate::world::Scenario;
 
 const WORLD: &str = include_str!("../../../../worlds/acc.ron");
 const GUIDE: &str = include_str!("../../../../docs/signals.md");

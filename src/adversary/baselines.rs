@@ -1,0 +1,133 @@
+//! Who can play the ado: the trained one, and what it has to beat.
+
+use strum::{EnumMessage, EnumString, IntoStaticStr, VariantArray};
+
+use super::error::AdversaryError;
+use super::rollout::Ado;
+use super::threshold_rule::{Heuristic, tune_heuristic};
+use crate::experiment::Watch;
+use crate::run_dir::{RunDir, Stored};
+use crate::world::{Against, Scenario};
+
+/// Stored counterexamples replayed per start: one row for each number.
+const REPLAYS: [usize; 2] = [1, 10];
+
+/// Who plays the ado in an evaluation.
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, VariantArray, EnumString, IntoStaticStr, EnumMessage,
+)]
+#[strum(serialize_all = "kebab-case")]
+pub enum AdoKind {
+    /// The trained policy.
+    Trained,
+    /// A random action at each decision.
+    Random,
+    /// A random action, held for five decisions.
+    Hold,
+    /// The best of the constant actions.
+    Constant,
+    /// Accelerates for some time, then brakes: the best of six.
+    Switch,
+    /// A rule with three zones, tuned on the nominal ego.
+    Heuristic,
+    /// The nearest training counterexample, replayed; then the ten nearest.
+    Replays,
+    /// One trained anew for each changed ego, kept under RUN/retrained.
+    Retrained,
+    /// The exact solution of a grid world.
+    Optimal,
+    /// A step towards the ego along the larger axis (grid worlds).
+    Chaser,
+    /// All of them that apply; `retrained` takes a training per changed ego.
+    All,
+}
+
+impl AdoKind {
+    /// What applies to a world, in the order of its rows.
+    fn all(world: &Scenario) -> Vec<AdoKind> {
+        use AdoKind::{
+            Chaser, Constant, Heuristic, Hold, Optimal, Random, Replays, Retrained, Switch, Trained,
+        };
+        let mut all = vec![Trained, Hold, Random, Constant];
+        all.extend(match world.grid() {
+            Some(_) => [Optimal, Chaser].as_slice(),
+            None => &[Switch, Heuristic, Replays, Retrained],
+        });
+        all
+    }
+}
+
+/// What is made once, from a run, for all egos of an evaluation.
+#[derive(Debug)]
+pub(crate) struct Baselines {
+    /// Who plays, in the order of the rows.
+    pub(crate) ados: Vec<AdoKind>,
+    heuristic: Option<Heuristic>,
+    stored: Option<Stored>,
+}
+
+impl Baselines {
+    /// Makes what `asked` needs: the heuristic is tuned on the run's training
+    /// starts, its counterexamples are read.
+    pub(crate) fn of(
+        asked: &[AdoKind],
+        run: &RunDir,
+        nominal: &Scenario,
+        watch: &Watch<'_>,
+    ) -> Result<Baselines, AdversaryError> {
+        let all = asked.contains(&AdoKind::All);
+        let ados = match all {
+            true => AdoKind::all(nominal),
+            false => asked.to_vec(),
+        };
+        let heuristic = match ados.contains(&AdoKind::Heuristic) {
+            true => tuned(run, nominal, watch)?,
+            false => None,
+        };
+        // Only a training against one ego stores counterexamples.
+        let stores = run.manifest().against == Against::Nominal;
+        let replays =
+            ados.contains(&AdoKind::Replays) && (stores || asked.contains(&AdoKind::Replays));
+        Ok(Baselines {
+            ados,
+            heuristic,
+            stored: replays.then(|| run.counterexamples()).transpose()?,
+        })
+    }
+
+    /// The tuned rule, or the replays: none, one or several ados.
+    pub(crate) fn made(&self, kind: AdoKind) -> Vec<Ado<'_>> {
+        match kind {
+            AdoKind::Heuristic => self.heuristic.iter().map(Ado::Heuristic).collect(),
+            AdoKind::Replays => {
+                let stored = self.stored.iter();
+                stored
+                    .flat_map(|stored| REPLAYS.map(|nearest| Ado::Replays(stored, nearest)))
+                    .collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+}
+
+fn tuned(
+    run: &RunDir,
+    nominal: &Scenario,
+    watch: &Watch<'_>,
+) -> Result<Option<Heuristic>, AdversaryError> {
+    let heuristic = tune_heuristic(nominal, run.manifest().seed, watch);
+    match &heuristic {
+        Some(heuristic) => watch.note(&format!(
+            "tuned the heuristic in {:.1} s of processor time: it solves {:.0} % of its training starts",
+            heuristic.cost.cpu_s,
+            100.0 * heuristic.successes
+        )),
+        None if watch.stopped() => {}
+        None => {
+            return Err(AdversaryError::NothingObserved {
+                world: nominal.name.clone(),
+            });
+        }
+    }
+    Ok(heuristic)
+}

@@ -1,0 +1,197 @@
+//! Some more runs around a trained ado, where its first one does not succeed.
+//!
+//! The first run is greedy. The following ones explore: now and then a random
+//! action is held for some decisions, or a conditional ado plays as if it had
+//! been told another member of the family. Every run is one simulation, and
+//! the row counts them all. A start that the greedy run solves stays solved.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::rollout::{Attempt, EvalRequest, Evaluated, Outcome, Played};
+use crate::experiment::{Turn, Watch};
+use crate::rl::Policy;
+use crate::run_dir::{RunDir, RunError};
+use crate::scene::Start;
+use crate::seed;
+use crate::seed::{Purpose, StartKey};
+use crate::sim::PlantKind;
+use crate::testbench::{Actor, Aftermath, Episode, Testbench, play};
+use crate::world::{Family, Member};
+
+/// Probabilities with which exploration begins at a decision, in turn.
+const RATES: [f64; 3] = [0.1, 0.2, 0.4];
+/// A random action is held for 1 to this many decisions.
+const HOLD: usize = 6;
+
+/// Other members that a conditional ado plays as.
+pub(crate) const OTHERS: usize = 15;
+
+/// A conditional ado, told of other members of its family, for [`Tries`].
+///
+/// # Errors
+/// The run has no policy, or its file is damaged.
+pub fn other_members(
+    run: &RunDir,
+    family: &Family,
+    plant: PlantKind,
+) -> Result<Vec<Box<dyn Policy>>, RunError> {
+    let others = (0..OTHERS as u64).map(|index| {
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed: 0,
+            index,
+        };
+        Member {
+            plant,
+            ..family.draw(&run.manifest().world, key)
+        }
+    });
+    run.policies_told(&others.collect::<Vec<_>>())
+}
+
+/// An ado that may try a start several times.
+#[derive(Clone, Copy)]
+pub struct Tries<'a> {
+    /// Ego, ado and starts; the ado is `policy`.
+    pub request: EvalRequest<'a>,
+    /// The ado that plays greedily first.
+    pub policy: &'a dyn Policy,
+    /// The same ado told of other egos; every other run plays one of them.
+    pub others: &'a [Box<dyn Policy>],
+    /// Runs per start, the greedy one included.
+    pub tries: u64,
+}
+
+/// A row with the outcomes, and which try of each start succeeded.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// The row, all simulations counted.
+    pub evaluated: Evaluated,
+    /// Per start the successful try, 0 being the greedy one.
+    pub winners: Vec<Option<u64>>,
+}
+
+impl Tries<'_> {
+    /// Tries every start until its first success.
+    ///
+    /// An unsolved start keeps the outcome of its greedy run.
+    pub fn run(&self, watch: &Watch<'_>) -> Tried {
+        let bench = || self.request.scenario.bench();
+        let played = self.request.starts.each(watch, bench, |bench, _, turn| {
+            self.solve(bench, turn, watch)
+        });
+        let valid = played
+            .iter()
+            .flatten()
+            .filter(|(played, ..)| played.fault.is_none());
+        let simulations: u64 = valid.map(|(_, spent, _)| spent).sum();
+        let winners = played.iter().map(|p| p.as_ref().and_then(|(.., w)| *w));
+        let winners = winners.collect();
+        let played = played.into_iter().map(|p| p.map(|(played, ..)| played));
+        let mut evaluated = Evaluated::of(&self.request, played.collect(), watch);
+        let row = &mut evaluated.row;
+        row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        if 1 < self.tries {
+            row.method = format!("{}, at most {} tries", row.method, self.tries);
+        }
+        Tried { winners, evaluated }
+    }
+
+    fn solve(
+        &self,
+        bench: &mut Testbench,
+        turn: &Turn,
+        watch: &Watch<'_>,
+    ) -> Option<(Played, u64, Option<u64>)> {
+        let index = turn.index;
+        let mut first: Option<Played> = None;
+        let (mut simulations, mut physics_steps) = (0, 0);
+        for number in 0..self.tries {
+            if watch.stopped() {
+                // What has shown that the ego does not run is told of.
+                return first
+                    .filter(|first| first.fault.is_some())
+                    .map(|f| (f, simulations, None));
+            }
+            let episode = self.play(bench, index, number);
+            watch.faults.note(index as u64, episode.fault.as_ref());
+            simulations += 1;
+            physics_steps += episode.physics_steps;
+            let attempt = Attempt::of(episode, simulations, physics_steps);
+            let played = attempt.played(self.request.scenario, turn.cpu_s());
+            if played.outcome.verdict.is_success() {
+                return Some((played, number + 1, Some(number)));
+            }
+            // Nobody knows what an invalid try would have come to.
+            match &first {
+                Some(first) if first.fault.is_some() || played.fault.is_none() => {}
+                _ => first = Some(played),
+            }
+        }
+        let mut unsolved = first?;
+        unsolved.outcome = Outcome {
+            simulations,
+            physics_steps,
+            cpu_s: turn.cpu_s(),
+            ..unsolved.outcome
+        };
+        Some((unsolved, self.tries, None))
+    }
+
+    /// Plays one try of a start: a pure function of both.
+    pub fn play(&self, bench: &mut Testbench, index: usize, number: u64) -> Episode {
+        let (start, noise) = &self.request.starts.starts[index];
+        if number == 0 {
+            return self.request.play(bench, index);
+        }
+        let other = number.is_multiple_of(2) && !self.others.is_empty();
+        let (policy, rate) = match other {
+            true => {
+                let other = (number / 2 - 1) as usize % self.others.len();
+                (&*self.others[other], 0.0)
+            }
+            false => (self.policy, RATES[(number / 2) as usize % RATES.len()]),
+        };
+        let mut actor = Exploring {
+            policy,
+            rate,
+            number,
+            actions: bench.spaces().actions,
+            held: 0,
+            left: 0,
+            dice: seed::generator("tries", &[]),
+        };
+        play(bench, start, *noise, &mut actor, Aftermath::Play)
+    }
+}
+
+/// A policy that now and then holds a random action.
+struct Exploring<'a> {
+    policy: &'a dyn Policy,
+    rate: f64,
+    number: u64,
+    actions: usize,
+    held: usize,
+    left: usize,
+    dice: ChaCha8Rng,
+}
+
+impl Actor for Exploring<'_> {
+    fn begin(&mut self, noise: u64, _start: &Start) {
+        self.dice = seed::generator("tries", &[noise, self.number]);
+        self.left = 0;
+    }
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        if self.left == 0 && self.dice.random::<f64>() < self.rate {
+            self.held = self.dice.random_range(0..self.actions);
+            self.left = self.dice.random_range(1..=HOLD);
+        }
+        if 0 < self.left {
+            self.left -= 1;
+            return self.held;
+        }
+        self.policy.act(obs)
+    }
+}

@@ -1,0 +1,42 @@
+//! Adversaries that do not apply to a world.
+
+use crate::run_dir::RunError;
+use crate::scene::grid::exact::Indistinct;
+
+/// An adversary that does not apply to a world or a run.
+#[derive(Debug, thiserror::Error)]
+pub enum AdversaryError {
+    /// The heuristic reads an observed signal.
+    #[error("the ado in `{world}` observes nothing")]
+    NothingObserved {
+        /// Name of the world.
+        world: String,
+    },
+    /// Only grid worlds are solved exactly.
+    #[error("`{world}` is no grid world")]
+    NotAGrid {
+        /// Name of the world.
+        world: String,
+    },
+    /// An exact solution that the ado's observation cannot express.
+    #[error(transparent)]
+    Indistinct(#[from] Indistinct),
+    /// The run has no counterexamples to replay.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+impl AdversaryError {
+    /// The fix; `None`: the error has another form than a sentence and its fix.
+    pub fn help(&self) -> Option<&'static str> {
+        match self {
+            AdversaryError::NothingObserved { .. } => {
+                Some("a heuristic reads one observed signal: leave out `--ado heuristic`")
+            }
+            AdversaryError::NotAGrid { .. } => {
+                Some("only grid worlds are solved exactly: leave out `--ado optimal` and `chaser`")
+            }
+            AdversaryError::Indistinct(_) | AdversaryError::Run(_) => None,
+        }
+    }
+}

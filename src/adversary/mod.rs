@@ -1,0 +1,22 @@
+//! Adversaries: who plays the ado, and the rollout that makes a row of it.
+
+mod baselines;
+mod best_of_n;
+mod error;
+mod grid_policies;
+mod nearest_replay;
+mod open_loop_baselines;
+mod rollout;
+mod threshold_rule;
+
+pub use baselines::AdoKind;
+pub(crate) use baselines::Baselines;
+pub(crate) use best_of_n::OTHERS;
+pub use best_of_n::{Tried, Tries, other_members};
+pub use error::AdversaryError;
+pub(crate) use grid_policies::ByRule;
+pub(crate) use open_loop_baselines::in_words;
+pub use open_loop_baselines::{best_constant, best_then_brake};
+pub use rollout::{Ado, EvalRequest, Evaluated, Outcome, eval, explain_first};
+pub(crate) use rollout::{Attempt, Played, blank_row, count_solved, note_row};
+pub use threshold_rule::{Heuristic, tune_heuristic};

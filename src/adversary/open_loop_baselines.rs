@@ -1,0 +1,122 @@
+//! The best of the ados that act alike from every start: what anything learned has
+//! to beat.
+
+use super::rollout::{Ado, EvalRequest, Evaluated, eval};
+use crate::experiment::{TestStarts, Watch};
+use crate::world::Scenario;
+
+/// The constant ado that succeeds most often; ties go to the lower action.
+pub fn best_constant(
+    scenario: &Scenario,
+    ego: &str,
+    starts: &TestStarts,
+    watch: &Watch<'_>,
+) -> Evaluated {
+    let constant = |action| {
+        let request = EvalRequest {
+            scenario,
+            ego,
+            ado: Ado::Constant(action),
+            starts,
+        };
+        eval(&request, watch)
+    };
+    let actions = scenario.world().spaces().actions;
+    let first = constant(0);
+    let mut best = (1..actions).map(constant).fold(first, more_successful);
+    best.row.method = format!("{}, the best of {actions}", best.row.method);
+    best
+}
+
+/// Shares of the horizon for which it accelerates before it brakes.
+const ACCELERATES: [f64; 6] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.75];
+
+/// The ado that accelerates for some time and then brakes, both as hard as it can,
+/// the best of six; ties go to the shorter time. `None`: it can do neither.
+pub fn best_then_brake(
+    scenario: &Scenario,
+    ego: &str,
+    starts: &TestStarts,
+    watch: &Watch<'_>,
+) -> Option<Evaluated> {
+    let spec = scenario.drive()?;
+    let [brake, accelerate] = spec.brake_and_accelerate()?;
+    let decisions = spec.clock.decisions() as f64;
+    let mut best = ACCELERATES
+        .map(|share| {
+            let mut actions = vec![accelerate; (share * decisions).round() as usize];
+            actions.push(brake);
+            let request = EvalRequest {
+                scenario,
+                ego,
+                ado: Ado::Script(&actions),
+                starts,
+            };
+            let mut one = eval(&request, watch);
+            one.row.method = in_words(scenario, &actions);
+            one
+        })
+        .into_iter()
+        .reduce(more_successful)?;
+    best.row.ado = "switch".to_owned();
+    best.row.method = format!("{}, the best of {}", best.row.method, ACCELERATES.len());
+    Some(best)
+}
+
+fn more_successful(best: Evaluated, other: Evaluated) -> Evaluated {
+    match best.row.successes < other.row.successes {
+        true => other,
+        false => best,
+    }
+}
+
+/// One action, or one and then another, in words; the last one is held.
+pub(crate) fn in_words(scenario: &Scenario, actions: &[usize]) -> String {
+    let (Some(&first), Some(&last)) = (actions.first(), actions.last()) else {
+        return "nothing".to_owned();
+    };
+    match actions.len() - 1 {
+        0 => format!("{} throughout", scenario.action_label(first)),
+        held => format!(
+            "{} for {held} decisions, then {}",
+            scenario.action_label(first),
+            scenario.action_label(last)
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::test_starts;
+
+    #[test]
+    fn the_best_that_accelerates_and_then_brakes_is_named_with_what_it_does() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let watch = Watch::unwatched();
+        let starts = test_starts(&world, 20, 3, &watch).expect("drawn");
+        let best = best_then_brake(&world, "nominal", &starts, &watch).expect("it drives");
+        assert_eq!(best.row.ado, "switch");
+        let says = &best.row.method;
+        assert!(
+            says.ends_with("the best of 6") && says.contains("-3 m/s²"),
+            "{says}"
+        );
+        // The first of the six is the constant braking.
+        let constant = best_constant(&world, "nominal", &starts, &watch);
+        assert!(constant.row.successes <= best.row.successes);
+        let light = Scenario::shipped("light_ado")
+            .expect("shipped")
+            .expect("sound");
+        let starts = test_starts(&light, 2, 3, &watch).expect("drawn");
+        assert!(best_then_brake(&light, "nominal", &starts, &watch).is_none());
+    }
+
+    #[test]
+    fn one_action_and_then_another_are_told_in_words() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        assert_eq!(in_words(&world, &[0]), "-3 m/s² throughout");
+        let words = in_words(&world, &[2, 2, 2, 0]);
+        assert_eq!(words, "+3 m/s² for 3 decisions, then -3 m/s²");
+    }
+}

@@ -1,0 +1,460 @@
+//! Evaluating an ado: frozen policy or baseline × ego × test starts → a row.
+
+use std::sync::Arc;
+
+use super::nearest_replay::{NearestReplay, replay_nearest};
+use super::threshold_rule::Heuristic;
+use crate::ego::{Command, Fault};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch, leaf};
+use crate::rl::Policy;
+use crate::rulebook::Verdict;
+use crate::run_dir::{
+    ClosingSpeed, ContactSeverity, FailureKind, Repeated, Row, StartRepeated, Stored,
+};
+use crate::severity::Impact;
+use crate::stats::{Outcomes, StartOutcome, at_most, wilson};
+use crate::stl::Explanation;
+use crate::testbench::{
+    Actor, Aftermath, Constant, Episode, HOLD_DECISIONS, HeldRandom, PolicyActor, Random, Replay,
+    Testbench, count_faults, play,
+};
+use crate::world::{Against, Repeats, Scenario};
+
+/// Who plays the ado.
+#[derive(Clone, Copy)]
+pub enum Ado<'a> {
+    /// A trained policy and the seed of its training.
+    Trained(&'a dyn Policy, u64),
+    /// A uniformly random action at each decision.
+    Random,
+    /// A uniformly random action, held for five decisions.
+    Held,
+    /// The same action all the time.
+    Constant(usize),
+    /// A rule that nobody trained: its word and its method in rows.
+    Rule(&'a dyn Policy, &'static str, &'static str),
+    /// These actions, one per decision; the last one is held.
+    Script(&'a [usize]),
+    /// A hand-made rule, tuned once.
+    Heuristic(&'a Heuristic),
+    /// So many of the nearest stored counterexamples, until one succeeds.
+    Replays(&'a Stored, usize),
+}
+
+impl Ado<'_> {
+    /// The word in rows.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Ado::Trained(..) => "trained",
+            Ado::Random => "random",
+            Ado::Held => "hold",
+            Ado::Constant(_) => "constant",
+            Ado::Rule(_, word, _) => word,
+            Ado::Script(_) => "script",
+            Ado::Heuristic(_) => "heuristic",
+            Ado::Replays(_, 1) => "replay",
+            Ado::Replays(..) => "replays",
+        }
+    }
+
+    fn method(&self, scenario: &Scenario) -> String {
+        match self {
+            Ado::Trained(..) => match scenario.against {
+                Against::Nominal => scenario.learner.name().to_lowercase(),
+                family => format!("{}, {family}", scenario.learner.name().to_lowercase()),
+            },
+            Ado::Random => "random".to_owned(),
+            Ado::Held => format!("random, held {HOLD_DECISIONS} decisions"),
+            Ado::Constant(action) => scenario.action_label(*action),
+            Ado::Rule(_, _, method) => (*method).to_owned(),
+            Ado::Script(_) => "actions as given".to_owned(),
+            Ado::Heuristic(heuristic) => heuristic.text.clone(),
+            Ado::Replays(_, nearest) => format!("open loop, the {nearest} nearest"),
+        }
+    }
+
+    /// Who plays the ado in episodes with so many joint actions.
+    pub fn actor(&self, actions: usize) -> Box<dyn Actor + '_> {
+        match *self {
+            Ado::Trained(policy, _) | Ado::Rule(policy, ..) => Box::new(PolicyActor(policy)),
+            Ado::Random => Box::new(Random::new(actions)),
+            Ado::Held => Box::new(HeldRandom::new(actions, HOLD_DECISIONS)),
+            Ado::Constant(action) => Box::new(Constant(action)),
+            Ado::Script(actions) => Box::new(Replay::holding(actions)),
+            Ado::Heuristic(heuristic) => Box::new(PolicyActor(heuristic)),
+            Ado::Replays(stored, _) => Box::new(NearestReplay::new(stored, 0)),
+        }
+    }
+}
+
+/// What to evaluate.
+#[derive(Clone, Copy)]
+pub struct EvalRequest<'a> {
+    /// The world, with the ego to be tested.
+    pub scenario: &'a Scenario,
+    /// What rows call that ego.
+    pub ego: &'a str,
+    /// Who plays the ado.
+    pub ado: Ado<'a>,
+    /// The test starts.
+    pub starts: &'a TestStarts,
+}
+
+impl EgoUnderTest {
+    /// An ado, to be evaluated against it.
+    pub fn met_by<'a>(&'a self, ado: Ado<'a>, starts: &'a TestStarts) -> EvalRequest<'a> {
+        EvalRequest {
+            scenario: self.scenario(),
+            ego: self.name(),
+            ado,
+            starts,
+        }
+    }
+}
+
+/// How one episode of an evaluation went.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// How it was judged.
+    pub verdict: Verdict,
+    /// Closing speed, if the agents touched.
+    pub closing_speed_mps: Option<f64>,
+    /// What the contact does to the ego, if it has part in it.
+    pub impact: Option<Impact>,
+    /// Whether a rule was broken between a success and the contact.
+    pub foul_before_contact: bool,
+    /// Episodes run; only `Ado::Replays` may take more than one.
+    pub simulations: u64,
+    /// Physics steps spent.
+    pub physics_steps: u64,
+    /// Processor time spent.
+    pub cpu_s: f64,
+}
+
+/// An outcome, and what it takes to tell of it and to repeat it.
+#[derive(Clone, Debug)]
+pub(crate) struct Played {
+    pub(crate) outcome: Outcome,
+    /// In which way the ego failed, if it did and counts.
+    pub(super) failure: Option<Failure>,
+    pub(super) fault: Option<Fault>,
+    pub(super) repeated: Option<StartRepeated>,
+    /// What an ego that nobody here wrote commanded in a success.
+    pub(super) commands: Option<Arc<[Command]>>,
+}
+
+/// In which way an ego failed: the leaf of ψ_ego, and who touched.
+#[derive(Clone, Debug)]
+pub(super) struct Failure {
+    leaf: String,
+    contact: Option<(String, String)>,
+}
+
+impl Failure {
+    /// That of an episode, if it is a success of the ados.
+    pub(super) fn of(scenario: &Scenario, episode: &Episode) -> Option<Failure> {
+        episode.verdict.is_success().then(|| Failure {
+            leaf: leaf(scenario, episode),
+            contact: episode.contact.as_ref().map(|touch| touch.between.clone()),
+        })
+    }
+}
+
+/// A row and the outcomes behind it.
+#[derive(Clone, Debug)]
+pub struct Evaluated {
+    /// Rates and costs over all starts.
+    pub row: Row,
+    /// Per start; `None` for trivial ones and for those not reached.
+    pub outcomes: Vec<Option<Outcome>>,
+    /// Per start; what the ego commanded in a success, if nobody here wrote it.
+    pub(super) commands: Vec<Option<Arc<[Command]>>>,
+}
+
+impl Evaluated {
+    /// A row over what was played, noted in the log of faults.
+    pub(crate) fn of(
+        request: &EvalRequest<'_>,
+        played: Vec<Option<Played>>,
+        watch: &Watch<'_>,
+    ) -> Evaluated {
+        let row = request.row(&played);
+        note_row(watch, &row);
+        let outcomes = played.iter().map(|p| p.as_ref().map(|p| p.outcome));
+        Evaluated {
+            row,
+            outcomes: outcomes.collect(),
+            commands: played.into_iter().map(|p| p?.commands).collect(),
+        }
+    }
+
+    /// Positions of the starts that were solved.
+    pub(crate) fn solved(&self) -> impl Iterator<Item = usize> {
+        let outcomes = self.outcomes.iter().enumerate();
+        outcomes
+            .filter_map(|(index, outcome)| outcome.as_ref()?.verdict.is_success().then_some(index))
+    }
+
+    /// The world in which a success is played again bit for bit.
+    ///
+    /// An ego that nobody here wrote may answer otherwise the next time: then
+    /// its commands are repeated instead.
+    fn world_of(&self, request: &EvalRequest<'_>, index: usize) -> Option<Scenario> {
+        let commands = self.commands.get(index)?.as_ref()?;
+        Some(request.scenario.with_commands(commands))
+    }
+
+    /// Plays a success again, as it was.
+    pub(crate) fn again(
+        &self,
+        request: &EvalRequest<'_>,
+        bench: &mut Testbench,
+        index: usize,
+        play: &mut dyn FnMut(&mut Testbench, usize) -> Episode,
+    ) -> Episode {
+        match self.world_of(request, index) {
+            Some(world) => play(&mut world.bench(), index),
+            None => play(bench, index),
+        }
+    }
+}
+
+/// Tells the log of faults of a finished row.
+pub(crate) fn note_row(watch: &Watch<'_>, row: &Row) {
+    let name = || format!("ego {}, {}", row.ego, row.ado);
+    watch.faults.note_row(name, row.invalid_share());
+}
+
+/// Plays every start once and counts.
+pub fn eval(request: &EvalRequest<'_>, watch: &Watch<'_>) -> Evaluated {
+    watch.phase(&format!(
+        "evaluating {}, {}",
+        request.ego,
+        request.ado.word()
+    ));
+    let bench = || request.scenario.bench();
+    let played = request.starts.each(watch, bench, |bench, _, turn| {
+        let attempt = request.repeat(bench, turn.index);
+        watch.faults.note(turn.index as u64, attempt.fault.as_ref());
+        Some(attempt.played(request.scenario, turn.cpu_s()))
+    });
+    Evaluated::of(request, played, watch)
+}
+
+/// One start, played as often as is asked.
+pub(crate) struct Attempt {
+    /// The run that stands for all of them.
+    episode: Episode,
+    /// The first fault of any run, also where another one stands for all.
+    fault: Option<Fault>,
+    repeated: Option<StartRepeated>,
+    simulations: u64,
+    physics_steps: u64,
+}
+
+impl Attempt {
+    /// One run that stands for all so far, and what they took.
+    pub(crate) fn of(episode: Episode, simulations: u64, physics_steps: u64) -> Attempt {
+        Attempt {
+            fault: episode.fault.clone(),
+            episode,
+            repeated: None,
+            simulations,
+            physics_steps,
+        }
+    }
+
+    /// What rows count of it.
+    pub(crate) fn played(self, scenario: &Scenario, cpu_s: f64) -> Played {
+        let episode = self.episode;
+        let failure = Failure::of(scenario, &episode);
+        let repeatable = episode.verdict.is_success() && !episode.commands.is_empty();
+        Played {
+            outcome: Outcome {
+                verdict: episode.verdict,
+                foul_before_contact: episode.is_foul_before_contact(),
+                impact: episode.contact.as_ref().and_then(|touch| touch.impact),
+                closing_speed_mps: episode.contact.map(|touch| touch.closing_speed_mps),
+                simulations: self.simulations,
+                physics_steps: self.physics_steps,
+                cpu_s,
+            },
+            failure,
+            fault: self.fault,
+            repeated: self.repeated,
+            commands: repeatable.then(|| episode.commands.into()),
+        }
+    }
+}
+
+impl EvalRequest<'_> {
+    /// Plays one start, to contact or the horizon after a success.
+    pub fn play(&self, bench: &mut Testbench, index: usize) -> Episode {
+        self.attempt(bench, index).0
+    }
+
+    /// Plays one start as often as the world asks, for egos that do not answer
+    /// twice alike.
+    fn repeat(&self, bench: &mut Testbench, index: usize) -> Attempt {
+        let Repeats { runs, gate } = self.scenario.repeats;
+        let (mut simulations, mut physics_steps) = (0, 0);
+        let mut episodes = Vec::with_capacity(runs as usize);
+        for _ in 0..runs.max(1) {
+            let (episode, more_simulations, more_steps) = self.attempt(bench, index);
+            simulations += more_simulations;
+            physics_steps += more_steps;
+            episodes.push(episode);
+        }
+        let (repeated, standing) = StartRepeated::of(&episodes, gate);
+        Attempt {
+            fault: episodes.iter().find_map(|episode| episode.fault.clone()),
+            episode: episodes.swap_remove(standing),
+            repeated: (1 < runs).then_some(repeated),
+            simulations,
+            physics_steps,
+        }
+    }
+
+    /// One run, with the simulations and physics steps it took.
+    fn attempt(&self, bench: &mut Testbench, index: usize) -> (Episode, u64, u64) {
+        let (start, noise) = &self.starts.starts[index];
+        if let Ado::Replays(stored, nearest) = self.ado {
+            return replay_nearest(bench, (start, *noise), stored, nearest);
+        }
+        let mut actor = self.ado.actor(bench.spaces().actions);
+        let episode = play(bench, start, *noise, &mut *actor, Aftermath::Play);
+        let physics_steps = episode.physics_steps;
+        (episode, 1, physics_steps)
+    }
+
+    pub(super) fn row(&self, played: &[Option<Played>]) -> Row {
+        let mut row = blank_row(self.scenario, self.ego, self.starts);
+        row.ado = self.ado.word().to_owned();
+        row.method = self.ado.method(self.scenario);
+        if let Ado::Trained(_, seed) = self.ado {
+            row.train_seed = Some(seed);
+        }
+        let all = played.iter().flatten().map(|played| &played.outcome);
+        row.physics_steps = all.clone().map(|outcome| outcome.physics_steps).sum();
+        // Not `sum`, which is -0.0 of nothing.
+        row.cpu_s = all.clone().fold(0.0, |sum, outcome| sum + outcome.cpu_s);
+        // From here on only what tells something of the ego.
+        let valid = all.filter(|outcome| outcome.verdict != Verdict::Invalid);
+        let simulations: u64 = valid.clone().map(|outcome| outcome.simulations).sum();
+        let fouls = valid.clone();
+        let fouls = fouls.filter(|o| matches!(o.verdict, Verdict::Foul { .. }));
+        let fouls = fouls.count();
+        let uncounted = valid.clone();
+        let uncounted = uncounted.filter(|o| matches!(o.verdict, Verdict::Uncounted { .. }));
+        let some_do_not = !self.scenario.rulebook().counts.is_violation();
+        row.uncounted = some_do_not.then(|| uncounted.count());
+        let late_fouls = valid.clone().filter(|o| o.foul_before_contact).count();
+        let impacts: Vec<Impact> = valid.clone().filter_map(|o| o.impact).collect();
+        let contacts: Vec<f64> = valid.filter_map(|o| o.closing_speed_mps).collect();
+        let marks = played.iter().zip(&self.starts.trivial);
+        row.solved = marks
+            .map(|(played, trivial)| match (played.as_ref(), trivial) {
+                (_, true) => StartOutcome::Trivial,
+                (Some(played), _) => StartOutcome::of(&played.outcome.verdict),
+                (None, _) => StartOutcome::NotReached,
+            })
+            .collect();
+        count_solved(&mut row);
+        let faults = played
+            .iter()
+            .enumerate()
+            .filter_map(|(start, played)| Some((start as u64, played.as_ref()?.fault.as_ref()?)));
+        row.faults = count_faults(faults);
+        let repeated = played.iter().map(|p| p.as_ref()?.repeated.as_ref());
+        row.repeats = Repeated::of(self.scenario.repeats, repeated);
+        row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        row.foul_rate = share(fouls, row.starts);
+        row.foul_before_contact_rate = Some(share(late_fouls, row.starts));
+        row.contact_rate = share(contacts.len(), row.starts);
+        row.closing_speed_mps = ClosingSpeed::of(contacts);
+        row.severity = ContactSeverity::of(&impacts);
+        let failures = played.iter().flatten().filter_map(|p| p.failure.clone());
+        row.kinds = FailureKind::counted(failures.map(|one| (one.leaf, one.contact)));
+        row
+    }
+}
+
+/// A row of which only the headings are filled in.
+pub(crate) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> Row {
+    Row {
+        world: scenario.name.clone(),
+        plant: scenario.plant(),
+        judge: scenario.rulebook().judge,
+        ego: ego.to_owned(),
+        ado: String::new(),
+        method: String::new(),
+        train_seed: None,
+        context: None,
+        warning: None,
+        start_seed: starts.seed,
+        starts: 0,
+        trivial: 0,
+        fails_alone: None,
+        successes: 0,
+        success_rate: 0.0,
+        ci95: [0.0, 1.0],
+        at_most: None,
+        recall: None,
+        beyond_search: None,
+        foul_rate: 0.0,
+        uncounted: None,
+        kinds: Vec::new(),
+        foul_before_contact_rate: None,
+        contact_rate: 0.0,
+        closing_speed_mps: None,
+        severity: None,
+        invalid: 0,
+        faults: Vec::new(),
+        repeats: None,
+        sims_per_start: 0.0,
+        physics_steps: 0,
+        cpu_s: 0.0,
+        anytime: Vec::new(),
+        unconfirmed: None,
+        solved: Outcomes::default(),
+    }
+}
+
+/// Fills the counts of a row from its `solved`.
+pub(crate) fn count_solved(row: &mut Row) {
+    row.successes = row.solved.count(StartOutcome::Solved);
+    row.starts = row.successes + row.solved.count(StartOutcome::Unsolved);
+    row.trivial = row.solved.count(StartOutcome::Trivial);
+    row.invalid = row.solved.count(StartOutcome::Invalid);
+    row.success_rate = share(row.successes, row.starts);
+    row.ci95 = wilson(row.successes, row.starts);
+    row.at_most = (row.successes == 0 && 0 < row.starts).then(|| at_most(row.starts));
+}
+
+fn share(part: usize, whole: usize) -> f64 {
+    match whole {
+        0 => 0.0,
+        _ => part as f64 / whole as f64,
+    }
+}
+
+/// Why the ego fails in the first counterexample of an evaluation.
+///
+/// Gives the position of its start and the explanation of ρ(ψ_ego) on the
+/// judged samples; `None` when nothing was solved.
+pub fn explain_first(
+    request: &EvalRequest<'_>,
+    evaluated: &Evaluated,
+) -> Option<(usize, Explanation)> {
+    let index = evaluated
+        .row
+        .solved
+        .iter()
+        .position(|one| *one == StartOutcome::Solved)?;
+    let bench = &mut request.scenario.bench();
+    let mut again = |bench: &mut Testbench, index| request.play(bench, index);
+    let episode = evaluated.again(request, bench, index, &mut again);
+    let mut judged = episode.trace;
+    judged.truncate(episode.judged);
+    Some((index, request.scenario.rulebook().spec.explain(&judged)))
+}

@@ -1,0 +1,335 @@
+//! A closed-loop ado that nobody trained: a rule with three zones.
+//!
+//! It reads one of the signals the ado observes: below a first threshold it
+//! takes one action, above a second one another, between them a third. Which
+//! signal, which thresholds and which actions is tuned once, by the cross-entropy
+//! method, for success on training starts and the world's own ego. A trained ado that does
+//! not beat it has learned nothing worth a network.
+
+use std::cmp::Ordering;
+
+use cpu_time::ThreadTime;
+use rand_chacha::ChaCha8Rng;
+
+use crate::experiment::{Cost, EpisodeLoop, Turn, Watch};
+use crate::rl::Policy;
+use crate::scene::Start;
+use crate::seed;
+use crate::seed::{Purpose, StartKey};
+use crate::stats::{normal, pick};
+use crate::testbench::{Actor, Aftermath, HOLD_DECISIONS, HeldRandom, Testbench};
+use crate::world::Scenario;
+
+/// Training starts on which every rule is tried.
+const STARTS: u64 = 32;
+/// Rules per generation.
+const POPULATION: usize = 48;
+/// The best of them, from which the next generation is drawn.
+const ELITES: usize = 8;
+/// Generations.
+const GENERATIONS: u64 = 8;
+/// Weight of the elites against the old distribution.
+const SMOOTHING: f64 = 0.7;
+/// Spread of the thresholds that is kept, as a share of the signal's values.
+const LEAST_SPREAD: f64 = 0.02;
+
+/// A rule with three zones of one observed signal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Heuristic {
+    zones: Zones,
+    /// The signal, its zones, the actions in them, and the cost of the tuning.
+    pub text: String,
+    /// Share of the starts it was tuned on that it solves.
+    pub successes: f64,
+    /// Mean reward on them.
+    pub reward: f64,
+    /// What the tuning cost.
+    pub cost: Cost,
+}
+
+impl Policy for Heuristic {
+    fn act(&self, obs: &[f32]) -> usize {
+        self.zones.act(obs)
+    }
+
+    /// The same everywhere: the mean reward of its tuning.
+    fn value(&self, _obs: &[f32]) -> f32 {
+        self.reward as f32
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Zones {
+    /// Position of the signal in the observation.
+    position: usize,
+    /// Of the observed, scaled signal.
+    thresholds: [f32; 2],
+    /// Actions below, between and above the thresholds.
+    actions: [usize; 3],
+}
+
+impl Zones {
+    fn act(&self, obs: &[f32]) -> usize {
+        let (value, [low, high]) = (obs[self.position], self.thresholds);
+        let [below, between, above] = self.actions;
+        match (value < low, value < high) {
+            (true, _) => below,
+            (false, true) => between,
+            (false, false) => above,
+        }
+    }
+}
+
+impl Actor for Zones {
+    fn begin(&mut self, _seed: u64, _start: &Start) {}
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        Zones::act(self, obs)
+    }
+}
+
+/// Tunes a rule on `scenario`, which has the nominal ego.
+///
+/// `seed` names the stream of training starts, so that the rule may see what a
+/// training with this seed sees. `None`: stopped from outside, or the ado
+/// observes nothing.
+pub fn tune_heuristic(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> Option<Heuristic> {
+    let clock = ThreadTime::now();
+    watch.phase("tuning the heuristic (generations)");
+    let (values, mut cost) = usual_values(scenario, seed, watch);
+    if values.iter().any(Vec::is_empty) || values.is_empty() {
+        return None;
+    }
+    let actions = scenario.world().spaces().actions;
+    let mut chances = Chances::even(values.len(), actions);
+    let mut rng = seed::generator("heuristic", &[seed]);
+    let mut best: Option<(Score, Rule)> = None;
+    let mut elsewhere_s = 0.0;
+    for generation in 0..GENERATIONS {
+        (watch.progress)(generation, GENERATIONS);
+        let rules: Vec<Rule> = (0..POPULATION).map(|_| chances.draw(&mut rng)).collect();
+        let try_one = |bench: &mut Testbench, rule: &Rule, turn: &Turn| {
+            Some(try_out(bench, rule, &values, (seed, watch, turn)))
+        };
+        let all = EpisodeLoop::uncounted(watch);
+        let tried = all.run(&rules, || scenario.bench(), try_one);
+        if watch.stopped() {
+            return None;
+        }
+        let tried: Vec<Tried> = tried.into_iter().flatten().collect();
+        for tried in &tried {
+            cost.simulations += STARTS;
+            cost.physics_steps += tried.physics_steps;
+            elsewhere_s += tried.cpu_s;
+        }
+        let mut ranked: Vec<(Score, Rule)> = tried.iter().map(|t| t.score).zip(rules).collect();
+        // Equals keep the order in which they were drawn.
+        ranked.sort_by(|a, b| b.0.better(&a.0));
+        ranked.truncate(ELITES);
+        let elites: Vec<&Rule> = ranked.iter().map(|(_, rule)| rule).collect();
+        chances.learn(&elites);
+        let first = ranked.swap_remove(0);
+        if best
+            .as_ref()
+            .is_none_or(|best| best.0.better(&first.0).is_lt())
+        {
+            best = Some(first);
+        }
+    }
+    let (score, rule) = best?;
+    // On one thread the rules were tried on this one.
+    cost.cpu_s = elsewhere_s.max(clock.elapsed().as_secs_f64());
+    let zones = rule.zones(&values);
+    Some(Heuristic {
+        zones,
+        text: describe(scenario, zones, cost),
+        successes: score.successes as f64 / STARTS as f64,
+        reward: score.reward,
+        cost,
+    })
+}
+
+/// Observed values of each signal under held-random actions, in order.
+fn usual_values(scenario: &Scenario, seed: u64, watch: &Watch<'_>) -> (Vec<Vec<f32>>, Cost) {
+    let mut bench = scenario.bench();
+    let spaces = bench.spaces().clone();
+    let mut seen = Seen {
+        held: HeldRandom::new(spaces.actions, HOLD_DECISIONS),
+        values: vec![Vec::new(); spaces.observation],
+    };
+    let mut cost = Cost::default();
+    for index in 0..STARTS {
+        let key = key(seed, index);
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        let (from, at) = ((&start, noise), index as usize);
+        let episode = watch.play(&mut bench, from, at, &mut seen, Aftermath::Skip);
+        cost.simulations += 1;
+        cost.physics_steps += episode.physics_steps;
+    }
+    for values in &mut seen.values {
+        values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+    }
+    (seen.values, cost)
+}
+
+/// Held-random actions that note what is observed.
+struct Seen {
+    held: HeldRandom,
+    values: Vec<Vec<f32>>,
+}
+
+impl Actor for Seen {
+    fn begin(&mut self, seed: u64, start: &Start) {
+        self.held.begin(seed, start);
+    }
+
+    fn act(&mut self, obs: &[f32]) -> usize {
+        for (values, value) in self.values.iter_mut().zip(obs) {
+            values.push(*value);
+        }
+        self.held.act(obs)
+    }
+}
+
+fn key(seed: u64, index: u64) -> StartKey {
+    StartKey {
+        purpose: Purpose::Train,
+        seed,
+        index,
+    }
+}
+
+/// A rule whose thresholds are quantiles of the signal's usual values.
+#[derive(Clone, Debug)]
+struct Rule {
+    signal: usize,
+    quantiles: [f64; 2],
+    actions: [usize; 3],
+}
+
+impl Rule {
+    fn zones(&self, values: &[Vec<f32>]) -> Zones {
+        let values = &values[self.signal];
+        let at = |share: f64| values[(share * (values.len() - 1) as f64).round() as usize];
+        Zones {
+            position: self.signal,
+            thresholds: self.quantiles.map(at),
+            actions: self.actions,
+        }
+    }
+}
+
+fn describe(scenario: &Scenario, zones: Zones, cost: Cost) -> String {
+    let observed = &scenario.world().observed()[zones.position];
+    let value = |threshold: f32| observed.mid + observed.half * f64::from(threshold);
+    let [low, high] = zones.thresholds.map(value);
+    let [below, between, above] = zones.actions.map(|action| scenario.action_label(action));
+    format!(
+        "{} < {low:.2}: {below}; < {high:.2}: {between}; else {above}; tuned with {} simulations",
+        observed.name, cost.simulations
+    )
+}
+
+/// What rules are ranked by: successes, then the mean reward.
+///
+/// By the mean reward alone the best rule is one that merely breaks no rules.
+#[derive(Clone, Copy, Debug, Default)]
+struct Score {
+    successes: u64,
+    reward: f64,
+}
+
+impl Score {
+    fn better(&self, other: &Score) -> Ordering {
+        let successes = self.successes.cmp(&other.successes);
+        successes.then(self.reward.total_cmp(&other.reward))
+    }
+}
+
+/// How a rule did on the training starts.
+struct Tried {
+    score: Score,
+    physics_steps: u64,
+    cpu_s: f64,
+}
+
+fn try_out(
+    bench: &mut Testbench,
+    rule: &Rule,
+    values: &[Vec<f32>],
+    (seed, watch, turn): (u64, &Watch<'_>, &Turn),
+) -> Tried {
+    let mut zones = rule.zones(values);
+    let (mut score, mut physics_steps) = (Score::default(), 0);
+    for index in 0..STARTS {
+        let key = key(seed, index);
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        let (from, at) = ((&start, noise), index as usize);
+        let episode = watch.play(bench, from, at, &mut zones, Aftermath::Skip);
+        // An invalid episode is worth nothing to either side.
+        let reward = bench.rulebook().reward_of(&episode.verdict);
+        score.reward += reward.unwrap_or(0.0) / STARTS as f64;
+        score.successes += u64::from(episode.verdict.is_success());
+        physics_steps += episode.physics_steps;
+    }
+    Tried {
+        score,
+        physics_steps,
+        cpu_s: turn.cpu_s(),
+    }
+}
+
+/// The distribution that rules are drawn from.
+struct Chances {
+    signal: Vec<f64>,
+    actions: [Vec<f64>; 3],
+    /// Mean and standard deviation of the quantiles.
+    quantiles: [(f64, f64); 2],
+}
+
+impl Chances {
+    fn even(signals: usize, actions: usize) -> Chances {
+        let even = |n: usize| vec![1.0 / n as f64; n];
+        Chances {
+            signal: even(signals),
+            actions: [even(actions), even(actions), even(actions)],
+            quantiles: [(1.0 / 3.0, 0.3), (2.0 / 3.0, 0.3)],
+        }
+    }
+
+    fn draw(&self, rng: &mut ChaCha8Rng) -> Rule {
+        let signal = pick(&self.signal, rng);
+        let mut quantiles = self
+            .quantiles
+            .map(|(mean, spread)| (mean + spread * normal(rng)).clamp(0.0, 1.0));
+        quantiles.sort_by(f64::total_cmp);
+        let [a, b, c] = &self.actions;
+        Rule {
+            signal,
+            quantiles,
+            actions: [pick(a, rng), pick(b, rng), pick(c, rng)],
+        }
+    }
+
+    fn learn(&mut self, elites: &[&Rule]) {
+        let n = elites.len() as f64;
+        let towards = |shares: &mut [f64], of: &dyn Fn(&Rule) -> usize| {
+            for (value, share) in shares.iter_mut().enumerate() {
+                let chosen = elites.iter().filter(|rule| of(rule) == value).count();
+                *share += SMOOTHING * (chosen as f64 / n - *share);
+            }
+        };
+        towards(&mut self.signal, &|rule| rule.signal);
+        for (zone, shares) in self.actions.iter_mut().enumerate() {
+            towards(shares, &|rule| rule.actions[zone]);
+        }
+        for (i, (mean, spread)) in self.quantiles.iter_mut().enumerate() {
+            let values = elites.iter().map(|rule| rule.quantiles[i]);
+            let centre = values.clone().sum::<f64>() / n;
+            let variance = values.map(|v| (v - centre).powi(2)).sum::<f64>() / n;
+            *mean += SMOOTHING * (centre - *mean);
+            *spread += SMOOTHING * (variance.sqrt() - *spread);
+            *spread = spread.max(LEAST_SPREAD);
+        }
+    }
+}

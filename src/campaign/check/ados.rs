@@ -1,0 +1,226 @@
+//! The ados of a campaign, found in a world.
+
+use super::Checker;
+use crate::campaign::error::CampaignError;
+use crate::campaign::file::AdoEntry;
+use crate::campaign::plan::{PlannedAdo, PlannedRun, PlannedTraining};
+use crate::run_dir::{RunDir, file_name};
+use crate::search::{BUDGET, Method, MethodOption, MethodSettings, SWITCHES};
+use crate::world::{Path, Scenario, guessed};
+
+/// Most decisions of a script.
+const MAX_DECISIONS: f64 = 1e6;
+/// Most trainings of a world.
+const MAX_TRAININGS: u64 = 10_000;
+
+impl Checker {
+    /// The ados of a world: its own, then those of the campaign.
+    pub(super) fn ados(
+        &mut self,
+        world: usize,
+        (own, common): (&[AdoEntry], &[AdoEntry]),
+    ) -> Result<Vec<PlannedAdo>, CampaignError> {
+        let mut ados = Vec::new();
+        let places = [
+            Path::top().to("worlds").at(world).to("ados"),
+            Path::top().to("ados"),
+        ];
+        for (place, entries) in places.iter().zip([own, common]) {
+            for (nth, entry) in entries.iter().enumerate() {
+                ados.extend(self.planned(&place.at(nth), world, entry)?);
+            }
+        }
+        self.told_apart(&ados)?;
+        Ok(ados)
+    }
+
+    fn planned(
+        &mut self,
+        at: &Path,
+        world: usize,
+        entry: &AdoEntry,
+    ) -> Result<Vec<PlannedAdo>, CampaignError> {
+        let (played, _) = &self.worlds[world];
+        let one = match entry {
+            AdoEntry::Neutral => PlannedAdo::Neutral,
+            AdoEntry::Held => PlannedAdo::Held,
+            AdoEntry::Random => PlannedAdo::Random,
+            AdoEntry::Constant(label) => PlannedAdo::Constant {
+                action: self.action(at, played, label)?,
+                label: label.clone(),
+            },
+            AdoEntry::Script { name, steps, then } => PlannedAdo::Script {
+                name: name.clone(),
+                actions: self.script(at, played, (steps, then))?,
+            },
+            AdoEntry::Search {
+                method,
+                switches,
+                budget,
+            } => self.search(at, (method.as_deref(), *switches, *budget))?,
+            AdoEntry::Trained(dir) => return self.trained(at, world, dir),
+            AdoEntry::Training {
+                seeds,
+                first_seed,
+                decisions,
+            } => return self.trainings(at, world, (*seeds, *first_seed, *decisions)),
+        };
+        Ok(vec![one])
+    }
+
+    /// The actions of a script, one per decision; the last one is held.
+    fn script(
+        &self,
+        at: &Path,
+        world: &Scenario,
+        (steps, then): (&[(String, f64)], &str),
+    ) -> Result<Vec<usize>, CampaignError> {
+        let decision_s = world.world().clock().decision_s;
+        let mut actions = Vec::new();
+        for (nth, (label, until_s)) in steps.iter().enumerate() {
+            let at = at.to("steps").at(nth);
+            let action = self.action(&at, world, label)?;
+            let decisions = (until_s / decision_s).round();
+            if decisions <= actions.len() as f64 || MAX_DECISIONS < decisions {
+                let what = format!("this step ends at {until_s} s, before it begins");
+                let help = format!(
+                    "each step ends later than the one before; a decision takes {decision_s} s"
+                );
+                return Err(self.source.wrong(&at, what, Some(help)));
+            }
+            actions.resize(decisions as usize, action);
+        }
+        actions.push(self.action(&at.to("then"), world, then)?);
+        Ok(actions)
+    }
+
+    fn search(
+        &self,
+        at: &Path,
+        (method, switches, budget): (Option<&str>, Option<usize>, Option<u64>),
+    ) -> Result<PlannedAdo, CampaignError> {
+        let name = method.unwrap_or("switches");
+        if name == "mutate" {
+            let what = "a campaign has no training whose counterexamples are mutated";
+            let help = "use another method, or `brakecheck search RUN --method mutate`";
+            return Err(self.source.wrong(at, what, Some(help.to_owned())));
+        }
+        let wrong = self.source.at(at);
+        let settings = MethodSettings {
+            switches,
+            stored: None,
+        };
+        let known = Method::named(name, &settings).map_err(&wrong)?;
+        let given = [
+            switches.map(|_| MethodOption::Switches),
+            budget.map(|_| MethodOption::Budget),
+        ];
+        let given: Vec<MethodOption> = given.into_iter().flatten().collect();
+        known.info().refuse_others(&given).map_err(wrong)?;
+        Ok(PlannedAdo::Search {
+            method: name.to_owned(),
+            switches: switches.unwrap_or(SWITCHES),
+            budget: budget.unwrap_or(BUDGET),
+        })
+    }
+
+    /// Trainings that are pieces of the campaign.
+    fn trainings(
+        &mut self,
+        at: &Path,
+        world: usize,
+        (seeds, first_seed, decisions): (u64, u64, Option<u64>),
+    ) -> Result<Vec<PlannedAdo>, CampaignError> {
+        if seeds == 0 || MAX_TRAININGS < seeds {
+            let what = format!("{seeds} trainings: there are 1 to {MAX_TRAININGS}");
+            return Err(self.source.wrong(&at.to("seeds"), what, None));
+        }
+        if let Some(decisions) = decisions {
+            self.worlds[world].0.training_for(decisions)?;
+        }
+        let mut ados = Vec::new();
+        for nth in 0..seeds {
+            let training = self.trainings.len();
+            ados.push(PlannedAdo::Training { training });
+            self.trainings.push(PlannedTraining {
+                world,
+                seed: first_seed.saturating_add(nth),
+                decisions,
+            });
+        }
+        Ok(ados)
+    }
+
+    /// Ados that rows could not tell apart are refused.
+    fn told_apart(&self, ados: &[PlannedAdo]) -> Result<(), CampaignError> {
+        let key = |ado: &PlannedAdo| match ado {
+            PlannedAdo::Training { training } => {
+                let seed = self.trainings.get(*training).map(|it| it.seed);
+                (ado.word(), seed)
+            }
+            PlannedAdo::Trained { run } => (ado.word(), self.ados.get(*run).map(|it| it.seed)),
+            other => (other.word(), None),
+        };
+        for (nth, ado) in ados.iter().enumerate() {
+            if ados[..nth].iter().any(|other| key(other) == key(ado)) {
+                let (word, seed) = key(ado);
+                let seed = seed.map_or(String::new(), |seed| format!(" of seed {seed}"));
+                let what = format!("two ados of a world are called `{word}`{seed}");
+                let help = "rows tell them apart by `ado` and `train_seed`: make two campaigns";
+                let at = Path::top().to("ados");
+                return Err(self.source.wrong(&at, what, Some(help.to_owned())));
+            }
+        }
+        Ok(())
+    }
+
+    /// The number of an action, as `check` lists them.
+    fn action(&self, at: &Path, world: &Scenario, label: &str) -> Result<usize, CampaignError> {
+        let actions = 0..world.world().spaces().actions;
+        let labels: Vec<String> = actions.map(|it| world.action_label(it)).collect();
+        let found = labels.iter().position(|known| known == label);
+        found.ok_or_else(|| {
+            let what = format!("`{}` has no action `{label}`", world.name());
+            let known = labels.iter().map(String::as_str).collect::<Vec<_>>();
+            self.source
+                .wrong(at, what, Some(guessed(label, "actions", known)))
+        })
+    }
+
+    /// The ado of a run: in the run's own world only.
+    fn trained(
+        &mut self,
+        at: &Path,
+        world: usize,
+        dir: &str,
+    ) -> Result<Vec<PlannedAdo>, CampaignError> {
+        let played = &self.worlds[world].0;
+        let path = self.dir.join(dir);
+        let run = RunDir::open(&path)?;
+        // A conditional ado has to be told who it meets, and refuses here.
+        run.policy()?;
+        let own = run.scenario()?;
+        if own.axes() != played.axes() || own.spaces() != played.spaces() {
+            let what = format!(
+                "the ado in `{dir}` was trained in `{}`: it does not fit `{}`",
+                own.name(),
+                played.name()
+            );
+            let help = "make a campaign per world where ados are trained ones".to_owned();
+            return Err(self.source.wrong(at, what, Some(help)));
+        }
+        let policy = run.manifest().policy_sha256.clone().unwrap_or_default();
+        let seed = run.manifest().seed;
+        let known = self.runs.iter().position(|other| *other == path);
+        let run = known.unwrap_or_else(|| {
+            self.ados.push(PlannedRun {
+                dir: format!("ados/{}-{}", self.ados.len(), file_name(own.name())),
+                policy_sha256: policy,
+                seed,
+            });
+            self.runs.push(path);
+            self.ados.len() - 1
+        });
+        Ok(vec![PlannedAdo::Trained { run }])
+    }
+}

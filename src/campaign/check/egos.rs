@@ -1,0 +1,115 @@
+//! The egos of a campaign, found in a world.
+
+use super::Checker;
+use crate::campaign::error::CampaignError;
+use crate::campaign::file::EgoEntry;
+use crate::evaluation::Sweep;
+use crate::experiment::EgoUnderTest;
+use crate::run_dir::ChangedEgo;
+use crate::seed::{Purpose, StartKey};
+use crate::world::Path;
+
+/// Most members of a family.
+const MAX_MEMBERS: u64 = 10_000;
+
+impl Checker {
+    /// The egos of a world, each once.
+    pub(super) fn egos(
+        &self,
+        world: usize,
+        entries: &[EgoEntry],
+    ) -> Result<Vec<ChangedEgo>, CampaignError> {
+        let mut egos: Vec<ChangedEgo> = Vec::new();
+        for (nth, entry) in entries.iter().enumerate() {
+            let at = Path::top().to("egos").at(nth);
+            for ego in self.found(&at, world, entry)? {
+                self.starts_alike(&at, world, &ego)?;
+                let ego = ChangedEgo {
+                    name: ego.name().to_owned(),
+                    change: ego.change().clone(),
+                };
+                match egos.iter().find(|known| known.name == ego.name) {
+                    // `all` beside a name of it is that ego once.
+                    Some(known) if *known == ego => {}
+                    Some(_) => {
+                        let what = format!("two egos are called `{}`", ego.name);
+                        let help = "rows tell them apart by their names".to_owned();
+                        return Err(self.source.wrong(&at, what, Some(help)));
+                    }
+                    None => egos.push(ego),
+                }
+            }
+        }
+        Ok(egos)
+    }
+
+    fn found(
+        &self,
+        at: &Path,
+        world: usize,
+        entry: &EgoEntry,
+    ) -> Result<Vec<EgoUnderTest>, CampaignError> {
+        let played = &self.worlds[world].0;
+        let wrong = self.source.at(at);
+        match entry {
+            EgoEntry::Ego(asked) if asked.ends_with(".ron") => {
+                let path = self.dir.join(asked);
+                let (change, _) = played.changed_by(&path)?;
+                EgoUnderTest::changed(played, asked, &change, "mend the file")
+                    .map(|ego| vec![ego])
+                    .map_err(wrong)
+            }
+            EgoEntry::Ego(asked) => EgoUnderTest::find(played, asked).map_err(wrong),
+            EgoEntry::Sweep(text) => {
+                let sweep = Sweep::parse(text).map_err(self.source.at(at))?;
+                sweep.egos(played).map_err(wrong)
+            }
+            EgoEntry::Changed { name, change } => {
+                let help = "mend this change";
+                let ego = EgoUnderTest::changed(played, name, change, help).map_err(wrong)?;
+                Ok(vec![ego])
+            }
+            EgoEntry::Family { members, seed } => {
+                let Some(family) = played.family().filter(|_| *members <= MAX_MEMBERS) else {
+                    let what = format!(
+                        "`{}` names no family, or {members} are more than {MAX_MEMBERS}",
+                        played.name()
+                    );
+                    let help = "add `train_against: Family(…)` to the world: docs/reuse.md";
+                    return Err(self.source.wrong(at, what, Some(help.to_owned())));
+                };
+                let member = |index: u64| {
+                    let key = StartKey {
+                        purpose: Purpose::Test,
+                        seed: *seed,
+                        index,
+                    };
+                    let change = family.change(&family.draw(played.name(), key));
+                    let name = format!("member {seed}-{index}");
+                    EgoUnderTest::changed(played, &name, &change, "narrow the family's ranges")
+                };
+                let egos: Result<Vec<_>, _> = (0..*members).map(member).collect();
+                egos.map_err(wrong)
+            }
+        }
+    }
+
+    /// An ego on a map of another size has other starts, which pair with nobody's.
+    fn starts_alike(
+        &self,
+        at: &Path,
+        world: usize,
+        ego: &EgoUnderTest,
+    ) -> Result<(), CampaignError> {
+        let (played, _) = &self.worlds[world];
+        match ego.scenario().axes() == played.axes() {
+            true => Ok(()),
+            false => {
+                let (name, world) = (ego.name(), played.name());
+                let what = format!("`{name}` starts elsewhere than `{world}`");
+                let help = "write a world file of that map, and name it under `worlds`";
+                Err(self.source.wrong(at, what, Some(help.to_owned())))
+            }
+        }
+    }
+}

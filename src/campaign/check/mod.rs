@@ -1,0 +1,256 @@
+//! From a campaign file to a plan: names found, mistakes named with their place.
+
+mod ados;
+mod egos;
+mod starts;
+
+use std::path::{Path as FilePath, PathBuf};
+
+use super::file::{BoundaryEntry, CampaignFile, GateEntry, GateOn, StartsAsked, WorldEntry};
+use super::plan::{FORMAT, Plan, PlannedRun, PlannedTraining, PlannedWorld, Unit};
+use super::regulation_boundary;
+use crate::campaign::error::CampaignError;
+use crate::content_hash::sha256;
+use crate::experiment::on_plant;
+use crate::run_dir::file_name;
+use crate::world::{LoadError, Path, Problem, Scenario, ScenarioError, guessed, read_file};
+
+/// Most units of a campaign.
+const MAX_UNITS: usize = 100_000;
+
+/// A checked campaign: its plan, not cut yet, and what goes beside it.
+pub(super) struct Checked {
+    /// Every unit is one piece.
+    pub plan: Plan,
+    /// The campaign file, verbatim.
+    pub text: String,
+    /// The worlds, as their files have them.
+    pub worlds: Vec<Scenario>,
+    /// The run directories of trained ados.
+    pub runs: Vec<PathBuf>,
+}
+
+/// Reads and checks a campaign file; what it names is found beside it.
+pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
+    let (name, text, file) = read_file::<CampaignFile>(path).map_err(|error| match error {
+        LoadError::Io { .. } => CampaignError::NoFile(error),
+        other => other.into(),
+    })?;
+    let dir = path.parent().unwrap_or(FilePath::new("")).to_owned();
+    Checker {
+        source: Source { name, text },
+        dir,
+        worlds: Vec::new(),
+        planned: Vec::new(),
+        runs: Vec::new(),
+        ados: Vec::new(),
+        trainings: Vec::new(),
+    }
+    .check(file)
+}
+
+/// The text that is checked, for errors that show the place.
+struct Source {
+    name: String,
+    text: String,
+}
+
+impl Source {
+    fn wrong(&self, at: &Path, what: impl Into<String>, help: Option<String>) -> CampaignError {
+        LoadError::Scenario(Box::new(ScenarioError {
+            file: self.name.clone(),
+            text: self.text.clone(),
+            problems: vec![Problem {
+                what: what.into(),
+                span: at.find(&self.text),
+                label: "here".to_owned(),
+                help,
+            }],
+        }))
+        .into()
+    }
+
+    /// What is wrong with something the file asks for, at its place.
+    fn at<E: Into<CampaignError>>(&self, at: &Path) -> impl Fn(E) -> CampaignError + use<'_, E> {
+        let at = at.clone();
+        move |error| {
+            let error = error.into();
+            match error.help() {
+                Some(help) => self.wrong(&at, error.to_string(), Some(help)),
+                None => error,
+            }
+        }
+    }
+}
+
+struct Checker {
+    source: Source,
+    /// Where files are found.
+    dir: PathBuf,
+    /// On the plants that are asked for, and as their files have them.
+    worlds: Vec<(Scenario, Scenario)>,
+    planned: Vec<PlannedWorld>,
+    runs: Vec<PathBuf>,
+    ados: Vec<PlannedRun>,
+    trainings: Vec<PlannedTraining>,
+}
+
+impl Checker {
+    fn check(mut self, file: CampaignFile) -> Result<Checked, CampaignError> {
+        let top = Path::top();
+        for (nth, entry) in file.worlds.iter().enumerate() {
+            self.world(&top.to("worlds").at(nth), entry)?;
+        }
+        self.something_is_played(&file)?;
+        let starts = self.starts(&top.to("starts"), &file.starts)?;
+        let units = self.units(&file, &starts)?;
+        if MAX_UNITS < units.len() {
+            let what = format!("{} units are more than {MAX_UNITS}", units.len());
+            let help = Some("make several campaigns of it".to_owned());
+            return Err(self.source.wrong(&top, what, help));
+        }
+        let plan = Plan {
+            format: FORMAT,
+            sha256: String::new(),
+            brakecheck: env!("CARGO_PKG_VERSION").to_owned(),
+            name: file.name,
+            worlds: self.planned.clone(),
+            ados: std::mem::take(&mut self.ados),
+            trainings: std::mem::take(&mut self.trainings),
+            starts,
+            preventability: file.preventability,
+            gate: self.gate(file.gate, &units)?,
+            boundary: self.boundary(file.boundary)?,
+            units,
+        };
+        Ok(Checked {
+            plan,
+            text: self.source.text,
+            worlds: self
+                .worlds
+                .into_iter()
+                .map(|(_, as_filed)| as_filed)
+                .collect(),
+            runs: self.runs,
+        })
+    }
+
+    fn something_is_played(&self, file: &CampaignFile) -> Result<(), CampaignError> {
+        let empty = [
+            ("worlds", file.worlds.is_empty()),
+            ("egos", file.egos.is_empty()),
+            (
+                "ados",
+                file.ados.is_empty() && file.worlds.iter().any(|it| it.ados.is_empty()),
+            ),
+        ];
+        match empty.into_iter().find(|(_, is_empty)| *is_empty) {
+            None => Ok(()),
+            Some((field, _)) => {
+                let what = format!("`{field}` is empty: nothing would be played");
+                Err(self.source.wrong(&Path::top().to(field), what, None))
+            }
+        }
+    }
+
+    /// Every ego under every ado, world by world.
+    fn units(
+        &mut self,
+        file: &CampaignFile,
+        starts: &StartsAsked,
+    ) -> Result<Vec<Unit>, CampaignError> {
+        let mut units: Vec<Unit> = Vec::new();
+        for world in 0..self.worlds.len() {
+            let egos = self.egos(world, &file.egos)?;
+            let ados = self.ados(world, (&file.worlds[world].ados, &file.ados))?;
+            let count = starts.count(&self.worlds[world].1);
+            for ego in &egos {
+                units.extend(ados.iter().map(|ado| Unit {
+                    world,
+                    ego: ego.clone(),
+                    ado: ado.clone(),
+                    starts: count,
+                    each: count.max(1),
+                }));
+            }
+        }
+        Ok(units)
+    }
+
+    fn gate(
+        &self,
+        gate: Option<GateEntry>,
+        units: &[Unit],
+    ) -> Result<Option<(String, GateOn)>, CampaignError> {
+        let Some(GateEntry { baseline, on }) = gate else {
+            return Ok(None);
+        };
+        let mut known: Vec<&str> = units.iter().map(|it| it.ego.name.as_str()).collect();
+        known.sort_unstable();
+        known.dedup();
+        if known.contains(&baseline.as_str()) {
+            return Ok(Some((baseline, on)));
+        }
+        let help = guessed(&baseline, "egos", known);
+        let what = format!("no ego of the campaign is called `{baseline}`");
+        let at = Path::top().to("gate").to("baseline");
+        Err(self.source.wrong(&at, what, Some(help)))
+    }
+
+    fn boundary(
+        &self,
+        boundary: Option<BoundaryEntry>,
+    ) -> Result<Option<(String, String)>, CampaignError> {
+        let Some(BoundaryEntry { name, stl }) = boundary else {
+            return Ok(None);
+        };
+        for (world, _) in &self.worlds {
+            regulation_boundary::monitor(world, &stl).map_err(|error| {
+                let at = Path::top().to("boundary").to("stl");
+                let what = format!("in `{}`: {error}", world.name());
+                let help = error.help().map(ToString::to_string);
+                self.source.wrong(&at, what, help)
+            })?;
+        }
+        Ok(Some((name, stl)))
+    }
+
+    fn world(&mut self, at: &Path, entry: &WorldEntry) -> Result<(), CampaignError> {
+        let path = self.dir.join(&entry.file);
+        let shipped = || Scenario::shipped(&entry.file).and_then(Result::ok);
+        let as_filed = match path.is_file() {
+            true => Scenario::load(&path)?,
+            false => shipped().ok_or_else(|| {
+                let what = format!("there is no world `{}`", path.display());
+                let known = guessed(&entry.file, "shipped worlds", known_worlds());
+                let help = format!("name a file beside the campaign's; {known}");
+                self.source.wrong(&at.to("file"), what, Some(help))
+            })?,
+        };
+        let played = match entry.plant {
+            Some(plant) => on_plant(&as_filed, plant).map_err(self.source.at(&at.to("plant")))?,
+            None => as_filed.clone(),
+        };
+        let (name, plant) = (as_filed.name(), played.plant());
+        let same =
+            |(other, _): &(Scenario, Scenario)| other.name() == name && other.plant() == plant;
+        if self.worlds.iter().any(same) {
+            let what = format!("two worlds are called `{name}`, on the same plant");
+            let help = "rows tell them apart by their `name` and `plant`".to_owned();
+            return Err(self.source.wrong(at, what, Some(help)));
+        }
+        let nth = self.planned.len();
+        self.planned.push(PlannedWorld {
+            name: name.to_owned(),
+            file: format!("worlds/{nth}-{}.ron", file_name(name)),
+            sha256: sha256(as_filed.text().as_bytes()),
+            plant: entry.plant,
+        });
+        self.worlds.push((played, as_filed));
+        Ok(())
+    }
+}
+
+fn known_worlds() -> Vec<&'static str> {
+    Scenario::shipped_names().collect()
+}

@@ -1,0 +1,91 @@
+//! The starts of a campaign: a grid has to lie within every world's ranges.
+
+use super::Checker;
+use crate::campaign::error::CampaignError;
+use crate::campaign::file::{StartsAsked, StartsEntry};
+use crate::world::{Path, Scenario, guessed};
+
+/// Most starts of a unit, and most values along an axis.
+const MAX_STARTS: usize = 1_000_000_000;
+
+impl Checker {
+    pub(super) fn starts(
+        &self,
+        at: &Path,
+        entry: &StartsEntry,
+    ) -> Result<StartsAsked, CampaignError> {
+        let (axes, seed) = match *entry {
+            StartsEntry::Drawn { count, seed } if (1..=MAX_STARTS).contains(&count) => {
+                return Ok(StartsAsked::Drawn { count, seed });
+            }
+            StartsEntry::Drawn { count, .. } => {
+                let what = format!("{count} starts: there are 1 to {MAX_STARTS}");
+                return Err(self.source.wrong(&at.to("count"), what, None));
+            }
+            StartsEntry::Grid { ref axes, seed } => (axes, seed),
+        };
+        let mut values = Vec::new();
+        for (name, &(lo, hi, steps)) in &axes.0 {
+            let place = at.to("axes").to(name);
+            for (world, _) in &self.worlds {
+                self.axis(&place, world, (name, lo, hi))?;
+            }
+            let sane = (1..=MAX_STARTS).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
+            if !sane {
+                let what = format!("{steps} values from {lo} to {hi} are no axis");
+                let help = "write `(least, greatest, how many)`".to_owned();
+                return Err(self.source.wrong(&place, what, Some(help)));
+            }
+            let last = (steps - 1).max(1) as f64;
+            // Without the dust of binary fractions, since rows hold them.
+            let value = |nth: usize| {
+                let value = lo + (hi - lo) * nth as f64 / last;
+                (value * 1e9).round() / 1e9
+            };
+            values.push((name.clone(), (0..steps).map(value).collect::<Vec<f64>>()));
+        }
+        let all = values
+            .iter()
+            .try_fold(1usize, |all, (_, along)| all.checked_mul(along.len()));
+        match all.filter(|all| (1..=MAX_STARTS).contains(all)) {
+            Some(_) if !values.is_empty() => Ok(StartsAsked::Grid { axes: values, seed }),
+            _ => {
+                let what = format!("the grid has no axis, or more than {MAX_STARTS} points");
+                Err(self.source.wrong(&at.to("axes"), what, None))
+            }
+        }
+    }
+
+    /// Whether a world may start everywhere along an axis.
+    fn axis(
+        &self,
+        place: &Path,
+        world: &Scenario,
+        (name, lo, hi): (&str, f64, f64),
+    ) -> Result<(), CampaignError> {
+        let axes = world.axes();
+        let Some(axis) = axes.iter().find(|axis| axis.name == name) else {
+            let what = format!("`{}` has no start `{name}`", world.name());
+            let known: Vec<&str> = axes.iter().map(|axis| axis.name.as_str()).collect();
+            let help = format!(
+                "{} (those that are ranges in the world)",
+                guessed(name, "known", known)
+            );
+            return Err(self.source.wrong(place, what, Some(help)));
+        };
+        match axis.lo <= lo && hi <= axis.hi {
+            true => Ok(()),
+            false => {
+                let what = format!(
+                    "`{name}` ranges over {} to {} {} in `{}`",
+                    axis.lo,
+                    axis.hi,
+                    axis.unit,
+                    world.name()
+                );
+                let help = "stay within it, or widen it in the world".to_owned();
+                Err(self.source.wrong(place, what, Some(help)))
+            }
+        }
+    }
+}

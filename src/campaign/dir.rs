@@ -1,0 +1,419 @@
+//! The directory of a plan, and running its pieces.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::PoisonError;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::Instant;
+
+use cpu_time::ThreadTime;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::error::CampaignError;
+use super::piece::{Heading, PieceText, Unusable};
+use super::plan::{CampaignPiece, FORMAT, Plan, PlannedAdo, Unit, Work};
+use super::play::{Stage, TrainedAdo};
+use super::{piece, training};
+use crate::content_hash::{check, sha256};
+use crate::experiment::{EgoUnderTest, Watch, on_plant};
+use crate::run_dir::{RunDir, RunError, write_file};
+use crate::testbench::FaultLog;
+use crate::world::Scenario;
+
+/// The plan's own file.
+pub(super) const PLAN: &str = "plan.json";
+
+/// A planned campaign on the disk.
+pub struct PlanDir {
+    pub(super) dir: PathBuf,
+    pub(super) plan: Plan,
+    /// As their files have them.
+    worlds: Vec<Scenario>,
+    /// The same on the plants that are asked for.
+    played: Vec<Scenario>,
+    /// Largest share of invalid episodes in a piece that is no fault.
+    allowed: f64,
+}
+
+/// What running a piece came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PieceDone {
+    /// It was there already, whole.
+    Before,
+    /// It is there now.
+    Now,
+    /// Somebody asked to stop.
+    Stopped,
+}
+
+/// What running all pieces came to.
+#[derive(Debug, Default)]
+pub struct Ran {
+    /// Pieces that are there.
+    pub done: usize,
+    /// Pieces of the plan.
+    pub all: usize,
+    /// Pieces that could not be made, and why.
+    pub failed: Vec<(usize, CampaignError)>,
+}
+
+impl PlanDir {
+    /// Opens the directory of a plan and verifies what is in it.
+    ///
+    /// `allow_programs` consents to start the programs that the campaign names
+    /// as egos; `allowed` is the largest share of invalid episodes in a piece
+    /// that is no fault.
+    ///
+    /// # Errors
+    /// There is no plan, it or a world of it was changed, or another version
+    /// made it.
+    pub fn open(dir: &Path, allow_programs: bool, allowed: f64) -> Result<PlanDir, CampaignError> {
+        let path = dir.join(PLAN);
+        let read = |path: &Path| {
+            fs::read_to_string(path).map_err(|source| RunError::Io {
+                verb: "reading",
+                path: path.into(),
+                source,
+            })
+        };
+        if !path.is_file() {
+            return Err(CampaignError::NoPlan { dir: dir.into() });
+        }
+        let text = read(&path)?;
+        let damaged = |path: &Path, why: String| RunError::Damaged {
+            path: path.into(),
+            why,
+        };
+        let plan: Plan =
+            serde_json::from_str(&text).map_err(|error| damaged(&path, error.to_string()))?;
+        check(&text, &plan.sha256).map_err(|why| damaged(&path, why))?;
+        let version = env!("CARGO_PKG_VERSION");
+        if plan.brakecheck != version || plan.format != FORMAT {
+            return Err(CampaignError::OtherVersion {
+                dir: dir.into(),
+                planned: plan.brakecheck,
+            });
+        }
+        let mut worlds = Vec::new();
+        let mut played = Vec::new();
+        for planned in &plan.worlds {
+            let path = dir.join(&planned.file);
+            let text = read(&path)?;
+            if sha256(text.as_bytes()) != planned.sha256 {
+                let why = "it is another world than was planned: restore it, or plan again";
+                return Err(damaged(&path, why.to_owned()).into());
+            }
+            let world = Scenario::load(&path)?.allow_programs(allow_programs);
+            played.push(match planned.plant {
+                Some(plant) => on_plant(&world, plant)?,
+                None => world.clone(),
+            });
+            worlds.push(world);
+        }
+        Ok(PlanDir {
+            dir: dir.into(),
+            plan,
+            worlds,
+            played,
+            allowed,
+        })
+    }
+
+    /// What is planned.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.dir
+    }
+
+    /// The pieces that are not there yet, or are no use as they are.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn left(&self) -> Result<Vec<CampaignPiece>, CampaignError> {
+        let pieces: Vec<CampaignPiece> = self.plan.pieces().collect();
+        let missing =
+            |piece: &CampaignPiece| -> Result<bool, RunError> { Ok(self.read(piece)?.is_err()) };
+        let missing: Result<Vec<bool>, RunError> = pieces.par_iter().map(missing).collect();
+        let pairs = pieces.into_iter().zip(missing?);
+        Ok(pairs
+            .filter_map(|(piece, missing)| missing.then_some(piece))
+            .collect())
+    }
+
+    /// The file of a piece, if it is there and what it should be.
+    pub(super) fn read(
+        &self,
+        piece: &CampaignPiece,
+    ) -> Result<Result<PieceText, Unusable>, RunError> {
+        let question = self.plan.question(&piece.work);
+        let read = piece::read(&self.dir, piece.number, &question)?;
+        Ok(
+            read.and_then(|text| match text.heading.piece == piece.number {
+                true => Ok(text),
+                // A file of the same question under another's name.
+                false => Err(Unusable::Foreign),
+            }),
+        )
+    }
+
+    /// Makes a piece, unless it is there.
+    ///
+    /// # Errors
+    /// There is no such piece, the training it needs has not finished, its ego
+    /// does not run, or the disk refuses.
+    pub fn run_piece(&self, number: usize, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {
+        let Some(piece) = self
+            .plan
+            .piece(number)
+            .filter(|it| it.number < self.plan.len())
+        else {
+            return Err(CampaignError::NoPiece {
+                number,
+                pieces: self.plan.len(),
+            });
+        };
+        if self.read(&piece)?.is_ok() {
+            return Ok(PieceDone::Before);
+        }
+        self.make(&piece, watch)
+    }
+
+    /// Makes every piece that is not there, trainings first, on all threads.
+    ///
+    /// A piece that cannot be made does not keep the others from it.
+    ///
+    /// # Errors
+    /// The disk refuses to tell what is there.
+    pub fn run(&self, watch: &Watch<'_>) -> Result<Ran, CampaignError> {
+        let left = self.left()?;
+        let all = self.plan.len();
+        let done = AtomicU64::new((all - left.len()) as u64);
+        let failed = Mutex::new(Vec::new());
+        let (trainings, starts): (Vec<&CampaignPiece>, Vec<&CampaignPiece>) = left
+            .iter()
+            .partition(|piece| matches!(piece.work, Work::Training(_)));
+        (watch.progress)(done.load(Ordering::Relaxed), all as u64);
+        for (phase, pieces) in [("training", trainings), ("playing", starts)] {
+            if !pieces.is_empty() {
+                watch.phase(phase);
+                (watch.progress)(done.load(Ordering::Relaxed), all as u64);
+            }
+            in_turn(&pieces, |piece| {
+                if watch.interrupted() {
+                    return;
+                }
+                match self.make(piece, &watch.quiet()) {
+                    Ok(PieceDone::Stopped) => {}
+                    Ok(_) => {
+                        let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                        (watch.progress)(done, all as u64);
+                    }
+                    Err(error) => {
+                        let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                        failed.push((piece.number, error));
+                    }
+                }
+            })?;
+        }
+        self.note_warnings(watch);
+        let mut failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
+        failed.sort_by_key(|(number, _)| *number);
+        Ok(Ran {
+            done: done.into_inner() as usize,
+            all,
+            failed,
+        })
+    }
+
+    /// Notes every trained ado of the campaign that has not learned its world.
+    fn note_warnings(&self, watch: &Watch<'_>) {
+        let given = self.plan.ados.iter().map(|run| self.dir.join(&run.dir));
+        let own = self.plan.trainings.iter();
+        let own = own.map(|planned| training::dir_of(&self.dir, &self.plan, planned));
+        // The pieces of a run that cannot be opened have failed already.
+        for run in given
+            .chain(own)
+            .filter_map(|path| training::finished(&path).ok())
+        {
+            if let Some(warning) = run.warning() {
+                watch.note(&format!(
+                    "warning: {}: {}",
+                    run.path().display(),
+                    warning.what
+                ));
+            }
+        }
+    }
+
+    fn make(&self, piece: &CampaignPiece, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {
+        let began = Instant::now();
+        // One ego that does not run is no reason to give up the others.
+        let own = Watch {
+            faults: FaultLog::allowing(self.allowed),
+            ..watch.quiet()
+        };
+        let question = self.plan.question(&piece.work);
+        let (rows, policy_sha256, cpu_s) = match &piece.work {
+            Work::Training(training) => {
+                let clock = ThreadTime::now();
+                let Some(run) = self.train(*training, &own)? else {
+                    return Ok(PieceDone::Stopped);
+                };
+                let spent_s = clock.elapsed().as_secs_f64();
+                (Vec::new(), run.manifest().policy_sha256.clone(), spent_s)
+            }
+            Work::Starts { unit, starts } => {
+                let stage = self.stage(*unit)?;
+                let played = stage.play(starts.clone(), &own)?;
+                let hash = stage.ado.map(|ado| ado.sha256);
+                if let Some(complaint) = own.faults.complaint() {
+                    return Err(CampaignError::Faults {
+                        piece: piece.number,
+                        complaint,
+                    });
+                }
+                let Some(played) = played else {
+                    return Ok(PieceDone::Stopped);
+                };
+                (played.rows, hash, played.cpu_s)
+            }
+        };
+        let heading = Heading {
+            piece: piece.number,
+            question,
+            policy_sha256,
+        };
+        piece::write(&self.dir, &heading, &rows)?;
+        self.note_cost(piece, began, cpu_s)?;
+        Ok(PieceDone::Now)
+    }
+
+    /// Writes beside a piece who made it and what it took: nothing that the
+    /// merge reads.
+    fn note_cost(&self, piece: &CampaignPiece, began: Instant, cpu_s: f64) -> Result<(), RunError> {
+        let path = piece::path_of(&self.dir, piece.number).with_extension("cost.json");
+        let machine = fs::read_to_string("/proc/sys/kernel/hostname");
+        let cost = json!({
+            "machine": machine.as_deref().map_or("", str::trim),
+            "target": std::env::consts::ARCH,
+            "wall_s": began.elapsed().as_secs_f64(),
+            "cpu_s": cpu_s,
+        });
+        write_file(&path, format!("{cost}\n").as_bytes())
+    }
+
+    fn train(&self, nth: usize, watch: &Watch<'_>) -> Result<Option<RunDir>, CampaignError> {
+        let planned = &self.plan.trainings[nth];
+        let path = training::dir_of(&self.dir, &self.plan, planned);
+        training::train(&path, &self.played[planned.world], planned, watch)
+    }
+
+    /// A unit with its ego and its ado.
+    fn stage(&self, unit: usize) -> Result<Stage<'_>, CampaignError> {
+        let unit = &self.plan.units[unit];
+        Ok(Stage {
+            plan: &self.plan,
+            unit,
+            world: &self.worlds[unit.world],
+            ego: self.ego(unit)?,
+            ado: self.ado(unit)?,
+        })
+    }
+
+    fn ego(&self, unit: &Unit) -> Result<EgoUnderTest, CampaignError> {
+        let (name, change) = (&unit.ego.name, &unit.ego.change);
+        let help = "the plan was made with another world";
+        Ok(EgoUnderTest::changed(
+            &self.played[unit.world],
+            name,
+            change,
+            help,
+        )?)
+    }
+
+    /// The world of a unit as its file has it.
+    pub(super) fn world(&self, unit: &Unit) -> &Scenario {
+        &self.worlds[unit.world]
+    }
+
+    /// The same on the plant that is asked for.
+    pub(super) fn played(&self, unit: &Unit) -> &Scenario {
+        &self.played[unit.world]
+    }
+
+    /// The trained ado of a unit, if it has one.
+    fn ado(&self, unit: &Unit) -> Result<Option<TrainedAdo>, CampaignError> {
+        let (run, planned) = match &unit.ado {
+            PlannedAdo::Trained { run } => {
+                let run = &self.plan.ados[*run];
+                let there = training::finished(&self.dir.join(&run.dir))?;
+                (there, Some(&run.policy_sha256))
+            }
+            PlannedAdo::Training { training } => (self.trained(*training)?, None),
+            _ => return Ok(None),
+        };
+        let sha256 = run.manifest().policy_sha256.clone().unwrap_or_default();
+        if planned.is_some_and(|planned| *planned != sha256) {
+            return Err(RunError::Damaged {
+                path: run.path().into(),
+                why: "it is another ado than was planned".to_owned(),
+            }
+            .into());
+        }
+        Ok(Some(TrainedAdo {
+            policy: run.policy()?,
+            seed: run.manifest().seed,
+            sha256,
+        }))
+    }
+
+    /// A training of the campaign that others wait for.
+    fn trained(&self, training: usize) -> Result<RunDir, CampaignError> {
+        let planned = &self.plan.trainings[training];
+        let path = training::dir_of(&self.dir, &self.plan, planned);
+        training::finished(&path).map_err(|error| match error {
+            RunError::NotARun { .. } | RunError::Unfinished { .. } => {
+                CampaignError::Untrained { training, error }
+            }
+            other => other.into(),
+        })
+    }
+}
+
+/// Does something to every item, from the first to the last, on as many threads
+/// as there are.
+///
+/// Each item is done on a pool of its own, so that nobody who waits for the end
+/// of one begins with another: of what is under way when a campaign is killed
+/// there is never more than one piece per thread.
+fn in_turn<T: Sync>(items: &[T], work: impl Fn(&T) + Sync) -> Result<(), CampaignError> {
+    let threads = rayon::current_num_threads();
+    let workers = threads.min(items.len()).max(1);
+    let pool = || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads((threads / workers).max(1));
+        pool.build()
+            .map_err(|error| CampaignError::Fault(error.to_string()))
+    };
+    let pools: Result<Vec<rayon::ThreadPool>, CampaignError> =
+        (0..workers).map(|_| pool()).collect();
+    let next = AtomicUsize::new(0);
+    let (next, work) = (&next, &work);
+    std::thread::scope(|scope| {
+        for pool in pools? {
+            scope.spawn(move || {
+                pool.install(|| {
+                    while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        work(item);
+                    }
+                });
+            });
+        }
+        Ok(())
+    })
+}

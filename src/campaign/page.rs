@@ -1,0 +1,202 @@
+//! The page of a merged campaign.
+
+use std::path::PathBuf;
+
+use super::dir::PlanDir;
+use super::error::CampaignError;
+use super::merge::{Merged, page_of};
+use super::plan::Unit;
+use super::regulation_boundary;
+use super::row::RowOutcome;
+use super::summary::{CellMap, GateVerdict, SummaryRow};
+use crate::report::{CampaignPage, CellState, MapCell, StartMap};
+use crate::run_dir::write_file;
+
+/// What the columns of [`SummaryRow::cells`] are.
+pub const COLUMNS: [&str; 10] = [
+    "ego", "ado", "starts", "fails %", "95 %", "recall", "fouls", "contact", "prev.", "closing",
+];
+
+impl PlanDir {
+    /// Writes a page about a merged campaign beside the merged file.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write_page(&self, merged: &Merged) -> Result<PathBuf, CampaignError> {
+        let plan = self.plan();
+        let summary = &merged.summary;
+        let maps: Result<Vec<StartMap>, CampaignError> =
+            summary.maps.iter().map(|map| self.map(map)).collect();
+        let page = CampaignPage {
+            name: plan.name.clone(),
+            about: format!(
+                "{} worlds, {} pairs of an ego and an ado, {} rows.",
+                plan.worlds.len(),
+                plan.units.len(),
+                merged.rows
+            ),
+            columns: std::iter::once("world")
+                .chain(COLUMNS)
+                .map(str::to_owned)
+                .collect(),
+            rows: summary.rows.iter().map(cells).collect(),
+            gates: summary
+                .gates
+                .iter()
+                .map(|gate| (gate.to_string(), gate.held_up))
+                .collect(),
+            maps: maps?,
+            boundary: plan.boundary.as_ref().map(|(name, _)| name.clone()),
+            again: vec![
+                "brakecheck campaign plan campaign.ron -o DIR".to_owned(),
+                "brakecheck campaign run DIR".to_owned(),
+                "brakecheck campaign merge DIR".to_owned(),
+                format!("# SHA-256 of the merged rows: {}", merged.sha256),
+            ],
+        };
+        let path = page_of(self.path());
+        write_file(&path, page.html().as_bytes())?;
+        Ok(path)
+    }
+
+    fn map(&self, map: &CellMap) -> Result<StartMap, CampaignError> {
+        let inside = self.inside(map)?;
+        let label = |(name, unit, _): &(String, String, Vec<f64>)| match unit.is_empty() {
+            true => name.clone(),
+            false => format!("{name} [{unit}]"),
+        };
+        let values = |(_, _, values): &(String, String, Vec<f64>)| values.clone();
+        let columns = map.x.2.len().max(1);
+        let cell = |nth: usize| {
+            let (x, y) = (map.x.2[nth % columns], map.y.2[nth / columns]);
+            let said = map.ados.iter().zip(&map.outcomes);
+            let said = said.map(|(ado, outcomes)| format!("{ado}: {}", outcomes[nth].word()));
+            let said: Vec<String> = said.collect();
+            MapCell {
+                state: state(map, nth),
+                protocol: 1 < map.ados.len() && map.outcomes[0][nth] == RowOutcome::Fails,
+                inside: inside.as_ref().map(|inside| inside[nth]),
+                about: format!("{x}, {y}: {}", said.join("; ")),
+            }
+        };
+        let at = map
+            .at
+            .iter()
+            .map(|(name, value)| format!(", {name} = {value:.1}"));
+        Ok(StartMap {
+            group: format!("{}, {}", map.world, map.plant),
+            title: format!("{}{}", map.ego, at.collect::<String>()),
+            x: (label(&map.x), values(&map.x)),
+            y: (label(&map.y), values(&map.y)),
+            cells: (0..columns * map.y.2.len()).map(cell).collect(),
+        })
+    }
+
+    /// Which cells lie where the regulation asks the ego to hold.
+    fn inside(&self, map: &CellMap) -> Result<Option<Vec<bool>>, CampaignError> {
+        let plan = self.plan();
+        let Some((_, formula)) = &plan.boundary else {
+            return Ok(None);
+        };
+        let is_of = |unit: &&Unit| self.world(unit).name() == map.world && unit.ego.name == map.ego;
+        let Some(unit) = plan.units.iter().find(is_of) else {
+            return Ok(None);
+        };
+        let world = self.world(unit);
+        let monitor = regulation_boundary::monitor(world, formula);
+        let monitor = monitor.map_err(|error| CampaignError::Fault(error.to_string()))?;
+        let cells = map.x.2.len() * map.y.2.len();
+        let starts = plan.starts.of(world, map.first..map.first + cells);
+        Ok(Some(regulation_boundary::holds(world, &monitor, &starts)))
+    }
+}
+
+/// A row of the page's table.
+fn cells(row: &SummaryRow) -> Vec<String> {
+    let world = format!("{}, {}", row.world, row.plant);
+    let others = [row.trivial, row.invalid].map(|count| count.to_string());
+    std::iter::once(world)
+        .chain(row.cells())
+        .chain(others)
+        .collect()
+}
+
+/// What is known of a cell over all ados.
+fn state(map: &CellMap, nth: usize) -> CellState {
+    let outcomes = || map.outcomes.iter().map(|of_ado| of_ado[nth]);
+    let fails = outcomes().any(|outcome| outcome == RowOutcome::Fails);
+    let preventable = map
+        .preventable
+        .iter()
+        .any(|of_ado| of_ado[nth] == Some(true));
+    if fails {
+        return match preventable {
+            true => CellState::FailsPreventably,
+            false => CellState::Fails,
+        };
+    }
+    if outcomes().all(|outcome| outcome == RowOutcome::Trivial) {
+        return CellState::Trivial;
+    }
+    match outcomes().all(|outcome| outcome == RowOutcome::Invalid) {
+        true => CellState::Unknown,
+        false => CellState::Holds,
+    }
+}
+
+impl SummaryRow {
+    /// The row as the cells of a table, in the order of [`COLUMNS`].
+    pub fn cells(&self) -> [String; 10] {
+        let who = match (self.train_seed, self.trainings) {
+            (Some(seed), _) => format!("{} {seed}", self.ado),
+            (None, 2..) => format!("{}, mean of {}", self.ado, self.trainings),
+            _ => self.ado.clone(),
+        };
+        let [lo, hi] = self.ci95.map(|share| 100.0 * share);
+        let dash = || "–".to_owned();
+        [
+            self.ego.clone(),
+            who,
+            self.starts.to_string(),
+            format!("{:.1}", 100.0 * self.success_rate),
+            format!("{lo:.1}–{hi:.1}"),
+            self.recall
+                .map_or_else(dash, |recall| format!("{recall:.2}")),
+            self.fouls.to_string(),
+            self.contacts.to_string(),
+            self.preventable
+                .map_or_else(dash, |count| count.to_string()),
+            self.closing_mps
+                .map_or_else(dash, |speed| format!("{:.1}", speed.median)),
+        ]
+    }
+}
+
+impl std::fmt::Display for GateVerdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let seed = self
+            .train_seed
+            .map_or(String::new(), |seed| format!(" {seed}"));
+        let verdict = match self.held_up {
+            true => "HELD UP",
+            false => "passes",
+        };
+        write!(
+            f,
+            "gate: {}, {}{seed}: `{}` against `{}`: {} newly failing ({} preventable), {} newly \
+             fixed, of {} starts ({}): {verdict}",
+            self.world,
+            self.ado,
+            self.ego,
+            self.baseline,
+            self.newly_failing,
+            self.newly_preventable,
+            self.newly_fixed,
+            self.compared,
+            match self.p_value < 0.001 {
+                true => "p < 0.001".to_owned(),
+                false => format!("p = {:.3}", self.p_value),
+            },
+        )
+    }
+}

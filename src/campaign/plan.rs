@@ -1,0 +1,385 @@
+//! The plan of a campaign: what is played, and how it is cut into pieces.
+
+use std::ops::Range;
+
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use super::file::{GateOn, StartsAsked};
+use crate::content_hash::{BLANK, seal, sha256};
+use crate::run_dir::ChangedEgo;
+use crate::sim::PlantKind;
+
+/// Version of the layout of plans and pieces.
+pub(super) const FORMAT: u32 = 1;
+
+/// A campaign, cut into pieces: all that a piece is a function of.
+///
+/// Pieces are numbered: first the trainings, then the starts of unit after unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Version of the layout.
+    pub(super) format: u32,
+    /// Of this file.
+    pub(super) sha256: String,
+    /// The version that planned it; another one does not run it.
+    pub brakecheck: String,
+    /// What the campaign is called.
+    pub name: String,
+    /// The worlds, beside the plan.
+    pub worlds: Vec<PlannedWorld>,
+    /// Run directories of trained ados, copied beside the plan.
+    pub ados: Vec<PlannedRun>,
+    /// Ados that the campaign trains.
+    pub trainings: Vec<PlannedTraining>,
+    /// Which starts are played in each world.
+    pub starts: StartsAsked,
+    /// Whether counterexamples are judged by the reference drivers.
+    pub preventability: bool,
+    /// The ego that others are compared with, and what decides.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gate: Option<(String, GateOn)>,
+    /// Where a regulation asks the ego to hold: its name, and a formula on the
+    /// first sample of a start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boundary: Option<(String, String)>,
+    /// What meets what.
+    pub units: Vec<Unit>,
+}
+
+/// A world of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedWorld {
+    /// Its name.
+    pub name: String,
+    /// Its file, in the directory of the plan.
+    pub file: String,
+    /// Of that file.
+    pub sha256: String,
+    /// The physics to test in; `None`: the world's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plant: Option<PlantKind>,
+}
+
+/// A run directory of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedRun {
+    /// Where it is, in the directory of the plan.
+    pub dir: String,
+    /// Of its policy.
+    pub policy_sha256: String,
+    /// Seed of its training.
+    pub seed: u64,
+}
+
+/// A training that is a piece of the campaign.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlannedTraining {
+    /// Position of its world.
+    pub world: usize,
+    /// Its seed.
+    pub seed: u64,
+    /// Decisions; `None`: as the world says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decisions: Option<u64>,
+}
+
+/// One ego and one ado in one world, on all starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Unit {
+    /// Position of the world.
+    pub world: usize,
+    /// The ego: what rows call it, and how it differs from the world's own.
+    pub ego: ChangedEgo,
+    /// Who plays the ado.
+    pub ado: PlannedAdo,
+    /// How many starts there are.
+    pub starts: usize,
+    /// How many of them are a piece; the last one may have fewer.
+    pub each: usize,
+}
+
+/// Who plays the ado of a unit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub enum PlannedAdo {
+    /// The neutral action all the time.
+    Neutral,
+    /// Random actions, each held for five decisions.
+    Held,
+    /// A random action at each decision.
+    Random,
+    /// One action all the time.
+    Constant {
+        /// Its number.
+        action: usize,
+        /// Its label.
+        label: String,
+    },
+    /// Actions as given, one per decision; the last one is held.
+    Script {
+        /// What rows call it.
+        name: String,
+        /// Their numbers.
+        actions: Vec<usize>,
+    },
+    /// Sequences of actions, searched per start.
+    Search {
+        /// As `--method` has it.
+        method: String,
+        /// Most switches of action.
+        switches: usize,
+        /// Simulations per start.
+        budget: u64,
+    },
+    /// The ado of a run directory of the plan.
+    Trained {
+        /// Position of the run.
+        run: usize,
+    },
+    /// An ado that the campaign trains.
+    Training {
+        /// Position of the training.
+        training: usize,
+    },
+}
+
+impl PlannedAdo {
+    /// What rows call it.
+    pub fn word(&self) -> String {
+        match self {
+            PlannedAdo::Neutral => "neutral".to_owned(),
+            PlannedAdo::Held => "hold".to_owned(),
+            PlannedAdo::Random => "random".to_owned(),
+            PlannedAdo::Constant { label, .. } => format!("constant {label}"),
+            PlannedAdo::Script { name, .. } => name.clone(),
+            PlannedAdo::Search { .. } => "search".to_owned(),
+            PlannedAdo::Trained { .. } | PlannedAdo::Training { .. } => "trained".to_owned(),
+        }
+    }
+}
+
+/// A piece of a campaign.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CampaignPiece {
+    /// Its number.
+    pub number: usize,
+    /// What is done in it.
+    pub work: Work,
+}
+
+/// What is done in a piece.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Work {
+    /// A training of the plan.
+    Training(usize),
+    /// Some starts of a unit of the plan.
+    Starts {
+        /// Position of the unit.
+        unit: usize,
+        /// Which of its starts.
+        starts: Range<usize>,
+    },
+}
+
+impl CampaignPiece {
+    /// How many rows it has.
+    pub fn rows(&self) -> usize {
+        match &self.work {
+            Work::Training(_) => 0,
+            Work::Starts { starts, .. } => starts.len(),
+        }
+    }
+}
+
+impl Unit {
+    /// How many pieces it is cut into.
+    pub fn pieces(&self) -> usize {
+        self.starts.div_ceil(self.each.max(1))
+    }
+}
+
+impl Plan {
+    /// Every piece, in order.
+    pub fn pieces(&self) -> impl Iterator<Item = CampaignPiece> + '_ {
+        let trainings = (0..self.trainings.len()).map(Work::Training);
+        let units = self.units.iter().enumerate();
+        let starts = units.flat_map(|(unit, planned)| {
+            (0..planned.pieces()).map(move |nth| Work::Starts {
+                unit,
+                starts: nth * planned.each..((nth + 1) * planned.each).min(planned.starts),
+            })
+        });
+        let all = trainings.chain(starts).enumerate();
+        all.map(|(number, work)| CampaignPiece { number, work })
+    }
+
+    /// How many pieces there are.
+    pub fn len(&self) -> usize {
+        self.trainings.len() + self.units.iter().map(Unit::pieces).sum::<usize>()
+    }
+
+    /// Whether there is nothing to do.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// On which plant a unit's ego is tested, if not on the world's own.
+    pub(super) fn plant(&self, unit: &Unit) -> Option<PlantKind> {
+        self.worlds.get(unit.world)?.plant
+    }
+
+    /// The piece of a number.
+    pub fn piece(&self, number: usize) -> Option<CampaignPiece> {
+        let Some(mut nth) = number.checked_sub(self.trainings.len()) else {
+            let work = Work::Training(number);
+            return Some(CampaignPiece { number, work });
+        };
+        for (unit, planned) in self.units.iter().enumerate() {
+            if let Some(later) = nth.checked_sub(planned.pieces()) {
+                nth = later;
+                continue;
+            }
+            let starts = nth * planned.each..((nth + 1) * planned.each).min(planned.starts);
+            let work = Work::Starts { unit, starts };
+            return Some(CampaignPiece { number, work });
+        }
+        None
+    }
+
+    /// All that the result of a piece is a function of, as a hash: a file of
+    /// another question is foreign, whatever its name.
+    pub(super) fn question(&self, work: &Work) -> String {
+        let world = |position: usize| self.worlds.get(position);
+        let asked = match work {
+            Work::Training(position) => {
+                let training = self.trainings.get(*position);
+                json!([training, training.and_then(|it| world(it.world))])
+            }
+            Work::Starts { unit, starts } => {
+                let planned = self.units.get(*unit);
+                let run = planned.and_then(|planned| match planned.ado {
+                    PlannedAdo::Trained { run } => self.ados.get(run),
+                    _ => None,
+                });
+                let training = planned.and_then(|planned| match planned.ado {
+                    PlannedAdo::Training { training } => self.trainings.get(training),
+                    _ => None,
+                });
+                json!({
+                    "world": planned.and_then(|planned| world(planned.world)),
+                    "ego": planned.map(|planned| &planned.ego),
+                    "ado": planned.map(|planned| &planned.ado),
+                    "run": run,
+                    "training": training,
+                    "starts": self.starts,
+                    "from": starts.start,
+                    "to": starts.end,
+                    "preventability": self.preventability,
+                })
+            }
+        };
+        let asked = json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": asked });
+        sha256(asked.to_string().as_bytes())
+    }
+
+    /// The plan as the text of its file, with its hash.
+    pub(super) fn text(&self) -> Result<String, serde_json::Error> {
+        let unsealed = Plan {
+            sha256: BLANK.to_owned(),
+            ..self.clone()
+        };
+        Ok(seal(&format!(
+            "{}\n",
+            serde_json::to_string_pretty(&unsealed)?
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan() -> Plan {
+        let unit = |starts, each| Unit {
+            world: 0,
+            ego: ChangedEgo {
+                name: "nominal".to_owned(),
+                change: crate::world::Change::default(),
+            },
+            ado: PlannedAdo::Held,
+            starts,
+            each,
+        };
+        Plan {
+            format: FORMAT,
+            sha256: String::new(),
+            brakecheck: "0".to_owned(),
+            name: "some".to_owned(),
+            worlds: Vec::new(),
+            ados: Vec::new(),
+            trainings: vec![PlannedTraining {
+                world: 0,
+                seed: 1,
+                decisions: None,
+            }],
+            starts: StartsAsked::Drawn { count: 7, seed: 1 },
+            preventability: false,
+            gate: None,
+            boundary: None,
+            units: vec![unit(7, 3), unit(0, 5), unit(4, 4)],
+        }
+    }
+
+    #[test]
+    fn every_start_is_in_one_piece_and_every_piece_is_found_by_its_number() {
+        let plan = plan();
+        let all: Vec<CampaignPiece> = plan.pieces().collect();
+        let works: Vec<Work> = all.iter().map(|piece| piece.work.clone()).collect();
+        let of = |unit, starts| Work::Starts { unit, starts };
+        let want = [
+            Work::Training(0),
+            of(0, 0..3),
+            of(0, 3..6),
+            of(0, 6..7),
+            of(2, 0..4),
+        ];
+        assert_eq!(works, want);
+        assert_eq!(plan.len(), all.len());
+        for (number, piece) in all.iter().enumerate() {
+            assert_eq!(plan.piece(number).as_ref(), Some(piece));
+        }
+        assert_eq!(plan.piece(all.len()), None);
+    }
+
+    #[test]
+    fn another_question_has_another_hash() {
+        let plan = plan();
+        let work = Work::Starts {
+            unit: 0,
+            starts: 0..3,
+        };
+        let asked = plan.question(&work);
+        let mut other = plan.clone();
+        other.starts = StartsAsked::Drawn { count: 7, seed: 2 };
+        assert_ne!(other.question(&work), asked);
+        let mut other = plan.clone();
+        other.preventability = true;
+        assert_ne!(other.question(&work), asked);
+        let other = Work::Starts {
+            unit: 0,
+            starts: 0..2,
+        };
+        assert_ne!(plan.question(&other), asked);
+        // What is compared later is no part of what is played.
+        let mut same = plan.clone();
+        same.gate = Some(("nominal".to_owned(), GateOn::Any));
+        same.units[0].each = 2;
+        assert_eq!(same.question(&work), asked);
+    }
+}

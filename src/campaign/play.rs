@@ -1,0 +1,293 @@
+//! Playing some starts of a unit: a row each.
+
+use std::ops::Range;
+
+use super::error::CampaignError;
+use super::plan::{Plan, PlannedAdo, Unit};
+use super::row::{RowOutcome, StartRow};
+use crate::adversary::{Ado, EvalRequest, eval};
+use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch, consent, leaf};
+use crate::rl::Policy;
+use crate::rulebook::Verdict;
+use crate::scene::Dynamics;
+use crate::search::{Method, MethodSettings, SearchRequest, search};
+use crate::severity::Impact;
+use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
+use crate::world::Scenario;
+
+/// A unit, ready to be played.
+pub(super) struct Stage<'a> {
+    pub plan: &'a Plan,
+    pub unit: &'a Unit,
+    /// The world as its file has it, by whose ego it is told what is trivial.
+    pub world: &'a Scenario,
+    pub ego: EgoUnderTest,
+    /// The trained ado, if the unit has one.
+    pub ado: Option<TrainedAdo>,
+}
+
+/// A trained ado, read.
+pub(super) struct TrainedAdo {
+    pub policy: Box<dyn Policy>,
+    /// Seed of its training.
+    pub seed: u64,
+    /// Of its file.
+    pub sha256: String,
+}
+
+/// The rows of some starts, and what they took.
+pub(super) struct Played {
+    pub rows: Vec<StartRow>,
+    pub cpu_s: f64,
+}
+
+/// What is known of a start before its success, if it is one, is looked at.
+struct Ended {
+    outcome: RowOutcome,
+    verdict: Option<Verdict>,
+    contact: Option<f64>,
+    simulations: u64,
+    physics_steps: u64,
+}
+
+impl Stage<'_> {
+    /// Plays starts. `None`: stopped before the last one.
+    pub fn play(
+        &self,
+        which: Range<usize>,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Played>, CampaignError> {
+        consent(self.world, std::slice::from_ref(&self.ego))?;
+        let seed = self.plan.starts.seed();
+        let points = self.plan.starts.of(self.world, which.clone());
+        let Some(starts) = TestStarts::tried(self.world, seed, points, watch) else {
+            return Ok(None);
+        };
+        let (ended, episodes, cpu_s) = match &self.unit.ado {
+            PlannedAdo::Search {
+                method,
+                switches,
+                budget,
+            } => {
+                let settings = MethodSettings {
+                    switches: Some(*switches),
+                    stored: None,
+                };
+                let method = Method::named(method, &settings)?;
+                self.searched((method, *budget), &starts, watch)
+            }
+            _ => self.evaluated(&starts, watch)?,
+        };
+        if watch.stopped() {
+            return Ok(None);
+        }
+        let rows = which.zip(starts.starts.iter()).enumerate();
+        let rows = rows.map(|(nth, (start, (point, _)))| {
+            let blank = self.blank(start, &point.0);
+            match ended.get(nth).and_then(Option::as_ref) {
+                None => blank,
+                Some(ended) => self.told(blank, ended, episodes[nth].as_ref()),
+            }
+        });
+        let rows = rows.collect();
+        Ok(Some(Played { rows, cpu_s }))
+    }
+
+    fn evaluated(&self, starts: &TestStarts, watch: &Watch<'_>) -> Result<Outcomes, CampaignError> {
+        let scenario = self.ego.scenario();
+        let request = EvalRequest {
+            scenario,
+            ego: self.ego.name(),
+            ado: self.ado()?,
+            starts,
+        };
+        let evaluated = eval(&request, watch);
+        let ended: Vec<Option<Ended>> = evaluated
+            .outcomes
+            .iter()
+            .map(|outcome| {
+                outcome.map(|outcome| Ended {
+                    outcome: RowOutcome::of(&outcome.verdict),
+                    verdict: Some(outcome.verdict),
+                    contact: outcome.closing_speed_mps,
+                    simulations: outcome.simulations,
+                    physics_steps: outcome.physics_steps,
+                })
+            })
+            .collect();
+        let again = |bench: &mut Testbench, index: usize| {
+            let mut played = |bench: &mut Testbench, index| request.play(bench, index);
+            evaluated.again(&request, bench, index, &mut played)
+        };
+        let episodes = self.again(&ended, &again, watch);
+        Ok((ended, episodes, evaluated.row.cpu_s))
+    }
+
+    fn searched(
+        &self,
+        (method, budget): (Method<'_>, u64),
+        starts: &TestStarts,
+        watch: &Watch<'_>,
+    ) -> Outcomes {
+        let request = SearchRequest {
+            scenario: self.ego.scenario(),
+            ego: self.ego.name(),
+            method,
+            budget,
+            starts,
+        };
+        let searched = search(&request, watch);
+        let ended: Vec<Option<Ended>> = searched
+            .found
+            .iter()
+            .map(|found| {
+                found.as_ref().map(|found| Ended {
+                    outcome: match (&found.actions, found.is_invalid()) {
+                        (Some(_), _) => RowOutcome::Fails,
+                        (None, true) => RowOutcome::Invalid,
+                        (None, false) => RowOutcome::Held,
+                    },
+                    verdict: None,
+                    contact: found.closing_speed_mps,
+                    simulations: found.simulations,
+                    physics_steps: found.physics_steps,
+                })
+            })
+            .collect();
+        let again = |bench: &mut Testbench, index: usize| {
+            let (start, noise) = &starts.starts[index];
+            let found = searched.found[index].as_ref();
+            let actions = found.and_then(|found| found.actions.as_deref());
+            let mut ado = Replay::holding(actions.unwrap_or_default());
+            play(bench, start, *noise, &mut ado, Aftermath::Play)
+        };
+        let episodes = self.again(&ended, &again, watch);
+        (ended, episodes, searched.row.cpu_s)
+    }
+
+    /// Every success once more, for what is told of it.
+    fn again(
+        &self,
+        ended: &[Option<Ended>],
+        again: &(dyn Fn(&mut Testbench, usize) -> Episode + Sync),
+        watch: &Watch<'_>,
+    ) -> Vec<Option<Success>> {
+        let scenario = self.ego.scenario();
+        // Of an episode little is kept: a piece may have many thousands.
+        EpisodeLoop::uncounted(watch).run(
+            ended,
+            || scenario.bench(),
+            |bench, ended, turn| {
+                let ended = ended.as_ref()?;
+                if ended.outcome != RowOutcome::Fails {
+                    return None;
+                }
+                let episode = again(bench, turn.index);
+                let judged = self.plan.preventability && episode.contact.is_some();
+                let known = judged.then(|| scenario.preventability(&episode));
+                Some(Success {
+                    robustness: episode.robustness,
+                    leaf: leaf(scenario, &episode),
+                    impact: episode.contact.as_ref().and_then(|touch| touch.impact),
+                    preventable: known.and_then(|known| known.human_model_avoids()),
+                    actions: episode.actions,
+                })
+            },
+        )
+    }
+
+    fn ado(&self) -> Result<Ado<'_>, CampaignError> {
+        Ok(match &self.unit.ado {
+            PlannedAdo::Neutral => Ado::Constant(self.ego.scenario().world().spaces().neutral),
+            PlannedAdo::Held => Ado::Held,
+            PlannedAdo::Random => Ado::Random,
+            PlannedAdo::Constant { action, .. } => Ado::Constant(*action),
+            PlannedAdo::Script { actions, .. } => Ado::Script(actions),
+            PlannedAdo::Search { .. } => {
+                return Err(CampaignError::Fault("a search is no policy".to_owned()));
+            }
+            PlannedAdo::Trained { .. } | PlannedAdo::Training { .. } => match &self.ado {
+                Some(ado) => Ado::Trained(&*ado.policy, ado.seed),
+                None => return Err(CampaignError::Fault("the ado was not loaded".to_owned())),
+            },
+        })
+    }
+
+    /// A row of a start that is trivial.
+    fn blank(&self, start: usize, x: &[f64]) -> StartRow {
+        StartRow {
+            world: self.world.name().to_owned(),
+            plant: plant_word(self.ego.scenario().plant()),
+            ego: self.ego.name().to_owned(),
+            ado: self.unit.ado.word(),
+            train_seed: self.ado.as_ref().map(|ado| ado.seed),
+            start: start as u64,
+            x: x.to_vec(),
+            outcome: RowOutcome::Trivial,
+            robustness: None,
+            rule: None,
+            leaf: None,
+            contact: false,
+            closing_mps: None,
+            kind: None,
+            ego_delta_v_mps: None,
+            injury_risk: None,
+            preventable: None,
+            simulations: 0,
+            physics_steps: 0,
+            actions: Vec::new(),
+        }
+    }
+
+    fn told(&self, blank: StartRow, ended: &Ended, success: Option<&Success>) -> StartRow {
+        let scenario = self.ego.scenario();
+        let mut row = StartRow {
+            outcome: ended.outcome,
+            contact: ended.contact.is_some(),
+            closing_mps: ended.contact,
+            simulations: ended.simulations,
+            physics_steps: ended.physics_steps,
+            ..blank
+        };
+        match ended.verdict {
+            Some(Verdict::Held { margin }) => row.robustness = Some(margin),
+            Some(Verdict::Counterexample { by } | Verdict::Uncounted { by }) => {
+                row.robustness = Some(-by);
+            }
+            Some(Verdict::Foul { rule, .. }) => {
+                let broken = scenario.rulebook().rules.get(rule);
+                row.rule = broken.map(|rule| rule.name.clone());
+            }
+            Some(Verdict::Invalid) | None => {}
+        }
+        let Some(success) = success else {
+            return row;
+        };
+        let impact = success.impact;
+        row.robustness = Some(success.robustness);
+        row.leaf = Some(success.leaf.clone());
+        row.kind = impact.map(|impact| impact.kind);
+        row.ego_delta_v_mps = impact.map(|impact| impact.ego_delta_v_mps);
+        let risk = impact.and_then(|impact| impact.injury_risk());
+        row.injury_risk = risk.map(|risk| risk.probability);
+        row.preventable = success.preventable;
+        row.actions.clone_from(&success.actions);
+        row
+    }
+}
+
+/// What is told of a success.
+struct Success {
+    robustness: f64,
+    leaf: String,
+    impact: Option<Impact>,
+    preventable: Option<bool>,
+    actions: Vec<usize>,
+}
+
+type Outcomes = (Vec<Option<Ended>>, Vec<Option<Success>>, f64);
+
+/// The plant as rows of other verbs have it.
+fn plant_word(plant: Dynamics) -> String {
+    format!("{plant:?}")
+}

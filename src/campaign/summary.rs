@@ -1,0 +1,466 @@
+//! What a merged campaign comes to: rates, gates, maps.
+
+use serde::Serialize;
+
+use super::dir::PlanDir;
+use super::file::{GateOn, StartsAsked};
+use super::plan::{Plan, PlannedAdo, Unit};
+use super::row::RowOutcome;
+use crate::run_dir::ClosingSpeed;
+use crate::stats::mcnemar;
+use crate::stats::{Outcomes, StartOutcome, at_most, seeds_interval, wilson};
+
+/// Starts that a verdict names, at most.
+const NAMED: usize = 100;
+
+/// What is kept of the rows of a unit.
+pub(super) struct Tally {
+    /// Per start; `None`: not counted yet.
+    outcomes: Vec<Option<RowOutcome>>,
+    /// Per start, whether CC_LATCHED or FSM would have avoided it.
+    preventable: Vec<Option<bool>>,
+    /// Closing speeds of the successes.
+    closing_mps: Vec<f64>,
+    contacts: usize,
+    simulations: u64,
+    physics_steps: u64,
+}
+
+impl Tally {
+    /// Nothing counted yet.
+    pub fn of(unit: &Unit) -> Tally {
+        Tally {
+            outcomes: vec![None; unit.starts],
+            preventable: vec![None; unit.starts],
+            closing_mps: Vec::new(),
+            contacts: 0,
+            simulations: 0,
+            physics_steps: 0,
+        }
+    }
+
+    /// Counts a row.
+    pub fn count(
+        &mut self,
+        start: usize,
+        outcome: RowOutcome,
+        (contact, closing_mps): (bool, Option<f64>),
+        preventable: Option<bool>,
+        (simulations, physics_steps): (u64, u64),
+    ) {
+        if let Some(one) = self.outcomes.get_mut(start) {
+            *one = Some(outcome);
+        }
+        if let Some(one) = self.preventable.get_mut(start) {
+            *one = preventable;
+        }
+        if outcome == RowOutcome::Fails {
+            self.closing_mps.extend(closing_mps);
+        }
+        self.contacts += usize::from(contact);
+        self.simulations += simulations;
+        self.physics_steps += physics_steps;
+    }
+
+    fn of_kind(&self, kind: RowOutcome) -> usize {
+        let outcomes = self.outcomes.iter();
+        outcomes.filter(|one| **one == Some(kind)).count()
+    }
+
+    /// As rows of other verbs have them.
+    fn marks(&self) -> Outcomes {
+        let outcomes = self.outcomes.iter();
+        let mark = |one: &Option<RowOutcome>| match one {
+            Some(outcome) => outcome.start(),
+            None => StartOutcome::NotReached,
+        };
+        outcomes.map(mark).collect()
+    }
+}
+
+/// One ego and one ado in one world, or the mean over its trainings.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SummaryRow {
+    /// Name of the world.
+    pub world: String,
+    /// Which physics.
+    pub plant: String,
+    /// Which ego.
+    pub ego: String,
+    /// Who played the ado.
+    pub ado: String,
+    /// Seed of the training; `None`: none, or several ([`SummaryRow::trainings`]).
+    pub train_seed: Option<u64>,
+    /// How many trainings the row is the mean of.
+    pub trainings: usize,
+    /// Starts that tell something.
+    pub starts: usize,
+    /// Starts left out, since the nominal ego fails there by itself.
+    pub trivial: usize,
+    /// Starts from which the ego fails.
+    pub fails: usize,
+    /// fails / starts.
+    pub success_rate: f64,
+    /// 95 % interval of it.
+    pub ci95: [f64; 2],
+    /// Where none fails: the exact 95 % upper bound of the rate.
+    pub at_most: Option<f64>,
+    /// Of the starts that the unit's search solves, the share that fails here
+    /// too; `None`: no search met this ego, or it solves none.
+    pub recall: Option<f64>,
+    /// Starts on which the ado broke a rule.
+    pub fouls: usize,
+    /// Starts on which a violation does not count.
+    pub uncounted: usize,
+    /// Starts that ended in contact.
+    pub contacts: usize,
+    /// Successes that CC_LATCHED or FSM would have avoided; `None`: nobody judged.
+    pub preventable: Option<usize>,
+    /// Closing speed of the successes that end in contact.
+    pub closing_mps: Option<ClosingSpeed>,
+    /// Starts on which the ego or the physics failed to run.
+    pub invalid: usize,
+    /// Episodes in all.
+    pub simulations: u64,
+    /// Physics steps in all.
+    pub physics_steps: u64,
+}
+
+/// A changed ego against the baseline, start by start.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GateVerdict {
+    /// Name of the world.
+    pub world: String,
+    /// Which physics.
+    pub plant: String,
+    /// Who played the ado.
+    pub ado: String,
+    /// Seed of its training.
+    pub train_seed: Option<u64>,
+    /// The ego.
+    pub ego: String,
+    /// The ego it is compared with.
+    pub baseline: String,
+    /// Starts that tell something of both.
+    pub compared: usize,
+    /// From which the ego fails and the baseline does not.
+    pub newly_failing: usize,
+    /// Those of them that CC_LATCHED or FSM would have survived.
+    pub newly_preventable: usize,
+    /// The first of them.
+    pub first: Vec<usize>,
+    /// From which the baseline fails and the ego does not.
+    pub newly_fixed: usize,
+    /// Exact two-sided p-value of McNemar's test.
+    pub p_value: f64,
+    /// Whether it is held up.
+    pub held_up: bool,
+}
+
+/// A grid of starts, cell by cell, over its first two axes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CellMap {
+    /// Name of the world.
+    pub world: String,
+    /// Which physics.
+    pub plant: String,
+    /// Which ego.
+    pub ego: String,
+    /// What is along x: name, unit, values.
+    pub x: (String, String, Vec<f64>),
+    /// What is along y.
+    pub y: (String, String, Vec<f64>),
+    /// What a map is of, if the grid has more than two axes: name and value.
+    pub at: Vec<(String, f64)>,
+    /// Position of its first cell among the starts.
+    pub first: usize,
+    /// The ados, in order.
+    pub ados: Vec<String>,
+    /// Per ado and cell, row by row from the least y: how it ended.
+    pub outcomes: Vec<Vec<RowOutcome>>,
+    /// The same: whether CC_LATCHED or FSM would have avoided it.
+    pub preventable: Vec<Vec<Option<bool>>>,
+}
+
+/// What a merged campaign comes to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CampaignSummary {
+    /// A row per unit, and one per ado with several trainings.
+    pub rows: Vec<SummaryRow>,
+    /// A verdict per ego that is not the baseline; empty: none was asked for.
+    pub gates: Vec<GateVerdict>,
+    /// Maps of a grid of starts; not in the JSON, where the rows are.
+    #[serde(skip)]
+    pub maps: Vec<CellMap>,
+}
+
+impl CampaignSummary {
+    pub(super) fn of(dir: &PlanDir, tallies: Vec<Tally>) -> CampaignSummary {
+        let plan = dir.plan();
+        let units: Vec<(&Unit, &Tally)> = plan.units.iter().zip(&tallies).collect();
+        let mut rows = Vec::new();
+        for (nth, (unit, tally)) in units.iter().enumerate() {
+            rows.push(row(dir, &units, unit, tally));
+            let PlannedAdo::Training { .. } = unit.ado else {
+                continue;
+            };
+            let is_mate = |other: &&(&Unit, &Tally)| {
+                (other.0.world, &other.0.ego) == (unit.world, &unit.ego)
+                    && matches!(other.0.ado, PlannedAdo::Training { .. })
+            };
+            let mates: Vec<&(&Unit, &Tally)> = units.iter().filter(is_mate).collect();
+            let is_last = units[nth + 1..].iter().all(|other| !is_mate(&other));
+            if 1 < mates.len() && is_last {
+                let of: Vec<SummaryRow> =
+                    mates.iter().map(|(u, t)| row(dir, &units, u, t)).collect();
+                let marks: Vec<Outcomes> = mates.iter().map(|(_, tally)| tally.marks()).collect();
+                rows.push(mean(&of, &marks));
+            }
+        }
+        let gates = match &plan.gate {
+            Some((baseline, on)) => gates(dir, &units, baseline, *on),
+            None => Vec::new(),
+        };
+        CampaignSummary {
+            rows,
+            gates,
+            maps: maps(dir, &units),
+        }
+    }
+
+    /// Whether a gate of the campaign is closed.
+    pub fn is_held_up(&self) -> bool {
+        self.gates.iter().any(|gate| gate.held_up)
+    }
+
+    /// The largest share of invalid starts in a row.
+    pub fn invalid_share(&self) -> f64 {
+        let share = |row: &SummaryRow| {
+            let all = row.starts + row.invalid;
+            row.invalid as f64 / all.max(1) as f64
+        };
+        self.rows.iter().map(share).fold(0.0, f64::max)
+    }
+}
+
+fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
+    match unit.ado {
+        PlannedAdo::Trained { run } => plan.ados.get(run).map(|run| run.seed),
+        PlannedAdo::Training { training } => plan.trainings.get(training).map(|it| it.seed),
+        _ => None,
+    }
+}
+
+/// The physics of a unit, as rows have it.
+fn plant(dir: &PlanDir, unit: &Unit) -> String {
+    let plant = match unit.ego.change.plant {
+        Some(plant) => plant.into(),
+        None => dir.played(unit).plant(),
+    };
+    format!("{plant:?}")
+}
+
+/// Of the starts that a search solves, the share that an ado solves too.
+fn recall(units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> Option<f64> {
+    let is_search = |(other, _): &&(&Unit, &Tally)| {
+        (other.world, &other.ego) == (unit.world, &unit.ego)
+            && matches!(other.ado, PlannedAdo::Search { .. })
+    };
+    let (_, searched) = units.iter().find(is_search)?;
+    let fails = |one: &Option<RowOutcome>| *one == Some(RowOutcome::Fails);
+    let pairs = searched.outcomes.iter().zip(&tally.outcomes);
+    let (both, solved) = pairs
+        .filter(|(theirs, _)| fails(theirs))
+        .fold((0usize, 0usize), |(both, solved), (_, mine)| {
+            (both + usize::from(fails(mine)), solved + 1)
+        });
+    (0 < solved).then(|| both as f64 / solved as f64)
+}
+
+fn row(dir: &PlanDir, units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> SummaryRow {
+    let plan = dir.plan();
+    let fails = tally.of_kind(RowOutcome::Fails);
+    let [held, fouls, uncounted] =
+        [RowOutcome::Held, RowOutcome::Foul, RowOutcome::Uncounted].map(|kind| tally.of_kind(kind));
+    let starts = fails + held + fouls + uncounted;
+    let judged = plan.preventability;
+    let avoided = tally.preventable.iter().filter(|it| **it == Some(true));
+    SummaryRow {
+        world: dir.world(unit).name().to_owned(),
+        plant: plant(dir, unit),
+        ego: unit.ego.name.clone(),
+        ado: unit.ado.word(),
+        train_seed: train_seed(plan, unit),
+        trainings: usize::from(train_seed(plan, unit).is_some()),
+        starts,
+        trivial: tally.of_kind(RowOutcome::Trivial),
+        fails,
+        success_rate: fails as f64 / starts.max(1) as f64,
+        ci95: wilson(fails, starts),
+        at_most: (fails == 0 && 0 < starts).then(|| at_most(starts)),
+        recall: match unit.ado {
+            PlannedAdo::Search { .. } => None,
+            _ => recall(units, unit, tally),
+        },
+        fouls,
+        uncounted,
+        contacts: tally.contacts,
+        preventable: judged.then(|| avoided.count()),
+        closing_mps: ClosingSpeed::of(tally.closing_mps.clone()),
+        invalid: tally.of_kind(RowOutcome::Invalid),
+        simulations: tally.simulations,
+        physics_steps: tally.physics_steps,
+    }
+}
+
+/// The mean over trainings that met the same starts.
+fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
+    let sum = |of: fn(&SummaryRow) -> usize| rows.iter().map(of).sum::<usize>();
+    let marks: Vec<&Outcomes> = marks.iter().collect();
+    let (starts, fails) = (sum(|row| row.starts), sum(|row| row.fails));
+    let rates = rows.iter().map(|row| row.success_rate);
+    SummaryRow {
+        train_seed: None,
+        trainings: rows.len(),
+        starts,
+        trivial: rows[0].trivial,
+        fails,
+        success_rate: rates.sum::<f64>() / rows.len().max(1) as f64,
+        ci95: seeds_interval(&marks),
+        at_most: None,
+        recall: {
+            let all: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
+            all.map(|all| all.iter().sum::<f64>() / all.len().max(1) as f64)
+        },
+        fouls: sum(|row| row.fouls),
+        uncounted: sum(|row| row.uncounted),
+        contacts: sum(|row| row.contacts),
+        preventable: rows[0]
+            .preventable
+            .map(|_| sum(|row| row.preventable.unwrap_or(0))),
+        closing_mps: None,
+        invalid: sum(|row| row.invalid),
+        simulations: rows.iter().map(|row| row.simulations).sum(),
+        physics_steps: rows.iter().map(|row| row.physics_steps).sum(),
+        ..rows[0].clone()
+    }
+}
+
+fn gates(dir: &PlanDir, units: &[(&Unit, &Tally)], baseline: &str, on: GateOn) -> Vec<GateVerdict> {
+    let mut gates = Vec::new();
+    for (unit, tally) in units.iter().filter(|(unit, _)| unit.ego.name != baseline) {
+        let is_before = |(other, _): &&(&Unit, &Tally)| {
+            other.ego.name == baseline && other.world == unit.world && other.ado == unit.ado
+        };
+        let Some((_, before)) = units.iter().find(is_before) else {
+            continue;
+        };
+        let mut gate = GateVerdict {
+            world: dir.world(unit).name().to_owned(),
+            plant: plant(dir, unit),
+            ado: unit.ado.word(),
+            train_seed: train_seed(dir.plan(), unit),
+            ego: unit.ego.name.clone(),
+            baseline: baseline.to_owned(),
+            compared: 0,
+            newly_failing: 0,
+            newly_preventable: 0,
+            first: Vec::new(),
+            newly_fixed: 0,
+            p_value: 1.0,
+            held_up: false,
+        };
+        let pairs = tally.outcomes.iter().zip(&before.outcomes).enumerate();
+        for (start, (new, old)) in pairs {
+            let (Some(new), Some(old)) = (new, old) else {
+                continue;
+            };
+            use StartOutcome::{Solved, Unsolved};
+            match (new.start(), old.start()) {
+                (Solved, Unsolved) => {
+                    gate.newly_failing += 1;
+                    if tally.preventable[start] == Some(true) {
+                        gate.newly_preventable += 1;
+                    }
+                    if gate.first.len() < NAMED {
+                        gate.first.push(start);
+                    }
+                }
+                (Unsolved, Solved) => gate.newly_fixed += 1,
+                (Solved, Solved) | (Unsolved, Unsolved) => {}
+                _ => continue,
+            }
+            gate.compared += 1;
+        }
+        gate.p_value = mcnemar(gate.newly_failing, gate.newly_fixed);
+        gate.held_up = match on {
+            GateOn::Preventable => 0 < gate.newly_preventable,
+            GateOn::Any => 0 < gate.newly_failing,
+            GateOn::Never => false,
+        };
+        gates.push(gate);
+    }
+    gates
+}
+
+fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
+    let StartsAsked::Grid { axes, .. } = &dir.plan().starts else {
+        return Vec::new();
+    };
+    let [others @ .., y, x] = &axes[..] else {
+        return Vec::new();
+    };
+    let mut maps: Vec<CellMap> = Vec::new();
+    let cells = x.1.len() * y.1.len();
+    let slices: usize = others.iter().map(|(_, values)| values.len()).product();
+    let mut seen: Vec<(usize, &str)> = Vec::new();
+    for (unit, _) in units {
+        let key = (unit.world, unit.ego.name.as_str());
+        if seen.contains(&key) {
+            continue;
+        }
+        seen.push(key);
+        let of_key = |(other, _): &&(&Unit, &Tally)| (other.world, other.ego.name.as_str()) == key;
+        let all: Vec<&(&Unit, &Tally)> = units.iter().filter(of_key).collect();
+        let world = dir.world(unit);
+        let unit_of = |name: &str| {
+            let axes = world.axes();
+            let axis = axes.iter().find(|axis| axis.name == name);
+            axis.map_or("", |axis| axis.unit).to_owned()
+        };
+        for slice in 0..slices {
+            let mut left = slice;
+            let mut at = Vec::new();
+            for (name, values) in others.iter().rev() {
+                at.push((name.clone(), values[left % values.len()]));
+                left /= values.len();
+            }
+            at.reverse();
+            let cut = |nth: usize| slice * cells + nth;
+            let outcome = |tally: &Tally, nth| {
+                let outcome = tally.outcomes.get(cut(nth)).copied().flatten();
+                outcome.unwrap_or(RowOutcome::Invalid)
+            };
+            let outcomes = |(_, tally): &&(&Unit, &Tally)| -> Vec<RowOutcome> {
+                (0..cells).map(|nth| outcome(tally, nth)).collect()
+            };
+            let preventable = |(_, tally): &&(&Unit, &Tally)| -> Vec<Option<bool>> {
+                let one = |nth: usize| tally.preventable.get(cut(nth)).copied().flatten();
+                (0..cells).map(one).collect()
+            };
+            maps.push(CellMap {
+                world: world.name().to_owned(),
+                plant: plant(dir, unit),
+                ego: unit.ego.name.clone(),
+                x: (x.0.clone(), unit_of(&x.0), x.1.clone()),
+                y: (y.0.clone(), unit_of(&y.0), y.1.clone()),
+                at,
+                first: slice * cells,
+                ados: all.iter().map(|(unit, _)| unit.ado.word()).collect(),
+                outcomes: all.iter().map(outcomes).collect(),
+                preventable: all.iter().map(preventable).collect(),
+            });
+        }
+    }
+    maps
+}

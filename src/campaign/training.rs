@@ -1,0 +1,56 @@
+//! A training as a piece: its run directory is its checkpoint.
+
+use std::path::{Path, PathBuf};
+
+use super::error::CampaignError;
+use super::plan::{Plan, PlannedTraining};
+use crate::experiment::Watch;
+use crate::run_dir::{RunDir, RunError, file_name};
+use crate::training::{TrainRequest, TrainSession};
+use crate::world::Scenario;
+
+/// Where a training is, in the directory of its plan.
+pub(super) fn dir_of(dir: &Path, plan: &Plan, training: &PlannedTraining) -> PathBuf {
+    let world = plan.worlds.get(training.world);
+    let name = world.map_or("", |world| &world.name);
+    let nth = training.world;
+    let named = format!("{nth}-{}-{}", file_name(name), training.seed);
+    dir.join("trainings").join(named)
+}
+
+/// Trains, or goes on where it was left. `None`: stopped.
+pub(super) fn train(
+    path: &Path,
+    world: &Scenario,
+    training: &PlannedTraining,
+    watch: &Watch<'_>,
+) -> Result<Option<RunDir>, CampaignError> {
+    let request = TrainRequest {
+        seed: training.seed,
+        decisions: training.decisions,
+        plant: world.drive().map(|spec| spec.plant),
+        ..TrainRequest::default()
+    };
+    let begun = RunDir::open(path).is_ok();
+    let mut session = match begun {
+        true => TrainSession::resume(world, path, &request)?,
+        false => TrainSession::begin(world, path, &request)?,
+    };
+    if !session.run().manifest().is_finished() {
+        session.train(watch)?;
+    }
+    match session.run().manifest().is_finished() {
+        true => Ok(Some(finished(path)?)),
+        false => Ok(None),
+    }
+}
+
+/// A finished training.
+///
+/// # Errors
+/// It has not finished, or is damaged.
+pub(super) fn finished(path: &Path) -> Result<RunDir, RunError> {
+    let run = RunDir::open(path)?;
+    run.policy_bundle()?;
+    Ok(run)
+}

@@ -1,0 +1,147 @@
+//! The counterexamples that tell most, by stated criteria.
+
+use crate::adversary::{EvalRequest, Evaluated};
+use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::rulebook::Verdict;
+use crate::scene::Axis;
+use crate::stats::StartOutcome;
+use crate::stl::Scratch;
+use crate::testbench::{Episode, Testbench};
+
+/// A counterexample and what it was chosen for.
+#[derive(Clone, Debug)]
+pub struct Telling {
+    /// The criterion, with the number.
+    pub chosen_for: String,
+    /// Its position among the test starts.
+    pub start: usize,
+    /// The episode, to contact or the horizon.
+    pub episode: Episode,
+}
+
+/// What a counterexample is judged by.
+struct Facts {
+    start: usize,
+    closing_mps: Option<f64>,
+    judged: usize,
+    depth: f64,
+    spare: Option<f64>,
+    place: Vec<f64>,
+}
+
+/// At most five counterexamples of an evaluation, no start twice.
+///
+/// In order: the highest closing speed, the earliest violation, the deepest,
+/// the one whose rules are kept with the largest margin, and the start that is
+/// farthest from the other four. A criterion that applies to nothing is left
+/// out.
+pub fn telling(request: &EvalRequest<'_>, evaluated: &Evaluated) -> Vec<Telling> {
+    let solved: Vec<usize> = evaluated
+        .row
+        .solved
+        .iter()
+        .enumerate()
+        .filter_map(|(start, outcome)| (*outcome == StartOutcome::Solved).then_some(start))
+        .collect();
+    let axes = request.scenario.axes();
+    let again = |bench: &mut Testbench, start: usize| {
+        let mut play = |bench: &mut Testbench, start| request.play(bench, start);
+        evaluated.again(request, bench, start, &mut play)
+    };
+    let facts_again = |bench: &mut Testbench, start: &usize, _: &Turn| {
+        Some(facts_of(*start, &again(bench, *start), request, &axes))
+    };
+    let unwatched = Watch::unwatched();
+    let all = EpisodeLoop::uncounted(&unwatched);
+    let facts = all.run(&solved, || request.scenario.bench(), facts_again);
+    let facts: Vec<Facts> = facts.into_iter().flatten().collect();
+    let dt_s = request.scenario.bench().clock().sample_s;
+    let mut chosen: Vec<(String, &Facts)> = Vec::new();
+    type Criterion<'a> = (
+        &'a dyn Fn(&Facts) -> Option<f64>,
+        &'a dyn Fn(&Facts) -> String,
+    );
+    let criteria: [Criterion<'_>; 4] = [
+        (&|f| f.closing_mps, &|f| {
+            let speed = f.closing_mps.unwrap_or(0.0);
+            format!("Highest closing speed: {speed:.1} m/s")
+        }),
+        (&|f| Some(-(f.judged as f64)), &|f| {
+            let seconds = f.judged.saturating_sub(1) as f64 * dt_s;
+            format!("Earliest violation: {seconds:.2} s")
+        }),
+        (&|f| f.depth.is_finite().then_some(f.depth), &|f| {
+            format!("Deepest violation: ρ(ψ_ego) = {:.3}", -f.depth)
+        }),
+        (&|f| f.spare.filter(|spare| spare.is_finite()), &|f| {
+            let spare = f.spare.unwrap_or(0.0);
+            format!("Rules kept with the largest margin: ρ ≥ {spare:.2} for each")
+        }),
+    ];
+    for (score, words) in criteria {
+        let left = facts
+            .iter()
+            .filter(|f| chosen.iter().all(|(_, other)| other.start != f.start));
+        let scored = left.filter_map(|f| Some((score(f)?, f)));
+        // Of equals the first start.
+        let best = scored.reduce(|a, b| if a.0 < b.0 { b } else { a });
+        if let Some((_, best)) = best {
+            chosen.push((words(best), best));
+        }
+    }
+    let far = |f: &Facts| {
+        let others = chosen
+            .iter()
+            .map(|(_, other)| apart(&f.place, &other.place));
+        others.fold(f64::INFINITY, f64::min)
+    };
+    let farthest = facts
+        .iter()
+        .map(|f| (far(f), f))
+        .filter(|(far, _)| 0.0 < *far);
+    if let Some((_, f)) = farthest.reduce(|a, b| if a.0 < b.0 { b } else { a }) {
+        chosen.push(("Start most unlike the others".to_owned(), f));
+    }
+    let mut bench = request.scenario.bench();
+    let played = chosen.into_iter().map(|(chosen_for, facts)| Telling {
+        chosen_for,
+        start: facts.start,
+        episode: again(&mut bench, facts.start),
+    });
+    played.collect()
+}
+
+fn facts_of(start: usize, episode: &Episode, request: &EvalRequest<'_>, axes: &[Axis]) -> Facts {
+    let rulebook = request.scenario.rulebook();
+    let mut judged = episode.trace.clone();
+    judged.truncate(episode.judged);
+    let mut scratch = Scratch::new();
+    let rules = rulebook.rules.iter();
+    let spare = rules
+        .map(|rule| rule.monitor.robustness(&judged, &mut scratch))
+        .reduce(f64::min);
+    let values = axes.iter().zip(&episode.start.0);
+    let place = values.map(|(axis, value)| match axis.lo < axis.hi {
+        true => (value - axis.lo) / (axis.hi - axis.lo),
+        false => 0.0,
+    });
+    Facts {
+        start,
+        closing_mps: episode
+            .contact
+            .as_ref()
+            .map(|touch| touch.closing_speed_mps),
+        judged: episode.judged,
+        depth: match episode.verdict {
+            Verdict::Counterexample { by } => by,
+            _ => 0.0,
+        },
+        spare,
+        place: place.collect(),
+    }
+}
+
+fn apart(a: &[f64], b: &[f64]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}

@@ -1,0 +1,373 @@
+//! Counterexamples made smaller, as long as they stay counterexamples.
+//!
+//! Smaller is, first things first: fewer switches of action, a smaller sum of
+//! distances from the neutral action, a later first deviation ([`Effort`]). What
+//! is left of a hundred decisions then is what it takes, and can be read.
+//!
+//! Three steps, each on the kinematic plant first where the world is rigid, and
+//! all as sequences of actions from the recorded start with its noise:
+//!
+//! 1. every sequence without a switch and with one, the best that holds is kept:
+//!    nothing smaller exists with so few switches;
+//! 2. else those with two, as far as the budget goes;
+//! 3. from the best so far, or from the recording: stretches are replaced by
+//!    what stands beside them or by the neutral action, borders moved, actions
+//!    weakened, until nothing helps any more (delta debugging: Zeller and
+//!    Hildebrandt, "Simplifying and Isolating Failure-Inducing Input", 2002).
+//!
+//! Step 1 and 2 walk the tree of [`crate::search::search`], and whatever the kinematic
+//! plant lets pass is played on the world's own. The result is a pure function
+//! of world and episode.
+//!
+//! An ego that cannot be copied, such as a program, takes a whole run per
+//! sequence. It is asked for step 3 only, on the world's own plant, as long as
+//! its runs last.
+
+use std::collections::BTreeSet;
+
+use super::reruns::{KEEP_RUNS, Reruns};
+use crate::experiment::Watch;
+use crate::run_dir::{Effort, Shrunk};
+use crate::scene::{Dynamics, Start, Touch};
+use crate::search::{Confirmed, Confirmer, Next, Tree};
+use crate::sim::PlantKind;
+use crate::testbench::{Aftermath, Episode, FaultLog, Replay, Testbench, play};
+use crate::world::Scenario;
+
+/// Share of the closing speed that a crash keeps when it is made smaller: the
+/// worst ones are to stay the worst.
+pub const CLOSING: f64 = 0.8;
+/// Physics steps of the pre-screening plant that one tree may cost.
+const TREE_STEPS: u64 = 1_000_000;
+/// Episodes that moving, weakening and replacing may cost.
+const MOVES: usize = 1500;
+/// Sequences of one step that are tried on the world's own plant.
+const CONFIRMATIONS: usize = 40;
+/// How far a border is moved at once, in decisions.
+const SHIFTS: [usize; 5] = [16, 8, 4, 2, 1];
+
+/// How much an ado does that acts so in a world.
+pub fn effort(scenario: &Scenario, actions: &[usize]) -> Effort {
+    let world = scenario.world();
+    let neutral = world.spaces().neutral;
+    let distance = |action: &usize| world.action_distance(*action, neutral);
+    Effort {
+        switches: actions.windows(2).filter(|pair| pair[0] != pair[1]).count(),
+        deviation: actions.iter().map(distance).sum(),
+        first: actions.iter().position(|action| *action != neutral),
+    }
+}
+
+/// The smallest counterexample that is found from the same start, and by how
+/// much it is smaller; the episode itself where nothing is.
+///
+/// If the episode ends in a contact, so does the result: of the same two, at no
+/// less than [`CLOSING`] of the closing speed, and with the rules kept up to it
+/// if they were. An ego that is not deterministic is asked as often as the world's
+/// `repeats` say; without them its episodes are left as they are. A program is
+/// run [`KEEP_RUNS`] times at most.
+pub fn shrink(scenario: &Scenario, episode: &Episode, watch: &Watch<'_>) -> (Episode, Shrunk) {
+    let reruns = Reruns::of(scenario, episode, KEEP_RUNS, watch);
+    shrink_within(&reruns, episode, 0)
+}
+
+/// The same with an ego that is asked about more than that: so many questions
+/// are left for later.
+pub(super) fn shrink_within(
+    reruns: &Reruns<'_>,
+    episode: &Episode,
+    for_later: usize,
+) -> (Episode, Shrunk) {
+    let (scenario, watch) = (reruns.scenario(), reruns.watch());
+    let before = effort(scenario, &episode.actions);
+    let unchanged = Shrunk {
+        before,
+        after: before,
+    };
+    if reruns.is_refused() || !episode.verdict.is_success() {
+        return (episode.clone(), unchanged);
+    }
+    // What is tried and fails is no fault of the ego that anybody must hear of.
+    let watch = Watch {
+        faults: FaultLog::default(),
+        ..watch.quiet()
+    };
+    let cheap = match scenario.plant() {
+        Dynamics::Rigid => scenario.on(PlantKind::Kinematic),
+        Dynamics::Kinematic | Dynamics::Cells => scenario.clone(),
+    };
+    let mut shrinking = Shrinking {
+        scenario,
+        reruns,
+        for_later,
+        found: None,
+        refuted: BTreeSet::new(),
+        bench: cheap.bench(),
+        confirmer: Confirmer::new(scenario, (&episode.start, episode.noise), 0, &watch),
+        aim: Aim::of(episode),
+        start: &episode.start,
+        noise: episode.noise,
+        watch: &watch,
+        moves: MOVES,
+    };
+    let actions = shrinking.smallest(&episode.actions);
+    match shrinking.played(&actions) {
+        Some((smaller, after)) if after.is_less_than(&before) => {
+            (smaller, Shrunk { before, after })
+        }
+        _ => (episode.clone(), unchanged),
+    }
+}
+
+/// What a smaller one must still do.
+struct Aim {
+    /// The contact that it ends in, if it does.
+    contact: Option<Touch>,
+    /// Whether a rule was broken before that.
+    foul_before_contact: bool,
+}
+
+impl Aim {
+    fn of(episode: &Episode) -> Aim {
+        Aim {
+            contact: episode.contact.clone(),
+            foul_before_contact: episode.is_foul_before_contact(),
+        }
+    }
+
+    fn is_met(&self, success: bool, contact: Option<&Touch>, foul_before_contact: bool) -> bool {
+        let as_bad = |found: &Touch| {
+            contact.is_some_and(|touch| {
+                let least_mps = CLOSING * found.closing_speed_mps;
+                touch.between == found.between && least_mps <= touch.closing_speed_mps
+            })
+        };
+        let fouls = foul_before_contact && !self.foul_before_contact;
+        success && !fouls && self.contact.as_ref().is_none_or(as_bad)
+    }
+
+    fn is_met_by_episode(&self, episode: &Episode) -> bool {
+        let (success, foul) = (
+            episode.verdict.is_success(),
+            episode.is_foul_before_contact(),
+        );
+        self.is_met(success, episode.contact.as_ref(), foul)
+    }
+
+    fn is_met_by(&self, played: &Confirmed) -> bool {
+        let contact = played.contact.as_ref();
+        self.is_met(played.success, contact, played.foul_before_contact)
+    }
+}
+
+struct Shrinking<'a> {
+    scenario: &'a Scenario,
+    /// The ego: one that cannot be copied plays every sequence as a whole episode.
+    reruns: &'a Reruns<'a>,
+    /// Questions for which runs of it are left.
+    for_later: usize,
+    /// Of such an ego, the smallest episode so far.
+    found: Option<Episode>,
+    /// And the sequences that were tried in vain.
+    refuted: BTreeSet<Vec<usize>>,
+    /// On the plant that pre-screens.
+    bench: Testbench,
+    confirmer: Confirmer<'a>,
+    aim: Aim,
+    start: &'a Start,
+    noise: u64,
+    watch: &'a Watch<'a>,
+    /// Episodes left to the third step.
+    moves: usize,
+}
+
+impl Shrinking<'_> {
+    /// The smallest sequence found; `recorded` if it is that one.
+    fn smallest(&mut self, recorded: &[usize]) -> Vec<usize> {
+        let most = effort(self.scenario, recorded).switches;
+        if self.reruns.copies() {
+            for switches in 0..=most.min(1) {
+                if let Some(found) = self.best_with(switches) {
+                    return found;
+                }
+            }
+            if let Some(found) = (2 <= most).then(|| self.best_with(2)).flatten() {
+                return self.moved(found);
+            }
+        }
+        self.moved(recorded.to_vec())
+    }
+
+    /// The smallest one with exactly so many switches, within the budget.
+    fn best_with(&mut self, switches: usize) -> Option<Vec<usize>> {
+        let mut found: Vec<(Effort, Vec<usize>)> = Vec::new();
+        let (aim, scenario) = (&self.aim, self.scenario);
+        let mut note = |actions: &[usize], bench: &Testbench| {
+            if aim.is_met_by(&Confirmed::on(bench)) {
+                found.push((effort(scenario, actions), actions.to_vec()));
+            }
+            Next::Continue
+        };
+        let from = ((self.start, self.noise), 0);
+        let root = &mut self.bench;
+        let mut tree = Tree::new(root, from, Aftermath::Play, &mut note, self.watch);
+        tree.budget = TREE_STEPS;
+        // The neutral action first: what begins so is smaller, should the budget
+        // end before the sequences do.
+        let spaces = scenario.world().spaces();
+        let others = (0..spaces.actions).filter(|action| *action != spaces.neutral);
+        for action in std::iter::once(spaces.neutral).chain(others) {
+            if tree.begin(root, action, switches) == Next::Stop {
+                break;
+            }
+        }
+        self.reruns.count(tree.simulations);
+        found.sort_by(|a, b| a.0.order(&b.0));
+        let mut tried = found.into_iter().take(CONFIRMATIONS);
+        let held = tried.find(|(_, actions)| self.holds(actions));
+        held.map(|(_, actions)| actions)
+    }
+
+    /// Whether it does what is asked on the world's own plant.
+    fn holds(&mut self, actions: &[usize]) -> bool {
+        if self.reruns.copies() {
+            self.reruns.count(1);
+            return self.aim.is_met_by(&self.confirmer.confirm(actions));
+        }
+        if self.refuted.contains(actions) {
+            return false;
+        }
+        if self.reruns.ask(1, self.for_later).is_err() {
+            self.moves = 0;
+            return false;
+        }
+        let from = (self.start, self.noise);
+        let mut actor = Replay::holding(actions);
+        let played = self
+            .reruns
+            .played(self.scenario, from, &mut actor, Aftermath::Play);
+        let holds = self.aim.is_met_by_episode(&played);
+        match holds {
+            true => self.found = Some(played),
+            false => drop(self.refuted.insert(actions.to_vec())),
+        }
+        holds
+    }
+
+    /// Whether it does so on the plant that pre-screens; of an ego that cannot be
+    /// copied every run costs the same, so it is asked at once.
+    fn passes(&mut self, actions: &[usize]) -> bool {
+        if !self.reruns.copies() {
+            return true;
+        }
+        self.reruns.count(1);
+        self.moves = self.moves.saturating_sub(1);
+        self.bench.begin(self.start, self.noise, Aftermath::Play);
+        let last = actions.last().copied().unwrap_or(0);
+        let mut rest = actions.iter().copied().chain(std::iter::repeat(last));
+        while let Some(action) = rest.next().filter(|_| !self.bench.is_done()) {
+            self.bench.decide(action);
+        }
+        self.aim.is_met_by(&Confirmed::on(&self.bench))
+    }
+
+    /// The same made smaller step by step, until no step helps.
+    fn moved(&mut self, mut actions: Vec<usize>) -> Vec<usize> {
+        let mut refused = CONFIRMATIONS;
+        while 0 < self.moves && 0 < refused && !self.watch.stopped() {
+            let smaller = self.smaller_than(&actions);
+            let next = smaller.into_iter().find(|candidate| {
+                let stops = self.moves == 0 || refused == 0;
+                if stops || !self.passes(candidate) {
+                    return false;
+                }
+                let holds = self.holds(candidate);
+                refused -= usize::from(!holds && self.reruns.copies());
+                holds
+            });
+            match next {
+                Some(next) => actions = next,
+                None => break,
+            }
+        }
+        actions
+    }
+
+    /// What is one move away and smaller, smallest first.
+    fn smaller_than(&self, actions: &[usize]) -> Vec<Vec<usize>> {
+        let now = effort(self.scenario, actions);
+        let spaces = self.scenario.world().spaces();
+        let candidates = neighbours(actions, spaces.neutral, spaces.actions);
+        let candidates = candidates
+            .into_iter()
+            .map(|it| (effort(self.scenario, &it), it));
+        let mut smaller: Vec<_> = candidates
+            .filter(|(effort, _)| effort.is_less_than(&now))
+            .collect();
+        smaller.sort_by(|a, b| a.0.order(&b.0).then_with(|| a.1.cmp(&b.1)));
+        smaller.dedup_by(|a, b| a.1 == b.1);
+        smaller.into_iter().map(|(_, actions)| actions).collect()
+    }
+
+    /// The episode of a sequence, if it does what is asked.
+    fn played(&self, actions: &[usize]) -> Option<(Episode, Effort)> {
+        let episode = match (self.reruns.copies(), &self.found) {
+            (true, _) => {
+                let mut bench = self.scenario.bench();
+                let mut actor = Replay::holding(actions);
+                let aftermath = Aftermath::Play;
+                play(&mut bench, self.start, self.noise, &mut actor, aftermath)
+            }
+            (false, Some(found)) => found.clone(),
+            (false, None) => return None,
+        };
+        let met = self.aim.is_met_by_episode(&episode);
+        let after = effort(self.scenario, &episode.actions);
+        met.then_some((episode, after))
+    }
+}
+
+/// Stretches of one action: where each begins, and the end of all.
+fn borders(actions: &[usize]) -> Vec<usize> {
+    let inner = (1..actions.len()).filter(|&at| actions[at - 1] != actions[at]);
+    let mut borders: Vec<usize> = std::iter::once(0).chain(inner).collect();
+    borders.push(actions.len());
+    borders
+}
+
+/// Every sequence that is one move away.
+fn neighbours(actions: &[usize], neutral: usize, count: usize) -> Vec<Vec<usize>> {
+    let borders = borders(actions);
+    let stretches = borders.len() - 1;
+    let filled = |from: usize, to: usize, action: usize| {
+        let mut other = actions.to_vec();
+        other[from..to].fill(action);
+        other
+    };
+    let mut all = Vec::new();
+    // So many stretches at once become what stands beside them, or neutral.
+    let lengths = std::iter::successors(Some(1), |length| Some(2 * length));
+    for length in lengths.take_while(|length| *length <= stretches) {
+        for first in 0..=stretches - length {
+            let (from, to) = (borders[first], borders[first + length]);
+            let before = from.checked_sub(1).map(|at| actions[at]);
+            let after = actions.get(to).copied();
+            let others = [before, after, Some(neutral)].into_iter().flatten();
+            all.extend(others.map(|action| filled(from, to, action)));
+        }
+    }
+    for stretch in 0..stretches {
+        let (from, to) = (borders[stretch], borders[stretch + 1]);
+        all.extend((0..count).map(|action| filled(from, to, action)));
+        // Its end earlier or later, by no more than there is.
+        let Some(&next) = actions.get(to) else {
+            continue;
+        };
+        for by in SHIFTS {
+            all.push(filled(to.saturating_sub(by).max(from), to, next));
+            let beyond = (to + by).min(borders[stretch + 2]);
+            all.push(filled(to, beyond, actions[from]));
+        }
+    }
+    all
+}

@@ -1,0 +1,510 @@
+//! Replaying kept counterexamples: bit for bit, or against a changed ego.
+
+mod difference;
+mod find;
+mod kept;
+
+use std::path::{Path, PathBuf};
+
+pub use difference::Difference;
+use difference::first_difference;
+pub use find::FindError;
+pub use kept::Kept;
+
+use super::save_crashes::about_of_run;
+use crate::ego::Fault;
+use crate::report::outcome_in_words;
+use crate::rulebook::Verdict;
+use crate::run_dir::{About, Counterexample, KeptError, RunError, StartRepeated};
+use crate::scene::drive::ControllerFactory;
+use crate::testbench::{Aftermath, Episode, FaultLog, Replay, play};
+use crate::visible::command_line;
+use crate::world::{Change, ChangeError, Repeats, Scenario};
+
+/// What came of replaying one.
+#[derive(Clone)]
+pub struct Replayed {
+    /// Where the kept counterexample lies.
+    pub path: PathBuf,
+    /// The world, as it was replayed.
+    pub scenario: Scenario,
+    /// The episode; of several runs the one that stands for all.
+    pub episode: Episode,
+    /// Whether verdict, robustness, contact, rules up to it and every sample
+    /// of this run are as recorded.
+    pub identical: bool,
+    /// The first sample of this run that is not the recorded one.
+    pub first_difference: Option<Difference>,
+    /// Whether the commands that the file holds of an ego that nobody here
+    /// wrote give the recorded bits; `None`: it holds none.
+    pub repeats_by_commands: Option<bool>,
+    /// Whether an ego that nobody here wrote commanded as recorded; `None`:
+    /// the file does not say how it commanded, or it was not asked.
+    pub ego_as_recorded: Option<bool>,
+    /// The runs, where the world asks for several.
+    pub repeated: Option<StartRepeated>,
+    /// What the file says of the run that it recorded, if this is that run.
+    pub about: Option<About>,
+}
+
+impl Replayed {
+    /// Whether this build gives the recorded bits, whoever drives in this run:
+    /// by the recorded commands where the file holds them.
+    pub fn is_reproduced(&self) -> bool {
+        self.repeats_by_commands.unwrap_or(self.identical)
+    }
+
+    /// What is known of this run: what the file says if it is the recorded one,
+    /// else its own severity, cause and preventability.
+    ///
+    /// Variations of another run are not played, so nothing is known of its
+    /// persistence.
+    pub fn known(&self) -> About {
+        let recorded = self.about.clone();
+        recorded.unwrap_or_else(|| about_of_run(&self.scenario, &self.episode))
+    }
+
+    /// What came of this run, in a few words.
+    pub fn in_words(&self) -> String {
+        outcome_in_words(&self.scenario, &self.episode)
+    }
+
+    /// From when on this run is another one than was recorded, and by which
+    /// signal; `None`: it is the recorded one.
+    pub fn departure(&self) -> Option<String> {
+        match &self.first_difference {
+            Some(difference) => Some(difference.since()),
+            None if self.identical => None,
+            None => Some("different from the recorded run in what its verdict says".to_owned()),
+        }
+    }
+
+    /// Whether the ego still fails.
+    pub fn still_fails(&self) -> bool {
+        self.episode.verdict.is_success()
+    }
+
+    /// Why it says nothing of the ego, if it does not.
+    pub fn fault(&self) -> Option<&Fault> {
+        let invalid = self.episode.verdict == Verdict::Invalid;
+        self.episode.fault.as_ref().filter(|_| invalid)
+    }
+}
+
+/// Replays one kept counterexample in `scenario`.
+///
+/// # Errors
+/// The start does not fit the world.
+pub fn replay(kept: &Kept, scenario: Scenario) -> Result<Replayed, KeptError> {
+    let Repeats { runs, gate } = scenario.repeats;
+    let episodes = (0..runs.max(1)).map(|_| once(kept, &scenario));
+    let mut episodes = episodes.collect::<Result<Vec<_>, _>>()?;
+    let (repeated, standing) = StartRepeated::of(&episodes, gate);
+    let episode = episodes.swap_remove(standing);
+    let recorded = &kept.counterexample;
+    let commands = recorded.commands();
+    let again = match &commands {
+        Some(commands) => Some(once(
+            kept,
+            &recorded.scenario(&kept.path)?.with_commands(commands),
+        )?),
+        None => None,
+    };
+    let repeats_by_commands = match &again {
+        Some(again) => Some(first_difference(kept, again)?.is_none() && recorded.is_of(again)),
+        None => None,
+    };
+    let first_difference = first_difference(kept, &episode)?;
+    let identical = first_difference.is_none() && recorded.is_of(&episode);
+    Ok(Replayed {
+        path: kept.path.clone(),
+        identical,
+        first_difference,
+        repeats_by_commands,
+        ego_as_recorded: commands.map(|commands| *commands == *episode.commands),
+        repeated: (1 < runs).then_some(repeated),
+        about: recorded.about.clone().filter(|_| identical),
+        scenario,
+        episode,
+    })
+}
+
+/// One run of a kept counterexample.
+fn once(kept: &Kept, scenario: &Scenario) -> Result<Episode, KeptError> {
+    let recorded = &kept.counterexample;
+    let start = recorded.start(scenario, &kept.path)?;
+    let mut bench = scenario.bench();
+    // Against a changed ego the episode may outlast the recording: coast then.
+    let mut actor = Replay::then(&recorded.actions, bench.spaces().neutral);
+    let noise = recorded.noise;
+    Ok(play(&mut bench, &start, noise, &mut actor, Aftermath::Play))
+}
+
+/// Kept counterexamples, to be replayed by `cargo test`.
+///
+/// ```no_run
+/// use brakecheck::crashes::Regressions;
+/// Regressions::load("tests/regressions")?.reproduce()?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone)]
+pub struct Regressions {
+    kept: Vec<Kept>,
+    ego: EgoUnderTest,
+    programs_allowed: bool,
+    allow_invalid: f64,
+}
+
+#[derive(Clone)]
+enum EgoUnderTest {
+    Recorded,
+    Change(Box<Change>),
+    Named(String),
+    Own(String, ControllerFactory),
+}
+
+/// A regression test failed, or could not be run.
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
+pub enum RegressionError {
+    /// A file is not usable.
+    #[error(transparent)]
+    Kept(#[from] KeptError),
+    /// The changed ego does not fit the world.
+    #[error(transparent)]
+    Change(#[from] ChangeError),
+    /// The kept world has no such changed ego.
+    #[error("`{path}`: its world has no ego `{name}`")]
+    NoSuchEgo {
+        /// Where the kept counterexample lies.
+        path: PathBuf,
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: Vec<String>,
+    },
+    /// Replays differ from what was recorded.
+    #[error("{} of {total} replays differ from what was recorded:\n{}", .differ.len(), .differ.join("\n"))]
+    Differ {
+        /// One line per replay that differs.
+        differ: Vec<String>,
+        /// Replays in all.
+        total: usize,
+    },
+    /// The ego failed to run: nobody knows whether it would have passed.
+    #[error("the ego failed to run in {} of {replayed} replays, of {total} asked for:\n{}", .invalid.len(), .invalid.join("\n"))]
+    Invalid {
+        /// One line per replay that says nothing.
+        invalid: Vec<String>,
+        /// Replays that were begun.
+        replayed: usize,
+        /// Replays asked for.
+        total: usize,
+    },
+    /// A file names a program, and nobody consented to start it.
+    #[error("`{path}` names a program as the ego, and nothing was started:\n{}", command_line(.command))]
+    NotAllowed {
+        /// Where the kept counterexample lies.
+        path: PathBuf,
+        /// The program and its arguments.
+        command: Vec<String>,
+    },
+    /// The ego still fails.
+    #[error("the ego still fails {} of {total} kept counterexamples:\n{}", .failing.len(), .failing.join("\n"))]
+    StillFails {
+        /// One line per counterexample that it fails.
+        failing: Vec<String>,
+        /// Replays in all.
+        total: usize,
+    },
+}
+
+impl Regressions {
+    /// All `*.ron` files of a directory, by name, or one file.
+    ///
+    /// # Errors
+    /// A file is no kept counterexample, or there is none at all.
+    pub fn load(path: impl AsRef<Path>) -> Result<Regressions, KeptError> {
+        let path = path.as_ref();
+        let mut files = vec![path.to_path_buf()];
+        if path.is_dir() {
+            let entries = std::fs::read_dir(path).map_err(|source| RunError::Io {
+                verb: "reading",
+                path: path.into(),
+                source,
+            })?;
+            files = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+            files.retain(|file| file.extension().is_some_and(|e| e == "ron"));
+            files.sort();
+        }
+        if files.is_empty() {
+            return Err(KeptError::Format {
+                path: path.into(),
+                why: "there is no `.ron` file in it".to_owned(),
+            });
+        }
+        let kept = files.into_iter().map(|path| {
+            Counterexample::load(&path).map(|counterexample| Kept {
+                path,
+                counterexample,
+            })
+        });
+        Ok(Regressions {
+            kept: kept.collect::<Result<_, _>>()?,
+            ego: EgoUnderTest::Recorded,
+            programs_allowed: false,
+            allow_invalid: 0.0,
+        })
+    }
+
+    /// Consents to start the programs that the kept files and changes name.
+    ///
+    /// Without it nothing is started: a kept file whose ego is a program is an
+    /// error, before the first one is replayed.
+    #[must_use]
+    pub fn allow_programs(self, allowed: bool) -> Regressions {
+        Regressions {
+            programs_allowed: allowed,
+            ..self
+        }
+    }
+
+    /// Allows a share of the replays to say nothing because the ego failed to
+    /// run; none unless this is called.
+    #[must_use]
+    pub fn allow_invalid(self, share: f64) -> Regressions {
+        Regressions {
+            allow_invalid: share,
+            ..self
+        }
+    }
+
+    /// Replays them against the user's own controller.
+    #[must_use]
+    pub fn with_ego(self, name: &str, factory: ControllerFactory) -> Regressions {
+        Regressions {
+            ego: EgoUnderTest::Own(name.to_owned(), factory),
+            ..self
+        }
+    }
+
+    /// Replays them against a change of the world's own ego.
+    #[must_use]
+    pub fn with_change(self, change: Change) -> Regressions {
+        Regressions {
+            ego: EgoUnderTest::Change(Box::new(change)),
+            ..self
+        }
+    }
+
+    /// Replays them against an ego that the kept worlds name under `reuse`.
+    #[must_use]
+    pub fn with_named_ego(self, name: &str) -> Regressions {
+        Regressions {
+            ego: EgoUnderTest::Named(name.to_owned()),
+            ..self
+        }
+    }
+
+    /// The kept counterexamples.
+    pub fn kept(&self) -> &[Kept] {
+        &self.kept
+    }
+
+    /// Whether they are replayed against the ego they were recorded with.
+    pub fn is_recorded_ego(&self) -> bool {
+        matches!(self.ego, EgoUnderTest::Recorded)
+    }
+
+    /// Replays all of them.
+    ///
+    /// An ego that does not run is given up, as [`FaultLog`] says: what it was
+    /// not asked is missing then.
+    ///
+    /// # Errors
+    /// A world or a changed ego is not usable, or is a program and nobody
+    /// [consented](Regressions::allow_programs) to start it.
+    pub fn replay(&self) -> Result<Vec<Replayed>, RegressionError> {
+        let scenarios = self.kept.iter().map(|kept| self.scenario(kept));
+        let scenarios = scenarios.collect::<Result<Vec<_>, _>>()?;
+        self.consent(&scenarios)?;
+        // Kept files of one program share one that is running.
+        let log = FaultLog::allowing(self.allow_invalid);
+        let mut all = Vec::with_capacity(scenarios.len());
+        for (index, (kept, scenario)) in self.kept.iter().zip(scenarios).enumerate() {
+            let replayed = replay(kept, scenario)?;
+            log.note(index as u64, replayed.fault());
+            all.push(replayed);
+            if log.has_given_up() {
+                break;
+            }
+        }
+        Ok(all)
+    }
+
+    /// Whether so many faults are more than allowed.
+    ///
+    /// # Errors
+    /// They are; the message names the files and the reasons.
+    pub fn check_faults(&self, replayed: &[Replayed]) -> Result<(), RegressionError> {
+        let faults = replayed.iter().filter_map(|one| Some((one, one.fault()?)));
+        let invalid: Vec<String> = faults
+            .map(|(one, fault)| format!("  {}: {}", one.path.display(), in_words(fault)))
+            .collect();
+        let cut = replayed.len() < self.kept.len();
+        let allowed = self.allow_invalid * replayed.len() as f64;
+        match !cut && invalid.len() as f64 <= allowed {
+            true => Ok(()),
+            false => Err(RegressionError::Invalid {
+                invalid,
+                replayed: replayed.len(),
+                total: self.kept.len(),
+            }),
+        }
+    }
+
+    /// Names the first program that nobody consented to start.
+    fn consent(&self, scenarios: &[Scenario]) -> Result<(), RegressionError> {
+        let mut pairs = self.kept.iter().zip(scenarios);
+        let named = pairs.find_map(|(kept, scenario)| {
+            let command = scenario.program()?.command.clone();
+            Some((kept.path.clone(), command))
+        });
+        match named {
+            Some((path, command)) if !self.programs_allowed => {
+                Err(RegressionError::NotAllowed { path, command })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Replays all of them with the egos they were recorded with.
+    ///
+    /// Where a file holds what the ego commanded those commands are repeated:
+    /// no program is started, and none is needed.
+    ///
+    /// # Errors
+    /// A world is not usable; its ego is a program whose commands were not
+    /// recorded, and nobody consented to start it.
+    pub fn replay_recorded(&self) -> Result<Vec<Replayed>, RegressionError> {
+        let worlds = self.kept.iter().map(|kept| {
+            let recorded = &kept.counterexample;
+            let world = recorded.scenario(&kept.path)?;
+            Ok(match recorded.commands() {
+                Some(commands) => world.with_commands(&commands),
+                None => world.allow_programs(self.programs_allowed),
+            })
+        });
+        let worlds = worlds.collect::<Result<Vec<_>, RegressionError>>()?;
+        self.consent(&worlds)?;
+        let pairs = self.kept.iter().zip(worlds);
+        pairs
+            .map(|(kept, world)| Ok(replay(kept, world)?))
+            .collect()
+    }
+
+    /// The world of a kept file with its very ego; where that is a program nobody
+    /// consented to start, or the user's own, with the commands it gave.
+    ///
+    /// # Errors
+    /// The world is not usable.
+    pub fn world_of(&self, kept: &Kept) -> Result<Scenario, KeptError> {
+        let recorded = &kept.counterexample;
+        let world = recorded.scenario(&kept.path)?;
+        let world = world.allow_programs(self.programs_allowed);
+        let may_start = world.program().is_some_and(|it| it.is_allowed());
+        Ok(match recorded.commands().filter(|_| !may_start) {
+            Some(commands) => world.with_commands(&commands),
+            None => world,
+        })
+    }
+
+    /// Replays all of them and asks for the recorded bits.
+    ///
+    /// # Errors
+    /// A replay differs; the message names the first sample and signal.
+    pub fn reproduce(&self) -> Result<(), RegressionError> {
+        let replayed = self.replay_recorded()?;
+        let differing = replayed.iter().filter(|replayed| !replayed.is_reproduced());
+        let differ: Vec<String> = differing
+            .map(|replayed| {
+                let place = match &replayed.first_difference {
+                    Some(difference) => difference.to_string(),
+                    None => "verdict, contact or rules until contact".to_owned(),
+                };
+                format!("  {}: {place}", replayed.path.display())
+            })
+            .collect();
+        match differ.is_empty() {
+            true => Ok(()),
+            false => Err(RegressionError::Differ {
+                differ,
+                total: replayed.len(),
+            }),
+        }
+    }
+
+    /// Replays all of them and asks that the ego no longer fails any.
+    ///
+    /// # Errors
+    /// The ego did not run in one of them, or still fails; the message names
+    /// the files.
+    pub fn pass(&self) -> Result<(), RegressionError> {
+        let replayed = self.replay()?;
+        self.check_faults(&replayed)?;
+        let still = replayed.iter().filter(|replayed| replayed.still_fails());
+        let failing: Vec<String> = still
+            .map(|replayed| {
+                let robustness = replayed.episode.robustness;
+                format!("  {}: ρ = {robustness:.4}", replayed.path.display())
+            })
+            .collect();
+        match failing.is_empty() {
+            true => Ok(()),
+            false => Err(RegressionError::StillFails {
+                failing,
+                total: replayed.len(),
+            }),
+        }
+    }
+
+    fn scenario(&self, kept: &Kept) -> Result<Scenario, RegressionError> {
+        let recorded = &kept.counterexample;
+        let allowed = self.programs_allowed;
+        let nominal = || -> Result<Scenario, KeptError> {
+            Ok(recorded.nominal(&kept.path)?.allow_programs(allowed))
+        };
+        Ok(match &self.ego {
+            EgoUnderTest::Recorded => recorded.scenario(&kept.path)?.allow_programs(allowed),
+            EgoUnderTest::Own(name, factory) => {
+                let world = recorded.scenario(&kept.path)?;
+                world.with_ego(name, factory.clone())
+            }
+            // A named or given ego replaces the recorded change, it is not added.
+            EgoUnderTest::Change(change) => nominal()?.with(change)?,
+            EgoUnderTest::Named(name) if name == "nominal" => nominal()?,
+            EgoUnderTest::Named(name) => {
+                let world = nominal()?;
+                let Some(change) = world.reuse.get(name) else {
+                    return Err(RegressionError::NoSuchEgo {
+                        path: kept.path.clone(),
+                        name: name.clone(),
+                        known: world.reuse.keys().cloned().collect(),
+                    });
+                };
+                world.with(change)?
+            }
+        })
+    }
+}
+
+/// A fault in one line, with the end of its stderr.
+fn in_words(fault: &Fault) -> String {
+    let kind = fault.kind.word();
+    match fault.stderr.lines().next_back() {
+        Some(last) => format!("{kind}: {} (stderr ends: {last})", fault.message),
+        None => format!("{kind}: {}", fault.message),
+    }
+}

@@ -1,0 +1,180 @@
+//! Which kept counterexamples are replayed, and against whom.
+
+use std::path::{Path, PathBuf};
+
+use super::Regressions;
+use crate::experiment::{EgoError, EgoUnderTest};
+use crate::run_dir::KeptError;
+use crate::world::{LoadError, Scenario};
+
+/// No kept counterexample is meant.
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
+pub enum FindError {
+    /// The directory holds fewer.
+    #[error("there is no episode {number} in `{}`", dir.display())]
+    NoEpisode {
+        /// Number asked for.
+        number: usize,
+        /// The directory.
+        dir: PathBuf,
+        /// Episodes that it holds.
+        count: usize,
+    },
+    /// A world is named.
+    #[error("`{}` is a world, and no kept counterexample", world.display())]
+    World {
+        /// The world's file or name.
+        world: PathBuf,
+        /// Whether it lists points to play.
+        has_points: bool,
+    },
+    /// Nothing is there.
+    #[error("there is no `{}`", path.display())]
+    Missing {
+        /// The path.
+        path: PathBuf,
+        /// What is asked for, in words.
+        want: &'static str,
+    },
+    /// A directory is named where a file is asked for, or the reverse.
+    #[error("`{}` is no {want}", path.display())]
+    WrongKind {
+        /// The path.
+        path: PathBuf,
+        /// What is asked for, in words.
+        want: &'static str,
+    },
+    /// The other ego cannot be tested.
+    #[error(transparent)]
+    Ego(#[from] EgoError),
+    /// A change that cannot be loaded.
+    #[error(transparent)]
+    Change(#[from] LoadError),
+    /// A file is not usable.
+    #[error(transparent)]
+    Kept(#[from] KeptError),
+}
+
+impl FindError {
+    /// The fix; `None`: the error has another form than a sentence and its fix.
+    pub fn help(&self) -> Option<String> {
+        Some(match self {
+            FindError::NoEpisode { count, .. } => format!("it holds {count}, counted from 0"),
+            FindError::World { world, has_points } => {
+                let world = world.display();
+                let keep = match has_points {
+                    true => format!("brakecheck eval {world} --keep kept -- COMMAND"),
+                    false => format!("brakecheck search {world} --keep kept"),
+                };
+                format!("keep what fails in it first: `{keep}`; then name the directory `kept`")
+            }
+            FindError::Missing { want, .. } | FindError::WrongKind { want, .. } => {
+                format!("name a {want}")
+            }
+            FindError::Ego(error) => return error.help(),
+            FindError::Change(_) | FindError::Kept(_) => return None,
+        })
+    }
+}
+
+impl Regressions {
+    /// The kept counterexamples under a path (a file, a directory, or a run), or
+    /// the one of them that is named by its number, from 0, or its file.
+    ///
+    /// # Errors
+    /// There is none such, or one is damaged.
+    pub fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, FindError> {
+        let inside = what.join("episodes");
+        let dir = match what.join("manifest.json").is_file() {
+            true => inside.as_path(),
+            false => what,
+        };
+        if is_world(what) {
+            return Err(no_world(what));
+        }
+        if !dir.exists() {
+            return Err(wrong_kind(dir, "kept counterexample or directory of them"));
+        }
+        let Some(episode) = episode else {
+            return Ok(Regressions::load(dir)?);
+        };
+        if let Ok(number) = episode.parse::<usize>() {
+            let all = Regressions::load(dir)?;
+            let count = all.kept().len();
+            return match all.kept().get(number) {
+                Some(kept) => Ok(Regressions::load(&kept.path)?),
+                None => Err(FindError::NoEpisode {
+                    number,
+                    dir: dir.into(),
+                    count,
+                }),
+            };
+        }
+        let file = dir.join(episode);
+        let file = match file.exists() {
+            true => file,
+            false => dir.join(format!("{episode}.ron")),
+        };
+        match file.is_file() {
+            true => Ok(Regressions::load(&file)?),
+            false => Err(wrong_kind(&file, "kept counterexample")),
+        }
+    }
+
+    /// The same against another ego: one under `reuse` or in a RON file, or a
+    /// program; whoever names one here consents to start it.
+    ///
+    /// # Errors
+    /// Both are named, or the file holds no change that fits.
+    pub fn against(self, ego: Option<&str>, program: &[String]) -> Result<Regressions, FindError> {
+        let Some(ego) = ego else {
+            return Ok(match program.is_empty() {
+                true => self,
+                false => {
+                    let change = EgoUnderTest::change_to(program);
+                    self.with_change(change).allow_programs(true)
+                }
+            });
+        };
+        if !program.is_empty() {
+            return Err(EgoError::NamedTwice.into());
+        }
+        let path = Path::new(ego);
+        if path.extension().is_none_or(|extension| extension != "ron") {
+            return Ok(self.with_named_ego(ego));
+        }
+        let Some(first) = self.kept().first() else {
+            return Ok(self);
+        };
+        let world: Scenario = first.counterexample.nominal(&first.path)?;
+        let (change, _) = world.changed_by(path)?;
+        Ok(self.with_change(change))
+    }
+}
+
+/// Whether a shipped world is meant, or a file that holds one.
+fn is_world(what: &Path) -> bool {
+    !what.is_dir() && Scenario::find(what).is_ok()
+}
+
+/// A world is given where something kept is asked for.
+fn no_world(what: &Path) -> FindError {
+    FindError::World {
+        world: what.into(),
+        has_points: Scenario::find(what).is_ok_and(|world| world.has_points()),
+    }
+}
+
+/// A path is given as one thing and is another.
+fn wrong_kind(path: &Path, want: &'static str) -> FindError {
+    let is_there = path.exists();
+    let path = path.into();
+    if is_there {
+        FindError::WrongKind { path, want }
+    } else {
+        FindError::Missing { path, want }
+    }
+}

@@ -1,0 +1,74 @@
+//! What the egos of a world meet before anybody has trained an ado for it.
+
+use super::blocking_rules::{InTheWay, in_the_way};
+use crate::adversary::{Ado, best_constant, eval};
+use crate::experiment::{EgoError, EgoUnderTest, Watch, consent, test_starts};
+use crate::run_dir::Row;
+use crate::search::{SearchRequest, Switches, search};
+use crate::world::Scenario;
+
+/// What the egos of a world meet.
+#[derive(Clone, Debug, Default)]
+pub struct Untrained {
+    /// The baselines and a search, ego by ego.
+    pub rows: Vec<Row>,
+    /// What the rules keep the search from, where it finds nothing, ego by ego.
+    pub in_the_way: Vec<InTheWay>,
+}
+
+/// The baselines and a search with at most so many switches, ego by ego.
+///
+/// What was finished when `watch` stopped it is given; `None`: nothing was.
+///
+/// # Errors
+/// A program may not be started.
+pub fn untrained(
+    nominal: &Scenario,
+    egos: &[EgoUnderTest],
+    (count, seed): (usize, u64),
+    switches: usize,
+    watch: &Watch<'_>,
+) -> Result<Option<Untrained>, EgoError> {
+    consent(nominal, egos)?;
+    let Some(starts) = test_starts(nominal, seed, count, watch) else {
+        return Ok(None);
+    };
+    let mut all = Untrained::default();
+    for (nth, ego) in egos.iter().enumerate() {
+        if watch.stopped() {
+            break;
+        }
+        let watch = &watch.later(nth);
+        let tested = (ego.scenario(), ego.is_nominal());
+        let Some((starts, alone)) = starts.for_ego(nominal, tested, watch) else {
+            break;
+        };
+        let found = search(
+            &SearchRequest {
+                scenario: ego.scenario(),
+                ego: ego.name(),
+                method: Switches(switches).into(),
+                budget: 0,
+                starts: &starts,
+            },
+            watch,
+        );
+        let met = |ado| eval(&ego.met_by(ado, &starts), watch).row;
+        let constant = best_constant(ego.scenario(), ego.name(), &starts, watch).row;
+        for mut row in [met(Ado::Held), met(Ado::Random), constant] {
+            row.compare_with_search(&found.row.solved);
+            row.fails_alone = alone;
+            all.rows.push(row);
+        }
+        if found.row.successes == 0 && 0 < found.row.starts {
+            let met = (ego.scenario(), ego.name());
+            all.in_the_way
+                .extend(in_the_way(met, &starts, switches, watch));
+        }
+        all.rows.push(Row {
+            fails_alone: alone,
+            ..found.row
+        });
+    }
+    Ok(Some(all))
+}

@@ -1,0 +1,221 @@
+//! One ego, met by all ados in turn.
+
+use super::evaluation_plan::{Evaluation, ExplainedCounterexample, FoundBy};
+use crate::adversary::{
+    Ado, AdoKind, Baselines, ByRule, EvalRequest, Evaluated, best_constant, best_then_brake, eval,
+    explain_first,
+};
+use crate::evaluation::error::EvaluationError;
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::run_dir::Row;
+use crate::search::{Hold, SearchRequest, Switches, search};
+use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
+use crate::sysid::ConditionedAdo;
+use crate::training::retrained;
+
+/// One ego, met by all ados in turn.
+pub(super) struct Meeting<'a> {
+    pub asked: Evaluation<'a>,
+    pub ego: &'a EgoUnderTest,
+    pub ado: &'a ConditionedAdo,
+    pub starts: &'a TestStarts,
+    pub baselines: &'a Baselines,
+    pub watch: &'a Watch<'a>,
+    pub rows: Vec<Row>,
+    pub reason: Option<ExplainedCounterexample>,
+    pub adapted_to: Option<AdaptedTo>,
+    pub found: Option<FoundBy>,
+}
+
+impl<'a> Meeting<'a> {
+    pub fn play(&mut self) -> Result<(), EvaluationError> {
+        for &kind in &self.baselines.ados {
+            for ado in self.baselines.made(kind) {
+                self.rows.push(self.evaluated(ado).row);
+            }
+            let row = self.one_ado(kind)?;
+            self.rows.extend(row);
+            if kind == AdoKind::Hold && 0 < self.asked.runs {
+                let row = self.held_for_as_much();
+                self.rows.push(row);
+            }
+        }
+        if self.asked.learns() {
+            let row = self.adapted()?;
+            self.rows.extend(row);
+        }
+        if let Some(switches) = self.asked.search {
+            let request = SearchRequest {
+                scenario: self.ego.scenario(),
+                ego: self.ego.name(),
+                method: Switches(switches).into(),
+                budget: 0,
+                starts: self.starts,
+            };
+            let searched = search(&request, self.watch).row;
+            for row in &mut self.rows {
+                row.compare_with_search(&searched.solved);
+            }
+            self.rows.push(searched);
+        }
+        Ok(())
+    }
+
+    /// `None`: it does not apply, or has rows of its own.
+    fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, EvaluationError> {
+        Ok(match kind {
+            AdoKind::Heuristic | AdoKind::Replays => None,
+            AdoKind::Trained | AdoKind::All => {
+                let row = self.trained();
+                self.rows.push(row);
+                self.untold()
+            }
+            AdoKind::Random => Some(self.evaluated(Ado::Random).row),
+            AdoKind::Hold => Some(self.evaluated(Ado::Held).row),
+            AdoKind::Constant => {
+                let (scenario, name) = (self.ego.scenario(), self.ego.name());
+                Some(best_constant(scenario, name, self.starts, self.watch).row)
+            }
+            AdoKind::Switch => {
+                let (scenario, name) = (self.ego.scenario(), self.ego.name());
+                let best = best_then_brake(scenario, name, self.starts, self.watch);
+                best.map(|best| best.row)
+            }
+            AdoKind::Retrained => self.retrained()?,
+            AdoKind::Chaser => Some(self.by_rule(ByRule::Chaser)?.row),
+            AdoKind::Optimal => {
+                let evaluated = self.by_rule(ByRule::Optimal)?;
+                let row = evaluated.row.clone();
+                // Files are named after world and ego: the trained ado's go first.
+                if !self.baselines.ados.contains(&AdoKind::Trained) {
+                    self.found = Some(FoundBy::Optimal(evaluated));
+                }
+                Some(row)
+            }
+        })
+    }
+
+    /// Random actions, held, with as many runs of the ego as it takes to learn it and
+    /// to play every start then.
+    fn held_for_as_much(&self) -> Row {
+        let trivial = &self.starts.trivial;
+        let starts = trivial.iter().filter(|trivial| !**trivial).count() as u64;
+        let spent = self.asked.runs + starts * self.asked.tries;
+        let request = SearchRequest {
+            scenario: self.ego.scenario(),
+            ego: self.ego.name(),
+            method: Hold.into(),
+            budget: spent.div_ceil(starts.max(1)),
+            starts: self.starts,
+        };
+        let mut row = search(&request, self.watch).row;
+        row.ado = "hold".to_owned();
+        row.method = format!(
+            "at most {} runs per start, as many as adapting takes",
+            request.budget
+        );
+        row
+    }
+
+    fn evaluated(&self, ado: Ado<'_>) -> Evaluated {
+        eval(&self.ego.met_by(ado, self.starts), self.watch)
+    }
+
+    /// An ado that was told who this ego is, as it plays without a run of it.
+    fn untold(&self) -> Option<Row> {
+        let policy = self.ado.untold.as_deref()?;
+        let mut row = self
+            .evaluated(Ado::Trained(policy, self.asked.run.manifest().seed))
+            .row;
+        row.ado = "zero-shot".to_owned();
+        row.context = Some("nominal".to_owned());
+        Some(row)
+    }
+
+    /// The trained ado, with several tries per start where they are asked for.
+    fn trained(&mut self) -> Row {
+        let request = self.asked.trained(self.ego, self.ado, self.starts);
+        let (found, mut row) = if 1 < self.asked.tries {
+            let tried = self.asked.several(request, self.ado).run(self.watch);
+            let row = tried.evaluated.row.clone();
+            (FoundBy::Tries(tried), row)
+        } else {
+            let evaluated = eval(&request, self.watch);
+            let explained = explain_first(&request, &evaluated);
+            self.reason = explained.map(|(start, explanation)| ExplainedCounterexample {
+                ego: self.ego.name().to_owned(),
+                start,
+                requirement: self.ego.scenario().requirement.clone(),
+                explanation,
+            });
+            let row = evaluated.row.clone();
+            (FoundBy::Trained(evaluated), row)
+        };
+        self.found = Some(found);
+        row.context = self.ado.told.map(str::to_owned);
+        row.warning = self.asked.run.warning();
+        row
+    }
+
+    /// The ado that plans in a surrogate of this ego. `None`: stopped.
+    fn adapted(&mut self) -> Result<Option<Row>, EvaluationError> {
+        let asked = self.asked;
+        let policy = &*self.ado.policy;
+        // Runs with which the ado was told what it meets are runs of the ego too.
+        let identified_from = asked.identified_from();
+        let kept = asked.run.policy_bundle()?;
+        let request = LearnEgoRequest {
+            nominal: asked.nominal,
+            ego: self.ego.scenario(),
+            policy,
+            kept: Some(&kept),
+            runs: asked.runs - identified_from,
+            unknown: asked.unknown,
+            seed: self.starts.seed,
+        };
+        self.watch.phase(&format!("learning {}", self.ego.name()));
+        let quiet = self.watch.quiet();
+        let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
+            return Ok(None);
+        };
+        self.watch
+            .phase(&format!("planning against {}", self.ego.name()));
+        let request = asked.trained(self.ego, self.ado, self.starts);
+        let adapted = ego.eval(&request, policy, asked.tries, self.watch);
+        let row = adapted.evaluated.row.clone();
+        let whom = (self.ego.name(), self.ego.scenario());
+        let told = AdaptedTo::of(whom, &ego.from, identified_from, &adapted);
+        self.adapted_to = Some(told);
+        self.found = Some(FoundBy::Adapted(adapted));
+        Ok(Some(row))
+    }
+
+    /// One trained for this very ego; the nominal one has the trained ado.
+    fn retrained(&self) -> Result<Option<Row>, EvaluationError> {
+        let Some(changed) = self.ego.as_changed() else {
+            return Ok(None);
+        };
+        let run = self.asked.run;
+        let Some(own) = retrained(run, &changed, self.ego.scenario(), &self.watch.unnumbered())?
+        else {
+            return Ok(None);
+        };
+        let policy = own.policy()?;
+        let mut row = self
+            .evaluated(Ado::Trained(&*policy, run.manifest().seed))
+            .row;
+        row.ado = "retrained".to_owned();
+        row.method = own.scenario()?.learner.name().to_lowercase();
+        Ok(Some(row))
+    }
+
+    fn by_rule(&self, rule: ByRule) -> Result<Evaluated, EvaluationError> {
+        let (whole, policy) = rule.policy(self.ego)?;
+        let request = EvalRequest {
+            scenario: &whole,
+            ado: rule.ado(&policy),
+            ..self.ego.met_by(Ado::Random, self.starts)
+        };
+        Ok(eval(&request, self.watch))
+    }
+}

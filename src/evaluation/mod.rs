@@ -1,0 +1,30 @@
+//! Evaluations: egos × adversaries × test starts → rows, tables and gates.
+
+mod baseline_table;
+mod blocking_rules;
+mod break_even;
+mod ego_evaluation;
+mod error;
+mod evaluation_plan;
+mod points;
+mod regression_gate;
+mod reuse;
+mod run_report;
+mod search_table;
+mod sweep;
+mod table;
+
+pub use baseline_table::{Untrained, untrained};
+pub use blocking_rules::InTheWay;
+pub use break_even::{BreakEven, PerStart, break_even};
+pub use error::EvaluationError;
+pub use evaluation_plan::{Evaluation, ExplainedCounterexample};
+pub use points::{
+    PointFailure, PointOutcome, PointResult, PointsRequest, PointsTable, VariedPoint, points,
+};
+pub use regression_gate::{Flipped, Gate};
+pub use reuse::{LEAST_REACHABLE, Relation, ReusedOn, Summary, reused_on, summarise};
+pub use run_report::{GivenRows, ReportRequest};
+pub use search_table::{SearchCampaign, SearchTable, SearchedEgo, counterexamples_for};
+pub use sweep::{Point, Sweep, SweepError, Swept};
+pub use table::{EvaluationTable, TheoremsChecked};

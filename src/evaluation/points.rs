@@ -1,0 +1,508 @@
+//! The points of a test protocol: which of them an ego passes, and which lawful
+//! variations of those make it fail.
+//!
+//! A point is a start of a world in which the others do what the protocol
+//! prescribes as long as nothing is added to their plans. So every point is
+//! played once with the neutral action, by the very ego under test. Where the
+//! world has an ado, what its rules let it add is searched at every point that
+//! is passed, for the first variation that makes the ego fail.
+
+use std::path::Path;
+
+use indexmap::IndexMap;
+use serde::Serialize;
+
+use crate::adversary::{Ado, EvalRequest, Evaluated, Outcome, eval};
+use crate::crashes::{KeepSettings, Keeper, KeptFiles, about, copies};
+use crate::experiment::{
+    EgoUnderTest, EpisodeLoop, TestStarts, Watch, leaf, note_if_unrepeatable, untried_starts,
+};
+use crate::report::{Example, PointCase, PointsPage};
+use crate::rulebook::Verdict;
+use crate::run_dir::{KeptError, Row};
+use crate::search::{Found, SearchRequest, Switches, search};
+use crate::stats::StartOutcome;
+use crate::testbench::{Aftermath, Episode, Replay, Testbench, film, play};
+use crate::world::Scenario;
+
+/// Most changes of what is added to a plan, for egos that can be copied.
+const SWITCHES: usize = 2;
+/// The same for programs, of which every sequence takes a whole run.
+const SWITCHES_OF_PROGRAMS: usize = 1;
+
+/// What to let one ego meet.
+#[derive(Clone, Copy)]
+pub struct PointsRequest<'a> {
+    /// The ego under test.
+    pub ego: &'a EgoUnderTest,
+    /// Starts of a world without a table, and the seed of all noise.
+    pub starts: (usize, u64),
+    /// Most changes of what is added to a plan; `None`: 2, for programs 1.
+    pub switches: Option<usize>,
+}
+
+/// How one point went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PointOutcome {
+    /// The ego met its specification.
+    Passed,
+    /// It violated it.
+    Failed,
+    /// The ego or the physics failed to run.
+    Invalid,
+    /// The command was interrupted before its turn.
+    NotReached,
+}
+
+/// One point and one ego.
+#[derive(Clone, Debug, Serialize)]
+pub struct PointResult {
+    /// Position in the world's table, from 0.
+    pub point: usize,
+    /// Values of the start, by axis.
+    pub start: IndexMap<String, f64>,
+    /// How it went.
+    pub outcome: PointOutcome,
+    /// ρ(ψ_ego), below 0 where the ego fails; `None`: a rule was broken first, or
+    /// nothing ran.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robustness: Option<f64>,
+    /// How the ego failed, if it did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<PointFailure>,
+    /// What a search of lawful variations came to; `None`: none was made.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub varied: Option<VariedPoint>,
+}
+
+/// How an ego fails at a point.
+#[derive(Clone, Debug, Serialize)]
+pub struct PointFailure {
+    /// The part of ψ_ego that decides.
+    pub leaf: String,
+    /// When it is decided.
+    pub violated_s: f64,
+    /// The agents that touch, if any do.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<(String, String)>,
+    /// Closing speed of that contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_mps: Option<f64>,
+}
+
+/// What a search of lawful variations of a passed point came to.
+#[derive(Clone, Debug, Serialize)]
+pub struct VariedPoint {
+    /// Whether one makes the ego fail.
+    pub fails: bool,
+    /// Closing speed of its contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closing_mps: Option<f64>,
+    /// Whether a careful driver in its place would not have failed; `None`:
+    /// nothing fails, or the encounter is not judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preventable: Option<bool>,
+}
+
+/// One ego at the points of one world.
+#[derive(Clone, Serialize)]
+pub struct PointsTable {
+    /// Name of the world.
+    pub world: String,
+    /// Name of the ego.
+    pub ego: String,
+    /// Points at which it does not fail.
+    pub passed: usize,
+    /// Points at which it fails.
+    pub failed: usize,
+    /// Points at which it did not run.
+    pub invalid: usize,
+    /// Points of those passed at which a lawful variation makes it fail; `None`:
+    /// none was searched.
+    pub strayed: Option<usize>,
+    /// Most changes of what is added to a plan in that search.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub switches: Option<usize>,
+    /// Every point.
+    pub points: Vec<PointResult>,
+    /// The rows: every point as it is; then the search.
+    #[serde(skip)]
+    pub rows: Vec<Row>,
+    #[serde(skip)]
+    met: Met,
+}
+
+/// What it takes to play everything again.
+#[derive(Clone)]
+struct Met {
+    ego: EgoUnderTest,
+    starts: TestStarts,
+    evaluated: Evaluated,
+    found: Vec<Option<Found>>,
+}
+
+impl Met {
+    fn scenario(&self) -> &Scenario {
+        self.ego.scenario()
+    }
+
+    fn request(&self) -> EvalRequest<'_> {
+        let neutral = self.scenario().world().spaces().neutral;
+        self.ego.met_by(Ado::Constant(neutral), &self.starts)
+    }
+
+    /// A point that is failed, once more and as it was.
+    fn failed_again(&self, bench: &mut Testbench, index: usize) -> Episode {
+        let request = self.request();
+        let mut once = |bench: &mut Testbench, index: usize| request.play(bench, index);
+        self.evaluated.again(&request, bench, index, &mut once)
+    }
+
+    /// The variation that makes the ego fail at a passed point.
+    fn strayed_again(&self, bench: &mut Testbench, index: usize) -> Episode {
+        let (start, noise) = &self.starts.starts[index];
+        let found = self.found.get(index).and_then(Option::as_ref);
+        let actions = found.and_then(|found| found.actions.as_deref());
+        let mut ado = Replay::holding(actions.unwrap_or_default());
+        play(bench, start, *noise, &mut ado, Aftermath::Play)
+    }
+}
+
+/// Lets an ego meet every point, and searches variations of those it passes.
+///
+/// What was played before `watch` stopped it is in the table; `None`: nothing was.
+pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTable> {
+    let scenario = request.ego.scenario();
+    let (count, seed) = request.starts;
+    let most = match (scenario.starts(), scenario.axes().is_empty()) {
+        (Some(all), _) => all.len(),
+        (None, true) => 1,
+        (None, false) => count,
+    };
+    let neutral = scenario.world().spaces().neutral;
+    let starts = untried_starts(scenario, seed, most);
+    let evaluated = eval(&request.ego.met_by(Ado::Constant(neutral), &starts), watch);
+    let mut met = Met {
+        ego: request.ego.clone(),
+        starts,
+        evaluated,
+        found: Vec::new(),
+    };
+    let mut row = met.evaluated.row.clone();
+    row.ado = "neutral".to_owned();
+    if met.evaluated.outcomes.iter().all(Option::is_none) {
+        return None;
+    }
+    note_if_unrepeatable(request.ego, &met.starts, watch);
+    let mut rows = vec![row];
+    let switches = (1 < scenario.world().spaces().actions && !watch.stopped())
+        .then(|| request.switches.unwrap_or_else(|| usual_switches(&met)));
+    if let Some(switches) = switches {
+        watch.phase(&format!("variations: {}", request.ego.name()));
+        let passed = met.passed();
+        let searched = search(
+            &SearchRequest {
+                scenario,
+                ego: request.ego.name(),
+                method: Switches(switches).into(),
+                budget: 0,
+                starts: &passed,
+            },
+            watch,
+        );
+        met.found = searched.found;
+        rows.push(searched.row);
+    }
+    let indices: Vec<usize> = (0..met.starts.starts.len()).collect();
+    let results = EpisodeLoop::uncounted(&watch.quiet()).run(
+        &indices,
+        || scenario.bench(),
+        |bench, index, _| Some(met.result(bench, *index)),
+    );
+    let reached = indices.iter().zip(results);
+    let results: Vec<PointResult> = reached
+        .map(|(index, result)| result.unwrap_or_else(|| met.blank(*index)))
+        .collect();
+    let count = |outcome| results.iter().filter(|it| it.outcome == outcome).count();
+    let strays = results.iter().filter_map(|it| it.varied.as_ref());
+    let strays = strays.filter(|varied| varied.fails).count();
+    Some(PointsTable {
+        world: scenario.name().to_owned(),
+        ego: request.ego.name().to_owned(),
+        passed: count(PointOutcome::Passed),
+        failed: count(PointOutcome::Failed),
+        invalid: count(PointOutcome::Invalid),
+        strayed: switches.map(|_| strays),
+        switches,
+        points: results,
+        rows,
+        met,
+    })
+}
+
+fn usual_switches(met: &Met) -> usize {
+    let (start, noise) = &met.starts.starts[0];
+    match copies(met.scenario(), start, *noise) {
+        true => SWITCHES,
+        false => SWITCHES_OF_PROGRAMS,
+    }
+}
+
+impl Met {
+    /// The points that are passed, all others left out.
+    fn passed(&self) -> TestStarts {
+        let outcomes = self.evaluated.row.solved.iter();
+        TestStarts {
+            trivial: outcomes.map(|it| *it != StartOutcome::Unsolved).collect(),
+            ..self.starts.clone()
+        }
+    }
+
+    fn blank(&self, index: usize) -> PointResult {
+        let scenario = self.scenario();
+        let axes = scenario.axes().into_iter().map(|axis| axis.name);
+        let (start, _) = &self.starts.starts[index];
+        let outcome = self.evaluated.outcomes[index].as_ref();
+        PointResult {
+            point: index,
+            start: axes.zip(start.0.iter().copied()).collect(),
+            outcome: outcome.map_or(PointOutcome::NotReached, outcome_of),
+            robustness: outcome.and_then(|outcome| robustness(&outcome.verdict)),
+            failure: None,
+            varied: None,
+        }
+    }
+
+    fn result(&self, bench: &mut Testbench, index: usize) -> PointResult {
+        let mut result = self.blank(index);
+        if result.outcome == PointOutcome::Failed {
+            let episode = self.failed_again(bench, index);
+            result.failure = Some(failure(self.scenario(), &episode));
+        }
+        let found = self.found.get(index).and_then(Option::as_ref);
+        if let Some(found) = found.filter(|found| !found.is_invalid()) {
+            result.varied = Some(self.varied(bench, index, found));
+        }
+        result
+    }
+
+    fn varied(&self, bench: &mut Testbench, index: usize, found: &Found) -> VariedPoint {
+        let mut varied = VariedPoint {
+            fails: found.actions.is_some(),
+            closing_mps: None,
+            preventable: None,
+        };
+        if varied.fails {
+            let episode = self.strayed_again(bench, index);
+            let contact = episode.contact.as_ref();
+            varied.closing_mps = contact.map(|contact| contact.closing_speed_mps);
+            varied.preventable = self
+                .scenario()
+                .preventability(&episode)
+                .human_model_avoids();
+        }
+        varied
+    }
+}
+
+fn outcome_of(outcome: &Outcome) -> PointOutcome {
+    match outcome.verdict {
+        Verdict::Counterexample { .. } => PointOutcome::Failed,
+        Verdict::Held { .. } | Verdict::Uncounted { .. } | Verdict::Foul { .. } => {
+            PointOutcome::Passed
+        }
+        Verdict::Invalid => PointOutcome::Invalid,
+    }
+}
+
+fn robustness(verdict: &Verdict) -> Option<f64> {
+    match verdict {
+        Verdict::Held { margin } => Some(*margin).filter(|margin| margin.is_finite()),
+        Verdict::Counterexample { by } | Verdict::Uncounted { by } => Some(-by),
+        Verdict::Foul { .. } | Verdict::Invalid => None,
+    }
+}
+
+fn failure(scenario: &Scenario, episode: &Episode) -> PointFailure {
+    let sample_s = scenario.world().clock().sample_s;
+    let contact = episode.contact.as_ref();
+    PointFailure {
+        leaf: leaf(scenario, episode),
+        violated_s: (episode.judged.saturating_sub(1) as f64 * sample_s * 1e9).round() / 1e9,
+        contact: contact.map(|touch| touch.between.clone()),
+        closing_mps: contact.map(|touch| touch.closing_speed_mps),
+    }
+}
+
+/// A point as pages and JUnit files have it.
+fn case(result: &PointResult) -> PointCase {
+    let words = |failure: &PointFailure| {
+        let contact = failure.contact.as_ref().zip(failure.closing_mps);
+        let contact = contact.map_or(String::new(), |((one, other), closing_mps)| {
+            format!("; {one} and {other} touch at {closing_mps:.1} m/s")
+        });
+        format!(
+            "{} is violated at {:.2} s{contact}",
+            failure.leaf, failure.violated_s
+        )
+    };
+    let varied = |varied: &VariedPoint| match (varied.fails, varied.closing_mps) {
+        (false, _) => String::new(),
+        (true, Some(closing_mps)) => format!("the ego fails, closing at {closing_mps:.1} m/s"),
+        (true, None) => "the ego fails without a contact".to_owned(),
+    };
+    PointCase {
+        point: result.point,
+        start: result
+            .start
+            .values()
+            .map(|value| format!("{value:.3}"))
+            .collect(),
+        outcome: match result.outcome {
+            PointOutcome::Passed => "passed",
+            PointOutcome::Failed => "failed",
+            PointOutcome::Invalid => "did not run",
+            PointOutcome::NotReached => "not reached",
+        }
+        .to_owned(),
+        failure: result.failure.as_ref().map(words),
+        invalid: result.outcome == PointOutcome::Invalid,
+        skipped: result.outcome == PointOutcome::NotReached,
+        varied: result.varied.as_ref().map(varied),
+    }
+}
+
+impl PointsTable {
+    /// Whether the ego fails anywhere, as the points are or varied.
+    pub fn fails(&self) -> bool {
+        0 < self.failed + self.strayed.unwrap_or(0)
+    }
+
+    /// The world with the ego.
+    pub fn scenario(&self) -> &Scenario {
+        self.met.scenario()
+    }
+
+    /// Points that are failed, and points of which a variation is.
+    fn failing(&self) -> [Vec<usize>; 2] {
+        let failed = |it: &&PointResult| it.outcome == PointOutcome::Failed;
+        let strays = |it: &&PointResult| it.varied.as_ref().is_some_and(|varied| varied.fails);
+        let points = self.points.iter();
+        [
+            points.clone().filter(failed).map(|it| it.point).collect(),
+            points.filter(strays).map(|it| it.point).collect(),
+        ]
+    }
+
+    /// Plays what fails again and writes it into a directory: points with the
+    /// neutral actions, then variations with the actions that were found.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(
+        &self,
+        dir: &Path,
+        settings: KeepSettings,
+        watch: &Watch<'_>,
+    ) -> Result<Vec<KeptFiles>, KeptError> {
+        let [failed, strayed] = self.failing();
+        let keeper = |ado| Keeper {
+            scenario: self.met.scenario(),
+            ego: self.met.ego.name(),
+            change: self.met.ego.change(),
+            ado,
+            seed: self.met.starts.seed,
+            settings,
+        };
+        let again = |bench: &mut Testbench, index: usize| self.met.failed_again(bench, index);
+        let mut all = vec![keeper("neutral").keep(&failed, &again, dir, watch)?];
+        if self.strayed.is_some() {
+            let again = |bench: &mut Testbench, index: usize| self.met.strayed_again(bench, index);
+            let mut varied = keeper("search").keep(&strayed, &again, dir, watch)?;
+            varied.older = varied.older.saturating_sub(all[0].files.len());
+            all.push(varied);
+        }
+        for kept in &all {
+            kept.note(&self.ego, dir, watch);
+        }
+        Ok(all)
+    }
+
+    /// The page of these points and its JUnit file, without examples yet.
+    pub fn page(&self, commands: Vec<String>) -> PointsPage<'_> {
+        PointsPage {
+            scenario: self.scenario(),
+            ego: self.ego.clone(),
+            summary: self.summary(),
+            axes: self
+                .scenario()
+                .axes()
+                .into_iter()
+                .map(|it| it.name)
+                .collect(),
+            points: self.points.iter().map(case).collect(),
+            examples: Vec::new(),
+            commands,
+        }
+    }
+
+    /// How many points are passed, in a sentence.
+    pub fn summary(&self) -> String {
+        let mut text = format!(
+            "{} of {} points passed, {} failed, {} did not run",
+            self.passed,
+            self.points.len(),
+            self.failed,
+            self.invalid
+        );
+        if let Some(strayed) = self.strayed {
+            text.push_str(&format!(
+                "; a lawful variation makes the ego fail at {strayed} of those passed"
+            ));
+        }
+        text
+    }
+
+    /// What fails, as examples for a page, at most so many; the worst first.
+    pub fn examples(&self, most: usize, watch: &Watch<'_>) -> Vec<Example> {
+        let [failed, strayed] = self.failing();
+        let failed = failed.into_iter().map(|point| (point, false));
+        let strayed = strayed.into_iter().map(|point| (point, true));
+        let mut chosen: Vec<(usize, bool)> = failed.chain(strayed).collect();
+        let closing = |(point, strays): &(usize, bool)| {
+            let result = &self.points[*point];
+            let (failure, varied) = (result.failure.as_ref(), result.varied.as_ref());
+            let closing = match strays {
+                true => varied.and_then(|varied| varied.closing_mps),
+                false => failure.and_then(|failure| failure.closing_mps),
+            };
+            closing.unwrap_or(-1.0)
+        };
+        chosen.sort_by(|a, b| closing(b).total_cmp(&closing(a)).then(a.cmp(b)));
+        chosen.truncate(most);
+        let scenario = self.scenario();
+        let examples = EpisodeLoop::counted(watch, chosen.len()).run(
+            &chosen,
+            || scenario.bench(),
+            |bench, (point, strays), _| {
+                let episode = match strays {
+                    true => self.met.strayed_again(bench, *point),
+                    false => self.met.failed_again(bench, *point),
+                };
+                Some(Example {
+                    chosen_for: match strays {
+                        true => "A lawful variation".to_owned(),
+                        false => "The point as it is".to_owned(),
+                    },
+                    start: *point,
+                    frames: film(&mut scenario.repeating(&episode).bench(), &episode),
+                    about: about(scenario, &episode),
+                    episode,
+                    scenarios: Vec::new(),
+                })
+            },
+        );
+        examples.into_iter().flatten().collect()
+    }
+}

@@ -1,0 +1,253 @@
+//! One ado on many egos: what the rows of a reuse table come to (Sec. IV).
+//!
+//! Rows are grouped by how an ego relates to what the ado was trained against,
+//! and compared ado by ado: mean success, mean recall where an adversary can
+//! do something at all, and the paired difference to one ado of reference.
+
+use serde::{Deserialize, Serialize};
+
+use crate::adversary::{Ado, EvalRequest, eval};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::run_dir::{ChangedEgo, FailsAlone, Row, RunDir};
+use crate::stats::{Outcomes, StartOutcome, mean_difference};
+use crate::world::{Against, Scenario};
+
+/// Egos on which search solves less than this share of starts tell nothing of
+/// recall: a few starts would decide.
+pub const LEAST_REACHABLE: f64 = 0.10;
+
+/// What an ego was to the ado when it was trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Relation {
+    /// The very ego it was trained against.
+    Trained,
+    /// Never met: the ado knows the nominal ego only (the paper's claim).
+    ZeroShot,
+    /// Inside the family of egos it was trained against.
+    Inside,
+    /// Outside that family.
+    Outside,
+    /// Every changed ego, inside or outside: a block of summaries only.
+    Changed,
+}
+
+impl Relation {
+    /// The heading of its block in tables.
+    pub fn heading(&self) -> &'static str {
+        match self {
+            Relation::Trained => "the ego it was trained against",
+            Relation::ZeroShot => "trained on the nominal ego, reused zero-shot",
+            Relation::Inside => "inside the family it was trained against",
+            Relation::Outside => "outside that family",
+            Relation::Changed => "all changed egos",
+        }
+    }
+}
+
+impl EgoUnderTest {
+    /// What it was to the ado of a run; `nominal` is the run's world.
+    pub fn relation(&self, run: &RunDir, nominal: &Scenario) -> Relation {
+        let trained = run.manifest().ego.as_ref();
+        if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {
+            // Of such an ego nothing is known but its name.
+            return match self.is_own() && trained.is_some_and(|ego| ego.name == self.name()) {
+                true => Relation::Trained,
+                false => Relation::ZeroShot,
+            };
+        }
+        let trained = trained.map(|ego| &ego.change);
+        if *self.change() == trained.cloned().unwrap_or_default() {
+            return Relation::Trained;
+        }
+        match (nominal.against, nominal.family()) {
+            (Against::Nominal, _) | (_, None) => Relation::ZeroShot,
+            (_, Some(family)) if family.covers(self.change()) => Relation::Inside,
+            _ => Relation::Outside,
+        }
+    }
+}
+
+/// One ego of a reuse table.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReusedOn {
+    /// Name of the ego, as rows call it.
+    pub ego: String,
+    /// What it was to the ado in training.
+    pub relation: Relation,
+    /// Share of all drawn starts, the trivial ones included, on which this
+    /// ego fails while the ados coast.
+    pub fails_without_adversary: f64,
+    /// Share of the evaluated starts that search solves, if it ran.
+    pub reachable: Option<f64>,
+    /// Share solved by search or by any ado of the table.
+    pub union: f64,
+    /// Its rows; JSON lists them beside the egos, not in them.
+    #[serde(skip)]
+    pub rows: Vec<Row>,
+}
+
+/// Gathers the rows of one ego; plays it once with coasting ados.
+///
+/// `scenario` is the changed one and `starts` are those of `rows`.
+pub fn reused_on(
+    scenario: &Scenario,
+    (ego, relation): (&str, Relation),
+    starts: &TestStarts,
+    mut rows: Vec<Row>,
+    watch: &Watch<'_>,
+) -> ReusedOn {
+    let all = TestStarts {
+        trivial: vec![false; starts.starts.len()],
+        ..starts.clone()
+    };
+    let coasting = EvalRequest {
+        scenario,
+        ego,
+        ado: Ado::Constant(scenario.world().spaces().neutral),
+        starts: &all,
+    };
+    let coasting = eval(&coasting, watch).row;
+    for row in &mut rows {
+        row.fails_alone = Some(FailsAlone {
+            starts: coasting.successes,
+            left_out: false,
+        });
+    }
+    let search = rows.iter().find(|row| row.ado == SEARCH);
+    ReusedOn {
+        ego: ego.to_owned(),
+        relation,
+        fails_without_adversary: coasting.success_rate,
+        reachable: search.map(|row| row.success_rate),
+        union: union(&rows),
+        rows,
+    }
+}
+
+/// The word of search in rows.
+const SEARCH: &str = "search";
+
+/// Share of the starts that any row solves.
+fn union(rows: &[Row]) -> f64 {
+    let Some(first) = rows.first() else {
+        return 0.0;
+    };
+    let solved = |index: usize| {
+        rows.iter()
+            .any(|row| row.solved[index] == StartOutcome::Solved)
+    };
+    let any = (0..first.solved.len()).filter(|&index| solved(index));
+    any.count() as f64 / first.starts.max(1) as f64
+}
+
+/// What one ado came to on the egos of one block.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// What the egos of the block were to the ado in training.
+    pub relation: Relation,
+    /// The ado's word in rows.
+    pub ado: String,
+    /// Egos in the block on which it was played.
+    pub egos: usize,
+    /// Mean success rate over them.
+    pub success_rate: f64,
+    /// Egos of which [`LEAST_REACHABLE`] or more is reachable.
+    pub egos_with_recall: usize,
+    /// Mean recall over those.
+    pub recall_mean: Option<f64>,
+    /// The least recall among them, and on which ego.
+    pub recall_min: Option<(f64, String)>,
+    /// The reference ado minus this one: mean over the block's egos of the
+    /// difference in success rate, paired on starts, with its 95 % interval.
+    pub reference_minus: Option<(f64, [f64; 2])>,
+    /// Mean simulations per start.
+    pub sims_per_start: f64,
+}
+
+/// Sums up every block of a reuse table, ado by ado, in the rows' order.
+///
+/// Where changed egos are in several blocks, one more block has all of them.
+pub fn summarise(egos: &[ReusedOn], reference: &str) -> Vec<Summary> {
+    let mut relations: Vec<Relation> = egos.iter().map(|ego| ego.relation).collect();
+    relations.sort();
+    relations.dedup();
+    let changed = |relation: &Relation| *relation != Relation::Trained;
+    if 1 < relations.iter().copied().filter(changed).count() {
+        relations.push(Relation::Changed);
+    }
+    let mut summaries = Vec::new();
+    for relation in relations {
+        let of_block = |ego: &&ReusedOn| match relation {
+            Relation::Changed => changed(&ego.relation),
+            one => ego.relation == one,
+        };
+        let block: Vec<&ReusedOn> = egos.iter().filter(of_block).collect();
+        for ado in ados(&block) {
+            summaries.push(summary(relation, &block, &ado, reference));
+        }
+    }
+    summaries
+}
+
+/// The ados of a block, each once, in the order of the rows.
+fn ados(block: &[&ReusedOn]) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for row in block.iter().flat_map(|ego| &ego.rows) {
+        if !words.contains(&row.ado) {
+            words.push(row.ado.clone());
+        }
+    }
+    words
+}
+
+fn summary(relation: Relation, block: &[&ReusedOn], ado: &str, reference: &str) -> Summary {
+    let of = |ego: &ReusedOn, word: &str| -> Vec<Row> {
+        let rows = ego.rows.iter().filter(|row| row.ado == word);
+        rows.cloned().collect()
+    };
+    let played: Vec<(&ReusedOn, Vec<Row>)> = block
+        .iter()
+        .map(|ego| (*ego, of(ego, ado)))
+        .filter(|(_, rows)| !rows.is_empty())
+        .collect();
+    let telling = played
+        .iter()
+        .filter(|(ego, _)| ego.reachable.is_some_and(|share| LEAST_REACHABLE <= share));
+    let recalls: Vec<(f64, String)> = telling
+        .filter_map(|(ego, rows)| {
+            let recalls: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
+            Some((mean(recalls?.into_iter())?, ego.ego.clone()))
+        })
+        .collect();
+    let rows = || played.iter().flat_map(|(_, rows)| rows);
+    let compared: Vec<(Vec<Row>, &Vec<Row>)> = played
+        .iter()
+        .map(|(ego, rows)| (of(ego, reference), rows))
+        .filter(|(compared, _)| ado != reference && !compared.is_empty())
+        .collect();
+    let pairs: Vec<(Vec<&Outcomes>, Vec<&Outcomes>)> = compared
+        .iter()
+        .map(|(compared, rows)| (solved(compared), solved(rows)))
+        .collect();
+    Summary {
+        relation,
+        ado: ado.to_owned(),
+        egos: played.len(),
+        success_rate: mean(rows().map(|row| row.success_rate)).unwrap_or(0.0),
+        egos_with_recall: recalls.len(),
+        recall_mean: mean(recalls.iter().map(|(recall, _)| *recall)),
+        recall_min: recalls.iter().min_by(|a, b| a.0.total_cmp(&b.0)).cloned(),
+        reference_minus: (!pairs.is_empty()).then(|| mean_difference(&pairs)),
+        sims_per_start: mean(rows().map(|row| row.sims_per_start)).unwrap_or(0.0),
+    }
+}
+
+fn solved(rows: &[Row]) -> Vec<&Outcomes> {
+    rows.iter().map(|row| &row.solved).collect()
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let values: Vec<f64> = values.collect();
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}

@@ -1,0 +1,336 @@
+//! A report about a run: the episodes it shows are played here.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::break_even::BreakEven;
+use super::error::EvaluationError;
+use crate::adversary::{Ado, EvalRequest, eval, explain_first};
+use crate::crashes::{about, telling, worse_first};
+use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, test_starts};
+use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
+use crate::run_dir::{Row, RunDir, RunError};
+use crate::sysid::{ContextSource, conditioned};
+use crate::testbench::film;
+use crate::world::{Against, Scenario};
+
+/// Episodes that changed egos are tried on, unless told otherwise, and the
+/// least and most starts of each.
+const REUSE_EPISODES: usize = 1000;
+const LEAST_STARTS: usize = 20;
+const MOST_STARTS: usize = 100;
+/// A file of rows is no larger than this.
+const MAX_ROWS_BYTES: u64 = 50_000_000;
+
+/// What to report on.
+#[derive(Clone, Copy)]
+pub struct ReportRequest<'a> {
+    /// Run directory whose policy is reported on.
+    pub run: &'a RunDir,
+    /// World of the run, on the plant to test on.
+    pub scenario: &'a Scenario,
+    /// Other runs of the same world, to show beside it.
+    pub with: &'a [RunDir],
+    /// Rows to show; without any, changed egos are played.
+    pub given: &'a GivenRows,
+    /// Test starts to draw, and the seed of their stream.
+    pub starts: (usize, u64),
+    /// The first of them that every changed ego is tried on too; `None`: as many
+    /// as 1000 episodes allow, 20 to 100.
+    pub reuse_starts: Option<usize>,
+}
+
+/// What `eval` or `search` printed, as far as a report shows it.
+#[derive(Clone, Debug, Default, Deserialize)]
+pub struct GivenRows {
+    /// Rows of any egos and ados.
+    pub rows: Vec<Row>,
+    /// Searches of the run.
+    #[serde(default)]
+    pub break_even: Vec<BreakEven>,
+}
+
+impl GivenRows {
+    /// Adds what a verb printed into a file, if it is of this world.
+    ///
+    /// # Errors
+    /// The file cannot be read, holds no rows, or those of another world.
+    pub fn read(&mut self, file: &Path, scenario: &Scenario) -> Result<(), EvaluationError> {
+        let wrong = |why: String| EvaluationError::NoRows {
+            file: file.into(),
+            why,
+        };
+        let size = std::fs::metadata(file).map(|meta| meta.len());
+        if size.is_ok_and(|size| MAX_ROWS_BYTES < size) {
+            return Err(wrong("it is too large".to_owned()));
+        }
+        let text = std::fs::read_to_string(file).map_err(|source| RunError::Io {
+            verb: "reading",
+            path: file.into(),
+            source,
+        })?;
+        let printed: GivenRows =
+            serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        match printed.rows.iter().find(|row| row.world != scenario.name) {
+            Some(other) => Err(wrong(format!("they are of the world `{}`", other.world))),
+            None => {
+                self.rows.extend(printed.rows);
+                self.break_even.extend(printed.break_even);
+                Ok(())
+            }
+        }
+    }
+}
+
+impl<'a> ReportRequest<'a> {
+    /// Plays what the report shows. `None`: stopped before there was anything.
+    ///
+    /// An unfinished training gives a report without episodes.
+    ///
+    /// # Errors
+    /// The runs are of different worlds, or one is damaged.
+    pub fn report(&self, watch: &Watch<'_>) -> Result<Option<Report<'a>>, EvaluationError> {
+        let run = self.run;
+        let mut trainings = vec![training(run)?];
+        for other in self.with {
+            if other.manifest().world_sha256 != run.manifest().world_sha256 {
+                return Err(EvaluationError::OtherWorld {
+                    run: other.path().into(),
+                });
+            }
+            trainings.push(training(other)?);
+        }
+        let mut report = Report {
+            scenario: self.scenario,
+            run: shown(run.path()),
+            manifest: run.manifest(),
+            trainings,
+            nominal: None,
+            tested: Vec::new(),
+            about_tested: String::new(),
+            costs: Vec::new(),
+            notes: notes(run),
+            faults: Vec::new(),
+            commands: Vec::new(),
+        };
+        if run.manifest().is_finished() {
+            // An ego that does not run is what the page then tells of.
+            let whole = self.fill(&mut report, watch)?;
+            if whole.is_none() && watch.interrupted() {
+                return Ok(None);
+            }
+        }
+        let complaint = watch.faults.complaint();
+        report.faults = complaint.map(|it| it.faults).unwrap_or_default();
+        Ok(Some(report))
+    }
+
+    /// Plays the nominal ego, and changed ones where no rows are given.
+    fn fill(
+        &self,
+        report: &mut Report<'_>,
+        watch: &Watch<'_>,
+    ) -> Result<Option<()>, EvaluationError> {
+        let egos = match self.given.rows.is_empty() {
+            true => EgoUnderTest::find(self.scenario, "all")?,
+            false => Vec::new(),
+        };
+        consent(self.scenario, &egos)?;
+        let (count, seed) = self.starts;
+        let Some(starts) = test_starts(&self.run.world()?, seed, count, watch) else {
+            return Ok(None);
+        };
+        let own = EgoUnderTest::nominal(self.scenario);
+        let told = conditioned(self.run, self.context(), &own, seed, watch)?;
+        let ado = Ado::Trained(&*told.policy, self.run.manifest().seed);
+        let request = own.met_by(ado, &starts);
+        let nominal = self.nominal(report, &request, watch);
+        if self.given.rows.is_empty() {
+            report.tested.push(nominal);
+            if self.changed(report, &egos, &starts, watch)?.is_none() {
+                return Ok(None);
+            }
+        } else {
+            report.about_tested = "Rows as given with `--rows`.".to_owned();
+            let rows = self.given.rows.iter().cloned();
+            report.tested = rows.map(|row| Tested { row, why: None }).collect();
+        }
+        report.costs = costs(report, &self.given.break_even);
+        Ok((!watch.interrupted()).then_some(()))
+    }
+
+    /// The nominal ego on all starts, with the counterexamples that tell most.
+    fn nominal(
+        &self,
+        report: &mut Report<'_>,
+        request: &EvalRequest<'_>,
+        watch: &Watch<'_>,
+    ) -> Tested {
+        let evaluated = eval(request, watch);
+        let verdicts = evaluated.outcomes.iter().map(|o| o.map(|o| o.verdict));
+        let all = request.starts.starts.iter().map(|(start, _)| start.clone());
+        let mut chosen = telling(request, &evaluated);
+        chosen.sort_by(|a, b| worse_first(&a.episode, &b.episode));
+        report.nominal = Some(Nominal {
+            row: evaluated.row.clone(),
+            starts: all.zip(verdicts).collect(),
+            telling: chosen
+                .into_iter()
+                .map(|chosen| Example {
+                    about: about(request.scenario, &chosen.episode),
+                    frames: film(
+                        &mut request.scenario.repeating(&chosen.episode).bench(),
+                        &chosen.episode,
+                    ),
+                    chosen_for: chosen.chosen_for,
+                    start: chosen.start,
+                    episode: chosen.episode,
+                    scenarios: Vec::new(),
+                })
+                .collect(),
+        });
+        Tested {
+            why: explain_first(request, &evaluated).map(|(_, why)| why.to_string()),
+            row: evaluated.row,
+        }
+    }
+
+    /// Every ego on the first starts, beside held-random actions. `None`: stopped.
+    fn changed(
+        &self,
+        report: &mut Report<'_>,
+        egos: &[EgoUnderTest],
+        starts: &TestStarts,
+        watch: &Watch<'_>,
+    ) -> Result<Option<()>, EvaluationError> {
+        let (_, seed) = self.starts;
+        let count = self.reuse_starts.unwrap_or_else(|| {
+            (REUSE_EPISODES / (2 * egos.len())).clamp(LEAST_STARTS, MOST_STARTS)
+        });
+        let few = first(starts, count);
+        for ego in egos {
+            let own = match ego.scenario().axes() == self.scenario.axes() {
+                true => few.clone(),
+                false => match test_starts(ego.scenario(), seed, count, watch) {
+                    Some(own) => own,
+                    None => return Ok(None),
+                },
+            };
+            let told = conditioned(self.run, self.context(), ego, seed, watch)?;
+            let trained = Ado::Trained(&*told.policy, self.run.manifest().seed);
+            for ado in [trained, Ado::Held] {
+                // The nominal ego has met the trained ado on all starts.
+                if ego.name() == "nominal" && ado.word() == "trained" {
+                    continue;
+                }
+                let request = ego.met_by(ado, &own);
+                let evaluated = eval(&request, watch);
+                report.tested.push(Tested {
+                    why: explain_first(&request, &evaluated).map(|(_, why)| why.to_string()),
+                    row: evaluated.row,
+                });
+            }
+        }
+        report.about_tested = format!(
+            "The trained ado and random actions held for five decisions, one simulation per \
+             start: on the nominal ego the trained ado from {} starts, all else from the \
+             first {} of them. More ados, recall and searches can stand here: give what \
+             eval and search print with --json by --rows.",
+            starts.starts.len(),
+            few.starts.len(),
+        );
+        Ok(Some(()))
+    }
+
+    /// An ado that is told which ego it meets is told the truth here.
+    fn context(&self) -> Option<&'static ContextSource> {
+        let told = self.run.manifest().against == Against::Conditional;
+        told.then_some(&ContextSource::True)
+    }
+}
+
+/// The first starts of a list.
+fn first(starts: &TestStarts, count: usize) -> TestStarts {
+    let count = count.min(starts.starts.len());
+    TestStarts {
+        seed: starts.seed,
+        starts: starts.starts[..count].to_vec(),
+        trivial: starts.trivial[..count].to_vec(),
+    }
+}
+
+/// The trained ado's simulations beside those of every search of the nominal ego.
+fn costs(report: &Report<'_>, evens: &[BreakEven]) -> Vec<TestingCost> {
+    let evens = evens.iter().filter(|even| even.ego == "nominal");
+    // On the starts of the first search: a rate on others is no comparison.
+    let trained = evens.clone().next().map(|even| TestingCost {
+        name: "trained ado".to_owned(),
+        fixed: Cost::of_training(report.manifest).simulations as f64,
+        per_start: 1.0,
+        solves: even.ado.success_rate,
+        matched: true,
+        anytime: Vec::new(),
+    });
+    let searches = evens.map(|even| TestingCost {
+        fixed: 0.0,
+        matched: even.matched,
+        per_start: even.search.simulations,
+        solves: even.search.success_rate,
+        anytime: even
+            .curve
+            .iter()
+            .map(|point| (point.budget as f64, point.success_rate))
+            .collect(),
+        name: even.method.clone(),
+    });
+    trained.into_iter().chain(searches).collect()
+}
+
+fn training(run: &RunDir) -> Result<Training, EvaluationError> {
+    Ok(Training {
+        run: shown(run.path()),
+        manifest: run.manifest().clone(),
+        progress: run.progress()?,
+        closing: run.report()?,
+    })
+}
+
+fn notes(run: &RunDir) -> Vec<String> {
+    let manifest = run.manifest();
+    let mut notes = Vec::new();
+    if !manifest.against.is_nominal() {
+        notes.push(format!(
+            "This ado was trained against a family of egos ({}).",
+            manifest.against
+        ));
+    }
+    if manifest.against == Against::Conditional {
+        notes.push(format!(
+            "It is told the parameters of the ego it meets ({}); here the true ones.",
+            manifest.told.join(", ")
+        ));
+    }
+    if let Some(ego) = &manifest.ego {
+        notes.push(format!(
+            "This ado was trained against the changed ego `{}`.",
+            ego.name
+        ));
+    }
+    if manifest.is_finished() {
+        return notes;
+    }
+    notes.push(format!(
+        "This training is not finished: {} of {} decisions are done, and there is no ado to show \
+         yet. Go on with `brakecheck train {} -o {} --resume`.",
+        manifest.decisions_done,
+        manifest.decisions,
+        shown(&run.path().join("world.ron")),
+        shown(run.path()),
+    ));
+    notes
+}
+
+fn shown(path: &Path) -> String {
+    path.display().to_string()
+}

@@ -1,0 +1,243 @@
+//! Searches of many egos, beside the trained ado of a run if there is one.
+
+use std::path::Path;
+
+use super::break_even::{BreakEven, break_even};
+use super::error::EvaluationError;
+use crate::adversary::{Ado, eval};
+use crate::crashes::{KeepSettings, Keeper, KeptFiles};
+use crate::experiment::{
+    Cost, EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
+};
+use crate::rl::Policy;
+use crate::run_dir::{Row, RunDir, RunError, Stored};
+use crate::search::{Found, Method, MethodOption, SearchRequest, Searched, search};
+use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::world::Scenario;
+
+/// What to search.
+#[derive(Clone, Copy)]
+pub struct SearchCampaign<'a> {
+    /// The world as its file has it, from which test starts are drawn.
+    pub world: &'a Scenario,
+    /// The egos to be tested, each in its world.
+    pub egos: &'a [EgoUnderTest],
+    /// The run whose trained ado is played beside the search.
+    pub run: Option<&'a RunDir>,
+    /// How sequences are chosen.
+    pub method: Method<'a>,
+    /// Simulations per start; 0 for methods that take none.
+    pub budget: u64,
+    /// Test starts to draw, and the seed of their stream.
+    pub starts: (usize, u64),
+}
+
+/// What the searches came to, as far as they came.
+#[derive(Clone, Debug)]
+pub struct SearchTable {
+    /// Per ego the trained ado's row, if there is one, and the search's.
+    pub rows: Vec<Row>,
+    /// From how many starts on the trained ado is cheaper.
+    pub break_even: Vec<BreakEven>,
+    /// The test starts.
+    pub starts: TestStarts,
+    /// Every ego that was searched.
+    pub searched: Vec<SearchedEgo>,
+}
+
+/// One ego of a search.
+#[derive(Clone, Debug)]
+pub struct SearchedEgo {
+    /// The ego.
+    pub ego: EgoUnderTest,
+    /// The test starts, as they are for it.
+    pub starts: TestStarts,
+    /// The solutions, per start.
+    pub found: Vec<Option<Found>>,
+}
+
+impl SearchedEgo {
+    /// The actions that make it fail from a start: those found; where the starts
+    /// are points and it fails by itself, the neutral one.
+    fn actions(&self, index: usize) -> Option<Vec<usize>> {
+        let found = self.found[index].as_ref();
+        if let Some(actions) = found.and_then(|found| found.actions.clone()) {
+            return Some(actions);
+        }
+        let scenario = self.ego.scenario();
+        let fails_alone = scenario.judges_each_ego() && self.starts.trivial[index];
+        fails_alone.then(|| vec![scenario.world().spaces().neutral])
+    }
+}
+
+impl SearchTable {
+    /// Plays the solutions again and writes those asked for into a directory,
+    /// saying what each is.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(
+        &self,
+        dir: &Path,
+        settings: KeepSettings,
+        watch: &Watch<'_>,
+    ) -> Result<Vec<KeptFiles>, EvaluationError> {
+        let mut all = Vec::new();
+        for searched in &self.searched {
+            let ego = &searched.ego;
+            let keeper = Keeper {
+                scenario: ego.scenario(),
+                ego: ego.name(),
+                change: ego.change(),
+                ado: "search",
+                seed: self.starts.seed,
+                settings,
+            };
+            let again = |bench: &mut Testbench, index: usize| {
+                let (start, noise) = &searched.starts.starts[index];
+                let actions = searched.actions(index).unwrap_or_default();
+                let mut ado = Replay::holding(&actions);
+                play(bench, start, *noise, &mut ado, Aftermath::Play)
+            };
+            let all_starts = 0..searched.found.len();
+            let solved = all_starts.filter(|index| searched.actions(*index).is_some());
+            let kept = keeper.keep(&solved.collect::<Vec<_>>(), &again, dir, watch)?;
+            kept.note(ego.name(), dir, watch);
+            all.push(kept);
+        }
+        Ok(all)
+    }
+}
+
+/// The trained ado of the run that is searched.
+struct Trained<'a> {
+    policy: Box<dyn Policy>,
+    run: &'a RunDir,
+}
+
+impl SearchCampaign<'_> {
+    /// Searches every ego in turn. `None`: stopped before the first one.
+    ///
+    /// # Errors
+    /// The run's policy is damaged.
+    pub fn run(&self, watch: &Watch<'_>) -> Result<Option<SearchTable>, EvaluationError> {
+        consent(self.world, self.egos)?;
+        let trained = self.trained(watch)?;
+        let (count, seed) = self.starts;
+        let Some(starts) = test_starts(self.world, seed, count, watch) else {
+            return Ok(None);
+        };
+        let (mut rows, mut evens, mut all) = (Vec::new(), Vec::new(), Vec::new());
+        for (nth, ego) in self.egos.iter().enumerate() {
+            let watch = &watch.later(nth);
+            let tested = (ego.scenario(), ego.is_nominal());
+            let Some((own, alone)) = starts.for_ego(self.world, tested, watch) else {
+                break;
+            };
+            let request = SearchRequest {
+                scenario: ego.scenario(),
+                ego: ego.name(),
+                method: self.method,
+                budget: self.budget,
+                starts: &own,
+            };
+            let mut searched = search(&request, watch);
+            searched.row.fails_alone = alone;
+            if let Some(trained) = &trained {
+                let mut row = trained.row(ego, (&searched, &own), watch);
+                row.fails_alone = alone;
+                evens.extend(trained.break_even(&request, &searched, &row, watch));
+                rows.push(row);
+            }
+            rows.push(searched.row);
+            note_if_unrepeatable(ego, &own, watch);
+            all.push(SearchedEgo {
+                ego: ego.clone(),
+                starts: own,
+                found: searched.found,
+            });
+            if watch.stopped() {
+                break;
+            }
+        }
+        Ok(Some(SearchTable {
+            rows,
+            break_even: evens,
+            starts,
+            searched: all,
+        }))
+    }
+
+    fn trained(&self, watch: &Watch<'_>) -> Result<Option<Trained<'_>>, EvaluationError> {
+        let finished = self.run.filter(|run| run.manifest().is_finished());
+        let Some(run) = finished else {
+            return Ok(None);
+        };
+        match run.policy() {
+            Ok(policy) => Ok(Some(Trained { policy, run })),
+            // A conditional ado plays only where it is told the ego's parameters.
+            Err(error @ RunError::Untold { .. }) => {
+                watch.note(&format!("{error}; searching without it"));
+                Ok(None)
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+impl Trained<'_> {
+    fn row(
+        &self,
+        ego: &EgoUnderTest,
+        (searched, starts): (&Searched, &TestStarts),
+        watch: &Watch<'_>,
+    ) -> Row {
+        let ado = Ado::Trained(&*self.policy, self.run.manifest().seed);
+        let mut row = eval(&ego.met_by(ado, starts), watch).row;
+        row.compare_with_search(&searched.row.solved);
+        row.warning = self.run.warning();
+        row
+    }
+
+    /// Of methods with a budget only: the others are no rival but a measure.
+    fn break_even(
+        &self,
+        request: &SearchRequest<'_>,
+        searched: &Searched,
+        trained: &Row,
+        watch: &Watch<'_>,
+    ) -> Option<BreakEven> {
+        let manifest = self.run.manifest();
+        let method = request.method.info();
+        if watch.interrupted() || !method.takes(MethodOption::Budget) {
+            return None;
+        }
+        let once = match method.takes(MethodOption::From) {
+            // It lives on a training as well: neither is charged for one.
+            true => Cost::default(),
+            false => Cost::of_training(manifest),
+        };
+        if manifest.physics_steps == 0 {
+            watch.note("an earlier version trained this run: it counted no physics steps");
+        }
+        break_even(searched, request.budget, trained, once)
+    }
+}
+
+/// The counterexamples of a run's training, to be mutated against some egos.
+///
+/// # Errors
+/// It stored none, or they do not fit the egos' worlds.
+pub fn counterexamples_for(run: &RunDir, egos: &[EgoUnderTest]) -> Result<Stored, EvaluationError> {
+    let (stored, source) = (run.counterexamples()?, run.scenario()?);
+    let shape = |scenario: &Scenario| (scenario.axes(), scenario.world().spaces().actions);
+    let mut unlike = egos.iter().map(|ego| (ego.name(), ego.scenario()));
+    match unlike.find(|(_, scenario)| shape(scenario) != shape(&source)) {
+        Some((ego, scenario)) => Err(EvaluationError::OtherActions {
+            source_world: source.name.clone(),
+            world: scenario.name.clone(),
+            ego: ego.to_owned(),
+        }),
+        None => Ok(stored),
+    }
+}

@@ -1,0 +1,45 @@
+//! Whether an ego answers twice alike: asked before it is believed once.
+
+use super::ego_under_test::EgoUnderTest;
+use super::progress::Watch;
+use super::test_starts::TestStarts;
+use crate::testbench::{Aftermath, Constant};
+use crate::world::Scenario;
+
+/// When the commands of two equal episodes first differ, in s.
+///
+/// The first start that is not trivial is played twice with coasting ados and
+/// the same seed. `None`: they are alike, the ego is one of ours, which always
+/// answers alike, or there was nothing to compare.
+pub fn answers_differ(scenario: &Scenario, starts: &TestStarts, watch: &Watch<'_>) -> Option<f64> {
+    let spec = scenario.drive()?;
+    if !spec.ego.is_foreign() {
+        return None;
+    }
+    let index = starts.trivial.iter().position(|trivial| !trivial)?;
+    let (start, noise) = &starts.starts[index];
+    let mut bench = scenario.bench();
+    let mut commands = || {
+        let mut coasting = Constant(bench.spaces().neutral);
+        let from = (start, *noise);
+        let played = watch.play(&mut bench, from, index, &mut coasting, Aftermath::Skip);
+        played.fault.is_none().then_some(played.commands)
+    };
+    let (first, again) = (commands()?, commands()?);
+    let sample = first.iter().zip(&again).position(|(a, b)| a != b)?;
+    Some(sample as f64 * spec.clock.sample_s)
+}
+
+/// Says of an ego that does not answer twice alike what to do about it.
+pub fn note_if_unrepeatable(ego: &EgoUnderTest, starts: &TestStarts, watch: &Watch<'_>) {
+    if 1 < ego.scenario().repeats.runs || watch.stopped() {
+        return;
+    }
+    if let Some(at_s) = answers_differ(ego.scenario(), starts, watch) {
+        watch.note(&format!(
+            "`{}` does not answer twice alike: with the same seed its commands differ from \
+             {at_s:.2} s on; give the world `repeats: 5`",
+            ego.name()
+        ));
+    }
+}

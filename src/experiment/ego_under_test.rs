@@ -1,0 +1,246 @@
+//! The driving controller under test: which one, and what it is to an ado.
+
+use std::path::Path;
+
+use super::error::EgoError;
+use crate::ego::Process;
+use crate::run_dir::ChangedEgo;
+use crate::scene::drive::ControllerFactory;
+use crate::sim::PlantKind;
+use crate::world::{Change, Scenario};
+
+/// An ego under test: its name in rows, how it differs from the world's own
+/// ego, and the world with it.
+#[derive(Clone, Debug)]
+pub struct EgoUnderTest {
+    name: String,
+    change: Change,
+    scenario: Scenario,
+}
+
+impl EgoUnderTest {
+    /// The world's own.
+    pub fn nominal(world: &Scenario) -> EgoUnderTest {
+        EgoUnderTest {
+            name: "nominal".to_owned(),
+            change: Change::default(),
+            scenario: world.clone(),
+        }
+    }
+
+    /// The ego that `asked` means in a world: `nominal`, a name under `reuse`, a
+    /// RON file with a `Change`, or `all` of the world's.
+    ///
+    /// # Errors
+    /// There is no such ego, or it does not fit the world.
+    pub fn find(world: &Scenario, asked: &str) -> Result<Vec<EgoUnderTest>, EgoError> {
+        let reused = |(name, change): (&String, &Change)| {
+            EgoUnderTest::changed(world, name, change, "mend the world's `reuse`")
+        };
+        let nominal = EgoUnderTest::nominal(world);
+        if asked == "nominal" {
+            return Ok(vec![nominal]);
+        }
+        if asked == "all" {
+            let changed = world.reuse.iter().map(reused);
+            return std::iter::once(Ok(nominal)).chain(changed).collect();
+        }
+        if let Some(named) = world.reuse.get_key_value(asked) {
+            return Ok(vec![reused(named)?]);
+        }
+        let path = Path::new(asked);
+        if path.extension().is_some_and(|extension| extension == "ron") {
+            let (change, scenario) = world.changed_by(path)?;
+            let name = asked.to_owned();
+            return Ok(vec![EgoUnderTest {
+                name,
+                change,
+                scenario,
+            }]);
+        }
+        let known = ["nominal", "all"].into_iter();
+        let known = known.chain(world.reuse.keys().map(String::as_str));
+        Err(EgoError::Unknown {
+            asked: asked.to_owned(),
+            known: known.map(str::to_owned).collect(),
+        })
+    }
+
+    /// The user's own controller; `name` is what rows and files call it.
+    ///
+    /// # Errors
+    /// The world is not driven.
+    pub fn own(
+        world: &Scenario,
+        name: &str,
+        factory: ControllerFactory,
+    ) -> Result<EgoUnderTest, EgoError> {
+        if world.drive().is_none() {
+            return Err(EgoError::NotDriven {
+                world: world.name.clone(),
+                ego: name.to_owned(),
+            });
+        }
+        Ok(EgoUnderTest {
+            name: name.to_owned(),
+            change: Change::default(),
+            scenario: world.with_ego(name, factory),
+        })
+    }
+
+    /// A program as the ego; whoever names one here consents to start it.
+    ///
+    /// # Errors
+    /// The world is not driven.
+    pub fn program(world: &Scenario, command: &[String]) -> Result<EgoUnderTest, EgoError> {
+        let change = EgoUnderTest::change_to(command);
+        let help = "a program drives the ego of a driving world";
+        let ego = EgoUnderTest::changed(world, &command.join(" "), &change, help)?;
+        Ok(EgoUnderTest {
+            scenario: ego.scenario.allow_programs(true),
+            ..ego
+        })
+    }
+
+    /// The program, if there is one, else what `asked` means.
+    ///
+    /// # Errors
+    /// Both name an ego, or there is none such.
+    pub fn find_or_program(
+        world: &Scenario,
+        asked: &str,
+        program: &[String],
+    ) -> Result<Vec<EgoUnderTest>, EgoError> {
+        match (program.is_empty(), asked) {
+            (true, _) => EgoUnderTest::find(world, asked),
+            (false, "nominal") => Ok(vec![EgoUnderTest::program(world, program)?]),
+            (false, _) => Err(EgoError::NamedTwice),
+        }
+    }
+
+    /// The change that makes a program the ego.
+    pub(crate) fn change_to(command: &[String]) -> Change {
+        Change {
+            controller: Some(Process::new(command).into()),
+            ..Change::default()
+        }
+    }
+
+    pub(crate) fn changed(
+        world: &Scenario,
+        name: &str,
+        change: &Change,
+        help: &'static str,
+    ) -> Result<EgoUnderTest, EgoError> {
+        let scenario = world.with(change);
+        Ok(EgoUnderTest {
+            name: name.to_owned(),
+            change: change.clone(),
+            scenario: scenario.map_err(|error| EgoError::Misfit { error, help })?,
+        })
+    }
+
+    /// The ego that a run trains against: the world's, or the changed one that
+    /// its manifest names.
+    pub(crate) fn of_training(
+        world: &Scenario,
+        ego: Option<&ChangedEgo>,
+    ) -> Result<EgoUnderTest, EgoError> {
+        match ego {
+            None => Ok(EgoUnderTest::nominal(world)),
+            Some(ego) => {
+                EgoUnderTest::changed(world, &ego.name, &ego.change, "the run's world has changed")
+            }
+        }
+    }
+
+    /// Whether it is the world's own ego.
+    pub fn is_nominal(&self) -> bool {
+        !self.is_own() && self.change == Change::default()
+    }
+
+    /// Whether it is the user's own controller, of which files hold a name only.
+    pub fn is_own(&self) -> bool {
+        self.scenario.own_ego().is_some()
+    }
+
+    /// What rows call it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How it differs from the world's own.
+    pub fn change(&self) -> &Change {
+        &self.change
+    }
+
+    /// The world with it.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// As manifests name it; `None`: it is the world's own.
+    pub fn as_changed(&self) -> Option<ChangedEgo> {
+        (self.change != Change::default()).then(|| ChangedEgo {
+            name: self.name.clone(),
+            change: self.change.clone(),
+        })
+    }
+}
+
+/// The same driving world on the plant asked for.
+///
+/// # Errors
+/// The world is not driven.
+pub fn on_plant(world: &Scenario, plant: PlantKind) -> Result<Scenario, EgoError> {
+    match world.drive() {
+        Some(_) => Ok(world.on(plant)),
+        None => Err(EgoError::NoPlant {
+            world: world.name.clone(),
+        }),
+    }
+}
+
+/// The same for the structures of a family that is trained against.
+///
+/// # Errors
+/// One is not allowed; nothing was started.
+pub(crate) fn consent_to_family(world: &Scenario) -> Result<(), EgoError> {
+    let met = world.family().filter(|_| !world.against.is_nominal());
+    let mut programs = met.into_iter().flat_map(|family| family.programs());
+    match programs.next().filter(|_| !world.may_start_programs()) {
+        Some((name, program)) => Err(EgoError::NotAllowed {
+            who: format!("the structure `{name}`"),
+            command: program.command.clone(),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Asks for consent before any program is started that a file names as an ego:
+/// that of `world`, which is played for its trivial starts, or one of `egos`.
+///
+/// # Errors
+/// One is not allowed; nothing was started.
+pub fn consent(world: &Scenario, egos: &[EgoUnderTest]) -> Result<(), EgoError> {
+    let own = EgoUnderTest::nominal(world);
+    consent_to(std::slice::from_ref(&own))?;
+    consent_to(egos)
+}
+
+/// The same where only `egos` are played.
+///
+/// # Errors
+/// One is not allowed; nothing was started.
+pub fn consent_to(egos: &[EgoUnderTest]) -> Result<(), EgoError> {
+    let mut programs = egos
+        .iter()
+        .filter_map(|ego| Some((ego.name(), ego.scenario().program()?)));
+    match programs.find(|(_, program)| !program.is_allowed()) {
+        Some((name, program)) => Err(EgoError::NotAllowed {
+            who: format!("the ego `{name}`"),
+            command: program.command.clone(),
+        }),
+        None => Ok(()),
+    }
+}

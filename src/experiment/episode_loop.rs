@@ -1,0 +1,144 @@
+//! The one parallel loop over starts, or over whatever else episodes are played
+//! of: action sequences, rules, pairs of an ado and a start.
+//!
+//! Every worker makes its benches once and plays what it is given. What comes of
+//! an item is a function of that item alone, and results stand in the order of
+//! the items; so they are the same bits on any number of threads. Progress, the
+//! wish to stop and processor time are looked after here, once.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use cpu_time::ThreadTime;
+use rayon::prelude::*;
+
+use super::progress::Watch;
+
+/// A parallel loop that reports to a watch, and ends early when it is stopped.
+pub(crate) struct EpisodeLoop<'a> {
+    watch: &'a Watch<'a>,
+    done: AtomicU64,
+    /// What progress is told of; `None`: the loop is part of something larger
+    /// that counts by itself.
+    total: Option<u64>,
+}
+
+/// One item's turn, on one worker.
+pub(crate) struct Turn {
+    /// Its position among the items.
+    pub index: usize,
+    clock: ThreadTime,
+}
+
+impl Turn {
+    /// Processor time since the turn began.
+    pub fn cpu_s(&self) -> f64 {
+        self.clock.elapsed().as_secs_f64()
+    }
+}
+
+impl<'a> EpisodeLoop<'a> {
+    /// Without progress.
+    pub fn uncounted(watch: &'a Watch<'a>) -> EpisodeLoop<'a> {
+        EpisodeLoop {
+            watch,
+            done: AtomicU64::new(0),
+            total: None,
+        }
+    }
+
+    /// Counts the items of all its runs together, of `total`.
+    pub fn counted(watch: &'a Watch<'a>, total: usize) -> EpisodeLoop<'a> {
+        EpisodeLoop::counted_from(watch, 0, total)
+    }
+
+    /// The same where some items are done already.
+    pub fn counted_from(watch: &'a Watch<'a>, done: usize, total: usize) -> EpisodeLoop<'a> {
+        (watch.progress)(done as u64, total as u64);
+        EpisodeLoop {
+            watch,
+            done: AtomicU64::new(done as u64),
+            total: Some(total as u64),
+        }
+    }
+
+    /// What comes of every item, in their order; `None` where the loop had been
+    /// stopped before the item's turn, or `work` gave none.
+    ///
+    /// `worker` makes what one worker keeps from item to item, such as benches;
+    /// nothing that `work` gives may depend on what it was used for before.
+    pub fn run<I: Sync, W, R: Send>(
+        &self,
+        items: &[I],
+        worker: impl Fn() -> W + Sync + Send,
+        work: impl Fn(&mut W, &I, &Turn) -> Option<R> + Sync + Send,
+    ) -> Vec<Option<R>> {
+        let one = |kept: &mut W, (index, item): (usize, &I)| {
+            if self.watch.stopped() {
+                return None;
+            }
+            let clock = ThreadTime::now();
+            let done = work(kept, item, &Turn { index, clock });
+            // Not before: what is under way is not done.
+            self.tick();
+            done
+        };
+        let items = items.par_iter().enumerate();
+        items.map_init(worker, one).collect()
+    }
+
+    fn tick(&self) {
+        if let Some(total) = self.total {
+            let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+            (self.watch.progress)(done, total);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::sync::Mutex;
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+
+    #[test]
+    fn results_stand_in_the_order_of_the_items_and_progress_counts_each_once() {
+        let (stop, told) = (AtomicBool::new(false), Mutex::new(BTreeSet::new()));
+        let progress = |done, total| {
+            assert_eq!(total, 200);
+            assert!(
+                told.lock().expect("unpoisoned").insert(done),
+                "{done} twice"
+            );
+        };
+        let watch = Watch::new(&progress, &stop);
+        let all = EpisodeLoop::counted(&watch, 200);
+        let items: Vec<usize> = (0..100).collect();
+        let odd = |_: &mut (), item: &usize, turn: &Turn| {
+            assert_eq!(*item, turn.index);
+            (item % 2 == 1).then_some(10 * item)
+        };
+        for _ in 0..2 {
+            let found = all.run(&items, || (), odd);
+            let want = items.iter().map(|i| (i % 2 == 1).then_some(10 * i));
+            assert!(found.into_iter().eq(want));
+        }
+        // None at first, then each.
+        assert_eq!(told.lock().expect("unpoisoned").len(), 201);
+    }
+
+    #[test]
+    fn nothing_is_begun_after_a_stop() {
+        let stop = AtomicBool::new(false);
+        let watch = Watch::new(&|_, _| {}, &stop);
+        let last = |_: &mut (), item: &u64, _: &Turn| {
+            stop.store(true, Ordering::SeqCst);
+            Some(*item)
+        };
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let alone = threads.expect("a pool");
+        let found = alone.install(|| EpisodeLoop::uncounted(&watch).run(&[7, 8, 9], || (), last));
+        assert_eq!(found, [Some(7), None, None]);
+    }
+}

@@ -1,0 +1,24 @@
+//! An experiment: an ego under test, its test starts, and the loop that plays them.
+//!
+//! Everything here runs in parallel per episode and gives the same rows for any
+//! number of threads: starts, noise and actors are pure functions of their keys.
+
+mod cost;
+mod determinism_check;
+mod ego_under_test;
+mod episode_loop;
+mod error;
+mod failed_leaf;
+mod progress;
+mod test_starts;
+
+pub use cost::Cost;
+pub use determinism_check::{answers_differ, note_if_unrepeatable};
+pub(crate) use ego_under_test::consent_to_family;
+pub use ego_under_test::{EgoUnderTest, consent, consent_to, on_plant};
+pub(crate) use episode_loop::{EpisodeLoop, Turn};
+pub use error::EgoError;
+pub(crate) use failed_leaf::{leaf, violated};
+pub use progress::{Remark, StepPlace, Watch};
+pub(crate) use test_starts::untried_starts;
+pub use test_starts::{TestStarts, drawn_starts, test_noise, test_starts};

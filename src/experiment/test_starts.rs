@@ -1,0 +1,198 @@
+//! Test starts: drawn once, and the same for every ego, ado and method.
+
+use std::ops::Range;
+
+use super::episode_loop::{EpisodeLoop, Turn};
+use super::progress::Watch;
+use crate::run_dir::FailsAlone;
+use crate::scene::Start;
+use crate::seed::{Purpose, StartKey};
+use crate::testbench::{Aftermath, Constant, FaultLog, Testbench};
+use crate::world::Scenario;
+
+/// Test starts, with those on which the nominal ego fails by itself.
+///
+/// What the nominal ego fails is left out for every ego, so that their rates are
+/// about the same starts. Where the nominal ego says nothing about the others,
+/// each ego has its own.
+#[derive(Clone, Debug)]
+pub struct TestStarts {
+    /// Seed of the stream.
+    pub seed: u64,
+    /// Each start with the seed of its noise.
+    pub starts: Vec<(Start, u64)>,
+    /// Whether the nominal ego fails without an adversary, all rules kept.
+    ///
+    /// Where it did not run at all nobody knows: such a start is not trivial,
+    /// and the watch's log of faults has it.
+    pub trivial: Vec<bool>,
+}
+
+/// Draws `count` test starts and plays each with coasting ados.
+///
+/// A finite world of no more than `count` starts gives each of them once.
+///
+/// `scenario` must be the nominal one on the plant its file names: what is
+/// trivial is fixed once and carried to all egos and plants. `None`: stopped.
+pub fn test_starts(
+    scenario: &Scenario,
+    seed: u64,
+    count: usize,
+    watch: &Watch<'_>,
+) -> Option<TestStarts> {
+    let starts = listed_or_drawn(scenario, seed, count);
+    TestStarts::tried(scenario, seed, starts, watch)
+}
+
+/// The same starts, none of which was played: nothing is left out.
+pub(crate) fn untried_starts(scenario: &Scenario, seed: u64, count: usize) -> TestStarts {
+    let starts = listed_or_drawn(scenario, seed, count);
+    TestStarts {
+        seed,
+        trivial: vec![false; starts.len()],
+        starts,
+    }
+}
+
+fn listed_or_drawn(scenario: &Scenario, seed: u64, count: usize) -> Vec<(Start, u64)> {
+    let listed = scenario.starts().filter(|all| all.len() <= count);
+    match listed {
+        Some(all) => with_noise(scenario, seed, all),
+        None => drawn_starts(scenario, seed, 0..count),
+    }
+}
+
+/// Some of the test starts of a stream, with the seed of their noise.
+pub fn drawn_starts(scenario: &Scenario, seed: u64, which: Range<usize>) -> Vec<(Start, u64)> {
+    let bench = scenario.bench();
+    let draw = |index| {
+        let key = test_key(seed, index);
+        (bench.draw(key), bench.noise_of(key))
+    };
+    which.map(draw).collect()
+}
+
+/// The noise of the `index`th test start, wherever that is.
+pub fn test_noise(bench: &Testbench, seed: u64, index: usize) -> u64 {
+    bench.noise_of(test_key(seed, index))
+}
+
+fn test_key(seed: u64, index: usize) -> StartKey {
+    StartKey {
+        purpose: Purpose::Test,
+        seed,
+        index: index as u64,
+    }
+}
+
+fn with_noise(scenario: &Scenario, seed: u64, starts: Vec<Start>) -> Vec<(Start, u64)> {
+    let bench = scenario.bench();
+    let starts = starts.into_iter().enumerate();
+    let starts = starts.map(|(index, start)| (start, test_noise(&bench, seed, index)));
+    starts.collect()
+}
+
+impl TestStarts {
+    /// Starts, of which it is tried where the nominal ego fails by itself.
+    ///
+    /// `scenario` is as for [`test_starts`]. `None`: stopped.
+    pub fn tried(
+        scenario: &Scenario,
+        seed: u64,
+        starts: Vec<(Start, u64)>,
+        watch: &Watch<'_>,
+    ) -> Option<TestStarts> {
+        let neutral = scenario.world().spaces().neutral;
+        let fails_by_itself =
+            |bench: &mut Testbench, (start, noise): &(Start, u64), turn: &Turn| {
+                let mut coasting = Constant(neutral);
+                let from = (start, *noise);
+                let episode = watch.play(bench, from, turn.index, &mut coasting, Aftermath::Skip);
+                Some(episode.verdict.is_success())
+            };
+        watch.phase("playing starts without an adversary");
+        let all = EpisodeLoop::counted(watch, starts.len());
+        let trivial = all.run(&starts, || scenario.bench(), fails_by_itself);
+        if watch.stopped() {
+            return None;
+        }
+        Some(TestStarts {
+            seed,
+            starts,
+            trivial: trivial.into_iter().flatten().collect(),
+        })
+    }
+
+    /// Whether the nominal ego of `world` says nothing of which of them are too
+    /// hard for another: by what it is, or because it fails on every one.
+    pub(crate) fn judges_each_ego(&self, world: &Scenario) -> bool {
+        world.judges_each_ego() || self.trivial.iter().all(|trivial| *trivial)
+    }
+
+    /// The same starts for an ego under test, and on how many of them it fails by
+    /// itself. `None`: stopped.
+    ///
+    /// `ego` is the world with that ego, and whether it is the world's own.
+    /// It is judged itself, instead of the nominal ego of `world`, where that says
+    /// nothing of others ([`Scenario::judges_each_ego`]) or fails on every start.
+    pub(crate) fn for_ego(
+        &self,
+        world: &Scenario,
+        (ego, is_nominal): (&Scenario, bool),
+        watch: &Watch<'_>,
+    ) -> Option<(TestStarts, Option<FailsAlone>)> {
+        let left_out = self.judges_each_ego(world);
+        if is_nominal && !left_out {
+            return Some((self.clone(), None));
+        }
+        // Faults of an ego that does not run belong to the work that follows.
+        let apart = Watch {
+            faults: FaultLog::default(),
+            ..watch.later(0)
+        };
+        let Some(own) = TestStarts::tried(ego, self.seed, self.starts.clone(), &apart) else {
+            let mut all = self.clone();
+            if left_out {
+                all.trivial.fill(false);
+            }
+            return (!watch.stopped()).then_some((all, None));
+        };
+        let starts = own.trivial.iter().filter(|trivial| **trivial).count();
+        let alone = Some(FailsAlone { starts, left_out });
+        match left_out {
+            true => Some((own, alone)),
+            false => Some((self.clone(), alone)),
+        }
+    }
+
+    /// The first of those that are not trivial, at most so many.
+    pub(crate) fn first(&self, most: usize) -> TestStarts {
+        let told = self.starts.iter().zip(&self.trivial);
+        let told = told.filter(|(_, trivial)| !**trivial).take(most);
+        let starts: Vec<(Start, u64)> = told.map(|(start, _)| start.clone()).collect();
+        TestStarts {
+            seed: self.seed,
+            trivial: vec![false; starts.len()],
+            starts,
+        }
+    }
+
+    /// Works on every start that is not trivial, in parallel: what came of each,
+    /// in order; `None` for trivial ones and for those not reached.
+    ///
+    /// `worker` and `work` are as in [`EpisodeLoop::run`].
+    pub(crate) fn each<W, R: Send>(
+        &self,
+        watch: &Watch<'_>,
+        worker: impl Fn() -> W + Sync + Send,
+        work: impl Fn(&mut W, &(Start, u64), &Turn) -> Option<R> + Sync + Send,
+    ) -> Vec<Option<R>> {
+        let all = EpisodeLoop::counted(watch, self.starts.len());
+        all.run(&self.starts, worker, |kept, start, turn| {
+            match self.trivial[turn.index] {
+                true => None,
+                false => work(kept, start, turn),
+            }
+        })
+    }
+}

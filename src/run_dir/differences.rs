@@ -1,0 +1,279 @@
+//! What a run was begun with, beside what is asked for now.
+//!
+//! A training goes on only as what it was: the same version on the same kind of
+//! machine, the same world, the same settings. Anything else would end in a
+//! policy that no single command makes again.
+
+use std::fmt;
+
+use serde_json::Value;
+
+use super::disk::settings_of;
+use super::{ChangedEgo, RunDir, RunError};
+use crate::content_hash::sha256;
+use crate::world::Scenario;
+
+/// Something that is other now than when a run was begun.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunDifference {
+    /// What it is.
+    pub what: String,
+    /// What it was.
+    pub begun: String,
+    /// What it would be now.
+    pub now: String,
+}
+
+impl fmt::Display for RunDifference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}, now {}", self.what, self.begun, self.now)
+    }
+}
+
+/// A training as somebody asks for it.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked<'a> {
+    /// The world, its plant, its learner and whom it trains against.
+    pub scenario: &'a Scenario,
+    /// The training seed.
+    pub seed: u64,
+    /// The changed ego; `None`: the world's own.
+    pub ego: Option<&'a ChangedEgo>,
+}
+
+impl RunDir {
+    /// In what a training that is asked for differs from this one.
+    ///
+    /// # Errors
+    /// Its world file cannot be read.
+    pub fn differences(&self, asked: Asked<'_>) -> Result<Vec<RunDifference>, RunError> {
+        let begun = self.manifest();
+        let scenario = asked.scenario;
+        let mut found = self.differences_in_learning(scenario)?;
+        let mut compare = |what: &str, begun: String, now: String| {
+            if begun != now {
+                let what = what.to_owned();
+                found.push(RunDifference { what, begun, now });
+            }
+        };
+        compare("seed", begun.seed.to_string(), asked.seed.to_string());
+        compare(
+            "plant",
+            format!("{:?}", begun.plant),
+            format!("{:?}", scenario.plant()),
+        );
+        let learner = |name: &Option<String>| match name {
+            Some(name) => format!("`{name}`"),
+            None => "the world's own".to_owned(),
+        };
+        compare(
+            "learner",
+            learner(&begun.learner),
+            learner(&scenario.learning),
+        );
+        compare(
+            "trained against",
+            begun.against.to_string(),
+            scenario.against.to_string(),
+        );
+        let left_out = |name: &Option<String>| match name {
+            Some(name) => format!("`{name}`"),
+            None => "nothing".to_owned(),
+        };
+        compare(
+            "left out",
+            left_out(&begun.left_out),
+            left_out(&scenario.left_out),
+        );
+        let ego = |ego: Option<&ChangedEgo>| match ego {
+            Some(ego) => format!("`{}` ({:?})", ego.name, ego.change),
+            None => "nominal".to_owned(),
+        };
+        compare("ego", ego(begun.ego.as_ref()), ego(asked.ego));
+        // Of these only the hash is kept; what was told before explains it.
+        let settings = settings_of(scenario);
+        if found.is_empty()
+            && begun
+                .settings_fingerprint
+                .as_ref()
+                .is_some_and(|was| *was != settings)
+        {
+            found.push(RunDifference {
+                what: "settings of the learner or the family".to_owned(),
+                begun: begun.settings_fingerprint.clone().unwrap_or_default(),
+                now: settings,
+            });
+        }
+        Ok(found)
+    }
+
+    /// The same of what every training is compared in before it goes on: the
+    /// world file, the learner's settings and, while it lasts, the program.
+    ///
+    /// # Errors
+    /// Its world file cannot be read.
+    pub(crate) fn differences_in_learning(
+        &self,
+        scenario: &Scenario,
+    ) -> Result<Vec<RunDifference>, RunError> {
+        let begun = self.manifest();
+        let mut found = Vec::new();
+        let mut note = |what: String, begun: String, now: String| {
+            found.push(RunDifference { what, begun, now });
+        };
+        if !begun.is_finished() {
+            let (version, target) = (super::version(), super::target());
+            if begun.brakecheck != version {
+                note("version".to_owned(), begun.brakecheck.clone(), version);
+            }
+            if begun.target != target {
+                note("machine".to_owned(), begun.target.clone(), target);
+            }
+        }
+        if begun.world_sha256 != sha256(scenario.text.as_bytes()) {
+            let kept = self.read_text("world.ron")?;
+            let (line, begun, now) = first_line(&kept, &scenario.text);
+            note(format!("world file, line {line}"), begun, now);
+        }
+        if let Some(settings) = &begun.settings {
+            let now = serde_json::to_value(&scenario.learner).unwrap_or_default();
+            leaves("learner", settings, &now, &mut note);
+        } else if begun.decisions != scenario.learner.decisions() {
+            let now = scenario.learner.decisions().to_string();
+            note("decisions".to_owned(), begun.decisions.to_string(), now);
+        }
+        Ok(found)
+    }
+
+    /// Refuses to go on as something else.
+    ///
+    /// # Errors
+    /// There are differences: [`RunError::Differs`].
+    pub fn must_be_of(&self, asked: Asked<'_>) -> Result<(), RunError> {
+        self.refuse(self.differences(asked)?)
+    }
+
+    /// An error of differences, if there are any.
+    pub(crate) fn refuse(&self, differences: Vec<RunDifference>) -> Result<(), RunError> {
+        match differences.is_empty() {
+            true => Ok(()),
+            false => Err(RunError::Differs {
+                path: self.path().into(),
+                differences,
+            }),
+        }
+    }
+}
+
+/// The first line in which two texts differ, counted from 1.
+fn first_line(begun: &str, now: &str) -> (usize, String, String) {
+    let (mut old, mut new) = (begun.lines(), now.lines());
+    for line in 1.. {
+        let shown = |text: Option<&str>| match text {
+            Some(text) => format!("`{}`", text.trim()),
+            None => "the end".to_owned(),
+        };
+        match (old.next(), new.next()) {
+            (None, None) => break,
+            (was, is) if was != is => return (line, shown(was), shown(is)),
+            _ => {}
+        }
+    }
+    // Line ends only.
+    (begun.lines().count(), "as it was".into(), "as it is".into())
+}
+
+/// Tells of every value in which two trees of settings differ.
+fn leaves(path: &str, begun: &Value, now: &Value, note: &mut impl FnMut(String, String, String)) {
+    match (begun, now) {
+        (Value::Object(old), Value::Object(new)) => {
+            let names = old
+                .keys()
+                .chain(new.keys().filter(|name| !old.contains_key(*name)));
+            for name in names {
+                let side = |map: &serde_json::Map<String, Value>| {
+                    map.get(name).cloned().unwrap_or_default()
+                };
+                leaves(&format!("{path}.{name}"), &side(old), &side(new), note);
+            }
+        }
+        _ if begun == now => {}
+        _ => note(path.to_owned(), begun.to_string(), now.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn every_setting_that_differs_is_named_with_both_values() {
+        let begun = json!({ "Dqn": { "decisions": 300, "hidden": [64, 64], "huber": 1.0 } });
+        let now = json!({ "Dqn": { "decisions": 300, "hidden": [64], "steps": 3, "huber": 1.0 } });
+        let mut found = Vec::new();
+        leaves("learner", &begun, &now, &mut |what, begun, now| {
+            found.push(format!("{what}: {begun}, now {now}"));
+        });
+        assert_eq!(
+            found,
+            [
+                "learner.Dqn.hidden: [64,64], now [64]",
+                "learner.Dqn.steps: null, now 3"
+            ]
+        );
+    }
+
+    /// A change of a default is refused, whatever types are called.
+    #[test]
+    fn settings_that_a_world_file_leaves_open_must_be_as_they_were() {
+        let (dir, text) = (
+            tempfile::tempdir().expect("scratch"),
+            include_str!("../../worlds/acc.ron"),
+        );
+        let world = Scenario::parse("acc.ron", text).expect("a world");
+        let mut run = RunDir::create(&dir.path().join("run"), &world, 7).expect("begun");
+        let asked = || Asked {
+            scenario: &world,
+            seed: 7,
+            ego: None,
+        };
+        run.must_be_of(asked()).expect("the same");
+        // Another version of the program had another default of the family.
+        let mut family = serde_json::json!({ "learner": world.learner, "family": world.family() });
+        assert_eq!(
+            crate::content_hash::fingerprint(&family),
+            settings_of(&world)
+        );
+        family["family"]["nominal_share"] = json!(0.25);
+        run.manifest.settings_fingerprint = Some(crate::content_hash::fingerprint(&family));
+        let error = run.must_be_of(asked()).expect_err("another family");
+        assert!(
+            error.to_string().contains("the learner or the family"),
+            "{error}"
+        );
+        // An earlier version noted nothing that could be compared.
+        run.manifest.settings_fingerprint = None;
+        run.must_be_of(asked()).expect("not known to differ");
+    }
+
+    /// A run directory that was begun holds this: it changes when a setting is
+    /// added that is always written, and not when a type is renamed.
+    #[test]
+    fn the_identity_of_settings_lasts() {
+        let learner = crate::rl::LearnerConfig::new(crate::rl::DqnSettings::default());
+        let learner = json!(learner.expect("in range"));
+        assert_eq!(
+            crate::content_hash::fingerprint(&learner),
+            "98fede4b59ae601ac105d8ff5388149345a507fe0e8db3fdcd16dc58c732a7e4"
+        );
+    }
+
+    #[test]
+    fn the_first_line_that_differs_is_shown() {
+        let shown = |(line, begun, now): (usize, String, String)| format!("{line}: {begun} {now}");
+        assert_eq!(shown(first_line("a\n b\nc", "a\n d\nc")), "2: `b` `d`");
+        assert_eq!(shown(first_line("a\n", "a\nb\n")), "2: the end `b`");
+        assert_eq!(shown(first_line("a\nb", "a\nb\n")), "2: as it was as it is");
+    }
+}

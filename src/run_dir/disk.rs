@@ -1,0 +1,346 @@
+//! Files that are there whole or not at all, files that only grow, and locks.
+//!
+//! Everything that changes the disk goes through here, one step at a time, so
+//! that tests can let any of those steps fail (`crash`). What has returned is
+//! on the disk: files and the directories that name them are flushed.
+
+pub(crate) mod crash;
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use sha2::Digest;
+
+use super::RunError;
+use crate::content_hash::{fingerprint, in_digits};
+use crate::world::Scenario;
+
+/// Files that are not yet whole are called so; what is left of them is swept.
+const UNFINISHED: &str = ".brakecheck-";
+
+/// Before a step that changes the disk; tests let it fail.
+#[cfg(not(test))]
+fn step(_path: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+use crash::step;
+
+/// Makes a directory and those above it.
+///
+/// # Errors
+/// The disk refuses.
+pub fn make_dir(path: &Path) -> Result<(), RunError> {
+    let failed = io_error("creating", path);
+    let missing = path.ancestors().take_while(|dir| !dir.exists());
+    let missing: Vec<&Path> = missing.filter(|dir| !dir.as_os_str().is_empty()).collect();
+    for dir in missing.into_iter().rev() {
+        step(dir).map_err(&failed)?;
+        match fs::create_dir(dir) {
+            // Somebody else may make it at the same time.
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+                return Err(failed(error));
+            }
+            _ => flush_dir(parent(dir)).map_err(&failed)?,
+        }
+    }
+    // What is there and no directory is told of now.
+    fs::read_dir(path).map_err(&failed)?;
+    Ok(())
+}
+
+/// Writes a file whole or not at all.
+///
+/// # Errors
+/// The disk refuses; an older file of that name is then untouched.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    let failed = io_error("writing", path);
+    let dir = parent(path);
+    sweep(dir);
+    let (mut file, beside) = unfinished(dir).map_err(&failed)?;
+    let written = fill(&mut file, bytes, &beside).and_then(|()| {
+        step(path)?;
+        fs::rename(&beside, path)
+    });
+    if let Err(error) = written {
+        // Best left to the next sweep where even this fails.
+        let _ = remove(&beside);
+        return Err(failed(error));
+    }
+    flush_dir(dir).map_err(&failed)
+}
+
+/// A file that is written bit by bit and is there whole or not at all.
+#[derive(Debug)]
+pub struct WholeFile {
+    path: PathBuf,
+    beside: PathBuf,
+    file: Option<io::BufWriter<File>>,
+    hash: sha2::Sha256,
+}
+
+impl WholeFile {
+    /// Begins a file; what is at its place stays until it is finished.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn begin(path: &Path) -> Result<WholeFile, RunError> {
+        let dir = parent(path);
+        sweep(dir);
+        let (file, beside) = unfinished(dir).map_err(io_error("writing", path))?;
+        Ok(WholeFile {
+            path: path.into(),
+            beside,
+            file: Some(io::BufWriter::with_capacity(1 << 20, file)),
+            hash: sha2::Sha256::default(),
+        })
+    }
+
+    /// Adds to its end.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
+        let failed = io_error("writing", &self.path);
+        step(&self.path).map_err(&failed)?;
+        self.hash.update(bytes);
+        match &mut self.file {
+            Some(file) => file.write_all(bytes).map_err(failed),
+            None => Ok(()),
+        }
+    }
+
+    /// Puts it in its place and gives its SHA-256.
+    ///
+    /// # Errors
+    /// The disk refuses; an older file of that name is then untouched.
+    pub fn finish(mut self) -> Result<String, RunError> {
+        let failed = io_error("writing", &self.path);
+        if let Some(file) = self.file.take() {
+            let file = file
+                .into_inner()
+                .map_err(|error| failed(error.into_error()))?;
+            readable(&file).map_err(&failed)?;
+            step(&self.path).map_err(&failed)?;
+            file.sync_all().map_err(&failed)?;
+        }
+        step(&self.path).map_err(&failed)?;
+        fs::rename(&self.beside, &self.path).map_err(&failed)?;
+        flush_dir(parent(&self.path)).map_err(&failed)?;
+        Ok(in_digits(&self.hash.finalize_reset()))
+    }
+}
+
+impl Drop for WholeFile {
+    fn drop(&mut self) {
+        // After `finish` there is nothing of that name any more.
+        let _ = remove(&self.beside);
+    }
+}
+
+/// A new file for what is not yet whole, locked while somebody writes to it.
+fn unfinished(dir: &Path) -> io::Result<(File, PathBuf)> {
+    if !dir.as_os_str().is_empty() && !dir.is_dir() {
+        let why = format!("there is no directory `{}`", dir.display());
+        return Err(io::Error::new(io::ErrorKind::NotFound, why));
+    }
+    loop {
+        step(dir)?;
+        let (file, path) = tempfile::Builder::new()
+            .prefix(UNFINISHED)
+            .disable_cleanup(true)
+            .tempfile_in(dir)?
+            .into_parts();
+        let path = path.to_path_buf();
+        // Between making and locking, a sweep may have taken it for a leftover.
+        if fs4::FileExt::try_lock(&file).is_ok() && path.exists() {
+            return Ok((file, path));
+        }
+    }
+}
+
+fn fill(file: &mut File, bytes: &[u8], path: &Path) -> io::Result<()> {
+    put(file, bytes, path)?;
+    readable(file)?;
+    step(path)?;
+    file.sync_all()
+}
+
+/// Writes in two steps, as a disk that fills up would.
+fn put(file: &mut File, bytes: &[u8], path: &Path) -> io::Result<()> {
+    let (one, two) = bytes.split_at(bytes.len() / 2);
+    for half in [one, two] {
+        step(path)?;
+        file.write_all(half)?;
+    }
+    Ok(())
+}
+
+/// Temporary files begin private; what is kept gets ordinary permissions.
+#[cfg(unix)]
+fn readable(file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable(_file: &File) -> io::Result<()> {
+    Ok(())
+}
+
+/// Adds to the end of a file.
+///
+/// # Errors
+/// The disk refuses; part of the bytes may be there.
+pub(super) fn append(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
+    let failed = io_error("writing", path);
+    let is_new = !path.exists();
+    step(path).map_err(&failed)?;
+    let file = OpenOptions::new().create(true).append(true).open(path);
+    let mut file = file.map_err(&failed)?;
+    put(&mut file, bytes, path).map_err(&failed)?;
+    step(path).map_err(&failed)?;
+    file.sync_all().map_err(&failed)?;
+    match is_new {
+        true => flush_dir(parent(path)).map_err(&failed),
+        false => Ok(()),
+    }
+}
+
+/// Cuts a file to its first bytes.
+///
+/// # Errors
+/// The disk refuses.
+pub(super) fn cut(path: &Path, bytes: u64) -> Result<(), RunError> {
+    let failed = io_error("writing", path);
+    step(path).map_err(&failed)?;
+    let file = OpenOptions::new().write(true).open(path);
+    let file = file.map_err(&failed)?;
+    file.set_len(bytes).map_err(&failed)?;
+    step(path).map_err(&failed)?;
+    file.sync_all().map_err(&failed)
+}
+
+/// Removes a file; one that is gone already is removed.
+pub(super) fn remove(path: &Path) -> io::Result<()> {
+    step(path)?;
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Removes what writers that were killed left in a directory, as far as that
+/// can be done.
+///
+/// Whoever still writes holds a lock on his file.
+pub(super) fn sweep(dir: &Path) {
+    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+            let path = entry.path();
+            let file = OpenOptions::new().write(true).open(&path);
+            if file.is_ok_and(|file| fs4::FileExt::try_lock(&file).is_ok()) {
+                // The next sweep tries again.
+                let _ = remove(&path);
+            }
+        }
+    }
+}
+
+/// Flushes the names in a directory: without it a power cut may forget a file
+/// whose bytes are on the disk.
+#[cfg(unix)]
+fn flush_dir(dir: &Path) -> io::Result<()> {
+    step(dir)?;
+    match File::open(dir)?.sync_all() {
+        // Some file systems cannot, and need not.
+        Err(error)
+            if !matches!(
+                error.kind(),
+                io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported
+            ) =>
+        {
+            Err(error)
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(not(unix))]
+fn flush_dir(_dir: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+/// The directory that a path is in.
+fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    }
+}
+
+/// Whether a directory holds anything but the beginnings of a run.
+pub(super) fn is_taken(path: &Path) -> bool {
+    let Ok(entries) = fs::read_dir(path) else {
+        return false;
+    };
+    let begun = |name: &str| {
+        ["lock", "world.ron", "from.safetensors"].contains(&name) || name.starts_with(UNFINISHED)
+    };
+    let mut names = entries.flatten().map(|entry| entry.file_name());
+    names.any(|name| !begun(&name.to_string_lossy()))
+}
+
+/// Holds a run directory for one process.
+pub(super) fn lock(path: &Path) -> Result<File, RunError> {
+    let file_path = path.join("lock");
+    let failed = io_error("creating", &file_path);
+    step(&file_path).map_err(&failed)?;
+    let file = File::create(&file_path).map_err(&failed)?;
+    match fs4::FileExt::try_lock(&file) {
+        Ok(()) => Ok(file),
+        Err(_) => Err(RunError::Locked { path: path.into() }),
+    }
+}
+
+/// The text of a file.
+///
+/// # Errors
+/// The disk refuses, or the bytes are no UTF-8.
+pub(super) fn read_text(path: &Path) -> Result<String, RunError> {
+    let bytes = fs::read(path).map_err(io_error("reading", path))?;
+    String::from_utf8(bytes).map_err(|error| RunError::Damaged {
+        path: path.into(),
+        why: error.to_string(),
+    })
+}
+
+/// An error of the disk, by what was tried and where.
+pub(super) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
+    let path = path.to_owned();
+    move |source| RunError::Io {
+        verb,
+        path: path.clone(),
+        source,
+    }
+}
+
+/// Identity of a world's learner and family, defaults included: another version of
+/// the program may have other defaults.
+pub(super) fn settings_of(scenario: &Scenario) -> String {
+    fingerprint(&serde_json::json!({
+        "learner": scenario.learner,
+        "family": scenario.family(),
+    }))
+}
+
+/// A name as a file is called: whatever could disturb a path is replaced.
+pub fn file_name(name: &str) -> String {
+    let plain = |c: char| match c.is_ascii_alphanumeric() {
+        true => c,
+        false => '-',
+    };
+    name.chars().map(plain).collect()
+}

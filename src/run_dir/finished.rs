@@ -1,0 +1,177 @@
+//! Finished work that is kept, so that an interrupted campaign goes on.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+use super::RunError;
+use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
+use crate::content_hash;
+use crate::content_hash::sha256;
+use crate::world::Scenario;
+
+/// One piece of work: a file, and what it is the answer to.
+///
+/// The file is used again only for the very question, of the same world file,
+/// with the same defaults and version of the program. What an external program
+/// does that drives an ego is not part of the question.
+#[derive(Clone, Debug)]
+pub struct Finished {
+    path: PathBuf,
+    asked: Value,
+}
+
+impl Finished {
+    /// The work of a name in a directory, on a world, with its settings.
+    pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> Finished {
+        Finished {
+            path: dir.join(format!("{}.json", file_name(name))),
+            asked: json!({
+                "brakecheck": env!("CARGO_PKG_VERSION"),
+                "world_sha256": sha256(scenario.text.as_bytes()),
+                "settings_sha256": settings_of(scenario),
+                "name": name,
+                "asked": settings,
+            }),
+        }
+    }
+
+    /// What was made, if it is there; work for another question is not.
+    ///
+    /// # Errors
+    /// The disk refuses, or the file is damaged ([`RunError::Damaged`]).
+    pub fn read<T: DeserializeOwned>(&self) -> Result<Option<T>, RunError> {
+        let bytes = match fs::read(&self.path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            read => read.map_err(io_error("reading", &self.path))?,
+        };
+        let damaged = |why: String| RunError::Damaged {
+            path: self.path.clone(),
+            why,
+        };
+        let json = |error: serde_json::Error| damaged(error.to_string());
+        let text = String::from_utf8(bytes).map_err(|error| damaged(error.to_string()))?;
+        let mut kept: Value = serde_json::from_str(&text).map_err(json)?;
+        // Earlier versions wrote no seal, and nothing but these.
+        let known = ["asked", "made", "seal", "sha256"];
+        let mut fields = kept.as_object().into_iter().flatten();
+        if let Some((name, _)) = fields.find(|(name, _)| !known.contains(&name.as_str())) {
+            return Err(damaged(format!("unknown field `{name}`")));
+        }
+        if kept["asked"] != self.asked {
+            return Ok(None);
+        }
+        let found = self.hash(&kept["made"]);
+        if kept["sha256"] != found {
+            let says = &kept["sha256"];
+            return Err(damaged(format!(
+                "it was changed since it was written: SHA-256 is {found}, it says {says}"
+            )));
+        }
+        if let Some(seal) = kept["seal"].as_str() {
+            content_hash::check(&text, seal).map_err(damaged)?;
+        }
+        let made = serde_json::from_value(kept["made"].take());
+        made.map(Some).map_err(json)
+    }
+
+    /// Keeps what was made, in the place of older work of that name.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn write<T: Serialize>(&self, made: &T) -> Result<(), RunError> {
+        if let Some(dir) = self.path.parent() {
+            make_dir(dir)?;
+        }
+        let made = serde_json::to_value(made).map_err(|error| RunError::Damaged {
+            path: self.path.clone(),
+            why: error.to_string(),
+        })?;
+        let hash = self.hash(&made);
+        let kept = json!({
+            "asked": self.asked,
+            "made": made,
+            "seal": content_hash::BLANK,
+            "sha256": hash,
+        });
+        write_file(&self.path, content_hash::seal(&kept.to_string()).as_bytes())
+    }
+
+    /// Of question and answer, but for processor times: equal work has equal
+    /// hashes. The seal beside it is of the file, times included.
+    fn hash(&self, made: &Value) -> String {
+        let mut made = made.clone();
+        forget_times(&mut made);
+        sha256(format!("{}{made}", self.asked).as_bytes())
+    }
+}
+
+fn forget_times(value: &mut Value) {
+    match value {
+        Value::Object(map) => {
+            for (name, value) in map {
+                match name.ends_with("cpu_s") {
+                    true => *value = Value::Null,
+                    false => forget_times(value),
+                }
+            }
+        }
+        Value::Array(all) => all.iter_mut().for_each(forget_times),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WORLD: &str = include_str!("../../worlds/acc.ron");
+
+    fn of(dir: &Path, text: &str, seeds: u64) -> Finished {
+        let scenario = Scenario::parse("acc.ron", text).expect("a world");
+        Finished::new(dir, "acc, a table", &scenario, json!({ "seeds": seeds }))
+    }
+
+    #[test]
+    fn work_is_found_again_by_the_very_question_only() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let work = of(dir.path(), WORLD, 3);
+        assert_eq!(work.read::<Vec<f64>>().expect("no file yet"), None);
+        work.write(&vec![0.1, 2.0 / 3.0]).expect("written");
+        let read = work.read::<Vec<f64>>().expect("readable");
+        assert_eq!(read, Some(vec![0.1, 2.0 / 3.0]));
+        let other = of(dir.path(), WORLD, 4).read::<Vec<f64>>();
+        assert_eq!(other.expect("readable"), None);
+        let changed = WORLD.replace("kp_per_s2: 0.3,", "kp_per_s2: 0.31,");
+        let other = of(dir.path(), &changed, 3).read::<Vec<f64>>();
+        assert_eq!(other.expect("readable"), None);
+    }
+
+    #[test]
+    fn a_number_that_was_changed_is_noticed() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let work = of(dir.path(), WORLD, 3);
+        work.write(&0.25).expect("written");
+        let path = dir.path().join("acc--a-table.json");
+        let text = fs::read_to_string(&path).expect("kept");
+        fs::write(&path, text.replace("0.25", "0.35")).expect("changed");
+        let error = work.read::<f64>().expect_err("changed").to_string();
+        assert!(error.contains("changed since it was written"), "{error}");
+    }
+
+    #[test]
+    fn a_damaged_file_is_named() {
+        let dir = tempfile::tempdir().expect("scratch");
+        let work = of(dir.path(), WORLD, 3);
+        work.write(&1.0).expect("written");
+        let path = dir.path().join("acc--a-table.json");
+        let text = fs::read_to_string(&path).expect("kept");
+        fs::write(&path, &text[..text.len() - 4]).expect("cut");
+        let error = work.read::<f64>().expect_err("cut off");
+        assert!(error.to_string().contains("acc--a-table.json"), "{error}");
+    }
+}

@@ -1,0 +1,472 @@
+//! Counterexamples as files: start, actions, world and what they must give.
+//!
+//! A kept counterexample is self-contained: the world's text is in it. Beside
+//! `NAME.ron` stands `NAME.csv` with every sample, so that a replay that
+//! differs can name the first signal that does.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+use super::about::{About, NotAsked};
+use super::disk::read_text;
+use super::{RunError, trace_of_csv, write_file};
+use crate::content_hash;
+use crate::content_hash::sha256;
+use crate::ego::Command;
+use crate::rulebook::{RulesUntilContact, Verdict};
+use crate::scene::{Dynamics, Start, Touch};
+use crate::testbench::Episode;
+use crate::trace::Trace;
+use crate::world::{Change, ChangeError, Scenario, ScenarioError};
+
+/// Version of the file. The first one held no hash; later ones are refused.
+const FORMAT: u32 = 2;
+
+/// The first column of the samples; a signal of that name is the same.
+const TIME: &str = "time";
+
+/// A recorded episode and everything needed to play it again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Counterexample {
+    /// Version of the file.
+    pub format: u32,
+    /// SHA-256 of the file with zeros in its place; `None`: an earlier version
+    /// wrote it, and nothing would notice a changed number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+    /// SHA-256 of the samples beside it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples_sha256: Option<String>,
+    /// Version of the program that recorded it.
+    pub brakecheck: String,
+    /// Name of the world.
+    pub world: String,
+    /// Which ego: `nominal`, or the name of a change.
+    pub ego: String,
+    /// How it differed from the world's own ego and surroundings.
+    pub change: Change,
+    /// Plant that it was found on.
+    pub plant: Dynamics,
+    /// Word for who played the ados.
+    pub ado: String,
+    /// The start, by name of the axis.
+    pub start: IndexMap<String, f64>,
+    /// Seed of all noise in it.
+    pub noise: u64,
+    /// The ados' joint actions, one per decision.
+    pub actions: Vec<usize>,
+    /// How it was judged.
+    pub verdict: Verdict,
+    /// ρ(ψ_ego) of the judged samples.
+    pub robustness: f64,
+    /// Samples on which the verdict rests.
+    pub judged: usize,
+    /// The first contact, if the agents touched.
+    pub contact: Option<Touch>,
+    /// Whether the rules held up to the contact; older files do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rules_until_contact: Option<RulesUntilContact>,
+    /// What an ego that nobody here wrote commanded, sample by sample:
+    /// acceleration in m/s² and speed across the road in m/s. With these the
+    /// world's side is repeated bit for bit, whatever the ego answers today.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ego_commands: Vec<(f64, f64)>,
+    /// What was recorded, in order; files of old do not say: all that was
+    /// published. Signals that later versions publish are not compared.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub signals: Vec<String>,
+    /// One digest of eight hexadecimal digits per sample.
+    pub digests: String,
+    /// What is known of it; older files do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub about: Option<About>,
+    /// The world file, verbatim.
+    pub world_file: String,
+}
+
+/// A kept counterexample could not be used.
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
+pub enum KeptError {
+    /// It could not be read or written.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The file is no counterexample.
+    #[error("`{path}` is no kept counterexample: {why}")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        why: String,
+    },
+    /// The world in it is not usable.
+    #[error("the world in `{path}`: {source}")]
+    World {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        source: Box<ScenarioError>,
+    },
+    /// The recorded change does not fit the world in it.
+    #[error("the change in `{path}`: {source}")]
+    Change {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: ChangeError,
+    },
+}
+
+impl Counterexample {
+    /// Records an episode of `scenario`, which is its world after `change`.
+    pub fn record(
+        scenario: &Scenario,
+        ego: &str,
+        change: &Change,
+        ado: &str,
+        episode: &Episode,
+    ) -> Counterexample {
+        let axes = scenario.axes();
+        let names = axes.iter().map(|axis| axis.name.clone());
+        let recorded = Counterexample {
+            format: FORMAT,
+            sha256: None,
+            samples_sha256: None,
+            brakecheck: env!("CARGO_PKG_VERSION").to_owned(),
+            world: scenario.name.clone(),
+            ego: ego.to_owned(),
+            change: change.clone(),
+            plant: scenario.plant(),
+            ado: ado.to_owned(),
+            start: names.zip(episode.start.0.iter().copied()).collect(),
+            noise: episode.noise,
+            actions: episode.actions.clone(),
+            verdict: episode.verdict,
+            robustness: episode.robustness,
+            judged: episode.judged,
+            contact: episode.contact.clone(),
+            rules_until_contact: episode.rules_until_contact.clone(),
+            ego_commands: episode
+                .commands
+                .iter()
+                .map(|command| (command.accel_mps2, command.lateral_mps))
+                .collect(),
+            signals: Vec::new(),
+            digests: String::new(),
+            about: None,
+            world_file: scenario.text.clone(),
+        };
+        recorded.as_now(&episode.trace)
+    }
+
+    /// The same with all that this version writes of its samples.
+    pub(crate) fn as_now(&self, trace: &Trace) -> Counterexample {
+        let signals = trace.schema().signals().iter();
+        let all: Vec<usize> = (0..signals.len()).collect();
+        Counterexample {
+            format: FORMAT,
+            sha256: None,
+            samples_sha256: Some(sha256(csv_of(trace).as_bytes())),
+            signals: signals.map(|signal| signal.name.clone()).collect(),
+            digests: digests_of(trace, &all),
+            ..self.clone()
+        }
+    }
+
+    /// Whether verdict, robustness, contact and the rules up to it are those of
+    /// `episode`; its samples are compared elsewhere.
+    pub(crate) fn is_of(&self, episode: &Episode) -> bool {
+        // Older files do not say what became of the rules.
+        let rules = self.rules_until_contact.as_ref();
+        let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
+        let contact_agrees = match (&episode.contact, &self.contact) {
+            (Some(now), Some(then)) => now.is_as_recorded(then),
+            (now, then) => now == then,
+        };
+        episode.verdict == self.verdict
+            && episode.robustness.to_bits() == self.robustness.to_bits()
+            && contact_agrees
+            && episode.judged == self.judged
+            && rules_agree
+    }
+
+    /// Reads a kept counterexample.
+    ///
+    /// # Errors
+    /// It cannot be read, or it is none.
+    pub fn load(path: &Path) -> Result<Counterexample, KeptError> {
+        let text = read_text(path)?;
+        let format = |why: String| KeptError::Format {
+            path: path.into(),
+            why,
+        };
+        let mut kept: Counterexample =
+            ron::from_str(&text).map_err(|error| format(error.to_string()))?;
+        if !(1..=FORMAT).contains(&kept.format) {
+            return Err(format(format!(
+                "format {} is not 1 to {FORMAT}",
+                kept.format
+            )));
+        }
+        if 1 < kept.format || kept.sha256.is_some() {
+            let hash = kept.sha256.as_deref().unwrap_or_default();
+            let damaged = |why| RunError::Damaged {
+                path: path.into(),
+                why,
+            };
+            content_hash::check(&text, hash).map_err(damaged)?;
+        }
+        // The label that earlier versions took from the same outcomes.
+        if let Some(known) = kept
+            .about
+            .as_mut()
+            .and_then(|it| it.preventability.as_mut())
+        {
+            known.label_outcomes();
+        }
+        let changed = kept.change.ego.0.values().copied();
+        let commands = kept.ego_commands.iter();
+        let commands = commands.flat_map(|&(accel, lateral)| [accel, lateral]);
+        let mut numbers = kept.start.values().copied().chain(changed).chain(commands);
+        if numbers.any(|value| !value.is_finite()) {
+            return Err(format("a value in it is not finite".to_owned()));
+        }
+        kept.mark_what_was_not_asked();
+        Ok(kept)
+    }
+
+    /// Earlier versions asked an ego that is not a stock one nothing, and wrote no
+    /// decisive action for that; later ones count its runs.
+    fn mark_what_was_not_asked(&mut self) {
+        let Some(about) = self.about.as_mut().filter(|about| about.ego_runs.is_none()) else {
+            return;
+        };
+        let why = about.why.as_mut().filter(|why| why.decisive.is_none());
+        if let Some(why) = why.filter(|_| !self.ego_commands.is_empty()) {
+            why.not_asked.get_or_insert(NotAsked::EarlierVersion);
+        }
+    }
+
+    /// Whether it holds its own hash; earlier versions wrote none.
+    pub fn is_sealed(&self) -> bool {
+        self.sha256.is_some()
+    }
+
+    /// The samples beside a kept file, as they were recorded; `None`: there are
+    /// none, which only costs the name of the first signal that differs.
+    ///
+    /// # Errors
+    /// They were changed since, or are no samples.
+    pub fn samples(&self, path: &Path) -> Result<Option<Trace>, KeptError> {
+        let Some(text) = self.samples_text(path)? else {
+            return Ok(None);
+        };
+        match (trace_of_csv(&text, None), &self.samples_sha256) {
+            (Ok(trace), _) => Ok(Some(trace)),
+            // Files of old named a signal `time` twice.
+            (Err(_), None) => Ok(None),
+            (Err(error), Some(_)) => Err(KeptError::Format {
+                path: path.with_extension("csv"),
+                why: error.to_string(),
+            }),
+        }
+    }
+
+    /// Their text, if it is as it was recorded.
+    pub(crate) fn samples_text(&self, path: &Path) -> Result<Option<String>, KeptError> {
+        let path = path.with_extension("csv");
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = read_text(&path)?;
+        let found = sha256(text.as_bytes());
+        match &self.samples_sha256 {
+            Some(recorded) if *recorded != found => {
+                let why = format!("SHA-256 is {found}, the file beside it says {recorded}");
+                Err(RunError::Damaged { path, why }.into())
+            }
+            _ => Ok(Some(text)),
+        }
+    }
+
+    /// Writes `STEM.ron` into a directory, or `STEM-2.ron` and so on where
+    /// another counterexample has that name already; returns the file.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save_as(&self, dir: &Path, stem: &str, trace: &Trace) -> Result<PathBuf, KeptError> {
+        let mut file = dir.join(format!("{stem}.ron"));
+        let mut number = 1;
+        while file.exists() && !self.is_kept_in(&file) {
+            number += 1;
+            file = dir.join(format!("{stem}-{number}.ron"));
+        }
+        self.save(&file, trace)?;
+        Ok(file)
+    }
+
+    /// Whether a file holds this very one.
+    fn is_kept_in(&self, file: &Path) -> bool {
+        let unsealed = |kept: &Counterexample| Counterexample {
+            sha256: None,
+            ..kept.clone()
+        };
+        let kept = Counterexample::load(file);
+        kept.is_ok_and(|kept| unsealed(&kept) == unsealed(self))
+    }
+
+    /// Writes the samples as CSV beside `path`, then `path` itself.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save(&self, path: &Path, trace: &Trace) -> Result<(), KeptError> {
+        let pretty = ron::ser::PrettyConfig::new()
+            .escape_strings(false)
+            .compact_arrays(true);
+        let blank = Counterexample {
+            sha256: Some(content_hash::BLANK.to_owned()),
+            ..self.clone()
+        };
+        let text = ron::ser::to_string_pretty(&blank, pretty);
+        let text = text.map_err(|error| KeptError::Format {
+            path: path.into(),
+            why: error.to_string(),
+        })?;
+        // Last what says that all of it is there.
+        write_file(&path.with_extension("csv"), csv_of(trace).as_bytes())?;
+        write_file(path, content_hash::seal(&text).as_bytes())?;
+        Ok(())
+    }
+
+    /// The world it was recorded in, its ego as it was then.
+    ///
+    /// # Errors
+    /// The world or the change in it is not usable by this version.
+    pub fn scenario(&self, path: &Path) -> Result<Scenario, KeptError> {
+        let world = self.nominal(path)?;
+        world
+            .with(&self.change)
+            .map_err(|source| KeptError::Change {
+                path: path.into(),
+                source,
+            })
+    }
+
+    /// What the ego commanded, if nobody here wrote it.
+    pub fn commands(&self) -> Option<Arc<[Command]>> {
+        let commands = self.ego_commands.iter();
+        let commands = commands.map(|&(accel_mps2, lateral_mps)| Command {
+            accel_mps2,
+            lateral_mps,
+        });
+        (!self.ego_commands.is_empty()).then(|| commands.collect())
+    }
+
+    /// The same world on the same plant, with the ego its file names.
+    ///
+    /// # Errors
+    /// The world in it is not usable by this version.
+    pub fn nominal(&self, path: &Path) -> Result<Scenario, KeptError> {
+        let name = format!("{} (in {})", self.world, path.display());
+        let world =
+            Scenario::parse(&name, &self.world_file).map_err(|source| KeptError::World {
+                path: path.into(),
+                source: Box::new(source),
+            })?;
+        Ok(match self.plant.plant() {
+            Some(plant) => world.on(plant),
+            None => world,
+        })
+    }
+
+    /// The start in the order of the world's axes.
+    ///
+    /// # Errors
+    /// An axis has no value, or one outside of its range; an action is none.
+    pub fn start(&self, scenario: &Scenario, path: &Path) -> Result<Start, KeptError> {
+        let axes = scenario.axes();
+        let value = |name: &str| {
+            self.start
+                .get(name)
+                .copied()
+                .ok_or_else(|| KeptError::Format {
+                    path: path.into(),
+                    why: format!("the start lacks `{name}`"),
+                })
+        };
+        let format = |why: String| KeptError::Format {
+            path: path.into(),
+            why,
+        };
+        let mut start = Vec::with_capacity(axes.len());
+        for axis in &axes {
+            let value = value(&axis.name)?;
+            if !(axis.lo..=axis.hi).contains(&value) {
+                let (name, lo, hi) = (&axis.name, axis.lo, axis.hi);
+                return Err(format(format!(
+                    "`{name}` = {value} is outside of {lo} ..= {hi}"
+                )));
+            }
+            start.push(value);
+        }
+        if start.len() != self.start.len() {
+            return Err(format(
+                "the start names an axis that the world has not".to_owned(),
+            ));
+        }
+        let actions = scenario.world().spaces().actions;
+        if let Some(action) = self.actions.iter().find(|action| actions <= **action) {
+            return Err(format(format!("action {action} of {actions} actions")));
+        }
+        Ok(Start(start))
+    }
+}
+
+/// A digest of eight hexadecimal digits per sample, of some of its columns in
+/// this order.
+pub fn digests_of(trace: &Trace, columns: &[usize]) -> String {
+    let columns: Vec<&[f64]> = columns.iter().map(|&at| trace.column(at)).collect();
+    let mut text = String::with_capacity(8 * trace.len());
+    for sample in 0..trace.len() {
+        // FNV-1a (Fowler, Noll, Vo) over the bits of the row.
+        let mut hash: u64 = 0xcbf2_9ce4_8422_2325;
+        let row = columns.iter().map(|column| column[sample]);
+        for byte in row.flat_map(|value| value.to_bits().to_le_bytes()) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+        text.push_str(&format!("{:08x}", (hash ^ (hash >> 32)) as u32));
+    }
+    text
+}
+
+/// A trace as CSV: a time column, then every other signal, exactly.
+pub fn csv_of(trace: &Trace) -> String {
+    let mut text = String::from(TIME);
+    let signals = trace.schema().signals().iter().enumerate();
+    let others: Vec<usize> = signals
+        .filter(|(_, signal)| signal.name != TIME)
+        .map(|(column, signal)| {
+            text.push(',');
+            text.push_str(&signal.name);
+            column
+        })
+        .collect();
+    text.push('\n');
+    for sample in 0..trace.len() {
+        // Time is i · dt; rounding hides the dust of binary fractions.
+        let time_s = (sample as f64 * trace.dt_s() * 1e9).round() / 1e9;
+        text.push_str(&time_s.to_string());
+        for &column in &others {
+            text.push(',');
+            text.push_str(&trace.column(column)[sample].to_string());
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,129 @@
+//! How training went: `progress.jsonl`, a line per report of the learner.
+
+use std::borrow::Cow;
+
+use serde::{Deserialize, Serialize};
+
+use super::append_log::verified;
+use super::{Row, RunDir, RunError, io_error};
+use crate::content_hash;
+
+pub(super) const FILE: &str = "progress.jsonl";
+const REPORT: &str = "report.json";
+
+/// `report.json`.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Report<'a> {
+    /// First, so that no name in a row is taken for it.
+    seal: String,
+    rows: Cow<'a, [Row]>,
+}
+
+/// One line of `progress.jsonl`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Decisions taken so far.
+    pub decisions: u64,
+    /// Episodes finished so far.
+    pub episodes: u64,
+    /// Episodes that the shares below are over.
+    pub window: u64,
+    /// Episodes dropped so far for faults of the ego or the physics.
+    pub aborted: u64,
+    /// Share of episodes that the ado solved, exploration included.
+    pub solved_share: f64,
+    /// Mean return.
+    pub mean_return: f64,
+    /// Share of exploratory actions now.
+    pub exploration: f32,
+}
+
+impl RunDir {
+    /// Adds lines to `progress.jsonl`; they count once a checkpoint or the policy
+    /// is saved.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn append_progress(&mut self, lines: &str) -> Result<(), RunError> {
+        self.progress.append(lines)
+    }
+
+    /// What training recorded up to its last checkpoint.
+    ///
+    /// # Errors
+    /// The disk refuses, or the file is not what the manifest says. A run that
+    /// recorded nothing yet gives nothing.
+    pub fn progress(&self) -> Result<Vec<Progress>, RunError> {
+        let manifest = self.manifest();
+        let path = self.path().join(FILE);
+        if !manifest.is_sealed() {
+            // Earlier versions noted no lengths: lines that are cut short are left out.
+            let text = self.read_if_there(FILE)?;
+            let lines = text.lines();
+            return Ok(lines
+                .filter_map(|line| serde_json::from_str(line).ok())
+                .collect());
+        }
+        let bytes = verified(&path, &manifest.progress, manifest.is_finished())?;
+        let text = String::from_utf8_lossy(&bytes);
+        let lines = text.lines().map(serde_json::from_str);
+        lines
+            .collect::<Result<_, _>>()
+            .map_err(|error| RunError::Damaged {
+                path,
+                why: error.to_string(),
+            })
+    }
+
+    /// Stores the rows of the closing evaluation, with a seal of their own: they
+    /// hold processor times, which no manifest does.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn save_report(&self, rows: &[Row]) -> Result<(), RunError> {
+        let report = Report {
+            rows: Cow::Borrowed(rows),
+            seal: content_hash::BLANK.to_owned(),
+        };
+        let text = serde_json::to_string_pretty(&report).map_err(|error| RunError::Damaged {
+            path: self.path().join(REPORT),
+            why: error.to_string(),
+        })?;
+        self.write(REPORT, content_hash::seal(&text).as_bytes())
+    }
+
+    /// The rows of the closing evaluation; none while there was no such.
+    ///
+    /// # Errors
+    /// The disk refuses, the seal is broken, or the file holds something else.
+    pub fn report(&self) -> Result<Vec<Row>, RunError> {
+        let text = self.read_if_there(REPORT)?;
+        if text.is_empty() {
+            return Ok(Vec::new());
+        }
+        let damaged = |why: String| RunError::Damaged {
+            path: self.path().join(REPORT),
+            why,
+        };
+        // Formats before the third held the rows alone.
+        if self.manifest().format < 3
+            && let Ok(rows) = serde_json::from_str(&text)
+        {
+            return Ok(rows);
+        }
+        let report: Report<'_> =
+            serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
+        content_hash::check(&text, &report.seal).map_err(damaged)?;
+        Ok(report.rows.into_owned())
+    }
+
+    fn read_if_there(&self, name: &str) -> Result<String, RunError> {
+        let path = self.path().join(name);
+        match std::fs::read_to_string(&path) {
+            Ok(text) => Ok(text),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
+            Err(error) => Err(io_error("reading", &path)(error)),
+        }
+    }
+}

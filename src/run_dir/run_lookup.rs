@@ -1,0 +1,68 @@
+//! Runs that world files name, found on the disk.
+
+use std::path::{Path, PathBuf};
+
+use super::{RunDir, RunError};
+use crate::world::{LoadError, NamedRun, RunRefused, RunSource, Scenario};
+
+/// Finds runs as directories: from where the program runs, then beside the
+/// world file that names them.
+#[derive(Clone, Copy, Debug)]
+pub struct RunsOnDisk;
+
+impl RunSource for RunsOnDisk {
+    fn find(&self, name: &str, file: &str) -> Result<NamedRun, RunRefused> {
+        let beside = Path::new(file).parent().map(|dir| dir.join(name));
+        let places = [Some(PathBuf::from(name)), beside];
+        let Some(dir) = places.into_iter().flatten().find(|place| place.is_dir()) else {
+            return Err(RunRefused {
+                what: format!("there is no run `{name}`"),
+                help: "looked for from here and beside the world file; \
+                       make one with `brakecheck train WORLD -o RUN`"
+                    .to_owned(),
+            });
+        };
+        read(&dir).map_err(|error| refused(name, &error))
+    }
+}
+
+fn read(dir: &Path) -> Result<NamedRun, RunError> {
+    let run = RunDir::open(dir)?;
+    // One directory may have several names.
+    let canonical = dir.canonicalize().unwrap_or_else(|_| dir.to_owned());
+    Ok(NamedRun {
+        identity: canonical.display().to_string(),
+        policy: run.policy_bytes()?,
+        world: run.read_text("world.ron")?,
+    })
+}
+
+/// In the words of somebody who reads a world file: by the run's name there.
+fn refused(name: &str, error: &RunError) -> RunRefused {
+    let what = match error {
+        RunError::NotARun { why, .. } => format!("`{name}` is no run directory: {why}"),
+        RunError::Unfinished { .. } => format!("the training in `{name}` has not finished"),
+        RunError::Damaged { path, why } => {
+            let file = path.file_name().unwrap_or_default().display();
+            format!("`{file}` of the run `{name}` is damaged: {why}")
+        }
+        other => format!("the run `{name}` cannot be read: {other}"),
+    };
+    RunRefused {
+        what,
+        help: error.help().unwrap_or_default(),
+    }
+}
+
+impl Scenario {
+    /// Reads and checks a world file.
+    ///
+    /// Runs that it names are looked for from where the program runs and
+    /// beside the file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or it is not a world.
+    pub fn load(path: &Path) -> Result<Scenario, LoadError> {
+        Scenario::load_with(path, &RunsOnDisk)
+    }
+}

@@ -1,0 +1,190 @@
+//! Open-loop search per start: what an adversary can do at all, and the
+//! baselines a reusable ado must beat.
+
+mod cem;
+mod confirm;
+mod dummy;
+mod found;
+mod hold;
+mod list;
+mod method;
+mod mutate;
+mod random;
+mod request;
+mod switches;
+mod tree;
+mod trials;
+mod uniform;
+
+pub(crate) use confirm::{Confirmed, Confirmer};
+pub use found::Found;
+pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
+pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};
+pub use request::SearchRequest;
+
+use crate::adversary::{blank_row, count_solved, note_row};
+use crate::experiment::Watch;
+use crate::run_dir::{Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
+use crate::scene::{Dynamics, Start};
+use crate::severity::Impact;
+use crate::sim::PlantKind;
+use crate::stats::{StartOutcome, wilson};
+use crate::testbench::{Testbench, count_faults};
+use crate::world::Scenario;
+use method::StartSearch;
+pub(crate) use tree::{Next, Tree};
+
+/// A row and the solutions behind it.
+#[derive(Clone, Debug)]
+pub struct Searched {
+    /// Rates and costs over all starts.
+    pub row: Row,
+    /// Per start; `None` for trivial ones and for those not reached.
+    pub found: Vec<Option<Found>>,
+}
+
+/// Searches every start until its first success.
+pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
+    watch.phase(&format!("searching {}", request.ego));
+    let searcher = || Searcher::new(request);
+    let found = request
+        .starts
+        .each(watch, searcher, |searcher, from, turn| {
+            let (start, noise) = from;
+            let mut found = searcher.solve((start, *noise), turn.index, watch)?;
+            found.cpu_s = turn.cpu_s();
+            Some(found)
+        });
+    let row = request.row(&found);
+    note_row(watch, &row);
+    Searched { row, found }
+}
+
+/// What the searches of all starts had reached with a smaller budget.
+pub fn anytime(found: &[Option<Found>], budget: u64) -> Anytime {
+    let searched = found.iter().flatten().filter(|found| !found.is_invalid());
+    let (mut starts, mut successes, mut simulations) = (0, 0, 0);
+    for (spent, solved) in searched.map(|found| found.within(budget)) {
+        starts += 1;
+        successes += usize::from(solved);
+        simulations += spent;
+    }
+    let per_start = |sum: f64| sum / starts.max(1) as f64;
+    Anytime {
+        budget,
+        successes,
+        success_rate: per_start(successes as f64),
+        ci95: wilson(successes, starts),
+        sims_per_start: per_start(simulations as f64),
+    }
+}
+
+impl SearchRequest<'_> {
+    /// Whether the kinematic plant sorts out sequences first.
+    fn prescreens(&self) -> bool {
+        self.scenario.plant() == Dynamics::Rigid && self.method.info().prescreens
+    }
+
+    /// Budgets that rows report: 10, 30, 100, 300 … and the whole one.
+    fn checkpoints(&self) -> Vec<u64> {
+        if !self.method.info().takes(MethodOption::Budget) {
+            return Vec::new();
+        }
+        let decades = (1..).map_while(|power| 10u64.checked_pow(power));
+        let steps = decades.flat_map(|decade| [decade, decade.saturating_mul(3)]);
+        let mut budgets: Vec<u64> = steps.take_while(|&budget| budget < self.budget).collect();
+        budgets.push(self.budget);
+        budgets
+    }
+
+    fn row(&self, found: &[Option<Found>]) -> Row {
+        let mut row = blank_row(self.scenario, self.ego, self.starts);
+        row.ado = "search".to_owned();
+        let searched = found.iter().flatten();
+        row.unconfirmed = self.prescreens().then(|| Unconfirmed {
+            sequences: searched.clone().map(|found| found.unconfirmed).sum(),
+            starts: searched
+                .clone()
+                .filter(|found| 0 < found.unconfirmed && found.actions.is_none())
+                .count(),
+        });
+        row.method = self.method.text(self.budget, row.unconfirmed);
+        let marks = found.iter().zip(&self.starts.trivial);
+        row.solved = marks
+            .map(|(found, trivial)| match (found, trivial) {
+                (_, true) => StartOutcome::Trivial,
+                (Some(found), _) if found.is_invalid() => StartOutcome::Invalid,
+                (Some(found), _) if found.actions.is_some() => StartOutcome::Solved,
+                (Some(_), _) => StartOutcome::Unsolved,
+                (None, _) => StartOutcome::NotReached,
+            })
+            .collect();
+        count_solved(&mut row);
+        let invalid = found.iter().enumerate().filter_map(|(start, found)| {
+            let found = found.as_ref().filter(|found| found.is_invalid())?;
+            Some((start as u64, found.fault.as_ref()?))
+        });
+        row.faults = count_faults(invalid);
+        let valid = searched.clone().filter(|found| !found.is_invalid());
+        let simulations: u64 = valid.clone().map(|found| found.simulations).sum();
+        row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
+        let fouls: u64 = valid.map(|found| found.fouls).sum();
+        row.foul_rate = fouls as f64 / simulations.max(1) as f64;
+        row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
+        // Not `sum`, which is -0.0 of nothing.
+        row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);
+        count_contacts(&mut row, searched);
+        let budgets = self.checkpoints().into_iter();
+        row.anytime = budgets.map(|budget| anytime(found, budget)).collect();
+        row
+    }
+}
+
+/// Fills in what a row says of contacts; its starts are counted already.
+pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
+    let starts = row.starts.max(1) as f64;
+    let share = |part: usize| part as f64 / starts;
+    let late_fouls = found.clone().filter(|found| found.foul_before_contact);
+    let contacts: Vec<f64> = found.clone().filter_map(|f| f.closing_speed_mps).collect();
+    row.foul_before_contact_rate = Some(share(late_fouls.count()));
+    row.contact_rate = share(contacts.len());
+    row.closing_speed_mps = ClosingSpeed::of(contacts);
+    let impacts: Vec<Impact> = found.filter_map(|f| f.impact).collect();
+    row.severity = ContactSeverity::of(&impacts);
+}
+
+/// One worker: the bench asked for and, for pre-screening, a cheap one.
+struct Searcher<'a> {
+    request: &'a SearchRequest<'a>,
+    cheap: Option<Scenario>,
+    bench: Testbench,
+}
+
+impl<'a> Searcher<'a> {
+    fn new(request: &'a SearchRequest<'a>) -> Searcher<'a> {
+        let cheap = request
+            .prescreens()
+            .then(|| request.scenario.on(PlantKind::Kinematic));
+        Searcher {
+            request,
+            cheap,
+            bench: request.scenario.bench(),
+        }
+    }
+
+    /// `None` when stopped from outside before a result.
+    fn solve(&mut self, from: (&Start, u64), index: usize, watch: &Watch<'_>) -> Option<Found> {
+        let (start, noise) = from;
+        let request = self.request;
+        request.method.solve(StartSearch {
+            scenario: request.scenario,
+            cheap: self.cheap.as_ref(),
+            bench: &mut self.bench,
+            start,
+            noise,
+            index,
+            budget: request.budget,
+            watch,
+        })
+    }
+}

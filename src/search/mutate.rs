@@ -1,0 +1,125 @@
+//! Counterexamples of a training, mutated until one succeeds.
+//!
+//! The nearest stored counterexamples are replayed as they are, nearest first.
+//! Then the best so far are mutated: a switch of action comes earlier or later,
+//! one stretch between two switches gets another action, or a block of
+//! decisions is held on one action. Whatever scores no worse than the worst of
+//! the best takes its place.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::found::Found;
+use super::method::{
+    MethodInfo, MethodOption, MethodSettings, SearchError, SearchMethod, StartSearch,
+};
+use super::trials::Trials;
+use crate::run_dir::Stored;
+use crate::seed;
+
+/// Stored counterexamples that are replayed first.
+const SEEDS: usize = 10;
+/// The best sequences so far, of which one is mutated next.
+const ELITES: usize = 5;
+/// Farthest a switch is moved, and longest block that is held, in decisions.
+const REACH: usize = 8;
+
+/// Mutations of the nearest of these counterexamples of a training.
+#[derive(Clone, Copy, Debug)]
+pub struct Mutate<'a>(pub &'a Stored);
+
+impl<'a> SearchMethod<'a> for Mutate<'a> {
+    const INFO: MethodInfo = MethodInfo {
+        takes: &[MethodOption::Budget, MethodOption::From],
+        ..MethodInfo::sampling(
+            "mutate",
+            "The nearest counterexamples of a training, then mutations of them",
+        )
+    };
+
+    fn with(settings: &MethodSettings<'a>) -> Result<Mutate<'a>, SearchError> {
+        let stored = settings.stored.map(Mutate);
+        stored.ok_or(SearchError::NothingToMutate)
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        Trials::spend(one, |trials| solve(trials, self.0))
+    }
+}
+
+/// Tries sequences until one succeeds; the dice depend on the noise.
+fn solve(trials: &mut Trials<'_>, stored: &Stored) {
+    let mut rng = seed::generator("mutate", &[trials.noise()]);
+    let (decisions, actions) = (trials.decisions(), trials.actions());
+    let mut elites: Vec<(f64, Vec<usize>)> = Vec::new();
+    for seed in stored.nearest(trials.start(), SEEDS) {
+        let mut sequence = seed.actions.clone();
+        let last = sequence.last().copied().unwrap_or(0);
+        sequence.resize(decisions, last);
+        let Some(reward) = trials.replay(&sequence) else {
+            return;
+        };
+        elites.push((reward, sequence));
+    }
+    if elites.is_empty() {
+        let draw = |_| rng.random_range(0..actions);
+        elites.push((f64::NEG_INFINITY, (0..decisions).map(draw).collect()));
+    }
+    best_first(&mut elites);
+    loop {
+        let mut sequence = elites[rng.random_range(0..elites.len())].1.clone();
+        mutate(&mut sequence, actions, &mut rng);
+        // Every other child is mutated twice, or three times, and so on.
+        while rng.random::<bool>() {
+            mutate(&mut sequence, actions, &mut rng);
+        }
+        let Some(reward) = trials.replay(&sequence) else {
+            return;
+        };
+        elites.push((reward, sequence));
+        best_first(&mut elites);
+    }
+}
+
+/// The best first, the newest of equals; no more than [`ELITES`].
+fn best_first(elites: &mut Vec<(f64, Vec<usize>)>) {
+    elites.reverse();
+    elites.sort_by(|a, b| b.0.total_cmp(&a.0));
+    elites.truncate(ELITES);
+}
+
+fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
+    let len = sequence.len();
+    if len == 0 {
+        return;
+    }
+    let switches: Vec<usize> = (1..len)
+        .filter(|&at| sequence[at - 1] != sequence[at])
+        .collect();
+    let kind = rng.random_range(0..3);
+    match kind {
+        0 if !switches.is_empty() => {
+            let at = switches[rng.random_range(0..switches.len())];
+            let by = rng.random_range(1..=REACH);
+            let (before, after) = (sequence[at - 1], sequence[at]);
+            match rng.random::<bool>() {
+                true => sequence[at.saturating_sub(by)..at].fill(after),
+                false => sequence[at..(at + by).min(len)].fill(before),
+            }
+        }
+        1 => {
+            let mut borders = vec![0];
+            borders.extend(&switches);
+            borders.push(len);
+            let stretch = rng.random_range(0..borders.len() - 1);
+            let action = rng.random_range(0..actions);
+            sequence[borders[stretch]..borders[stretch + 1]].fill(action);
+        }
+        _ => {
+            let from = rng.random_range(0..len);
+            let to = (from + rng.random_range(1..=REACH)).min(len);
+            let action = rng.random_range(0..actions);
+            sequence[from..to].fill(action);
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! All sequences with at most so many switches of action, fewest first.
+
+use super::confirm::Confirmer;
+use super::found::Found;
+use super::method::{
+    MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError, SearchMethod, StartSearch,
+};
+use super::tree::{Next, Tree};
+use crate::run_dir::Unconfirmed;
+use crate::testbench::{Aftermath, Testbench};
+
+/// Pre-screened sequences that are tried on the plant asked for, per start.
+const MAX_CONFIRMATIONS: u64 = 300;
+
+/// All sequences with at most so many switches of action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Switches(pub usize);
+
+impl SearchMethod<'_> for Switches {
+    const INFO: MethodInfo = MethodInfo {
+        name: "switches",
+        help: "All sequences with at most M switches of action, fewest first",
+        takes: &[MethodOption::Switches],
+        prescreens: true,
+    };
+
+    fn with(settings: &MethodSettings<'_>) -> Result<Switches, SearchError> {
+        Ok(Switches(settings.switches.unwrap_or(SWITCHES)))
+    }
+
+    fn text(&self, _budget: u64, unconfirmed: Option<Unconfirmed>) -> String {
+        let mut text = format!("switches ≤ {}", self.0);
+        if let Some(Unconfirmed { sequences, starts }) = unconfirmed {
+            text.push_str(&format!(
+                ", pre-screened on the kinematic plant, {sequences} unconfirmed"
+            ));
+            if 0 < starts {
+                text.push_str(&format!(" (nothing else on {starts} starts)"));
+            }
+        }
+        text
+    }
+
+    fn solve(&self, one: StartSearch<'_>) -> Option<Found> {
+        solve(&one, self.0)
+    }
+}
+
+/// Without a plant that sorts out sequences first, what succeeds on the plant
+/// asked for is played once more, to contact.
+fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
+    let &StartSearch {
+        scenario: asked_for,
+        cheap,
+        start,
+        noise,
+        index,
+        watch,
+        ..
+    } = one;
+    let scenario = cheap.unwrap_or(asked_for);
+    let mut confirmer = Confirmer::new(asked_for, (start, noise), index, watch);
+    let mut found = Found::default();
+    let mut accept = |actions: &[usize], _: &Testbench| {
+        let played = confirmer.confirm(actions);
+        if cheap.is_some() {
+            found.simulations += 1;
+            found.unconfirmed += u64::from(!played.success);
+        }
+        if played.success {
+            let contact = played.contact.as_ref();
+            found.closing_speed_mps = contact.map(|touch| touch.closing_speed_mps);
+            found.impact = contact.and_then(|touch| touch.impact);
+            found.foul_before_contact = played.foul_before_contact;
+            found.actions = Some(actions.to_vec());
+        }
+        match played.success || MAX_CONFIRMATIONS <= found.simulations {
+            true => Next::Stop,
+            false => Next::Continue,
+        }
+    };
+    let mut root = scenario.bench();
+    let from = ((start, noise), index);
+    let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, watch);
+    let mut next = Next::Continue;
+    for switches in 0..=most {
+        for action in 0..scenario.world().spaces().actions {
+            if next == Next::Continue {
+                next = tree.begin(&mut root, action, switches);
+            }
+        }
+    }
+    let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
+    found.fouls += tree.fouls;
+    found.fault = tree.fault.or(confirmer.fault);
+    if found.actions.is_none() && found.fault.is_none() && watch.stopped() {
+        return None;
+    }
+    found.simulations += simulations;
+    found.physics_steps = physics_steps + confirmer.physics_steps;
+    Some(found)
+}

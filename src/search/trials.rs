@@ -1,0 +1,112 @@
+//! Whole episodes from one start, one after the other, until one succeeds.
+
+use super::found::Found;
+use super::method::StartSearch;
+use crate::scene::Start;
+use crate::testbench::{Actor, Aftermath, Episode, Replay, play};
+use crate::world::Repeats;
+
+/// The simulations spent on one start, within the budget.
+pub(super) struct Trials<'a> {
+    one: StartSearch<'a>,
+    stopped: bool,
+    found: Found,
+}
+
+impl<'a> Trials<'a> {
+    /// Lets a method try until [`Trials::play`] says that there is nothing more to
+    /// do; `None` when stopped from outside before a result.
+    pub fn spend(one: StartSearch<'a>, method: impl FnOnce(&mut Trials<'a>)) -> Option<Found> {
+        let mut trials = Trials {
+            one,
+            stopped: false,
+            found: Found::default(),
+        };
+        method(&mut trials);
+        let tells = trials.found.actions.is_some() || trials.found.fault.is_some();
+        let unfinished = trials.stopped && !tells;
+        (!unfinished).then_some(trials.found)
+    }
+
+    /// The start that every simulation here begins from.
+    pub fn start(&self) -> &'a Start {
+        self.one.start
+    }
+
+    /// The noise of every episode, on which a method's dice depend as well.
+    pub fn noise(&self) -> u64 {
+        self.one.noise
+    }
+
+    /// Simulations so far.
+    pub fn spent(&self) -> u64 {
+        self.found.simulations
+    }
+
+    /// Joint actions to choose from.
+    pub fn actions(&self) -> usize {
+        self.one.bench.spaces().actions
+    }
+
+    /// Decisions of a full episode.
+    pub fn decisions(&self) -> usize {
+        self.one.bench.clock().decisions()
+    }
+
+    /// Plays one episode and gives its reward (Definition 4).
+    ///
+    /// `None`: there is nothing more to do, because it succeeded, the budget is
+    /// spent, or somebody asked to stop. An invalid episode ranks last.
+    pub fn play(&mut self, actor: &mut dyn Actor) -> Option<f64> {
+        if self.one.watch.stopped() {
+            self.stopped = true;
+        }
+        if self.stopped || self.is_over() {
+            return None;
+        }
+        let episode = self.simulate(actor);
+        if episode.verdict.is_success() && self.fails_again(&episode.actions) {
+            self.found.foul_before_contact = episode.is_foul_before_contact();
+            self.found.actions = Some(episode.actions);
+            self.found.impact = episode.contact.as_ref().and_then(|touch| touch.impact);
+            self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
+            return None;
+        }
+        let reward = self.one.bench.rulebook().reward_of(&episode.verdict);
+        Some(reward.unwrap_or(f64::NEG_INFINITY))
+    }
+
+    fn simulate(&mut self, actor: &mut dyn Actor) -> Episode {
+        let one = &mut self.one;
+        let episode = play(one.bench, one.start, one.noise, actor, Aftermath::Play);
+        one.watch
+            .faults
+            .note(one.index as u64, episode.fault.as_ref());
+        self.found.simulations += 1;
+        self.found.fouls += u64::from(episode.verdict.is_foul());
+        self.found.physics_steps += episode.physics_steps;
+        if self.found.fault.is_none() {
+            self.found.fault.clone_from(&episode.fault);
+        }
+        episode
+    }
+
+    /// Whether an ego that failed once does so as often as the world asks.
+    fn fails_again(&mut self, actions: &[usize]) -> bool {
+        let Repeats { runs, gate } = self.one.scenario.repeats;
+        let again = (1..runs).filter(|_| {
+            let mut same = Replay::holding(actions);
+            self.simulate(&mut same).verdict.is_success()
+        });
+        gate as usize <= 1 + again.count()
+    }
+
+    /// The same for a sequence of actions, the last one held.
+    pub fn replay(&mut self, actions: &[usize]) -> Option<f64> {
+        self.play(&mut Replay::holding(actions))
+    }
+
+    fn is_over(&self) -> bool {
+        self.found.actions.is_some() || self.one.budget <= self.found.simulations
+    }
+}

@@ -1,0 +1,342 @@
+//! A trained ado that another simulator asks what to do: ado protocol 1.
+//!
+//! The mirror of the ego protocol: there brakecheck asks a program what the ego
+//! does, here a simulator asks brakecheck what the ado does. The document is
+//! `docs/ado-protocol.md`; both sides ignore keys they do not know.
+
+use std::io::{self, BufRead, Read, Write};
+
+use indexmap::IndexMap;
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
+
+use crate::rl::Policy;
+use crate::run_dir::RunDir;
+use crate::scene::World;
+use crate::scene::drive::{Actions, Turn};
+use crate::sysid::ConditioningError;
+use crate::world::Scenario;
+
+/// The version spoken here.
+const PROTOCOL: u32 = 1;
+/// Longer lines are no message.
+const LONGEST: u64 = 65_536;
+
+/// A trained ado in a world that is not brakecheck's.
+pub struct ServedAdo {
+    world: Scenario,
+    policy: Box<dyn Policy>,
+    /// Decisions since the episode began: `time` and `time_left` follow where
+    /// nobody gives them.
+    decisions: u64,
+}
+
+/// How a conversation ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Served {
+    /// Decisions that were answered.
+    pub decisions: u64,
+    /// Messages that were answered with an error.
+    pub errors: u64,
+}
+
+/// A conversation that could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    /// What came is none of the messages.
+    #[error("line {line} is no message: {why}")]
+    NoMessage {
+        /// From 1.
+        line: u64,
+        /// Why.
+        why: String,
+    },
+    /// A pipe failed.
+    #[error("the other side is gone: {0}")]
+    Pipe(#[from] io::Error),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+struct Asked {
+    #[serde(default)]
+    id: Value,
+    #[serde(default)]
+    hello: Option<Hello>,
+    #[serde(default)]
+    reset: Option<Value>,
+    #[serde(default)]
+    decide: Option<IndexMap<String, Value>>,
+    #[serde(default)]
+    close: Option<Value>,
+}
+
+#[derive(Deserialize)]
+struct Hello {
+    protocol: u32,
+}
+
+/// The policy of a run; a conditional one is told what it takes the ego for, by
+/// the names of its family's quantities, or the nominal values without any.
+///
+/// # Errors
+/// The run has no policy, is told nothing, or told something its family does
+/// not vary.
+pub fn policy_told_by_name(
+    run: &RunDir,
+    told: &IndexMap<String, f64>,
+) -> Result<Box<dyn Policy>, ConditioningError> {
+    let world = run.scenario()?;
+    let manifest = run.manifest();
+    match (world.family(), world.plant().plant()) {
+        (Some(family), Some(plant)) if !manifest.told.is_empty() => {
+            let member = match told.is_empty() {
+                true => Ok(family.nominal(plant)),
+                false => family.member_named(told, plant),
+            };
+            let member = member.map_err(|error| ConditioningError::Misfit {
+                error,
+                known: manifest.told.clone(),
+            })?;
+            Ok(run.policy_told(&member)?)
+        }
+        _ if !told.is_empty() => Err(ConditioningError::NotConditional {
+            run: run.path().into(),
+        }),
+        _ => Ok(run.policy()?),
+    }
+}
+
+impl ServedAdo {
+    /// The ado of a run, told of the ego what is given by name.
+    ///
+    /// # Errors
+    /// As for [`policy_told_by_name`].
+    pub fn of(run: &RunDir, told: &IndexMap<String, f64>) -> Result<ServedAdo, ConditioningError> {
+        Ok(ServedAdo {
+            policy: policy_told_by_name(run, told)?,
+            world: run.scenario()?,
+            decisions: 0,
+        })
+    }
+
+    /// The world it was trained in.
+    pub fn world(&self) -> &Scenario {
+        &self.world
+    }
+
+    /// Answers line after line until `close`, or until the other side ends.
+    ///
+    /// What it is asked wrongly it answers with an `error`, and goes on.
+    ///
+    /// # Errors
+    /// A line that is no message, or a pipe that fails.
+    pub fn serve(
+        &mut self,
+        asked: &mut impl BufRead,
+        answers: &mut impl Write,
+    ) -> Result<Served, ServeError> {
+        let mut served = Served::default();
+        let mut text = String::new();
+        for line in 1.. {
+            text.clear();
+            let mut refuse = |why: String| {
+                // The other side hears of it as well; it may be gone already.
+                let _ = say(answers, &json!({ "error": why }));
+                ServeError::NoMessage { line, why }
+            };
+            match asked.by_ref().take(LONGEST + 1).read_line(&mut text) {
+                Ok(0) => break,
+                Ok(_) => {}
+                Err(error) if error.kind() == io::ErrorKind::InvalidData => {
+                    return Err(refuse("it is not UTF-8".to_owned()));
+                }
+                Err(error) => return Err(error.into()),
+            }
+            let Some(asked) = message(&text).map_err(&mut refuse)? else {
+                continue;
+            };
+            if asked.close.is_some() {
+                break;
+            }
+            let counts = asked.decide.is_some();
+            let answer = match self.answer(&asked) {
+                Ok(answer) => {
+                    served.decisions += u64::from(counts);
+                    answer
+                }
+                Err(why) => {
+                    served.errors += 1;
+                    Map::from_iter([("error".to_owned(), json!(why))])
+                }
+            };
+            let mut numbered = Map::new();
+            if !asked.id.is_null() {
+                numbered.insert("id".to_owned(), asked.id);
+            }
+            numbered.extend(answer);
+            say(answers, &Value::Object(numbered))?;
+        }
+        Ok(served)
+    }
+
+    fn answer(&mut self, asked: &Asked) -> Result<Map<String, Value>, String> {
+        let answer = match asked {
+            Asked {
+                hello: Some(hello), ..
+            } => match hello.protocol == PROTOCOL {
+                true => json!({ "hello": self.hello() }),
+                false => {
+                    let spoken = hello.protocol;
+                    return Err(format!(
+                        "protocol {spoken} is not spoken here: say hello with protocol {PROTOCOL}"
+                    ));
+                }
+            },
+            Asked { reset: Some(_), .. } => {
+                self.decisions = 0;
+                json!({ "ready": true })
+            }
+            Asked {
+                decide: Some(signals),
+                ..
+            } => self.decide(signals)?,
+            _ => return Err("known: hello, reset, decide, close".to_owned()),
+        };
+        match answer {
+            Value::Object(fields) => Ok(fields),
+            // Invariant: every answer above is an object.
+            _ => Ok(Map::new()),
+        }
+    }
+
+    /// Everything that a simulator has to know of it.
+    fn hello(&self) -> Value {
+        let world = self.world.world();
+        let clock = world.clock();
+        let signals = world.signals();
+        let observed = world.observed().iter().map(|observed| {
+            let mut known = signals.iter().map(|(signal, _)| signal);
+            let signal = known.find(|signal| signal.name == observed.name);
+            json!({
+                "name": observed.name,
+                "unit": signal.map(|signal| &signal.unit),
+                "about": signal.map(|signal| &signal.about),
+                "low": observed.mid - observed.half,
+                "high": observed.mid + observed.half,
+            })
+        });
+        let actions = 0..world.spaces().actions;
+        let actions = actions.map(|action| {
+            json!({
+                "label": world.action_label(action),
+                "ados": asked_of(world, action),
+            })
+        });
+        json!({
+            "protocol": PROTOCOL,
+            "program": concat!("brakecheck ", env!("CARGO_PKG_VERSION")),
+            "world": self.world.name(),
+            "decision_s": clock.decision_s,
+            "horizon_s": clock.horizon_s,
+            "observe": observed.collect::<Vec<_>>(),
+            "actions": actions.collect::<Vec<_>>(),
+            "neutral": world.spaces().neutral,
+        })
+    }
+
+    fn decide(&mut self, signals: &IndexMap<String, Value>) -> Result<Value, String> {
+        let world = self.world.world();
+        let clock = world.clock();
+        let passed_s = self.decisions as f64 * clock.decision_s;
+        let mut obs = Vec::with_capacity(world.observed().len());
+        let mut missing = Vec::new();
+        for observed in world.observed() {
+            let name = observed.name.as_str();
+            let value = match (signals.get(name), name) {
+                (Some(value), _) => number(name, value)?,
+                (None, "time") => passed_s,
+                (None, "time_left") => (clock.horizon_s - passed_s).max(0.0),
+                (None, _) => {
+                    missing.push(format!("`{name}`"));
+                    continue;
+                }
+            };
+            obs.push(observed.scaled(value));
+        }
+        if !missing.is_empty() {
+            return Err(format!("the ado also observes {}", missing.join(", ")));
+        }
+        let action = self.policy.act(&obs);
+        self.decisions += 1;
+        let value = self.policy.value(&obs);
+        Ok(json!({
+            "action": action,
+            "label": world.action_label(action),
+            "ados": asked_of(world, action),
+            "value": value.is_finite().then_some(value),
+        }))
+    }
+}
+
+/// A signal's value: a number, or a truth value for signals that are one.
+fn number(name: &str, value: &Value) -> Result<f64, String> {
+    let value = match value {
+        Value::Bool(holds) => Some(f64::from(u8::from(*holds))),
+        value => value.as_f64(),
+    };
+    value.ok_or_else(|| format!("`{name}` is no number"))
+}
+
+/// What a joint action asks each ado for, in numbers: of a vehicle `accel_mps2`
+/// and `lateral_mps`, of somebody on foot `along_mps` and `left_mps`, of a light
+/// `advance`, of somebody with a plan `added_accel_mps2` and `added_left_mps`,
+/// which come on top of it. On grids actions have words only.
+pub fn asked_of(world: &World, mut action: usize) -> Value {
+    let World::Drive(drive) = world else {
+        return json!({});
+    };
+    let mut ados = Map::new();
+    for (name, actions, _) in drive.spec().action_sets() {
+        let own = action % actions.len();
+        action /= actions.len();
+        ados.insert(name.to_owned(), in_numbers(actions, own));
+    }
+    Value::Object(ados)
+}
+
+fn in_numbers(actions: &Actions, action: usize) -> Value {
+    match actions {
+        Actions::Accelerations(list) => json!({ "accel_mps2": list[action], "lateral_mps": 0.0 }),
+        Actions::Grid(grid) => {
+            let (accel_mps2, lateral_mps) = grid.command(action);
+            json!({ "accel_mps2": accel_mps2, "lateral_mps": lateral_mps })
+        }
+        Actions::Walks(list) => json!({ "along_mps": list[action].0, "left_mps": list[action].1 }),
+        Actions::Phases(list) => json!({ "advance": list[action] == Turn::Advance }),
+        Actions::Deviate(added) => {
+            let (accel_mps2, left_mps) = added.at(action);
+            json!({ "added_accel_mps2": accel_mps2, "added_left_mps": left_mps })
+        }
+    }
+}
+
+/// The message of a line; none if it is blank.
+fn message(text: &str) -> Result<Option<Asked>, String> {
+    if LONGEST < text.len() as u64 {
+        return Err(format!("it is longer than {LONGEST} bytes"));
+    }
+    if text.trim().is_empty() {
+        return Ok(None);
+    }
+    // An object, since serde would take the fields in a list as well.
+    serde_json::from_str::<Map<String, Value>>(text)
+        .and_then(|fields| serde_json::from_value(Value::Object(fields)))
+        .map(Some)
+        .map_err(|error| error.to_string())
+}
+
+fn say(answers: &mut impl Write, answer: &Value) -> io::Result<()> {
+    writeln!(answers, "{answer}")?;
+    answers.flush()
+}

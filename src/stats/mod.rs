@@ -1,0 +1,15 @@
+//! Statistics of rates over starts and trainings, and the fits that use them.
+
+mod cross_entropy;
+mod interval;
+mod least_squares;
+mod outcomes;
+
+pub(crate) use cross_entropy::{Fit, Search, draw, normal, pick, refit};
+pub use interval::mcnemar;
+pub use interval::predicted;
+pub use interval::{
+    at_most, mean_difference, paired_difference, runs_interval, seeds_interval, wilson,
+};
+pub(crate) use least_squares::{cost, descend};
+pub use outcomes::{Outcomes, StartOutcome, UnknownMark};

@@ -1,0 +1,231 @@
+//! Recording runs of an ego, and what a surrogate is fitted to.
+
+use std::sync::Arc;
+
+use rand::RngExt;
+
+use super::earlier_attempts::Earlier;
+use super::emergency_brake::Situation;
+use super::fit::Samples;
+use super::fitted_model::{Answered, Likeness};
+use super::model_inputs::Reading;
+use super::motion::MotionReader;
+use super::plan::Planner;
+use super::strategy::Strategy;
+use super::surrogate_sim::{ModelBench, Origin, SoFar};
+use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::rl::Policy;
+use crate::scene::Start;
+use crate::seed;
+use crate::seed::{Purpose, StartKey};
+use crate::testbench::{
+    Actor, Aftermath, Constant, HOLD_DECISIONS, HeldRandom, PolicyActor, Replay, Testbench, play,
+};
+use crate::world::Scenario;
+
+/// Calibration starts from here on are for this alone.
+const FIRST_START: u64 = 1 << 33;
+
+/// A run of the real ego from a calibration start.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    pub start: Start,
+    pub noise: u64,
+    pub so_far: SoFar,
+    pub is_success: bool,
+    /// Whether the ado acted as it was trained.
+    pub as_trained: bool,
+}
+
+impl Run {
+    pub fn from(&self) -> Origin<'_> {
+        (&self.start, self.noise)
+    }
+}
+
+/// Calibration starts, none of which the nominal ego fails by itself, as far as
+/// that can be known without running a program.
+pub(super) fn starts(nominal: &Scenario, count: u64, seed: u64) -> Vec<(Start, u64)> {
+    let mut bench = nominal.bench();
+    let neutral = bench.spaces().neutral;
+    let knows = nominal.program().is_none();
+    let keys = (0..4 * count).map(|index| StartKey {
+        purpose: Purpose::Calibration,
+        seed,
+        index: FIRST_START + index,
+    });
+    let mut starts = Vec::new();
+    for key in keys {
+        if starts.len() as u64 == count {
+            break;
+        }
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        let mut coasting = Constant(neutral);
+        let skip = Aftermath::Skip;
+        let fails = knows
+            && play(&mut bench, &start, noise, &mut coasting, skip)
+                .verdict
+                .is_success();
+        if !fails {
+            starts.push((start, noise));
+        }
+    }
+    starts
+}
+
+/// Who acts in a recorded run.
+enum Recorded<'a> {
+    /// Random actions, held.
+    Held,
+    /// The ado as it was trained.
+    Policy(&'a dyn Policy),
+    /// These actions, the last one held.
+    Sequence(Vec<usize>),
+}
+
+/// Runs under a mixture of actions: half of them random and held, a quarter as
+/// the policy acts, a quarter one action up to some time and then another.
+pub(super) fn mixed(
+    ego: &Scenario,
+    policy: &dyn Policy,
+    starts: &[(Start, u64)],
+    watch: &Watch<'_>,
+) -> Vec<Run> {
+    let acting = |bench: &Testbench, noise: u64, turn: &Turn| {
+        let actions = bench.spaces().actions;
+        let decisions = bench.clock().decisions();
+        let mut dice = seed::generator("surrogate", &[noise]);
+        let mut one = || dice.random_range(0..actions);
+        let (first, second) = (one(), one());
+        let switched = dice.random_range(1..decisions.max(2));
+        match turn.index % 4 {
+            0 | 1 => Recorded::Held,
+            2 => Recorded::Policy(policy),
+            _ => {
+                let mut sequence = vec![first; switched];
+                sequence.push(second);
+                Recorded::Sequence(sequence)
+            }
+        }
+    };
+    recorded(ego, starts, &acting, watch)
+}
+
+/// Runs under the same actions from every start.
+pub(super) fn alike(
+    ego: &Scenario,
+    actions: &[usize],
+    starts: &[(Start, u64)],
+    watch: &Watch<'_>,
+) -> Vec<Run> {
+    let acting = |_: &Testbench, _: u64, _: &Turn| Recorded::Sequence(actions.to_vec());
+    recorded(ego, starts, &acting, watch)
+}
+
+fn recorded<'a>(
+    ego: &Scenario,
+    starts: &[(Start, u64)],
+    acting: &(dyn Fn(&Testbench, u64, &Turn) -> Recorded<'a> + Sync),
+    watch: &Watch<'_>,
+) -> Vec<Run> {
+    let Some(reader) = MotionReader::of(ego) else {
+        return Vec::new();
+    };
+    let one = |bench: &mut Testbench, from: &(Start, u64), turn: &Turn| {
+        let (start, noise) = (&from.0, from.1);
+        let acting = acting(bench, noise, turn);
+        let mut actor: Box<dyn Actor + '_> = match &acting {
+            Recorded::Held => Box::new(HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS)),
+            Recorded::Policy(policy) => Box::new(PolicyActor(*policy)),
+            Recorded::Sequence(actions) => Box::new(Replay::holding(actions)),
+        };
+        let skip = Aftermath::Skip;
+        let episode = watch.play(bench, (start, noise), turn.index, &mut *actor, skip);
+        let mut motion = Vec::new();
+        reader.follow(bench, &mut motion);
+        episode.fault.is_none().then(|| Run {
+            start: start.clone(),
+            noise,
+            so_far: SoFar {
+                actions: episode.actions,
+                motion,
+            },
+            is_success: episode.verdict.is_success(),
+            as_trained: matches!(acting, Recorded::Policy(_)),
+        })
+    };
+    let all = EpisodeLoop::uncounted(watch);
+    let runs = all.run(starts, || ego.bench(), one);
+    runs.into_iter().flatten().collect()
+}
+
+/// Runs that are planned in a surrogate.
+pub(super) fn planned<'a>(
+    ego: &Scenario,
+    planner: impl Fn() -> Option<Planner<'a>> + Sync + Send,
+    starts: &[(Start, u64)],
+    watch: &Watch<'_>,
+) -> Vec<Run> {
+    let worker = || (planner(), ego.bench());
+    let one = |(planner, bench): &mut (Option<Planner<'a>>, Testbench),
+               from: &(Start, u64),
+               turn: &Turn| {
+        let (start, noise) = (&from.0, from.1);
+        let run =
+            planner
+                .as_mut()?
+                .run(bench, (start, noise), Aftermath::Skip, &Earlier::default());
+        watch.faults.note(turn.index as u64, bench.fault());
+        bench.fault().is_none().then(|| Run {
+            start: start.clone(),
+            noise,
+            is_success: bench.verdict().is_some_and(|verdict| verdict.is_success()),
+            as_trained: run.kept() == Some(&Strategy::AsTrained),
+            so_far: run.so_far,
+        })
+    };
+    let runs = EpisodeLoop::uncounted(watch).run(starts, worker, one);
+    runs.into_iter().flatten().collect()
+}
+
+/// What the ego was told in a run and how it answered.
+///
+/// What it was told is read in the model, with the ego moved as it was recorded:
+/// so it is there what it will be in plans. `None`: nobody drives.
+pub(super) fn answered(world: &Scenario, runs: &[Run]) -> Option<Vec<Answered>> {
+    let mut model = ModelBench::quick(world)?;
+    let sample_s = model.bench.clock().sample_s;
+    let one = |run: &Run| {
+        let heard = model.percepts(run.from(), &run.so_far);
+        let pairs = run.so_far.motion.windows(2);
+        let answers = heard.percepts.iter().zip(pairs).map(|(percept, pair)| {
+            let next_mps2 = (pair[1].speed_mps - pair[0].speed_mps) / sample_s;
+            let lateral_mps = (pair[1].lateral_m - pair[0].lateral_m) / sample_s;
+            [next_mps2 - percept.own.accel_mps2, lateral_mps]
+        });
+        let answers = answers.collect();
+        Answered { heard, answers }
+    };
+    Some(runs.iter().map(one).collect())
+}
+
+/// The rows of runs and their answers, with what stock controllers would do.
+pub(super) fn samples(runs: &[Answered], alike: &Arc<[Likeness]>) -> Samples {
+    let mut samples = Samples::default();
+    let (mut reading, mut row) = (Reading::default(), Vec::new());
+    for run in runs {
+        let percepts = &run.heard.percepts;
+        if let Some(first) = percepts.first() {
+            reading.begin(alike, &run.heard.briefing, first);
+        }
+        for (percept, [change_mps2, lateral_mps]) in percepts.iter().zip(&run.answers) {
+            reading.read(percept, &mut row);
+            samples.width = row.len();
+            samples.inputs.extend_from_slice(&row);
+            let answer = [percept.own.accel_mps2, *change_mps2, *lateral_mps];
+            samples.answers.push(answer);
+            samples.situations.push(Situation::of(percept));
+        }
+    }
+    samples
+}

@@ -1,0 +1,164 @@
+//! An ado that goes on learning inside the surrogate of an ego.
+//!
+//! It acts on what it sees, so that it follows an ego that strays from what was
+//! foreseen where a plan would have to be made anew; a plan fits its start better.
+//! Which of them is taken is decided start by start.
+
+use std::sync::Arc;
+
+use super::fit::MEMBERS;
+use super::model::{Casting, Part, Surrogate};
+use super::surrogate_sim::ModelBench;
+use crate::experiment::Watch;
+use crate::rl::{Bundle, Control, Env, Spaces, Step, fine_tuner};
+use crate::seed::Purpose;
+use crate::testbench::Gym;
+use crate::world::Scenario;
+
+/// Decisions for which it learns on, every time.
+const DECISIONS: u64 = 30_000;
+
+/// Training starts against the surrogate, another of its networks in every episode:
+/// what the ado relies on is then what both of them say.
+struct Inside {
+    gym: Gym,
+    casting: Casting,
+    surrogate: Arc<Surrogate>,
+}
+
+impl Env for Inside {
+    fn spaces(&self) -> &Spaces {
+        self.gym.spaces()
+    }
+
+    fn reset(&mut self, index: u64, obs: &mut [f32]) {
+        self.casting.give(Part {
+            surrogate: Some(Arc::clone(&self.surrogate)),
+            member: Some(index as usize % MEMBERS),
+            ..Part::default()
+        });
+        self.gym.reset(index, obs);
+    }
+
+    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
+        self.gym.step(action, obs)
+    }
+}
+
+/// What the ado learns inside the surrogate that takes the place of the ego of
+/// `world`. `None`: it is none that goes on learning (it was told what it meets, or
+/// did not learn by deep Q-learning), or it was stopped.
+///
+/// Equal requests give equal policies.
+pub(super) fn trained_on(
+    world: &Scenario,
+    policy: Option<&Bundle>,
+    (surrogate, seed): (&Arc<Surrogate>, u64),
+    watch: &Watch<'_>,
+) -> Option<Bundle> {
+    let ModelBench { bench, casting, .. } = ModelBench::quick(world)?;
+    let mut learner = fine_tuner(bench.spaces(), (DECISIONS, seed), policy?)?;
+    let mut inside = Inside {
+        gym: Gym::new(bench, Purpose::Train, seed),
+        casting,
+        surrogate: Arc::clone(surrogate),
+    };
+    learner.train(&mut inside, &mut |_| match watch.stopped() {
+        true => Control::Stop,
+        false => Control::Continue,
+    });
+    learner.finished().then(|| learner.policy_bundle())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rl::nn::Mlp;
+    use crate::rl::{DqnSettings, LearnerConfig, Policy, PpoSettings, load_policy};
+    use crate::surrogate::model::OUTPUTS;
+    use crate::surrogate::surrogate_sim::width_of;
+    use crate::testbench::{Aftermath, PolicyActor, play};
+
+    /// One that always says `change_mps2`.
+    fn surrogate_of(world: &Scenario, change_mps2: f64) -> Arc<Surrogate> {
+        let width = width_of(world);
+        // One layer: the biases come first, then the weights.
+        let mut net = Mlp::zeros(&[width, OUTPUTS]);
+        net.parameters_mut()[0] = 1.0;
+        Arc::new(Surrogate {
+            mean: vec![0.0; width],
+            inverse_sd: vec![1.0; width],
+            unit: [change_mps2, 0.0],
+            range_mps2: [-8.0, 2.0],
+            alike: Arc::default(),
+            members: vec![net.clone(), net],
+            brake: None,
+        })
+    }
+
+    /// Of 20 training starts, those on which a policy makes the surrogate fail.
+    fn solved(world: &Scenario, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
+        let ModelBench { bench, casting, .. } = ModelBench::quick(world).expect("driven");
+        let mut gym = Gym::new(bench, Purpose::Calibration, 2);
+        let is_success = |index: &u64| {
+            let key = gym.key(*index);
+            let bench = gym.bench();
+            let (start, noise) = (bench.draw(key), bench.noise_of(key));
+            casting.give(Part {
+                surrogate: Some(Arc::clone(surrogate)),
+                ..Part::default()
+            });
+            let mut actor = PolicyActor(policy);
+            let episode = play(bench, &start, noise, &mut actor, Aftermath::Skip);
+            episode.verdict.is_success()
+        };
+        (0..20).filter(is_success).count()
+    }
+
+    fn unlearned(world: &Scenario, learner: LearnerConfig) -> Bundle {
+        learner.build(&world.spaces(), 3).policy_bundle()
+    }
+
+    #[test]
+    fn an_ado_learns_what_the_ego_in_the_surrogate_does() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let watch = Watch::unwatched();
+        let before = unlearned(
+            &world,
+            LearnerConfig::new(DqnSettings::default()).expect("sound"),
+        );
+        // One keeps its acceleration and runs into whoever brakes; the other brakes
+        // hard whatever there is, and fails from the nearest starts only.
+        let keeps = surrogate_of(&world, 0.0);
+        let brakes = surrogate_of(&world, -1.0);
+        let learn = |policy: &Bundle, ego: &Arc<Surrogate>| {
+            trained_on(&world, Some(policy), (ego, 5), &watch)
+        };
+        let solves = |kept: &Bundle, ego| {
+            let policy = load_policy(kept).expect("a policy");
+            solved(&world, ego, &*policy)
+        };
+        let kept = learn(&before, &keeps).expect("deep Q-learning");
+        let [first, after, braking] = [(&before, &keeps), (&kept, &keeps), (&kept, &brakes)]
+            .map(|(policy, ego)| solves(policy, ego));
+        assert!(first < 10 && 16 <= after, "{first}, then {after}");
+        assert!(braking < 8, "{braking}");
+        assert_eq!(learn(&before, &keeps).as_ref(), Some(&kept));
+        assert_ne!(learn(&before, &brakes), Some(kept));
+
+        let other = unlearned(
+            &world,
+            LearnerConfig::new(PpoSettings::default()).expect("sound"),
+        );
+        assert!(learn(&other, &keeps).is_none(), "of another learner");
+        assert!(trained_on(&world, None, (&keeps, 5), &watch).is_none());
+        let lane = Scenario::shipped("cut_in")
+            .expect("shipped")
+            .expect("sound");
+        let stranger = unlearned(
+            &lane,
+            LearnerConfig::new(DqnSettings::default()).expect("sound"),
+        );
+        assert!(learn(&stranger, &keeps).is_none(), "of other observations");
+    }
+}

@@ -1,0 +1,43 @@
+//! What a surrogate's networks are told at a sample: features of what the ego
+//! sees, and what the stock controllers would do that it is like.
+
+use std::sync::Arc;
+
+use super::features::Features;
+use super::fitted_model::{Likeness, MODELS, StockModel};
+use crate::ego::{Briefing, Percept};
+
+/// Turns percepts into the rows of a surrogate.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Reading {
+    features: Features,
+    models: Vec<StockModel>,
+    of: Arc<[Likeness]>,
+}
+
+impl Reading {
+    /// Begins an episode with its first percept.
+    pub fn begin(&mut self, alike: &Arc<[Likeness]>, briefing: &Briefing, percept: &Percept) {
+        self.features = Features::begin(percept);
+        match Arc::ptr_eq(&self.of, alike) {
+            true => self.models.iter_mut().for_each(StockModel::reset),
+            false => {
+                let models = alike.iter().map(|like| like.model(briefing));
+                self.models = models.collect();
+                self.of = Arc::clone(alike);
+            }
+        }
+    }
+
+    /// Writes the row of the next percept.
+    pub fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
+        self.features.read(percept, row);
+        let changes = self
+            .models
+            .iter_mut()
+            .map(|model| model.change_mps2(percept));
+        let row_of = changes.map(|change_mps2| change_mps2 as f32);
+        let rest = MODELS - self.of.len();
+        row.extend(row_of.chain(std::iter::repeat_n(0.0, rest)));
+    }
+}

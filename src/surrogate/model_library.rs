@@ -1,0 +1,95 @@
+//! The kinds of stock controllers, and where their parameters may be.
+
+use super::fitted_model::Likeness;
+use crate::ego::{Actuated, KINDS};
+
+/// An ego answers what it saw up to so long ago.
+const LONGEST_DELAY_S: f64 = 0.75;
+
+/// Where parameters of stock controllers may be, by name. A kind that has any
+/// other is not tried.
+const RANGES: &[(&str, f64, f64)] = &[
+    ("lag_s", 0.0, 1.0),
+    ("kp_per_s2", 0.02, 1.5),
+    ("kd_per_s", 0.1, 3.0),
+    ("standstill_headway_m", 3.0, 20.0),
+    ("time_gap_s", 0.1, 3.0),
+    ("max_brake_mps2", 2.0, 10.0),
+    ("max_accel_mps2", 0.5, 4.0),
+    ("filter_brake_mps2", 3.0, 10.0),
+    ("filter_margin_m", 0.0, 3.0),
+    ("filter_delay_s", 0.0, 1.0),
+    ("soft_brake_mps2", 0.5, 5.0),
+    ("rear_gap_s", 0.1, 2.0),
+    ("desired_speed_mps", 5.0, 50.0),
+    ("min_gap_m", 0.1, 6.0),
+    ("comfort_brake_mps2", 0.5, 7.0),
+    ("reaction_s", 0.05, 1.5),
+    ("plan_brake_mps2", 2.0, 9.0),
+    ("leader_brake_mps2", 2.0, 9.0),
+    ("transition_m", 3.0, 40.0),
+    ("form", 0.2, 4.0),
+    ("sensitivity_per_s", 0.05, 2.0),
+    ("closing_gain_per_s", 0.0, 2.0),
+    ("aeb_trigger_mps2", 2.0, 9.0),
+    ("aeb_brake_mps2", 0.0, 10.0),
+    ("cruise_gain_per_s", 0.1, 2.0),
+    ("cruise_limit_mps2", 0.5, 4.0),
+    ("trigger_mps2", 1.0, 9.0),
+    ("margin_m", 0.0, 5.0),
+    ("side_m", 0.0, 1.5),
+    ("look_ahead_s", 1.0, 8.0),
+    ("threshold_m", 0.0, 10.0),
+    ("t_lka_s", 0.0, 4.0),
+    ("ttc_s", 0.5, 5.0),
+    ("foot_off_mps2", 0.0, 1.0),
+    ("jerk_mps3", 2.0, 30.0),
+    ("wander_m", 0.1, 1.0),
+    ("perceived_m", 0.0, 1.5),
+    ("inside_m", 0.0, 1.0),
+    ("early_s", 0.0, 2.0),
+    ("ego_accel_mps2", 0.0, 3.0),
+    ("ego_brake_mps2", 2.0, 9.0),
+    ("other_brake_mps2", 2.0, 10.0),
+    ("lateral_accel_mps2", 0.1, 2.0),
+    ("lateral_margin_m", 0.0, 1.0),
+    ("hard_brake_mps2", 3.0, 9.0),
+    ("standstill_gap_m", 0.0, 5.0),
+    ("safe_margin_m", 0.0, 2.0),
+    ("passing_margin_s", 0.0, 1.0),
+];
+/// All kinds but those in `unknown`.
+pub(super) fn kinds_but(unknown: &[&str]) -> Vec<&'static str> {
+    let kinds = KINDS.iter().map(|(kind, _)| *kind);
+    kinds.filter(|kind| !unknown.contains(kind)).collect()
+}
+
+/// A kind of stock controller, and where its parameters may be.
+pub(super) struct Kind {
+    pub kind: &'static str,
+    pub ranges: Vec<(&'static str, f64, f64)>,
+}
+
+impl Kind {
+    /// `None`: nothing is known of one of its parameters.
+    pub fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<Kind> {
+        let range = |name: &str| RANGES.iter().find(|range| range.0 == name).copied();
+        let ranges = names.iter().map(|name| range(name)).chain([range("lag_s")]);
+        let ranges: Vec<_> = ranges.collect::<Option<_>>()?;
+        (1 < ranges.len()).then_some(Kind { kind, ranges })
+    }
+
+    /// At a point of the box, −1 to 1 per parameter and for the delay.
+    pub fn at(&self, point: &[f64]) -> Option<Likeness> {
+        let within = |at: f64, low: f64, high: f64| low + 0.5 * (at + 1.0) * (high - low);
+        let pairs = self.ranges.iter().zip(point);
+        let values: Vec<_> = pairs
+            .map(|(&(name, low, high), &at)| (name, within(at, low, high)))
+            .collect();
+        Some(Likeness {
+            controller: Actuated::of_kind(self.kind, &values)?,
+            delay_s: within(*point.last()?, 0.0, LONGEST_DELAY_S),
+            unexplained: f64::INFINITY,
+        })
+    }
+}

@@ -1,0 +1,296 @@
+//! A model of a world: its road and rules, and the ego's surrogate in its place.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::features::Features;
+use super::fitted_model::{Heard, MODELS};
+use super::model::{Casting, Part, Surrogate};
+use super::motion::{Moment, MotionReader};
+use crate::rl::Policy;
+use crate::scene::Start;
+use crate::sim::PlantKind;
+use crate::testbench::{Aftermath, Testbench};
+use crate::world::Scenario;
+
+/// A start with the seed of its noise.
+pub(super) type Origin<'a> = (&'a Start, u64);
+
+/// What an ego is known to have done under these actions, up to now.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct SoFar {
+    pub actions: Vec<usize>,
+    pub motion: Vec<Moment>,
+}
+
+impl SoFar {
+    /// What was known after so many decisions.
+    pub fn up_to(&self, decisions: usize, samples_per_decision: usize) -> SoFar {
+        let moments = (decisions * samples_per_decision + 1).min(self.motion.len());
+        SoFar {
+            actions: self.actions[..decisions].to_vec(),
+            motion: self.motion[..moments].to_vec(),
+        }
+    }
+}
+
+/// Another ego that might be there instead: what a member of the ensemble says, or
+/// the mean of all, made a little more or less careful.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Variation {
+    pub member: Option<usize>,
+    pub bias_mps3: f64,
+}
+
+/// The ones a plan is tried on, the surrogate itself first.
+///
+/// What succeeds on all of them leaves the ego some room to differ: one that
+/// eases off, or brakes, a little more at every sample than it was seen to do.
+/// The more careful ones are close together: an ego that brakes at the last moment
+/// leaves some centimetres, and of the plans that fit them the one with most room
+/// is to be found.
+pub(super) const VARIATIONS: [Variation; 12] = {
+    const fn mean(bias_mps3: f64) -> Variation {
+        let member = None;
+        Variation { member, bias_mps3 }
+    }
+    const fn one(member: usize, bias_mps3: f64) -> Variation {
+        let member = Some(member);
+        Variation { member, bias_mps3 }
+    }
+    [
+        mean(0.0),
+        one(0, 0.0),
+        one(1, 0.0),
+        one(0, 0.05),
+        one(1, 0.2),
+        one(0, 0.5),
+        mean(-0.02),
+        one(0, -0.05),
+        one(1, -0.05),
+        one(0, -0.1),
+        one(1, -0.2),
+        one(0, -0.5),
+    ]
+};
+
+/// Length of a row of inputs in a world.
+pub(super) fn width_of(world: &Scenario) -> usize {
+    let agents = world.drive().map_or(1, |spec| spec.agents.len());
+    let lights = world.drive().map_or(0, |spec| spec.lights.len());
+    Features::width(agents.saturating_sub(1), lights) + MODELS
+}
+
+/// A model world, played decision by decision.
+pub(super) struct ModelBench {
+    pub bench: Testbench,
+    pub casting: Casting,
+    reader: MotionReader,
+    obs: Vec<f32>,
+}
+
+impl ModelBench {
+    /// A model of `world` on the kinematic plant, which is the faster one, and of the
+    /// motion of who changes lanes some centimetres off; `None`: nobody drives in it.
+    pub fn quick(world: &Scenario) -> Option<ModelBench> {
+        ModelBench::on(world, PlantKind::Kinematic)
+    }
+
+    /// The same on any plant.
+    pub fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
+        let reader = MotionReader::of(world)?;
+        let casting = Casting::default();
+        let bench = world.as_model(plant, casting.factory()).bench();
+        Some(ModelBench {
+            obs: vec![0.0; bench.spaces().observation],
+            bench,
+            casting,
+            reader,
+        })
+    }
+
+    /// Begins at a start and does again what is known.
+    pub fn begin(
+        &mut self,
+        from: Origin<'_>,
+        so_far: &SoFar,
+        surrogate: Option<&Arc<Surrogate>>,
+        variation: Variation,
+    ) {
+        self.cast(so_far, surrogate, variation);
+        self.bench.begin(from.0, from.1, Aftermath::Skip);
+        for &action in &so_far.actions {
+            if self.bench.is_done() {
+                break;
+            }
+            self.bench.decide(action);
+        }
+    }
+
+    /// Tells the ego how to act in the next episodes.
+    pub fn cast(&self, so_far: &SoFar, surrogate: Option<&Arc<Surrogate>>, variation: Variation) {
+        self.casting.give(Part {
+            known: so_far.motion.as_slice().into(),
+            surrogate: surrogate.cloned(),
+            member: variation.member,
+            bias_mps3: variation.bias_mps3,
+            heard: None,
+        });
+    }
+
+    /// Goes on with `actions`, the last one held, to the verdict.
+    pub fn go_on(&mut self, actions: &[usize]) {
+        let mut rest = actions.iter();
+        let mut action = 0;
+        while !self.bench.is_done() {
+            action = *rest.next().unwrap_or(&action);
+            self.bench.decide(action);
+        }
+    }
+
+    /// Goes on as a policy acts; what it did.
+    pub fn follow(&mut self, policy: &dyn Policy) -> Vec<usize> {
+        let mut actions = Vec::new();
+        while !self.bench.is_done() {
+            self.bench.observe(&mut self.obs);
+            let action = policy.act(&self.obs);
+            actions.push(action);
+            self.bench.decide(action);
+        }
+        actions
+    }
+
+    /// Whether the ego failed in a way that counts, every rule kept.
+    pub fn is_success(&self) -> bool {
+        self.bench
+            .verdict()
+            .is_some_and(|verdict| verdict.is_success())
+    }
+
+    /// How the ego moved.
+    pub fn motion(&self) -> Vec<Moment> {
+        let mut motion = Vec::new();
+        self.reader.follow(&self.bench, &mut motion);
+        motion
+    }
+
+    /// What the ego saw in a run, sample by sample.
+    pub fn percepts(&mut self, from: Origin<'_>, run: &SoFar) -> Heard {
+        let heard = Arc::new(Mutex::new(Heard::default()));
+        self.casting.give(Part {
+            known: run.motion.as_slice().into(),
+            heard: Some(Arc::clone(&heard)),
+            ..Part::default()
+        });
+        self.bench.begin(from.0, from.1, Aftermath::Skip);
+        self.go_on(&run.actions);
+        std::mem::take(&mut *heard.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::seed::{Purpose, StartKey};
+    use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
+
+    /// A model on the world's own plant.
+    fn own(world: &Scenario) -> Option<ModelBench> {
+        ModelBench::on(world, world.drive()?.plant)
+    }
+
+    /// A run of the real ego of `world` under random actions.
+    fn run_of(world: &Scenario, index: u64) -> (Start, u64, SoFar) {
+        let mut bench = world.bench();
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed: 3,
+            index,
+        };
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        let mut actor = HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS);
+        let episode = play(&mut bench, &start, noise, &mut actor, Aftermath::Skip);
+        let mut motion = Vec::new();
+        MotionReader::of(world)
+            .expect("driven")
+            .follow(&bench, &mut motion);
+        let actions = episode.actions;
+        (start, noise, SoFar { actions, motion })
+    }
+
+    #[test]
+    fn a_model_does_again_what_an_ego_is_known_to_have_done() {
+        for (name, plant, apart_m) in [
+            ("acc", PlantKind::Kinematic, 0.03),
+            ("acc", PlantKind::Rigid, 0.2),
+            ("bend", PlantKind::Kinematic, 0.1),
+        ] {
+            let world = Scenario::shipped(name).expect("shipped").expect("sound");
+            let world = world.on(plant);
+            for model in [own(&world), ModelBench::quick(&world)] {
+                let mut model = model.expect("driven");
+                for index in 0..4 {
+                    let (start, noise, run) = run_of(&world, index);
+                    model.begin((&start, noise), &run, None, VARIATIONS[0]);
+                    let both = run.motion.iter().zip(model.motion());
+                    for (sample, (there, here)) in both.enumerate() {
+                        let off_m = there.distance_m(&here);
+                        assert!(
+                            off_m < apart_m,
+                            "{name} {plant:?} {index}: {off_m} m at {sample}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn on_the_worlds_own_plant_the_ado_moves_as_it_does_there() {
+        let world = Scenario::shipped("merge_fair");
+        let world = world.expect("shipped").expect("sound");
+        assert_eq!(world.drive().expect("driven").plant, PlantKind::Rigid);
+        let (mut own, mut quick) = (own(&world), ModelBench::quick(&world));
+        let columns = ["ado.x", "ado.y"].map(|name| world.world().schema().position(name));
+        let [x, y] = columns.map(|column| column.expect("published"));
+        let place = |bench: &Testbench| -> Vec<(f64, f64)> {
+            let of = |column| bench.trace().column(column).iter().copied();
+            of(x).zip(of(y)).collect()
+        };
+        let [mut off_own_m, mut off_quick_m] = [0.0f64; 2];
+        for index in 0..4 {
+            let (start, noise, run) = run_of(&world, index);
+            let mut real = world.bench();
+            real.begin(&start, noise, Aftermath::Skip);
+            run.actions.iter().for_each(|&action| real.decide(action));
+            let off_m = |model: &mut Option<ModelBench>| {
+                let model = model.as_mut().expect("driven");
+                model.begin((&start, noise), &run, None, VARIATIONS[0]);
+                let pairs = place(&real).into_iter().zip(place(&model.bench));
+                let apart = pairs.map(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1));
+                apart.fold(0.0, f64::max)
+            };
+            off_own_m = off_own_m.max(off_m(&mut own));
+            off_quick_m = off_quick_m.max(off_m(&mut quick));
+        }
+        assert!(off_own_m < 1e-3, "{off_own_m}");
+        assert!(
+            10.0 * off_own_m < off_quick_m && 0.01 < off_quick_m,
+            "{off_quick_m}"
+        );
+    }
+
+    #[test]
+    fn what_an_ego_saw_is_written_down_once_per_sample() {
+        let world = Scenario::shipped("cut_in")
+            .expect("shipped")
+            .expect("sound");
+        let (start, noise, run) = run_of(&world, 1);
+        let mut model = own(&world).expect("driven");
+        let heard = model.percepts((&start, noise), &run);
+        assert!(run.motion.len().abs_diff(heard.percepts.len() + 1) <= 1);
+        assert!(0.0 < heard.briefing.sample_s);
+        for (percept, moment) in heard.percepts.iter().zip(&run.motion) {
+            assert!((percept.own.speed_mps - moment.speed_mps).abs() < 0.05);
+        }
+    }
+}

@@ -1,0 +1,356 @@
+//! Identifying an ego seen only from outside as a member of a family.
+//!
+//! Some runs of the ego are recorded: where it was and how fast, while the ado
+//! took held random actions. Members of the family then drive the same starts
+//! under the same actions in the simulator, and cross-entropy search, followed
+//! by Gauss-Newton steps, looks for the one that stays nearest. Nothing of the ego's inside is used.
+//!
+//! The residual is the root of the mean, over all samples of all runs, of the
+//! squared distance between the ego and the member, in m; a difference of
+//! 1 m/s in speed counts like 1 m.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::recording::IdentifyRequest;
+use super::recording::{Recorded, deviations, noise_m, record};
+use crate::experiment::Watch;
+use crate::seed;
+use crate::sim::PlantKind;
+pub(super) use crate::stats::descend;
+use crate::stats::{Fit, Search, cost};
+use crate::world::{Family, Member, Scenario};
+
+/// Independent fits, to see whether they agree.
+const REFITS: u64 = 3;
+/// Share of the nominal residual up to which a member says something of an ego
+/// that it does not explain.
+const TELLING: f64 = 0.5;
+/// A member explains an ego that it follows as closely as this, on top of the
+/// ego's own noise: about the depth of a violation between two cars.
+const CLOSE_M: f64 = 0.1;
+/// A quantity shows in the runs if its range moves the residual by this much,
+const SHOWS_M: f64 = 0.05;
+/// or by this share of it, whichever is more.
+const SHOWS_SHARE: f64 = 0.05;
+
+/// The member found, and how far it is to be trusted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// The nearest member; quantities that do not show are nominal.
+    pub member: Member,
+    /// Standard deviation of each quantity over independent fits.
+    pub spread: Vec<f64>,
+    /// Quantities that do not show in the runs.
+    pub hidden: Vec<bool>,
+    /// How far the member stays from the ego.
+    pub residual_m: f64,
+    /// How far the nominal ego stays from it.
+    pub nominal_residual_m: f64,
+    /// How far its noise may move the recorded runs; 0 without any.
+    pub noise_m: f64,
+    /// The residuals of all independent fits.
+    pub refits_m: Vec<f64>,
+    /// Runs recorded of the ego.
+    pub recorded: u64,
+    /// Runs simulated of members.
+    pub simulations: u64,
+}
+
+impl Identified {
+    /// Whether the member follows the ego about as closely as noise allows.
+    pub fn explains(&self) -> bool {
+        self.residual_m <= self.bound_m()
+    }
+
+    /// What a conditional ado is to be told of the ego: the member, or the
+    /// nominal values if it says nothing of the ego ([`is_telling`]).
+    pub fn told(&self, family: &Family) -> (Member, &'static str) {
+        match is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
+            true => (self.member.clone(), "identified"),
+            false => (family.nominal(self.member.plant), "nominal"),
+        }
+    }
+
+    /// The residual up to which a member explains the ego.
+    pub fn bound_m(&self) -> f64 {
+        bound_m(self.noise_m)
+    }
+}
+
+/// The residual up to which a member explains an ego with such a noise.
+fn bound_m(noise_m: f64) -> f64 {
+    CLOSE_M + noise_m
+}
+
+/// Whether a member says something of an ego: it explains it, or strays from
+/// it by at most half of what the nominal ego does.
+///
+/// The nearest member of a family that an ego is none of may be far from it; an
+/// ado that is told such a one does worse than one that takes the ego for the
+/// nominal one.
+pub fn is_telling(explains: bool, residual_m: f64, nominal_residual_m: f64) -> bool {
+    explains || residual_m <= TELLING * nominal_residual_m
+}
+
+/// An ego could not be identified.
+#[derive(Debug, thiserror::Error)]
+pub enum IdentifyError {
+    /// The world has no family.
+    #[error("`{world}` names no family of egos")]
+    NoFamily {
+        /// The world.
+        world: String,
+    },
+    /// A quantity to be left nominal is not in the family.
+    #[error("the family does not vary `{name}`; it varies {known}")]
+    NotVaried {
+        /// The quantity.
+        name: String,
+        /// All there are.
+        known: String,
+    },
+    /// Nothing is left to fit.
+    #[error("every quantity of the family is left out: nothing is fitted")]
+    NothingToFit,
+    /// The ego failed in every run.
+    #[error("the ego failed in each of {runs} runs: nothing was recorded")]
+    NoRuns {
+        /// Runs tried.
+        runs: usize,
+    },
+}
+
+/// Fits the family to recorded runs of an ego. `None`: stopped from outside.
+///
+/// Equal requests give equal answers, on any number of threads.
+///
+/// # Errors
+/// There is no family, nothing to fit, or nothing could be recorded.
+pub fn identify(
+    request: &IdentifyRequest<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<Identified>, IdentifyError> {
+    let world = request.world;
+    let no_family = || IdentifyError::NoFamily {
+        world: world.name.clone(),
+    };
+    let family = world.family().ok_or_else(no_family)?;
+    let free = free(family, request.fixed)?;
+    let spec = request.ego.drive().ok_or_else(no_family)?;
+    let recorded = record(request, watch);
+    if watch.stopped() {
+        return Ok(None);
+    }
+    if recorded.recordings.is_empty() {
+        let runs = request.runs;
+        return Err(IdentifyError::NoRuns { runs });
+    }
+    let lab = Lab {
+        world,
+        family,
+        recorded: &recorded,
+        watch,
+        simulations: AtomicU64::new(0),
+    };
+    let total = REFITS;
+    watch.phase("fitting the family of egos");
+    let mut fits: Vec<Fit> = Vec::new();
+    for refit in 0..total {
+        fits.push(lab.fit(&free, spec.plant, request.seed, refit));
+        (watch.progress)(refit + 1, total);
+    }
+    let concluded = lab.conclude(&free, spec.plant, &fits);
+    // Once stopped, nothing is measured: what was concluded then says nothing.
+    Ok((!watch.stopped()).then_some(concluded))
+}
+
+/// Positions of the quantities that are fitted.
+fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> {
+    let names: Vec<&str> = family.quantities.iter().map(|q| q.varied.name()).collect();
+    if let Some(name) = fixed.iter().find(|name| !names.contains(&name.as_str())) {
+        return Err(IdentifyError::NotVaried {
+            name: name.clone(),
+            known: names.join(", "),
+        });
+    }
+    let quantities = family.quantities.iter().enumerate();
+    // What an ego does on average tells nothing about noise.
+    let free = quantities
+        .filter(|(_, q)| !q.varied.is_noise() && !fixed.iter().any(|name| name == q.varied.name()));
+    let free: Vec<usize> = free.map(|(i, _)| i).collect();
+    match free.is_empty() {
+        true => Err(IdentifyError::NothingToFit),
+        false => Ok(free),
+    }
+}
+
+/// The recordings, and members to be tried on them.
+struct Lab<'a> {
+    world: &'a Scenario,
+    family: &'a Family,
+    recorded: &'a Recorded,
+    watch: &'a Watch<'a>,
+    simulations: AtomicU64,
+}
+
+impl Lab<'_> {
+    /// One independent fit, from the nominal ego.
+    ///
+    /// The kinematic plant, which is some ten times faster, finds the region;
+    /// on another plant the search then goes on there, and on either it begins
+    /// anew nearby if the ego is not explained, but the fit strays by at most
+    /// half as much as the nominal ego, or by more.
+    fn fit(&self, free: &[usize], plant: PlantKind, seed: u64, refit: u64) -> Fit {
+        let mut dice = seed::generator("identify", &[seed, refit]);
+        let coarse = |points: &[Vec<f64>]| self.measure(free, PlantKind::Kinematic, points);
+        let costs = |points: &[Vec<f64>]| coarse(points).iter().map(|d| cost(d)).collect();
+        let nominal = free.iter().map(|&i| self.family.quantities[i].unit());
+        let nominal: Vec<f64> = nominal.collect();
+        let mut found = Search::WIDE.run(nominal.clone(), &mut dice, &costs);
+        let smooth: Vec<usize> = (0..free.len())
+            .filter(|&d| self.family.quantities[free[d]].step == 0.0)
+            .collect();
+        found = descend(found.point, &smooth, &coarse);
+        // What comes in whole steps has no slope: every value of it is tried.
+        for (d, &i) in free.iter().enumerate() {
+            for unit in self.family.quantities[i].steps() {
+                let mut point = found.point.clone();
+                point[d] = unit;
+                let other = descend(point, &smooth, &coarse);
+                if other.cost < found.cost {
+                    found = other;
+                }
+            }
+        }
+        let fine = |points: &[Vec<f64>]| self.measure(free, plant, points);
+        if plant != PlantKind::Kinematic {
+            found = descend(found.point, &smooth, &fine);
+        }
+        if found.cost <= self.bound_m() {
+            return found;
+        }
+        // A controller that switches is moved by some quantities in whole
+        // samples only: flat steps, on which no slope leads on. So the search
+        // begins anew nearby, unless there is little to be found.
+        let costs = |points: &[Vec<f64>]| fine(points).iter().map(|d| cost(d)).collect();
+        let nominal_cost = self.residual_m(&self.family.nominal(plant));
+        let centre = if nominal_cost < found.cost {
+            nominal
+        } else if is_telling(false, found.cost, nominal_cost) {
+            found.point.clone()
+        } else {
+            return found;
+        };
+        let near = Search::NEAR.run(centre, &mut dice, &costs);
+        let near = descend(near.point, &smooth, &fine);
+        match near.cost < found.cost {
+            true => near,
+            false => found,
+        }
+    }
+
+    fn bound_m(&self) -> f64 {
+        bound_m(noise_m(&self.recorded.recordings))
+    }
+
+    /// Deviations of points of the free quantities, scaled to −1 ..= 1.
+    fn measure(&self, free: &[usize], plant: PlantKind, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let members = points.par_iter();
+        members
+            .map(|point| self.deviations(&self.member(free, plant, point)))
+            .collect()
+    }
+
+    fn member(&self, free: &[usize], plant: PlantKind, point: &[f64]) -> Member {
+        let mut member = self.family.nominal(plant);
+        for (&i, u) in free.iter().zip(point) {
+            let quantity = &self.family.quantities[i];
+            member.values[i] = quantity.at(*u);
+        }
+        member
+    }
+
+    fn residual_m(&self, member: &Member) -> f64 {
+        cost(&self.deviations(member))
+    }
+
+    fn deviations(&self, member: &Member) -> Vec<f64> {
+        let mut variant = self.family.variant(member);
+        // Members drive as they would on average.
+        variant.sensors.position_sd_m = 0.0;
+        variant.sensors.speed_sd_mps = 0.0;
+        if self.watch.stopped() {
+            // `identify` throws away whatever comes of it.
+            return Vec::new();
+        }
+        let recordings = &self.recorded.recordings;
+        let runs = recordings.len() as u64;
+        self.simulations.fetch_add(runs, Ordering::Relaxed);
+        // Invariant: a world with a family is driven.
+        let scene = self.world.scene_of(&variant);
+        scene.map_or_else(Vec::new, |mut scene| {
+            deviations(&mut *scene, self.world, recordings)
+        })
+    }
+
+    fn conclude(&self, free: &[usize], plant: PlantKind, fits: &[Fit]) -> Identified {
+        let members: Vec<Member> = fits
+            .iter()
+            .map(|fit| self.member(free, plant, &fit.point))
+            .collect();
+        let best = (0..fits.len()).min_by(|&a, &b| fits[a].cost.total_cmp(&fits[b].cost));
+        let best = best.unwrap_or(0);
+        let mut member = members[best].clone();
+        let mut hidden = vec![true; member.values.len()];
+        for &i in free {
+            hidden[i] = self.hide(&mut member, i, fits[best].cost);
+        }
+        let spread = (0..member.values.len()).map(|i| {
+            let values: Vec<f64> = members.iter().map(|member| member.values[i]).collect();
+            deviation(&values)
+        });
+        Identified {
+            spread: spread.collect(),
+            hidden,
+            residual_m: self.residual_m(&member),
+            nominal_residual_m: self.residual_m(&self.family.nominal(plant)),
+            noise_m: noise_m(&self.recorded.recordings),
+            refits_m: fits.iter().map(|fit| fit.cost).collect(),
+            recorded: self.recorded.runs,
+            simulations: self.simulations.load(Ordering::Relaxed),
+            member,
+        }
+    }
+
+    /// Makes a quantity nominal if its whole range would do about as well.
+    fn hide(&self, member: &mut Member, i: usize, cost_m: f64) -> bool {
+        let quantity = &self.family.quantities[i];
+        let bound_m = self.bound_m();
+        let allowed_m = cost_m + SHOWS_M.max(SHOWS_SHARE * cost_m);
+        // What explains the ego does so afterwards.
+        let allowed_m = match cost_m <= bound_m {
+            true => allowed_m.min(bound_m),
+            false => allowed_m,
+        };
+        let mut other = member.clone();
+        // The nominal value last, to be kept.
+        let hidden = [quantity.lo, quantity.hi, quantity.nominal]
+            .into_iter()
+            .all(|value| {
+                other.values[i] = value;
+                self.residual_m(&other) <= allowed_m
+            });
+        if hidden {
+            *member = other;
+        }
+        hidden
+    }
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    (values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / count).sqrt()
+}

@@ -1,0 +1,198 @@
+//! Runs of an ego as seen from outside, and how far a model strays from them.
+
+use crate::ego::Fault;
+use crate::experiment::Watch;
+use crate::scene::{Flow, Scene, Start};
+use crate::seed::{Purpose, StartKey};
+use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
+use crate::world::Scenario;
+
+/// Whom to identify, in which family.
+#[derive(Clone, Copy)]
+pub struct IdentifyRequest<'a> {
+    /// The world with its family: the model.
+    pub world: &'a Scenario,
+    /// The ego, which is only run.
+    pub ego: &'a Scenario,
+    /// Starts to record it from.
+    pub runs: usize,
+    /// Runs of it at most: the first start, and with noise every start, is run twice.
+    pub at_most: u64,
+    /// Seed of the runs and of the search.
+    pub seed: u64,
+    /// Quantities that stay nominal, as if the family did not vary them.
+    pub fixed: &'a [String],
+}
+
+/// Position along x and y and speed of the ego.
+type Seen = [f64; 3];
+
+/// Runs of one start under the same actions: what led to them, and where the
+/// ego was, on average.
+pub(super) struct Recording {
+    start: Start,
+    actions: Vec<usize>,
+    seen: Vec<Seen>,
+    /// Sum of squares between two runs under different noise.
+    apart: f64,
+}
+
+/// The recordings, and how many runs of the ego they took.
+pub(super) struct Recorded {
+    pub recordings: Vec<Recording>,
+    pub runs: u64,
+}
+
+/// Records runs of an ego under held random actions, to contact or T.
+///
+/// Starts are of the calibration stream: never those that are reported. The
+/// first start is run twice under different noise; if that makes a difference
+/// every start is, and the two runs are averaged. Starts on which the ego fails
+/// at once are left out, and so are those for which too few runs are left.
+pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Recorded {
+    let (ego, starts, seed) = (request.ego, request.runs, request.seed);
+    let mut scene = ego.world().scene();
+    let bench = ego.bench();
+    let columns = columns(ego);
+    let mut recorded = Recorded {
+        recordings: Vec::with_capacity(starts),
+        runs: 0,
+    };
+    let mut noisy = false;
+    for index in 0..starts as u64 {
+        let left = request.at_most - recorded.runs;
+        if watch.stopped() || left < 1 + u64::from(noisy) {
+            break;
+        }
+        let key = StartKey {
+            purpose: Purpose::Calibration,
+            seed,
+            index,
+        };
+        let start = bench.draw(key);
+        let noise = bench.noise_of(key);
+        let mut actor = HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS);
+        actor.begin(noise, &start);
+        let actions = (0..bench.clock().decisions()).map(|_| actor.act(&[]));
+        let actions: Vec<usize> = actions.collect();
+        let first = run(&mut *scene, &start, noise, &actions, columns);
+        recorded.runs += 1;
+        watch.faults.note(index, first.as_ref().err());
+        let Ok(mut seen) = first else {
+            continue;
+        };
+        let mut apart = 0.0;
+        if noisy || (index == 0 && 1 < left) {
+            let again = run(&mut *scene, &start, !noise, &actions, columns);
+            recorded.runs += 1;
+            watch.faults.note(index, again.as_ref().err());
+            let Ok(again) = again else {
+                continue;
+            };
+            noisy = noisy || again != seen;
+            seen.truncate(again.len());
+            apart = squares(&seen, &again);
+            seen = mean(&seen, &again);
+        }
+        if 1 < seen.len() {
+            recorded.recordings.push(Recording {
+                start,
+                actions,
+                seen,
+                apart,
+            });
+        }
+    }
+    recorded
+}
+
+fn mean(one: &[Seen], other: &[Seen]) -> Vec<Seen> {
+    let pairs = one.iter().zip(other);
+    pairs
+        .map(|(a, b)| [0, 1, 2].map(|i| 0.5 * (a[i] + b[i])))
+        .collect()
+}
+
+/// By how much a model deviates from the recordings, number by number.
+///
+/// Where the model's run is the shorter one, the model stays where it ended.
+pub(super) fn deviations(
+    scene: &mut dyn Scene,
+    world: &Scenario,
+    recordings: &[Recording],
+) -> Vec<f64> {
+    let columns = columns(world);
+    let mut all = Vec::new();
+    for recording in recordings {
+        // A member that fails to run stays where it was: it is no good fit.
+        let model = run(scene, &recording.start, 0, &recording.actions, columns);
+        let model = model.unwrap_or_else(|_| recording.seen[..1].to_vec());
+        let pairs = pairs(&recording.seen, &model);
+        all.extend(pairs.flat_map(|(seen, model)| [0, 1, 2].map(|i| model[i] - seen[i])));
+    }
+    all
+}
+
+/// Samples of a recording beside those of a run, held where it ended.
+fn pairs<'a>(seen: &'a [Seen], run: &'a [Seen]) -> impl Iterator<Item = (&'a Seen, &'a Seen)> {
+    // Invariant: every run has a first sample.
+    let rest = run.last().into_iter().cycle();
+    seen.iter().zip(run.iter().chain(rest))
+}
+
+/// How far an ego's averaged runs may stray from its true mean, by its noise.
+pub(super) fn noise_m(runs: &[Recording]) -> f64 {
+    let sum: f64 = runs.iter().map(|run| run.apart).sum();
+    let count: usize = runs.iter().map(|run| run.seen.len()).sum();
+    // Two runs differ by √2 σ, the mean of two from the true one by σ/√2.
+    0.5 * (sum / count.max(1) as f64).sqrt()
+}
+
+fn squares(one: &[Seen], other: &[Seen]) -> f64 {
+    let square =
+        |(a, b): (&Seen, &Seen)| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
+    pairs(one, other).map(square).sum()
+}
+
+/// Where a row holds the ego's x, y and speed.
+fn columns(scenario: &Scenario) -> [usize; 3] {
+    let schema = scenario.world().schema();
+    let spec = scenario.drive();
+    let ego = spec.and_then(|spec| Some(&spec.agents[spec.egos().next()?].name));
+    let name = ego.map_or("", String::as_str);
+    // Invariant: every trace holds these three of every road user.
+    ["x", "y", "speed"].map(|field| schema.position(&format!("{name}.{field}")).unwrap_or(0))
+}
+
+fn run(
+    scene: &mut dyn Scene,
+    start: &Start,
+    noise: u64,
+    actions: &[usize],
+    columns: [usize; 3],
+) -> Result<Vec<Seen>, Fault> {
+    let clock = *scene.clock();
+    let mut row = vec![0.0; scene.schema().len()];
+    let mut seen = Vec::with_capacity(clock.samples());
+    scene.reset(start, noise);
+    scene.publish(&mut row);
+    seen.push(columns.map(|column| row[column]));
+    for &action in actions {
+        scene.decide(action);
+        for _ in 0..clock.samples_per_decision() {
+            if seen.len() == clock.samples() {
+                return Ok(seen);
+            }
+            let flow = scene.advance();
+            if let Flow::Fault(fault) = flow {
+                return Err(fault);
+            }
+            scene.publish(&mut row);
+            seen.push(columns.map(|column| row[column]));
+            if matches!(flow, Flow::Contact(_)) {
+                return Ok(seen);
+            }
+        }
+    }
+    Ok(seen)
+}

@@ -1,0 +1,302 @@
+//! Definition 5 and Theorem 3 on a grid: where a bisimulation relates two
+//! starts, what makes the one ego fail makes the other fail.
+
+use std::collections::HashMap;
+
+use serde::Serialize;
+
+use super::TheoremsError;
+use super::compare::Witness;
+use super::nearby::TheoremOutcome;
+use super::plays::ROUNDING;
+use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::rl::{Dice, Policy};
+use crate::scene::grid::bisimulation::{Bisimulation, coarse};
+use crate::scene::grid::exact::Game;
+use crate::scene::grid::{Arena, GridWorld, Position, start_of};
+use crate::testbench::{Actor, Aftermath, Episode, PolicyActor, Replay, Testbench, play};
+use crate::world::Scenario;
+
+/// Most start pairs that are played, inside the relation and outside it.
+const MOST_PLAYED: usize = 900;
+/// Seed of the choice among more start pairs than that.
+const CHOICE: u64 = 5;
+
+/// Theorem 3 between a grid and a changed one.
+#[derive(Clone, Debug, Serialize)]
+pub struct Theorem3 {
+    /// Name of the change.
+    pub changed: String,
+    /// ε of the relation.
+    pub epsilon: f64,
+    /// Pairs of states within ε.
+    pub candidates: usize,
+    /// Pairs of states in the relation.
+    pub related: usize,
+    /// Sweeps of the fixpoint iteration.
+    pub sweeps: usize,
+    /// The least ε that relates any start pair; `None`: none, or not computed.
+    pub least_epsilon: Option<f64>,
+    /// Start pairs: a start of the changed grid, and the one whose cells hold it.
+    pub starts: usize,
+    /// Of these, the related ones.
+    pub related_starts: usize,
+    /// Starts of the unchanged grid from which the best ado captures.
+    pub capturable: usize,
+    /// Of these, the ones from which the trained ado found a counterexample:
+    /// it has converged if that is all of them.
+    pub found: usize,
+    /// Least τ of the trained ado's counterexamples on the unchanged grid.
+    pub tau: Option<f64>,
+    /// Related start pairs whose unchanged start is a counterexample, ε < τ.
+    pub inside: Carried,
+    /// Start pairs that are not related, the unchanged start a counterexample.
+    pub outside: Carried,
+    /// What is promised and was not kept: each is a bug.
+    pub misses: usize,
+    /// What all of it says.
+    pub outcome: TheoremOutcome,
+}
+
+/// Counterexamples that were tried on the changed grid.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Carried {
+    /// Start pairs played.
+    pub pairs: usize,
+    /// The ego failed under the same actions (Definition 5).
+    pub replayed: usize,
+    /// The ego failed against the policy acting on the unchanged grid's cells.
+    pub by_cell: usize,
+    /// The ego failed against the policy looking at the changed grid.
+    pub own_view: usize,
+}
+
+/// The relations on which Theorem 3 is tested: by ε, below `tau`.
+///
+/// Distances are multiples of a fine cell, so these are all that differ. `None`:
+/// the two grids differ in their size, their horizon or the ado's moves.
+pub fn bisimulations(
+    nominal: &Scenario,
+    changed: &Scenario,
+    tau: f64,
+) -> Option<Vec<Bisimulation>> {
+    let games = [Game::of(nominal.grid()?), Game::of(changed.grid()?)];
+    let [first, second] = &games;
+    let comparable = first.arena.size == second.arena.size
+        && first.steps == second.steps
+        && first.moves == second.moves;
+    let refine = first.arena.refine * second.arena.refine;
+    let epsilons = (0..).map(|cells| f64::from(cells) / f64::from(refine));
+    let below = epsilons.take_while(|epsilon| *epsilon < tau);
+    let greatest = below.map(|epsilon| Bisimulation::greatest(first, second, epsilon));
+    comparable.then(|| greatest.collect())
+}
+
+/// Checks Theorem 3 on a relation; `policy` was trained on `nominal`.
+///
+/// # Errors
+/// One of the worlds is no grid.
+pub fn theorem_3(
+    nominal: &Scenario,
+    (name, changed): (&str, &Scenario),
+    policy: &dyn Policy,
+    relation: &Bisimulation,
+) -> Result<Theorem3, TheoremsError> {
+    let (first, second) = (world(nominal)?, world(changed)?);
+    let trial = Trial {
+        nominal: found(nominal, policy),
+        worlds: [first, second],
+        games: [Game::of(first), Game::of(second)],
+        changed,
+        policy,
+        epsilon: relation.epsilon(),
+    };
+    let (inside, outside): (Vec<Position>, Vec<Position>) = trial
+        .starts()
+        .partition(|both| relation.relates(trial.coarse(*both), *both));
+    let starts = inside.len() + outside.len();
+    let related_starts = inside.len();
+    let (inside, unkept) = trial.carried(inside, relation.is_by_cell(), true);
+    let (outside, _) = trial.carried(outside, false, false);
+    let taus = trial.nominal.values().map(|found| found.tau);
+    let [first, second] = &trial.games;
+    let mut checked = Theorem3 {
+        changed: name.to_owned(),
+        epsilon: relation.epsilon(),
+        candidates: relation.candidates(),
+        related: relation.len(),
+        sweeps: relation.sweeps(),
+        least_epsilon: Bisimulation::least_epsilon(first, second, f64::from(first.arena.size)),
+        starts,
+        related_starts,
+        capturable: first.solve().captures(),
+        found: trial.nominal.len(),
+        tau: taus.min_by(f64::total_cmp),
+        inside,
+        outside,
+        misses: unkept,
+        outcome: TheoremOutcome::Holds,
+    };
+    checked.outcome = checked.judged();
+    Ok(checked)
+}
+
+impl Theorem3 {
+    fn judged(&self) -> TheoremOutcome {
+        let pairs = self.inside.pairs;
+        if 0 < self.misses {
+            return TheoremOutcome::Refuted {
+                why: format!(
+                    "{} of {pairs} related counterexamples are not carried over",
+                    self.misses
+                ),
+            };
+        }
+        let why = match (self.related_starts, pairs) {
+            _ if self.found < self.capturable => format!(
+                "the ado has not converged: it captures from {} of {} starts from which the best one does",
+                self.found, self.capturable
+            ),
+            (0, _) => "no start pair is related".to_owned(),
+            (related, 0) => {
+                format!("none of {related} related start pairs is a counterexample with ε < τ")
+            }
+            _ => return TheoremOutcome::Holds,
+        };
+        TheoremOutcome::PremiseNotMet { why }
+    }
+}
+
+fn world(scenario: &Scenario) -> Result<&GridWorld, TheoremsError> {
+    scenario.grid().ok_or_else(|| TheoremsError::NotSolved {
+        world: scenario.name.clone(),
+        why: "it is no grid".to_owned(),
+    })
+}
+
+/// A counterexample on the unchanged grid.
+struct FoundAt {
+    tau: f64,
+    by: f64,
+    actions: Vec<usize>,
+}
+
+/// The counterexamples of the trained ado from every start of a map.
+fn found(nominal: &Scenario, policy: &dyn Policy) -> HashMap<Position, FoundAt> {
+    let arena = nominal.grid().map(|world| world.spec().arena);
+    let starts: Vec<Position> = arena.iter().flat_map(Arena::starts).collect();
+    let horizon = nominal.bench().clock().samples();
+    let one = |bench: &mut Testbench, both: &Position, _: &Turn| {
+        let start = start_of(*both);
+        let episode = play(bench, &start, 0, &mut PolicyActor(policy), Aftermath::Skip);
+        let witness = Witness::of(nominal.rulebook(), &episode, horizon)?;
+        let found = FoundAt {
+            tau: witness.tau_at_verdict,
+            by: -episode.robustness,
+            actions: episode.actions,
+        };
+        Some((*both, found))
+    };
+    let unwatched = Watch::unwatched();
+    let all = EpisodeLoop::uncounted(&unwatched);
+    let found = all.run(&starts, || nominal.bench(), one);
+    found.into_iter().flatten().collect()
+}
+
+struct Trial<'a> {
+    nominal: HashMap<Position, FoundAt>,
+    worlds: [&'a GridWorld; 2],
+    games: [Game; 2],
+    changed: &'a Scenario,
+    policy: &'a dyn Policy,
+    epsilon: f64,
+}
+
+impl Trial<'_> {
+    fn coarse(&self, both: Position) -> Position {
+        coarse(&self.games[0], &self.games[1], both)
+    }
+
+    /// Starts of the changed grid whose cells are a start of the unchanged one.
+    fn starts(&self) -> impl Iterator<Item = Position> + '_ {
+        let starts = self.games[1].arena.starts();
+        starts.filter(|both| !self.games[0].arena.touching(self.coarse(*both)))
+    }
+
+    /// Plays counterexamples on the changed grid, at most so many; and how many
+    /// of them break a promise, `by_cell` and at all (`promised`).
+    fn carried(&self, starts: Vec<Position>, by_cell: bool, promised: bool) -> (Carried, usize) {
+        let below = |found: &&FoundAt| !promised || self.epsilon < found.tau;
+        let pairs = starts.into_iter().filter_map(|both| {
+            let found = self.nominal.get(&self.coarse(both)).filter(below)?;
+            Some((both, found))
+        });
+        let mut pairs: Vec<(Position, &FoundAt)> = pairs.collect();
+        if MOST_PLAYED < pairs.len() {
+            Dice::new(CHOICE).shuffle(&mut pairs);
+            pairs.truncate(MOST_PLAYED);
+        }
+        let unwatched = Watch::unwatched();
+        let all = EpisodeLoop::uncounted(&unwatched);
+        let one = |bench: &mut Testbench, pair: &(Position, &FoundAt), _: &Turn| {
+            let (both, found) = *pair;
+            let lifted = self.lifted(both);
+            let own = &mut PolicyActor(self.policy);
+            let start = start_of(both);
+            let mut fails = |ado: &mut dyn Actor| play(bench, &start, 0, ado, Aftermath::Skip);
+            let runs = [
+                fails(&mut Replay::holding(&found.actions)),
+                fails(&mut Replay::holding(&lifted)),
+                fails(own),
+            ];
+            Some((runs.map(|run| Fate::of(&run)), found.by))
+        };
+        let played = all.run(&pairs, || self.changed.bench(), one);
+        let mut carried = Carried::default();
+        let mut misses = 0;
+        for (runs, by) in played.into_iter().flatten() {
+            let [replayed, cell, own] = runs.map(|run| usize::from(run.success));
+            carried.pairs += 1;
+            carried.replayed += replayed;
+            carried.by_cell += cell;
+            carried.own_view += own;
+            // Lemma 1: the robustness moves by at most ε, too.
+            let kept = |run: Fate| run.success && by - self.epsilon - ROUNDING <= run.by;
+            misses += usize::from(!kept(runs[0]) || (by_cell && !kept(runs[1])));
+        }
+        (carried, if promised { misses } else { 0 })
+    }
+
+    /// The actions of the policy looking at the cells of the unchanged grid.
+    fn lifted(&self, start: Position) -> Vec<usize> {
+        lifted(self.worlds, start, self.policy)
+    }
+}
+
+/// The actions of a policy that looks at the cells of the first grid while the
+/// second one is played: "the same action as that of the coarser grid cell".
+pub fn lifted(worlds: [&GridWorld; 2], start: Position, policy: &dyn Policy) -> Vec<usize> {
+    let games = worlds.map(Game::of);
+    let mut scene = worlds[0].scene();
+    let mut obs = vec![0.0; worlds[0].spaces().observation];
+    games[1].actions(start, |both, step| {
+        scene.observe_at(coarse(&games[0], &games[1], both), step, &mut obs);
+        policy.act(&obs)
+    })
+}
+
+/// How a run on the changed grid ended.
+#[derive(Clone, Copy)]
+struct Fate {
+    success: bool,
+    by: f64,
+}
+
+impl Fate {
+    fn of(run: &Episode) -> Fate {
+        Fate {
+            success: run.verdict.is_success(),
+            by: -run.robustness,
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Predicting carry-over before running: a conformal bound on the distance.
+//!
+//! Split conformal prediction (Vovk, Gammerman, Shafer 2005): of n calibration
+//! distances the ⌈(n + 1)(1 − α)⌉-th smallest bounds a further exchangeable
+//! one with probability at least 1 − α, whatever their distribution.
+
+use serde::{Serialize, Serializer};
+
+use crate::stats::wilson;
+
+/// Coverage this improbable for exchangeable starts is called a failure.
+const TOO_IMPROBABLE: f64 = 1e-3;
+
+/// How a prediction of carry-over came out on the test starts.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Forecast {
+    /// Counterexamples on calibration starts.
+    pub calibration: usize,
+    /// What the distance stays below with probability 1 − α: ε, or for the
+    /// sharper reading the rise and then each rule's ε.
+    #[serde(serialize_with = "numbers_or_words")]
+    pub quantiles: Vec<f64>,
+    /// Share of test pairs that stay below.
+    pub coverage: f64,
+    /// Wilson's 95 % interval of it.
+    pub coverage_ci95: [f64; 2],
+    /// Probability of no more coverage than this, if starts are exchangeable.
+    pub chance_of_so_little: f64,
+    /// Whether coverage agrees with the promised 1 − α.
+    pub as_promised: bool,
+    /// Share of test pairs for which carry-over was predicted.
+    pub predicted: f64,
+    /// Share of the predictions that came true; `None` without predictions.
+    pub precision: Option<f64>,
+    /// Share of the carried-over pairs that were predicted.
+    pub recall: Option<f64>,
+}
+
+/// One test pair, as a forecast sees it.
+pub(super) struct Case {
+    /// What the prediction bounded.
+    pub distances: Vec<f64>,
+    /// What it must stay below to carry over for certain.
+    pub margins: Vec<f64>,
+    /// Whether it did carry over.
+    pub carried: bool,
+}
+
+/// Bounds each component of the distance, all together at level 1 − `alpha`.
+///
+/// Several components share `alpha` equally (Bonferroni).
+pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[Case], alpha: f64) -> Forecast {
+    let components = calibration.first().map_or(1, Vec::len).max(1);
+    let share = alpha / components as f64;
+    let quantiles: Vec<f64> = (0..components)
+        .map(|k| {
+            let column = calibration.iter().filter_map(|distances| distances.get(k));
+            conformal(column.copied().collect(), share)
+        })
+        .collect();
+    let below = |case: &&Case| {
+        let mut pairs = case.distances.iter().zip(&quantiles);
+        pairs.all(|(distance, q)| distance <= q)
+    };
+    let promises = |case: &&Case| {
+        let mut pairs = quantiles.iter().zip(&case.margins);
+        pairs.all(|(q, margin)| q < margin)
+    };
+    let count = |test: &dyn Fn(&&Case) -> bool| tests.iter().filter(test).count();
+    let covered = count(&below);
+    let predicted = count(&promises);
+    let carried = count(&|case| case.carried);
+    let both = count(&|case| case.carried && promises(case));
+    let n = calibration.len();
+    let rank = rank(n, alpha).min(n + 1);
+    let chance = match components {
+        1 => chance_of_at_most(covered, tests.len(), rank, n + 1 - rank),
+        // Bonferroni covers more than promised: compare with a plain binomial.
+        _ => binomial_at_most(covered, tests.len(), 1.0 - alpha),
+    };
+    Forecast {
+        calibration: n,
+        quantiles,
+        coverage: ratio(covered, tests.len()).unwrap_or(0.0),
+        coverage_ci95: wilson(covered, tests.len()),
+        chance_of_so_little: chance,
+        as_promised: TOO_IMPROBABLE <= chance,
+        predicted: ratio(predicted, tests.len()).unwrap_or(0.0),
+        precision: ratio(both, predicted),
+        recall: ratio(both, carried),
+    }
+}
+
+fn ratio(part: usize, whole: usize) -> Option<f64> {
+    (0 < whole).then(|| part as f64 / whole as f64)
+}
+
+/// ⌈(n + 1)(1 − α)⌉; beyond n there is no finite bound.
+fn rank(n: usize, alpha: f64) -> usize {
+    ((n + 1) as f64 * (1.0 - alpha) - 1e-9).ceil().max(1.0) as usize
+}
+
+fn conformal(mut values: Vec<f64>, alpha: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let bound = values.get(rank(values.len(), alpha) - 1);
+    bound.copied().unwrap_or(f64::INFINITY)
+}
+
+/// P(at most `k` of `m`) where the chance of each is Beta(`a`, `b`).
+///
+/// That is the coverage of a conformal bound over both draws (Vovk 2012). For
+/// `b` = 0 everything is covered.
+fn chance_of_at_most(k: usize, m: usize, a: usize, b: usize) -> f64 {
+    if b == 0 {
+        return if k < m { 0.0 } else { 1.0 };
+    }
+    let (a, b) = (a as f64, b as f64);
+    let term = |j: usize| {
+        let (j, m) = (j as f64, m as f64);
+        let choose = ln_gamma(m + 1.0) - ln_gamma(j + 1.0) - ln_gamma(m - j + 1.0);
+        choose + ln_beta(j + a, m - j + b) - ln_beta(a, b)
+    };
+    (0..=k).map(|j| libm::exp(term(j))).sum::<f64>().min(1.0)
+}
+
+fn binomial_at_most(k: usize, m: usize, p: f64) -> f64 {
+    if p <= 0.0 || 1.0 <= p {
+        return 1.0;
+    }
+    let term = |j: usize| {
+        let (j, m) = (j as f64, m as f64);
+        let choose = ln_gamma(m + 1.0) - ln_gamma(j + 1.0) - ln_gamma(m - j + 1.0);
+        choose + j * libm::log(p) + (m - j) * libm::log(1.0 - p)
+    };
+    (0..=k).map(|j| libm::exp(term(j))).sum::<f64>().min(1.0)
+}
+
+fn ln_beta(a: f64, b: f64) -> f64 {
+    ln_gamma(a) + ln_gamma(b) - ln_gamma(a + b)
+}
+
+fn ln_gamma(x: f64) -> f64 {
+    libm::lgamma(x)
+}
+
+/// JSON has no infinities: they are the words "inf" and "-inf".
+fn numbers_or_words<S: Serializer>(values: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(values.iter().map(|value| word(*value)))
+}
+
+pub(super) fn word(value: f64) -> serde_json::Value {
+    match value.is_finite() {
+        true => value.into(),
+        false => if 0.0 < value { "inf" } else { "-inf" }.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bound_is_the_rank_that_exchangeability_gives() {
+        let values: Vec<f64> = (1..=19).map(f64::from).collect();
+        assert_eq!(conformal(values.clone(), 0.1), 18.0);
+        assert_eq!(conformal(values.clone(), 0.05), 19.0);
+        assert_eq!(conformal(values, 0.04), f64::INFINITY);
+        assert_eq!(conformal(Vec::new(), 0.1), f64::INFINITY);
+    }
+
+    #[test]
+    fn chances_are_those_of_the_textbook() {
+        // Uniform chance: every count from 0 to m is equally probable.
+        for k in 0..=10 {
+            let chance = chance_of_at_most(k, 10, 1, 1);
+            assert!((chance - (k + 1) as f64 / 11.0).abs() < 1e-12);
+        }
+        assert!((binomial_at_most(1, 3, 0.5) - 0.5).abs() < 1e-12);
+        assert!((binomial_at_most(3, 3, 0.9) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_prediction_is_made_where_the_bound_is_below_the_margin() {
+        let calibration: Vec<Vec<f64>> = (1..=9).map(|i| vec![f64::from(i)]).collect();
+        let case = |distance, margin, carried| Case {
+            distances: vec![distance],
+            margins: vec![margin],
+            carried,
+        };
+        let tests = [
+            case(2.0, 10.0, true),
+            case(9.5, 10.0, false),
+            case(1.0, 5.0, true),
+            case(3.0, 12.0, true),
+        ];
+        let forecast = forecast(&calibration, &tests, 0.1);
+        assert_eq!(forecast.quantiles, [9.0]);
+        assert_eq!(forecast.coverage, 0.75);
+        assert_eq!(forecast.predicted, 0.75);
+        assert_eq!(forecast.precision, Some(2.0 / 3.0));
+        assert_eq!(forecast.recall, Some(2.0 / 3.0));
+        assert!(forecast.as_promised);
+    }
+}

@@ -1,0 +1,104 @@
+//! Theorems 1 to 3 on a grid world, for one trained ado.
+
+use serde::Serialize;
+
+use super::TheoremsError;
+use super::bisimilar::{Theorem3, bisimulations, theorem_3};
+use super::nearby::{Approximation, Theorem1, Theorem2, theorem_1, theorem_2};
+use crate::rl::Policy;
+use crate::scene::grid::exact::Game;
+use crate::scene::grid::values::ValueTable;
+use crate::world::Scenario;
+
+/// α to which value iteration is run for Theorem 2.
+const ALPHA: f64 = 0.01;
+/// Least τ of the shipped rules: a unit move keeps `speed_inf <= 1.5` by this.
+const TAU: f64 = 0.5;
+
+/// All that is checked on a grid.
+#[derive(Clone, Debug, Serialize)]
+pub struct GridTheorems {
+    /// Theorem 1, with V* by backward induction.
+    pub theorem_1: Theorem1,
+    /// Sweeps of value iteration up to the stopping rule.
+    pub sweeps: usize,
+    /// Theorem 2 for value iteration, truncated.
+    pub theorem_2: Theorem2,
+    /// Theorem 2 for the values of the trained ado.
+    pub theorem_2_learned: Theorem2,
+    /// Definition 5 and Theorem 3, changed grid by changed grid and ε by ε.
+    pub theorem_3: Vec<Theorem3>,
+    /// Changed grids that cannot be compared, being of another size.
+    pub not_comparable: Vec<String>,
+}
+
+/// Checks Theorems 1 to 3; `policy` is the trained ado.
+///
+/// # Errors
+/// The world is no grid, or not of the specification that is solved.
+pub fn grid_theorems(
+    scenario: &Scenario,
+    policy: &dyn Policy,
+    changed: &[(String, Scenario)],
+) -> Result<GridTheorems, TheoremsError> {
+    let truth = optimal_values(scenario)?;
+    let reward = scenario.rulebook().reward;
+    let lawful = |rho: f64| reward.lawful(rho);
+    let (iterated, sweeps) = ValueTable::iterated(truth.game(), truth.discount(), lawful, ALPHA);
+    let by_sweeps = Approximation {
+        values: &iterated,
+        certified: Some(ALPHA),
+        policy: None,
+    };
+    let learned = scenario.grid().map(|world| truth.learned(world, policy));
+    let learned = Approximation {
+        values: learned.as_ref().unwrap_or(&truth),
+        certified: None,
+        policy: Some(policy),
+    };
+    let (mut rows, mut not_comparable) = (Vec::new(), Vec::new());
+    for (name, changed) in changed {
+        let Some(relations) = bisimulations(scenario, changed, TAU) else {
+            not_comparable.push(name.clone());
+            continue;
+        };
+        for relation in &relations {
+            rows.push(theorem_3(scenario, (name, changed), policy, relation)?);
+        }
+    }
+    Ok(GridTheorems {
+        theorem_1: theorem_1(scenario, policy, &truth)?,
+        sweeps,
+        theorem_2: theorem_2(scenario, &truth, &by_sweeps)?,
+        theorem_2_learned: theorem_2(scenario, &truth, &learned)?,
+        theorem_3: rows,
+        not_comparable,
+    })
+}
+
+/// V* of a grid world under the discount of its learner.
+///
+/// # Errors
+/// The world is no grid.
+pub fn optimal_values(scenario: &Scenario) -> Result<ValueTable, TheoremsError> {
+    let Some(world) = scenario.grid() else {
+        return Err(TheoremsError::NotSolved {
+            world: scenario.name.clone(),
+            why: "it is no grid".to_owned(),
+        });
+    };
+    let reward = scenario.rulebook().reward;
+    let lawful = |rho: f64| reward.lawful(rho);
+    let discount = scenario.learner().discount();
+    Ok(ValueTable::exact(&Game::of(world), discount, lawful))
+}
+
+impl GridTheorems {
+    /// Whether a theorem failed, which is a bug of this program.
+    pub fn is_refuted(&self) -> bool {
+        let second = [&self.theorem_2, &self.theorem_2_learned];
+        self.theorem_1.is_refuted()
+            || second.iter().any(|checked| checked.outcome.is_refuted())
+            || self.theorem_3.iter().any(|row| row.outcome.is_refuted())
+    }
+}

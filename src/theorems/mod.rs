@@ -1,0 +1,83 @@
+//! The paper's theorems as checks that a user can run.
+//!
+//! On a grid V* and the greatest bisimulation are known, so Theorems 1 to 3 are
+//! tested by playing ([`grid_theorems`]). On the road Theorem 3 and Lemma 1 say
+//! when a counterexample carries over to a changed ego ([`carry_over`]).
+
+mod bisimilar;
+mod compare;
+mod forecast;
+mod grid;
+mod nearby;
+mod plays;
+mod transfer;
+
+pub use bisimilar::{Carried, Theorem3, bisimulations, lifted, theorem_3};
+pub use compare::{Distance, Witness};
+pub use forecast::Forecast;
+pub use grid::{GridTheorems, grid_theorems, optimal_values};
+pub use nearby::{
+    Approximation, DELTAS, Nearby, Theorem1, Theorem1Row, Theorem2, Theorem2Row, TheoremOutcome,
+    theorem_1, theorem_2,
+};
+pub use transfer::{CarriedOver, CarryOver, Refused, Sharper, Spread, carry_over};
+
+use crate::experiment::TestStarts;
+use crate::rl::Policy;
+use crate::world::Scenario;
+
+/// What to check.
+#[derive(Clone, Copy)]
+pub struct TheoremsRequest<'a> {
+    /// The world, with the nominal ego.
+    pub nominal: &'a Scenario,
+    /// The same world with changed egos or surroundings, by name.
+    pub changed: &'a [(String, Scenario)],
+    /// The trained ado.
+    pub policy: &'a dyn Policy,
+    /// The test starts.
+    pub starts: &'a TestStarts,
+    /// Share of starts on which the distance may be underestimated.
+    pub alpha: f64,
+}
+
+/// A theorem cannot be checked on a world.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TheoremsError {
+    /// Equal starts and actions do not give equal episodes.
+    #[error(
+        "the ego of `{world}` sees through noise, so success is a probability there, and Theorem 3 speaks of single runs"
+    )]
+    Stochastic {
+        /// Name of the world.
+        world: String,
+    },
+    /// Some violations are no counterexamples in it.
+    #[error(
+        "`{world}` counts some violations only, by how the agents touch, and Theorem 3 speaks of every violation"
+    )]
+    NotEveryViolation {
+        /// Name of the world.
+        world: String,
+    },
+    /// The policy makes the nominal ego fail from no start.
+    #[error("no start of `{world}` gives a counterexample to carry over")]
+    NoCounterexample {
+        /// Name of the world.
+        world: String,
+    },
+    /// The world has no changed egos.
+    #[error("`{world}` names no changed ego to carry counterexamples over to")]
+    NothingChanged {
+        /// Name of the world.
+        world: String,
+    },
+    /// The exact solver does not speak of this world's specification.
+    #[error("the exact solver does not know the specification of `{world}`: {why}")]
+    NotSolved {
+        /// Name of the world.
+        world: String,
+        /// Where it shows.
+        why: String,
+    },
+}

@@ -1,0 +1,435 @@
+//! Theorems 1 and 2 on a grid: what nearby values promise, played.
+//!
+//! Paper: V*(x0) = γ^T ρ, T fixed; here: γ^T R_T in units of the reward, and T
+//! is the decision that ends the episode, because a capture ends it.
+
+use serde::Serialize;
+
+use super::TheoremsError;
+use super::plays::{GridUnderTest, Played, ROUNDING};
+use crate::rl::Policy;
+use crate::scene::grid::values::ValueTable;
+use crate::world::Scenario;
+
+/// δ of Theorem 1 and β of Theorem 2: those of RQ4, fixed before anything is
+/// computed.
+pub const DELTAS: [f64; 4] = [0.01, 0.1, 0.5, 1.0];
+
+/// How the check of a theorem ended.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "is")]
+pub enum TheoremOutcome {
+    /// The premises are met, and so is the conclusion, on every pair.
+    Holds,
+    /// The premises are met by the optimal ado, not the conclusion by this one.
+    Fails,
+    /// The theorem says nothing about this ado.
+    PremiseNotMet {
+        /// Which premise, with the numbers.
+        why: String,
+    },
+    /// A consequence of true premises is false: a bug, or a planted fault.
+    Refuted {
+        /// What is false, with the numbers.
+        why: String,
+    },
+}
+
+impl TheoremOutcome {
+    /// Whether it is a bug of this program.
+    pub fn is_refuted(&self) -> bool {
+        matches!(self, TheoremOutcome::Refuted { .. })
+    }
+}
+
+/// Theorem 1 on every pair of starts.
+#[derive(Clone, Debug, Serialize)]
+pub struct Theorem1 {
+    /// γ.
+    pub discount: f64,
+    /// Starts.
+    pub starts: usize,
+    /// Largest violation of the optimality equation by the table: 0 for V*.
+    pub residual: f64,
+    /// max |V(x0) − γ^T R_T of the table's greedy policy, played|: 0 for V*.
+    pub unpaid: f64,
+    /// Starts from which the trained ado really found a counterexample.
+    pub found: usize,
+    /// Of these, the ones that were paid V*(x0), as the proof needs.
+    pub found_optimally: usize,
+    /// max |V_k(x0) − V*(x0)| of the trained ado: 0 if it has converged.
+    pub gap: f64,
+    /// δ by δ.
+    pub rows: Vec<Theorem1Row>,
+}
+
+/// Theorem 1 for one δ.
+#[derive(Clone, Debug, Serialize)]
+pub struct Theorem1Row {
+    /// δ.
+    pub delta: f64,
+    /// Counterexamples paid V*(x0) with δ < γ^T (g(τ) + 1), the condition.
+    pub meets: usize,
+    /// Of these, the ones with V*(x0) − δ above every pay without a capture:
+    /// there the theorem promises a counterexample from every nearby start.
+    pub promising: usize,
+    /// Pairs (x0, x0'), x0 meeting the condition, |V*(x0) − V*(x0')| < δ.
+    pub pairs: u64,
+    /// The optimal continuation from x0', played.
+    pub optimal: Nearby,
+    /// The trained ado from x0', played.
+    pub learned: Nearby,
+    /// What that says of the optimal continuation.
+    pub outcome: TheoremOutcome,
+    /// What that says of the trained ado.
+    pub outcome_of_learned: TheoremOutcome,
+}
+
+/// What was played from the nearby starts, pair by pair.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Nearby {
+    /// Rules kept and γ^T' R_T' ≥ V*(x0) − δ.
+    pub holds: u64,
+    /// Rules kept and the printed bound, g(ρ') ≥ g(τ) − δ/γ^T.
+    pub printed: u64,
+    /// The ego failed.
+    pub counterexamples: u64,
+}
+
+/// Checks Theorem 1 with the values of `table`; `policy` is the trained ado.
+///
+/// # Errors
+/// The world is no grid, or not of the specification that is solved.
+pub fn theorem_1(
+    scenario: &Scenario,
+    policy: &dyn Policy,
+    table: &ValueTable,
+) -> Result<Theorem1, TheoremsError> {
+    let grid = GridUnderTest::of(scenario)?;
+    let values = grid.values(table);
+    let played = [grid.greedy(table)?, grid.trained(policy)?];
+    let learned = grid.values(&table.learned(grid.world, policy));
+    let paid = played[0].iter().map(Played::paid);
+    let found: Vec<bool> = played[1].iter().map(|run| run.success).collect();
+    let optimally = found.iter().zip(&played[1]).zip(&values);
+    let mut checked = Theorem1 {
+        discount: grid.discount,
+        starts: values.len(),
+        residual: table.residual(grid.discount),
+        unpaid: largest_gap(paid, &values),
+        found: found.iter().filter(|found| **found).count(),
+        found_optimally: optimally
+            .filter(|((found, run), value)| **found && is_paid(run, **value))
+            .count(),
+        gap: largest_gap(learned.into_iter(), &values),
+        rows: Vec::new(),
+    };
+    for delta in DELTAS {
+        let row = theorem_1_row(&grid, &values, &played, delta);
+        checked.rows.push(checked.judged(row));
+    }
+    Ok(checked)
+}
+
+/// Whether a run was paid what a table says: the proof's V*(x0) = γ^T τ.
+fn is_paid(run: &Played, value: f64) -> bool {
+    (run.paid() - value).abs() <= ROUNDING
+}
+
+fn largest_gap(ours: impl Iterator<Item = f64>, others: &[f64]) -> f64 {
+    let gaps = ours.zip(others).map(|(a, b)| (a - b).abs());
+    gaps.fold(0.0, f64::max)
+}
+
+fn theorem_1_row(
+    grid: &GridUnderTest<'_>,
+    values: &[f64],
+    played: &[Vec<Played>; 2],
+    delta: f64,
+) -> Theorem1Row {
+    let held = grid.held_at_best();
+    let counts = grid.sum(|here| {
+        let mut counts = [0; 9];
+        let run = played[1][here];
+        // Condition: δ < γ^T (g(τ) + 1), −1 being the mildest foul.
+        let meets =
+            run.success && is_paid(&run, values[here]) && delta < run.weight * (run.reward + 1.0);
+        if !meets {
+            return counts;
+        }
+        counts[0] = 1;
+        counts[1] = u64::from(held < values[here] - delta);
+        let near = |there: &usize| (values[here] - values[*there]).abs() < delta;
+        for there in (0..values.len()).filter(near) {
+            counts[2] += 1;
+            for (other, counts) in played.iter().zip(counts[3..].chunks_mut(3)) {
+                let other = other[there];
+                let holds = values[here] - delta - ROUNDING <= other.paid();
+                let printed = run.reward - delta / run.weight - ROUNDING <= other.reward;
+                counts[0] += u64::from(other.lawful && holds);
+                counts[1] += u64::from(other.lawful && printed);
+                counts[2] += u64::from(other.success);
+            }
+        }
+        counts
+    });
+    let nearby = |first: usize| Nearby {
+        holds: counts[first],
+        printed: counts[first + 1],
+        counterexamples: counts[first + 2],
+    };
+    Theorem1Row {
+        delta,
+        meets: counts[0] as usize,
+        promising: counts[1] as usize,
+        pairs: counts[2],
+        optimal: nearby(3),
+        learned: nearby(6),
+        outcome: TheoremOutcome::Holds,
+        outcome_of_learned: TheoremOutcome::Holds,
+    }
+}
+
+impl Theorem1 {
+    fn judged(&self, mut row: Theorem1Row) -> Theorem1Row {
+        row.outcome = self.optimal(&row);
+        row.outcome_of_learned = match (&row.outcome, self.learned(&row)) {
+            (TheoremOutcome::Holds, outcome) => outcome,
+            (outcome, _) => outcome.clone(),
+        };
+        row
+    }
+
+    fn optimal(&self, row: &Theorem1Row) -> TheoremOutcome {
+        let Theorem1Row {
+            delta,
+            pairs,
+            optimal,
+            ..
+        } = row;
+        if optimal.holds < *pairs {
+            return TheoremOutcome::Refuted {
+                why: format!(
+                    "the optimal continuation misses the bound on {} of {pairs} pairs",
+                    pairs - optimal.holds
+                ),
+            };
+        }
+        if ROUNDING < self.residual.max(self.unpaid) {
+            return TheoremOutcome::Refuted {
+                why: format!(
+                    "the table is not V*: its residual is {:.4}, and its greedy policy is paid up to {:.4} other than it says",
+                    self.residual, self.unpaid
+                ),
+            };
+        }
+        let why = match (self.found, self.found_optimally, row.promising) {
+            (0, ..) => "the trained ado found no counterexample".to_owned(),
+            (found, 0, _) => format!("none of the {found} counterexamples is paid V*(x0)"),
+            (.., 0) => format!(
+                "δ = {delta} promises a counterexample around none of {} starts",
+                self.found_optimally
+            ),
+            _ => return TheoremOutcome::Holds,
+        };
+        TheoremOutcome::PremiseNotMet { why }
+    }
+
+    /// The premises hold for the optimal ado.
+    fn learned(&self, row: &Theorem1Row) -> TheoremOutcome {
+        if row.delta <= self.gap {
+            return TheoremOutcome::PremiseNotMet {
+                why: format!(
+                    "the learned values differ from V* by up to {:.4}, no less than δ = {}",
+                    self.gap, row.delta
+                ),
+            };
+        }
+        match row.learned.holds == row.pairs {
+            true => TheoremOutcome::Holds,
+            false => TheoremOutcome::Fails,
+        }
+    }
+
+    /// Whether it is a bug of this program.
+    pub fn is_refuted(&self) -> bool {
+        self.rows.iter().any(|row| row.outcome.is_refuted())
+    }
+}
+
+/// V_k with what is known of its distance from V*.
+pub struct Approximation<'a> {
+    /// V_k.
+    pub values: &'a ValueTable,
+    /// α as a stopping rule certifies it; `None`: it is measured.
+    pub certified: Option<f64>,
+    /// Who plays it; `None`: its greedy policy.
+    pub policy: Option<&'a dyn Policy>,
+}
+
+/// Theorem 2 on every pair of starts.
+#[derive(Clone, Debug, Serialize)]
+pub struct Theorem2 {
+    /// α of the stopping rule, if V_k has one.
+    pub certified: Option<f64>,
+    /// max |V_k − V*| over all pairs of cells and all numbers of steps left.
+    pub alpha: f64,
+    /// The same over the starts only: what the printed bound uses.
+    pub alpha_of_starts: f64,
+    /// The same over the states that greedy play compares.
+    pub alpha_ahead: f64,
+    /// 2α (γ + … + γ^(K−1)): what the greedy policy of V_k loses at most, α being
+    /// certified, or that of the states that it compares.
+    pub loss: f64,
+    /// What it really loses, at worst over all starts.
+    pub lost: f64,
+    /// Starts from which a counterexample was found.
+    pub found: usize,
+    /// β by β.
+    pub rows: Vec<Theorem2Row>,
+    /// What all of it says.
+    pub outcome: TheoremOutcome,
+}
+
+/// Theorem 2 for one β.
+#[derive(Clone, Debug, Serialize)]
+pub struct Theorem2Row {
+    /// β.
+    pub beta: f64,
+    /// Pairs (x0, x0'), x0 a counterexample, |V_k(x0) − V_k(x0')| ≤ β.
+    pub pairs: u64,
+    /// Pairs on which the greedy bound promises a counterexample; on the others
+    /// it is vacuous.
+    pub promising: u64,
+    /// Pairs on which the greedy policy misses its bound: bugs.
+    pub misses: u64,
+    /// Pairs on which the printed bound promises a counterexample.
+    pub printed_promising: u64,
+    /// Pairs on which the ado that plays misses the printed bound,
+    /// g(ρ') ≥ g(τ) − (2α + β)/γ^T.
+    pub printed_misses: u64,
+}
+
+/// Checks Theorem 2: `truth` is V*, `approximation` is V_k.
+///
+/// # Errors
+/// As [`theorem_1`].
+pub fn theorem_2(
+    scenario: &Scenario,
+    truth: &ValueTable,
+    approximation: &Approximation<'_>,
+) -> Result<Theorem2, TheoremsError> {
+    let grid = GridUnderTest::of(scenario)?;
+    let (best, values) = (grid.values(truth), grid.values(approximation.values));
+    let greedy = grid.greedy(approximation.values)?;
+    let agent = match approximation.policy {
+        Some(policy) => grid.trained(policy)?,
+        None => greedy.clone(),
+    };
+    let alpha = truth.distance(approximation.values);
+    let steps = 1..grid.game.steps as i32;
+    let later: f64 = steps.map(|t| grid.discount.powi(t)).sum();
+    let certified = approximation.certified;
+    let alpha_of_starts = largest_gap(values.iter().copied(), &best);
+    let ahead = grid.positions.iter();
+    let ahead = ahead.map(|start| approximation.values.distance_ahead(truth, *start));
+    let alpha_ahead = ahead.fold(0.0, f64::max);
+    let lost = best
+        .iter()
+        .zip(&greedy)
+        .map(|(best, run)| best - run.paid());
+    let mut checked = Theorem2 {
+        certified,
+        alpha,
+        alpha_of_starts,
+        alpha_ahead,
+        loss: 2.0 * certified.unwrap_or(alpha_ahead) * later,
+        lost: lost.fold(0.0, f64::max),
+        found: agent.iter().filter(|run| run.success).count(),
+        rows: Vec::new(),
+        outcome: TheoremOutcome::Holds,
+    };
+    let near = certified.unwrap_or(alpha_of_starts);
+    let rows = DELTAS.into_iter().map(|beta| {
+        let spent = [2.0 * near + beta, checked.loss];
+        theorem_2_row(&grid, &values, &[&greedy, &agent], beta, spent)
+    });
+    checked.rows = rows.collect();
+    checked.outcome = checked.judged();
+    Ok(checked)
+}
+
+/// `[spent, loss]`: 2α + β, and what greedy play loses besides.
+fn theorem_2_row(
+    grid: &GridUnderTest<'_>,
+    values: &[f64],
+    [greedy, agent]: &[&Vec<Played>; 2],
+    beta: f64,
+    [spent, loss]: [f64; 2],
+) -> Theorem2Row {
+    let held = grid.held_at_best();
+    let held_now = grid.scenario.rulebook().reward.lawful(0.0);
+    let counts = grid.sum(|here| {
+        let mut counts = [0; 5];
+        let run = agent[here];
+        if !run.success {
+            return counts;
+        }
+        let bound = run.paid() - spent - loss;
+        let printed = run.reward - spent / run.weight;
+        let near = |there: &usize| (values[here] - values[*there]).abs() <= beta;
+        for there in (0..values.len()).filter(near) {
+            let (greedy, agent) = (greedy[there], agent[there]);
+            let kept = |run: &Played, have: f64, want: f64| run.lawful && want - ROUNDING <= have;
+            counts[0] += 1;
+            counts[1] += u64::from(held < bound);
+            counts[2] += u64::from(!kept(&greedy, greedy.paid(), bound));
+            counts[3] += u64::from(held_now < printed);
+            counts[4] += u64::from(!kept(&agent, agent.reward, printed));
+        }
+        counts
+    });
+    let [pairs, promising, misses, printed_promising, printed_misses] = counts;
+    Theorem2Row {
+        beta,
+        pairs,
+        promising,
+        misses,
+        printed_promising,
+        printed_misses,
+    }
+}
+
+impl Theorem2 {
+    fn judged(&self) -> TheoremOutcome {
+        let misses: u64 = self.rows.iter().map(|row| row.misses).sum();
+        if let Some(certified) = self.certified
+            && certified + ROUNDING < self.alpha
+        {
+            return TheoremOutcome::Refuted {
+                why: format!(
+                    "V_k is certified within {certified} of V*, and differs by {:.4}",
+                    self.alpha
+                ),
+            };
+        }
+        if 0 < misses || self.loss + ROUNDING < self.lost {
+            return TheoremOutcome::Refuted {
+                why: format!(
+                    "the greedy policy of V_k misses its bound on {misses} pairs; it loses {:.4} of at most {:.4}",
+                    self.lost, self.loss
+                ),
+            };
+        }
+        let why = match self.rows.iter().any(|row| 0 < row.promising) {
+            _ if self.found == 0 => "no counterexample was found".to_owned(),
+            true => return TheoremOutcome::Holds,
+            false => format!(
+                "the bound is vacuous everywhere: α is {:.4} on the starts, and greedy play may lose {:.4}",
+                self.certified.unwrap_or(self.alpha_of_starts),
+                self.loss
+            ),
+        };
+        TheoremOutcome::PremiseNotMet { why }
+    }
+}

@@ -1,0 +1,161 @@
+//! Episodes of a grid from all of its starts, with what each was paid.
+
+use rayon::prelude::*;
+
+use super::TheoremsError;
+use crate::experiment::{EpisodeLoop, Turn, Watch};
+use crate::rl::Policy;
+use crate::rulebook::Verdict;
+use crate::scene::Start;
+use crate::scene::grid::exact::Game;
+use crate::scene::grid::values::ValueTable;
+use crate::scene::grid::{GridWorld, Position, position_of};
+use crate::testbench::{Aftermath, Episode, PolicyActor, Replay, Testbench, play};
+use crate::world::Scenario;
+
+/// Slack of every comparison of values: rounding only.
+pub(super) const ROUNDING: f64 = 1e-9;
+
+/// A grid world with a list of starts, under the discount of its learner.
+pub(super) struct GridUnderTest<'a> {
+    pub(super) scenario: &'a Scenario,
+    pub(super) world: &'a GridWorld,
+    pub(super) game: Game,
+    /// γ of the learner.
+    pub(super) discount: f64,
+    pub(super) starts: Vec<Start>,
+    pub(super) positions: Vec<Position>,
+}
+
+/// An episode as Theorems 1 and 2 see it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Played {
+    /// γ^T, T the number of the decision that ended the episode, from 0.
+    pub(super) weight: f64,
+    /// R_T.
+    pub(super) reward: f64,
+    /// Whether every rule was strictly kept.
+    pub(super) lawful: bool,
+    /// Whether it is a counterexample.
+    pub(super) success: bool,
+}
+
+impl Played {
+    /// γ^T R_T.
+    pub(super) fn paid(&self) -> f64 {
+        self.weight * self.reward
+    }
+}
+
+impl<'a> GridUnderTest<'a> {
+    pub(super) fn of(scenario: &'a Scenario) -> Result<GridUnderTest<'a>, TheoremsError> {
+        let (Some(world), Some(starts)) = (scenario.grid(), scenario.starts()) else {
+            return Err(not_solved(
+                scenario,
+                "it is no grid with a list of starts".to_owned(),
+            ));
+        };
+        let game = Game::of(world);
+        Ok(GridUnderTest {
+            positions: starts
+                .iter()
+                .map(|start| position_of(start, &game.arena))
+                .collect(),
+            scenario,
+            world,
+            game,
+            discount: scenario.learner().discount(),
+            starts,
+        })
+    }
+
+    /// Plays the greedy policy of a table from every start.
+    pub(super) fn greedy(&self, table: &ValueTable) -> Result<Vec<Played>, TheoremsError> {
+        self.played(|bench, start| {
+            let actions = table.actions(position_of(start, &self.game.arena));
+            let mut ado = Replay::holding(&actions);
+            play(bench, start, 0, &mut ado, Aftermath::Skip)
+        })
+    }
+
+    /// Lets a trained ado play from every start.
+    pub(super) fn trained(&self, policy: &dyn Policy) -> Result<Vec<Played>, TheoremsError> {
+        self.played(|bench, start| play(bench, start, 0, &mut PolicyActor(policy), Aftermath::Skip))
+    }
+
+    fn played(
+        &self,
+        episode: impl Fn(&mut Testbench, &Start) -> Episode + Sync + Send,
+    ) -> Result<Vec<Played>, TheoremsError> {
+        let unwatched = Watch::unwatched();
+        let one = |bench: &mut Testbench, start: &Start, _: &Turn| {
+            let episode = episode(bench, start);
+            Some(self.read(&episode))
+        };
+        let all = EpisodeLoop::uncounted(&unwatched);
+        let played = all.run(&self.starts, || self.scenario.bench(), one);
+        played.into_iter().flatten().collect()
+    }
+
+    /// What an episode was paid, if its specification is the one that is solved.
+    fn read(&self, episode: &Episode) -> Result<Played, TheoremsError> {
+        let not_solved = |why: String| not_solved(self.scenario, why);
+        let from = &episode.start.0;
+        let Some(reward) = self.scenario.rulebook().reward_of(&episode.verdict) else {
+            return Err(not_solved(format!("from {from:?} the episode is invalid")));
+        };
+        let lawful = !matches!(episode.verdict, Verdict::Foul { .. });
+        let distances = episode.trace.signal("d_man").unwrap_or_default();
+        let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
+        if lawful && ROUNDING < (episode.robustness - (least - 1.0)).abs() {
+            return Err(not_solved(format!(
+                "from {from:?} its robustness is {}, but the least d_man is {least}",
+                episode.robustness
+            )));
+        }
+        let last = episode.actions.len().saturating_sub(1);
+        Ok(Played {
+            weight: self.discount.powi(last as i32),
+            reward,
+            lawful,
+            success: episode.verdict.is_success(),
+        })
+    }
+
+    /// V of a table at every start.
+    pub(super) fn values(&self, table: &ValueTable) -> Vec<f64> {
+        self.positions.iter().map(|both| table.at(*both)).collect()
+    }
+
+    /// Above this discounted pay there are counterexamples only.
+    ///
+    /// Without one, a lawful episode is paid at most R(0) ≤ 0, at decision K − 1.
+    pub(super) fn held_at_best(&self) -> f64 {
+        let last = self.game.steps.saturating_sub(1);
+        self.discount.powi(last as i32) * self.scenario.rulebook().reward.lawful(0.0)
+    }
+
+    /// Counts over all pairs (x0, x0'), x0 by x0 in parallel.
+    pub(super) fn sum<const N: usize>(
+        &self,
+        of_start: impl Fn(usize) -> [u64; N] + Sync + Send,
+    ) -> [u64; N] {
+        let all = (0..self.starts.len()).into_par_iter().map(of_start);
+        all.reduce(
+            || [0; N],
+            |mut sum, counts| {
+                for (sum, count) in sum.iter_mut().zip(counts) {
+                    *sum += count;
+                }
+                sum
+            },
+        )
+    }
+}
+
+fn not_solved(scenario: &Scenario, why: String) -> TheoremsError {
+    TheoremsError::NotSolved {
+        world: scenario.name.clone(),
+        why,
+    }
+}

@@ -1,0 +1,165 @@
+//! Trainings that do not begin or do not go on.
+
+use std::path::PathBuf;
+
+use super::train_loop::TrainError;
+use crate::experiment::EgoError;
+use crate::rl::ConfigError;
+use crate::run_dir::{KeptError, RunError};
+use crate::world::{Against, guessed};
+
+/// A training could not begin, go on or end.
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
+pub enum SessionError {
+    /// The world has no ado.
+    #[error("nobody in `{world}` is an ado, so there is nothing to train")]
+    NoAdo {
+        /// Name of the world.
+        world: String,
+    },
+    /// The world names no such learner.
+    #[error("`{world}` has no learner `{learner}`")]
+    NoLearner {
+        /// Name of the world.
+        world: String,
+        /// Learner asked for.
+        learner: String,
+        /// Learners that the world names.
+        known: Vec<String>,
+    },
+    /// The world names no family of egos.
+    #[error("`{world}` names no family of egos")]
+    NoFamily {
+        /// Name of the world.
+        world: String,
+    },
+    /// The family has no such structure.
+    #[error("the family of `{world}` has no structure `{structure}`")]
+    NoStructure {
+        /// Name of the world.
+        world: String,
+        /// Structure asked for.
+        structure: String,
+        /// Structures of the family.
+        known: Vec<String>,
+    },
+    /// Two options that exclude each other.
+    #[error("{0}")]
+    Options(OptionClash),
+    /// The run was begun against a controller that is in no file.
+    #[error("the run was begun against `{ego}`, which is in no file")]
+    EgoInNoFile {
+        /// Name of the controller.
+        ego: String,
+    },
+    /// A conditional ado and another one cannot become each other.
+    #[error("the ado in `{}` is {was}, this training {asked}", run.display())]
+    OtherKind {
+        /// The run that is fine-tuned.
+        run: PathBuf,
+        /// Kind of its ado.
+        was: Against,
+        /// Kind asked for.
+        asked: Against,
+    },
+    /// The ego cannot be tested.
+    #[error(transparent)]
+    Ego(#[from] EgoError),
+    /// The run directory cannot be read, written or gone on with.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// Training could not go on.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// Settings of a learner out of range.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// Counterexamples could not be kept.
+    #[error(transparent)]
+    Kept(#[from] KeptError),
+}
+
+/// Options of a training that exclude each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OptionClash {
+    /// A structure is left out of no family.
+    #[error("only a wide ado meets structures of which one can be left out")]
+    LeaveOut,
+    /// A family, and one of its egos.
+    #[error("`--against` trains on a family of egos, `--ego` on one of them")]
+    FamilyAndEgo,
+    /// A family, and a learner of the world.
+    #[error("`--learner` is for training against the nominal ego")]
+    FamilyAndLearner,
+    /// A family, and a plant.
+    #[error("`--plant` is for training against one ego")]
+    FamilyAndPlant,
+    /// All egos at once.
+    #[error("`--ego all` names many egos, and an ado is trained against one")]
+    AllEgos,
+}
+
+impl OptionClash {
+    /// The fix.
+    pub fn help(self) -> &'static str {
+        match self {
+            OptionClash::LeaveOut => "add `--against wide`, or leave out `--leave-out`",
+            OptionClash::FamilyAndEgo => "leave out one of the two",
+            OptionClash::FamilyAndLearner => {
+                "leave it out: a family names its own learners, `wide` and `conditional`"
+            }
+            OptionClash::FamilyAndPlant => {
+                "leave it out: a family names its plants under `train_against`"
+            }
+            OptionClash::AllEgos => "name one of them; `--against wide` trains against a family",
+        }
+    }
+}
+
+impl SessionError {
+    /// The fix; `None`: the error has another form than a sentence and its fix.
+    pub fn help(&self) -> Option<String> {
+        let guess = |asked: &str, known: &[String]| {
+            guessed(asked, "known", known.iter().map(String::as_str))
+        };
+        Some(match self {
+            SessionError::NoAdo { .. } => {
+                "give one agent `drive: Ado(actions: …, rulebook: […])`, or ask `search` which \
+                 starts the ego passes"
+                    .to_owned()
+            }
+            SessionError::NoLearner { known, .. } if known.is_empty() => {
+                "it names none under `learners`: leave out `--learner`".to_owned()
+            }
+            SessionError::NoLearner { learner, known, .. } => {
+                format!("{}; or leave out `--learner`", guess(learner, known))
+            }
+            SessionError::NoFamily { .. } => {
+                "add `train_against: Family(ego: { … })` to the world: docs/reuse.md".to_owned()
+            }
+            SessionError::NoStructure { known, .. } if known.is_empty() => {
+                "name some under `structures` of `train_against`: docs/adapting.md".to_owned()
+            }
+            SessionError::NoStructure {
+                structure, known, ..
+            } => guess(structure, known),
+            SessionError::Options(clash) => clash.help().to_owned(),
+            SessionError::EgoInNoFile { .. } => {
+                "go on with it from where it was begun, with that controller as the ego".to_owned()
+            }
+            SessionError::OtherKind { .. } => {
+                "a conditional ado is told the ego's parameters, others are not: fine-tune a \
+                 conditional ado with `--against conditional`, any other without"
+                    .to_owned()
+            }
+            SessionError::Ego(error) => return error.help(),
+            SessionError::Run(_)
+            | SessionError::Train(_)
+            | SessionError::Config(_)
+            | SessionError::Kept(_) => return None,
+        })
+    }
+}

@@ -1,0 +1,16 @@
+//! Training an ado: from a world to a run directory and its closing evaluation.
+
+mod calibration;
+mod demonstrations;
+mod error;
+mod retrain_baseline;
+mod session;
+mod stopping_rule;
+mod train_loop;
+mod training_egos;
+mod training_search;
+
+pub use error::{OptionClash, SessionError};
+pub use retrain_baseline::retrained;
+pub use session::{Closing, TrainRequest, TrainSession};
+pub use train_loop::{TrainError, TrainingOutcome, train};

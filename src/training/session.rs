@@ -1,0 +1,365 @@
+//! A training from its world to its closing evaluation: begun, gone on with, or
+//! fine-tuned from another run.
+
+use std::path::Path;
+
+use super::error::{OptionClash, SessionError};
+use super::train_loop::{TrainError, TrainingOutcome, steps, train};
+use crate::adversary::{Ado, Evaluated, best_constant, eval};
+use crate::crashes::keep;
+use crate::experiment::{
+    EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant, test_starts,
+};
+use crate::rl::{LearnerConfig, Policy};
+use crate::run_dir::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
+use crate::sim::PlantKind;
+use crate::world::{Against, Change, Scenario};
+
+/// Counterexamples of the closing evaluation that a run directory keeps.
+const KEPT_EPISODES: usize = 5;
+
+/// How to train in a world; what is left out is as the world says, or, going on
+/// with a run, as that was begun.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TrainRequest<'a> {
+    /// Seed of the training; 0 going on: the one it was begun with.
+    pub seed: u64,
+    /// Decisions to train for.
+    pub decisions: Option<u64>,
+    /// One of the world's `learners`.
+    pub learner: Option<&'a str>,
+    /// Against the world's ego, or its family.
+    pub against: Against,
+    /// A structure of the family that is not met.
+    pub leave_out: Option<&'a str>,
+    /// Against a changed ego: a name under `reuse`, or a RON file.
+    pub ego: Option<&'a str>,
+    /// The physics to train in.
+    pub plant: Option<PlantKind>,
+    /// The run whose policy is fine-tuned.
+    pub from: Option<&'a RunDir>,
+}
+
+/// A training and its run directory.
+pub struct TrainSession {
+    run: RunDir,
+    world: Scenario,
+    ego: EgoUnderTest,
+}
+
+/// The closing evaluation of a training.
+pub struct Closing {
+    /// The trained ado beside the baselines.
+    pub rows: Vec<Row>,
+    policy: Box<dyn Policy>,
+    starts: TestStarts,
+    evaluated: Evaluated,
+}
+
+impl TrainSession {
+    /// Makes a run directory to train in.
+    ///
+    /// What does not fit is refused before anything is made.
+    ///
+    /// # Errors
+    /// The request does not fit the world, there is a run already, a program may
+    /// not be started, or the disk refuses.
+    pub fn begin(
+        world: &Scenario,
+        path: &Path,
+        request: &TrainRequest<'_>,
+    ) -> Result<TrainSession, SessionError> {
+        let world = request.world(world)?;
+        if world
+            .drive()
+            .is_some_and(|spec| spec.action_sets().next().is_none())
+        {
+            return Err(SessionError::NoAdo {
+                world: world.name.clone(),
+            });
+        }
+        let ego = request.ego(&world)?;
+        let seed = request.seed;
+        let from = request.from.map(|from| from.policy_bundle()).transpose()?;
+        if let (Some(source), Some(bundle)) = (request.from, &from) {
+            fits_kind(source, &world)?;
+            let fits = world.learner.build_from(&world.spaces(), seed, bundle);
+            fits.map_err(TrainError::from)?;
+        }
+        let begin = |ego| {
+            let from = from.as_ref();
+            RunDir::begin(path, &world, seed, Beginning { from, ego })
+        };
+        TrainSession::with(world.clone(), ego, begin)
+    }
+
+    /// Opens a run directory to go on with.
+    ///
+    /// # Errors
+    /// There is no run, or it was begun as another training.
+    pub fn resume(
+        world: &Scenario,
+        path: &Path,
+        request: &TrainRequest<'_>,
+    ) -> Result<TrainSession, SessionError> {
+        let world = request.world(world)?;
+        // Before the run is opened: what cannot be asked for is no reason to hold it.
+        let asked = request.ego(&world)?;
+        let run = RunDir::resume(path)?;
+        let world = request.as_begun(world, &run)?;
+        let begun = run.manifest();
+        let ego = match request.ego {
+            Some(_) => asked,
+            None => begun.ego.clone(),
+        };
+        let seed = match request.seed {
+            0 => begun.seed,
+            seed => seed,
+        };
+        let own = ego.as_ref().filter(|ego| ego.is_own());
+        if own.is_some_and(|ego| world.own_ego() != Some(&ego.name)) {
+            let name = own.map_or("", |ego| &ego.name);
+            return Err(SessionError::EgoInNoFile {
+                ego: name.to_owned(),
+            });
+        }
+        run.must_be_of(Asked {
+            scenario: &world,
+            seed,
+            ego: ego.as_ref(),
+        })?;
+        TrainSession::with(world, ego, |_| Ok(run))
+    }
+
+    /// Asks for consent, and only then opens the run.
+    fn with(
+        world: Scenario,
+        ego: Option<ChangedEgo>,
+        open: impl FnOnce(Option<ChangedEgo>) -> Result<RunDir, RunError>,
+    ) -> Result<TrainSession, SessionError> {
+        let tested = EgoUnderTest::of_training(&world, ego.as_ref())?;
+        consent(&world, std::slice::from_ref(&tested))?;
+        consent_to_family(&world)?;
+        let mut run = open(ego)?;
+        run.allow_programs(world.may_start_programs());
+        Ok(TrainSession {
+            run,
+            world,
+            ego: tested,
+        })
+    }
+
+    /// Trains until the decisions asked for are taken, or `watch` stops it.
+    ///
+    /// # Errors
+    /// The disk refuses, or the ego keeps failing to run.
+    pub fn train(&mut self, watch: &Watch<'_>) -> Result<TrainingOutcome, SessionError> {
+        let scenario = self.ego.scenario();
+        let watch = watch.first_of(steps(scenario));
+        Ok(train(scenario, &mut self.run, &watch)?)
+    }
+
+    /// The trained ado beside the baselines, on the first test starts. `None`:
+    /// stopped before there was anything.
+    ///
+    /// # Errors
+    /// The policy cannot be read.
+    pub fn evaluate(
+        &self,
+        starts: usize,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Closing>, SessionError> {
+        let policy = self.policy()?;
+        let steps = steps(self.ego.scenario());
+        let watch = &watch.first_of(steps).later(steps - 1);
+        let Some(starts) = test_starts(&self.run.world()?, 0, starts, watch) else {
+            return Ok(None);
+        };
+        let request = |ado| self.ego.met_by(ado, &starts);
+        let mut evaluated = eval(&request(self.trained(&*policy)), watch);
+        if self.world.against == Against::Conditional {
+            evaluated.row.context = Some("nominal".to_owned());
+        }
+        let (scenario, name) = (self.ego.scenario(), self.ego.name());
+        let rows = vec![
+            evaluated.row.clone(),
+            eval(&request(Ado::Held), watch).row,
+            eval(&request(Ado::Random), watch).row,
+            best_constant(scenario, name, &starts, watch).row,
+        ];
+        Ok(Some(Closing {
+            rows,
+            policy,
+            starts,
+            evaluated,
+        }))
+    }
+
+    /// Writes the closing evaluation and some counterexamples into the run.
+    ///
+    /// # Errors
+    /// The disk refuses.
+    pub fn keep(&self, closing: &Closing) -> Result<(), SessionError> {
+        self.run.save_report(&closing.rows)?;
+        let episodes = self.run.path().join("episodes");
+        let ado = self.trained(&*closing.policy);
+        let trained = self.ego.met_by(ado, &closing.starts);
+        let change = self.ego.change();
+        keep(
+            &trained,
+            change,
+            &closing.evaluated,
+            &episodes,
+            KEPT_EPISODES,
+        )?;
+        Ok(())
+    }
+
+    /// The run directory.
+    pub fn run(&self) -> &RunDir {
+        &self.run
+    }
+
+    /// The world with the learner, the plant and the egos that are trained with.
+    pub fn world(&self) -> &Scenario {
+        &self.world
+    }
+
+    fn trained<'a>(&self, policy: &'a dyn Policy) -> Ado<'a> {
+        Ado::Trained(policy, self.run.manifest().seed)
+    }
+
+    /// The trained ado; a conditional one is told the nominal parameters.
+    fn policy(&self) -> Result<Box<dyn Policy>, SessionError> {
+        let scenario = self.ego.scenario();
+        Ok(match (scenario.family(), scenario.drive()) {
+            (Some(family), Some(spec)) => self.run.policy_told(&family.nominal(spec.plant))?,
+            _ => self.run.policy()?,
+        })
+    }
+}
+
+impl TrainRequest<'_> {
+    /// The world, with what is asked for.
+    fn world(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let mut world = match self.plant {
+            Some(plant) => on_plant(world, plant)?,
+            None => world.clone(),
+        };
+        if let Some(name) = self.learner {
+            let none = || SessionError::NoLearner {
+                world: world.name.clone(),
+                learner: name.to_owned(),
+                known: world.learners.keys().cloned().collect(),
+            };
+            world = world.learning_by(name).ok_or_else(none)?;
+        }
+        if self.leave_out.is_some() && self.against != Against::Wide {
+            return Err(SessionError::Options(OptionClash::LeaveOut));
+        }
+        if !self.against.is_nominal() {
+            world = self.against_family(&world)?;
+        }
+        Ok(match self.decisions {
+            Some(decisions) => world.training_for(decisions)?,
+            None => world,
+        })
+    }
+
+    fn against_family(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let refused = |clash: OptionClash| Err(SessionError::Options(clash));
+        if self.ego.is_some() {
+            return refused(OptionClash::FamilyAndEgo);
+        }
+        if self.learner.is_some() {
+            return refused(OptionClash::FamilyAndLearner);
+        }
+        if self.plant.is_some() {
+            return refused(OptionClash::FamilyAndPlant);
+        }
+        let world = self.leaving_out(world)?;
+        world
+            .training_against(self.against)
+            .ok_or_else(|| SessionError::NoFamily {
+                world: world.name.clone(),
+            })
+    }
+
+    fn leaving_out(&self, world: &Scenario) -> Result<Scenario, SessionError> {
+        let Some(name) = self.leave_out else {
+            return Ok(world.clone());
+        };
+        world.leaving_out(name).ok_or_else(|| {
+            let structures = world.family().into_iter().flat_map(|f| &f.structures);
+            SessionError::NoStructure {
+                world: world.name.clone(),
+                structure: name.to_owned(),
+                known: structures.map(|other| other.name.clone()).collect(),
+            }
+        })
+    }
+
+    /// The changed ego that is asked for; `None`: the nominal one.
+    fn ego(&self, world: &Scenario) -> Result<Option<ChangedEgo>, SessionError> {
+        match self.ego {
+            None => Ok(world.own_ego().map(|name| ChangedEgo {
+                name: name.to_owned(),
+                change: Change::default(),
+            })),
+            Some("all") => Err(SessionError::Options(OptionClash::AllEgos)),
+            Some(name) => {
+                let egos = EgoUnderTest::find(world, name)?;
+                Ok(egos.first().and_then(EgoUnderTest::as_changed))
+            }
+        }
+    }
+
+    /// What was not asked for is as it was when a run was begun.
+    fn as_begun(&self, mut world: Scenario, run: &RunDir) -> Result<Scenario, SessionError> {
+        let begun = run.manifest();
+        if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
+            world = world.on(plant);
+        }
+        let left_out = begun
+            .left_out
+            .as_deref()
+            .filter(|_| self.leave_out.is_none());
+        if let Some(others) = left_out.and_then(|name| world.leaving_out(name)) {
+            world = others;
+        }
+        if self.against.is_nominal()
+            && let Some(family) = world.training_against(begun.against)
+        {
+            world = family;
+        }
+        let learner = begun.learner.as_ref().filter(|_| self.learner.is_none());
+        if let Some(learner) = learner.and_then(|name| world.learning_by(name)) {
+            world = learner;
+        }
+        Ok(match (self.decisions, begun_with(begun)) {
+            (Some(decisions), _) => world.training_for(decisions)?,
+            (None, Some(learner)) => world.learning_with(learner),
+            (None, None) => world.training_for(begun.decisions)?,
+        })
+    }
+}
+
+/// The learner a run was begun with, whatever its world has become.
+fn begun_with(begun: &Manifest) -> Option<LearnerConfig> {
+    let settings = begun.settings.clone()?;
+    serde_json::from_value(settings).ok()
+}
+
+/// A conditional ado is told the ego's parameters, others are not: one cannot
+/// become the other.
+fn fits_kind(from: &RunDir, world: &Scenario) -> Result<(), SessionError> {
+    let was = from.manifest().against;
+    if (was == Against::Conditional) == (world.against == Against::Conditional) {
+        return Ok(());
+    }
+    Err(SessionError::OtherKind {
+        run: from.path().into(),
+        was,
+        asked: world.against,
+    })
+}

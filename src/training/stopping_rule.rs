@@ -1,0 +1,154 @@
+//! How long to train: as long as a cheap search finds on calibration starts what
+//! the ado misses, and going on helps.
+
+use super::calibration::Calibrator;
+use crate::experiment::Watch;
+use crate::rl::Learner;
+use crate::run_dir::{Calibration, Ended, Manifest};
+use crate::world::Scenario;
+
+/// Share of the decisions asked for after which a training that is stuck begins
+/// anew. Not before: good ones have been seen to learn nothing in a quarter.
+const LOOK: f64 = 0.4;
+/// Recall below which it is stuck.
+const STUCK: f64 = 0.5;
+/// By what share of the decisions asked for a training is extended at a time.
+const EXTENSION: f64 = 0.5;
+
+/// Decides when a training begins anew, goes on, and ends.
+pub(super) struct Patience<'a> {
+    scenario: &'a Scenario,
+    seed: u64,
+    watch: &'a Watch<'a>,
+    /// Searched once, when it is first needed.
+    calibrator: Option<Calibrator<'a>>,
+    /// Decisions asked for, and those after which it ends in any case.
+    pub asked: u64,
+    longest: u64,
+    /// Where it was last looked at.
+    looked: u64,
+    /// As of the last time that all decisions asked for were taken.
+    pub calibration: Option<Calibration>,
+    pub ended: Option<Ended>,
+}
+
+impl<'a> Patience<'a> {
+    /// Of a training that is as far as its manifest says.
+    pub fn new(
+        scenario: &'a Scenario,
+        manifest: &Manifest,
+        seed: u64,
+        watch: &'a Watch<'a>,
+    ) -> Patience<'a> {
+        Patience {
+            scenario,
+            seed,
+            watch,
+            calibrator: None,
+            asked: scenario.learner.decisions(),
+            longest: scenario.learner.longest(),
+            looked: manifest.decisions_done,
+            calibration: manifest.calibration,
+            ended: None,
+        }
+    }
+
+    /// After which decision to look at it next.
+    pub fn next_look(&self, decisions: u64) -> u64 {
+        let look = self.first_look();
+        match self.adapts() && decisions < look {
+            true => look,
+            false => u64::MAX,
+        }
+    }
+
+    fn first_look(&self) -> u64 {
+        (LOOK * self.asked as f64) as u64
+    }
+
+    fn adapts(&self) -> bool {
+        self.asked < self.longest
+    }
+
+    /// Lets a training begin anew that is stuck, once, with what it has seen;
+    /// whether that was looked at.
+    pub fn look(&mut self, learner: &mut dyn Learner) -> bool {
+        let (before, now) = (self.looked, learner.decisions());
+        self.looked = now;
+        let look = self.first_look();
+        if !self.adapts() || look <= before || now < look || learner.finished() {
+            return false;
+        }
+        let Some(calibration) = self.calibrate(&*learner) else {
+            // Stopped: whoever goes on looks again.
+            self.looked = before;
+            return true;
+        };
+        if calibration.recall().is_some_and(|recall| recall < STUCK) {
+            learner.renew();
+            learner.extend(look.min(self.longest - self.asked));
+            self.watch.note(&format!(
+                "begun anew after {now} decisions: the ado solved {} of the {} calibration starts that a search solves",
+                calibration.both, calibration.searched,
+            ));
+        }
+        true
+    }
+
+    /// Whether a training that has taken its decisions is over, or stopped while
+    /// that was asked; if not, it was told to go on.
+    pub fn ends(&mut self, learner: &mut dyn Learner) -> bool {
+        let before = self.calibration;
+        let Some(now) = self.calibrate(&*learner) else {
+            return true;
+        };
+        self.calibration = Some(now);
+        let taken = learner.tally().asked;
+        let solved = before.map(|before| before.solved());
+        let nothing = now.searched == 0 && now.solved() == 0;
+        let ended = if nothing || !self.adapts() {
+            Some(Ended::Asked)
+        } else if now.is_complete() {
+            Some(Ended::Learned)
+        } else if solved.is_some_and(|solved| now.solved() <= solved) {
+            Some(Ended::Settled)
+        } else if self.longest <= taken {
+            Some(Ended::Longest)
+        } else {
+            None
+        };
+        self.ended = ended;
+        if ended.is_none() {
+            let more = (EXTENSION * self.asked as f64) as u64;
+            learner.extend(more.max(1).min(self.longest - taken));
+            self.watch.note(&format!(
+                "going on: the ado solves {} of the {} calibration starts that a search solves",
+                now.both, now.searched,
+            ));
+        }
+        ended.is_some()
+    }
+
+    fn calibrate(&mut self, learner: &dyn Learner) -> Option<Calibration> {
+        if self.calibrator.is_none() {
+            self.watch.phase("searching calibration starts");
+            self.calibrator = Calibrator::new(self.scenario, self.seed, self.watch);
+        }
+        let calibrator = self.calibrator.as_mut()?;
+        self.watch.phase("playing calibration starts");
+        calibrator.of(&*learner.policy(), self.watch)
+    }
+
+    /// What calibrating took so far.
+    pub fn cpu_s(&self) -> f64 {
+        self.calibrator.as_ref().map_or(0.0, |used| used.cpu_s)
+    }
+
+    /// What one calibration takes, that is the same however often a training was
+    /// interrupted.
+    pub fn physics_steps(&self) -> u64 {
+        self.calibrator
+            .as_ref()
+            .map_or(0, |used| used.physics_steps)
+    }
+}

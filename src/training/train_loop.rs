@@ -1,0 +1,293 @@
+//! Training an ado: testbench ⇄ learner → policy, kept in a run directory.
+
+use cpu_time::ThreadTime;
+
+use super::demonstrations::seed_training;
+use super::stopping_rule::Patience;
+use super::training_egos::TrainingGym;
+use crate::experiment::Watch;
+use crate::rl::{BundleError, Control, Learner, LearnerReport};
+use crate::run_dir::{Done, RunDir, RunError, Window};
+use crate::seed::Purpose;
+use crate::testbench::{Complaint, Spent};
+use crate::world::Scenario;
+
+/// Decisions between two checkpoints; unit tests want several of them soon.
+const CHECKPOINT_DECISIONS: u64 = if cfg!(test) { 400 } else { 50_000 };
+/// Episodes per line of `progress.jsonl`.
+const REPORT_EPISODES: u64 = if cfg!(test) { 7 } else { 250 };
+
+/// What training came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrainingOutcome {
+    /// How far it came.
+    pub done: Done,
+    /// Whether somebody stopped it; a checkpoint is kept then.
+    pub interrupted: bool,
+    /// Episodes dropped for faults of ego or physics.
+    pub aborted: u64,
+}
+
+/// The steps of a training with its closing evaluation, one of which is a search
+/// where the learner wants demonstrations.
+pub(super) fn steps(scenario: &Scenario) -> usize {
+    3 + usize::from(scenario.learner.seeding().is_some())
+}
+
+/// Training could not go on.
+///
+/// As `Debug` it prints as on the command line: a test that returns it says what
+/// is wrong, where, and how to mend it.
+#[derive(thiserror::Error)]
+pub enum TrainError {
+    /// The run directory.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A checkpoint or a policy to begin with does not fit.
+    #[error("the stored learner does not fit this world: {0}")]
+    Bundle(#[from] BundleError),
+    /// The ego does not run.
+    #[error("training was ended after {decisions} decisions: {complaint}")]
+    Faults {
+        /// Decisions taken so far; a checkpoint holds them.
+        decisions: u64,
+        /// What went wrong.
+        complaint: Complaint,
+    },
+}
+
+/// Trains in `run` until `watch` stops it, or the configured decisions are taken
+/// and, where the learner may go on, it has learned its world.
+///
+/// Goes on from the run's checkpoint if there is one: the result is the same,
+/// byte for byte, as without the interruption. A finished run is left alone.
+///
+/// # Errors
+/// The disk refuses; the checkpoint does not fit; the ego keeps failing.
+pub fn train(
+    scenario: &Scenario,
+    run: &mut RunDir,
+    watch: &Watch<'_>,
+) -> Result<TrainingOutcome, TrainError> {
+    if run.manifest().is_finished() {
+        return Ok(finished(run));
+    }
+    run.hold()?;
+    run.refuse(run.differences_in_learning(scenario)?)?;
+    let seed = run.manifest().seed;
+    let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
+    let spaces = &scenario.spaces();
+    let mut learner = match (run.checkpoint()?, run.from()?) {
+        (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
+        (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
+        (None, None) => scenario.learner.build(spaces, seed),
+    };
+    gym.inner().tell_faults(watch.faults.clone());
+    let mut physics_steps = run.manifest().physics_steps;
+    let mut spent_s = run.manifest().cpu_s;
+    let mut own = OwnTime::begin();
+    let searching = usize::from(scenario.learner.seeding().is_some());
+    let (learning, judging) = (watch.later(searching), watch.later(searching + 1));
+    if run.manifest().checkpoint.is_none()
+        && let Some(seeding) = scenario.learner.seeding()
+    {
+        watch.phase("searching training starts");
+        let seeded = own.aside(|| seed_training(scenario, seed, seeding, watch));
+        if let Some(seeded) = seeded {
+            learner.demonstrate(&mut gym, &seeded.demonstrations);
+            run.note_sought(seeded.sought);
+            spent_s += seeded.cpu_s;
+            physics_steps += seeded.sought.physics_steps + gym.inner().spent().physics_steps;
+        }
+    }
+    gym.inner().count_from(Spent {
+        decisions: learner.decisions(),
+        physics_steps,
+    });
+    // Counterexamples of a family are of egos that nobody could name later.
+    let stores = scenario.against.is_nominal();
+    if stores {
+        gym.inner().keep_successes();
+    }
+    let mut ledger = Ledger {
+        episodes: run.manifest().episodes,
+        window: run.manifest().window,
+        ..Ledger::default()
+    };
+    let mut patience = Patience::new(scenario, run.manifest(), seed, &judging);
+    loop {
+        learning.phase("training (decisions)");
+        (watch.progress)(learner.decisions(), learner.tally().asked);
+        while !learner.finished() && !watch.stopped() {
+            let until = (learner.decisions() / CHECKPOINT_DECISIONS + 1) * CHECKPOINT_DECISIONS;
+            let until = patience.next_look(learner.decisions()).min(until);
+            let total = learner.tally().asked;
+            learner.train(&mut gym, &mut |progress| {
+                if let Some(share) = ledger.note(progress) {
+                    learning.detail(&format!("solves {:.0} %", 100.0 * share));
+                }
+                (watch.progress)(progress.decisions.min(total), total);
+                let pause = until <= progress.decisions || watch.stopped();
+                match pause {
+                    true => Control::Stop,
+                    false => Control::Continue,
+                }
+            });
+            run.append_progress(&std::mem::take(&mut ledger.lines))?;
+            if stores {
+                run.append_counterexamples(&gym.inner().take_successes())?;
+            }
+            if own.aside(|| patience.look(&mut *learner)) {
+                learning.phase("training (decisions)");
+                (watch.progress)(learner.decisions(), learner.tally().asked);
+            }
+            if !learner.finished() {
+                let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
+                let spent = gym.inner().spent();
+                let done = ledger.done(&*learner, &patience, spent, cpu_s);
+                run.save_checkpoint(&learner.checkpoint(), done)?;
+            }
+        }
+        if watch.stopped() || own.aside(|| patience.ends(&mut *learner)) {
+            break;
+        }
+    }
+    // While it was searched, trained or judged.
+    if let Some(error) = given_up(&*learner, watch) {
+        return Err(error);
+    }
+    // Stopped while it was being judged: it may yet have to go on.
+    let over = patience.ended.is_some();
+    let mut spent = gym.inner().spent();
+    if over {
+        spent.physics_steps += patience.physics_steps();
+    }
+    let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
+    let done = ledger.done(&*learner, &patience, spent, cpu_s);
+    match (over, learner.finished()) {
+        (true, _) => run.save_policy(&learner.policy_bundle(), done)?,
+        (false, true) => run.save_checkpoint(&learner.checkpoint(), done)?,
+        (false, false) => {}
+    }
+    Ok(TrainingOutcome {
+        done,
+        interrupted: !over,
+        aborted: ledger.aborted,
+    })
+}
+
+/// Processor time of the thread that learns, without what it does as one of the
+/// workers of a search or a calibration: those are counted by whoever asks them.
+struct OwnTime {
+    clock: ThreadTime,
+    aside_s: f64,
+}
+
+impl OwnTime {
+    fn begin() -> OwnTime {
+        OwnTime {
+            clock: ThreadTime::now(),
+            aside_s: 0.0,
+        }
+    }
+
+    /// Does what is counted elsewhere.
+    fn aside<T>(&mut self, work: impl FnOnce() -> T) -> T {
+        let clock = ThreadTime::now();
+        let done = work();
+        self.aside_s += clock.elapsed().as_secs_f64();
+        done
+    }
+
+    fn elapsed_s(&self) -> f64 {
+        self.clock.elapsed().as_secs_f64() - self.aside_s
+    }
+}
+
+/// The end of a training whose ego does not run.
+fn given_up(learner: &dyn Learner, watch: &Watch<'_>) -> Option<TrainError> {
+    let complaint = watch.faults.complaint();
+    let complaint = complaint.filter(|_| watch.faults.has_given_up())?;
+    Some(TrainError::Faults {
+        decisions: learner.decisions(),
+        complaint,
+    })
+}
+
+/// What a finished run came to.
+fn finished(run: &RunDir) -> TrainingOutcome {
+    let manifest = run.manifest();
+    TrainingOutcome {
+        done: Done {
+            decisions_asked: manifest.decisions,
+            decisions: manifest.decisions_done,
+            episodes: manifest.episodes,
+            physics_steps: manifest.physics_steps,
+            cpu_s: manifest.cpu_s,
+            window: manifest.window,
+            calibration: manifest.calibration,
+            ended: manifest.ended,
+        },
+        interrupted: false,
+        aborted: 0,
+    }
+}
+
+/// Counts episodes and writes progress lines.
+#[derive(Default)]
+struct Ledger {
+    lines: String,
+    episodes: u64,
+    aborted: u64,
+    /// Since the last line.
+    window: Window,
+}
+
+impl Ledger {
+    /// Notes an episode; gives the share solved of late, now and then.
+    fn note(&mut self, progress: &LearnerReport) -> Option<f64> {
+        self.aborted = progress.aborted;
+        self.episodes = progress.episodes;
+        let window = &mut self.window;
+        window.episodes += 1;
+        window.returns += f64::from(progress.episode_return);
+        window.solved += u64::from(0.0 < progress.episode_return);
+        if window.episodes < REPORT_EPISODES {
+            return None;
+        }
+        let line = crate::run_dir::Progress {
+            decisions: progress.decisions,
+            episodes: progress.episodes,
+            window: window.episodes,
+            aborted: progress.aborted,
+            solved_share: window.solved as f64 / window.episodes as f64,
+            mean_return: window.returns / window.episodes as f64,
+            exploration: progress.exploration,
+        };
+        if let Ok(text) = serde_json::to_string(&line) {
+            self.lines.push_str(&text);
+            self.lines.push('\n');
+        }
+        self.window = Window::default();
+        Some(line.solved_share)
+    }
+
+    fn done(
+        &self,
+        learner: &dyn Learner,
+        patience: &Patience<'_>,
+        spent: Spent,
+        cpu_s: f64,
+    ) -> Done {
+        Done {
+            decisions_asked: patience.asked,
+            decisions: learner.decisions(),
+            episodes: self.episodes,
+            physics_steps: spent.physics_steps,
+            cpu_s,
+            window: self.window,
+            calibration: patience.calibration,
+            ended: patience.ended,
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Training against a family: another ego in every episode.
+
+use crate::rl::{Env, Spaces, Step};
+use crate::seed::Purpose;
+use crate::testbench::Gym;
+use crate::world::{Against, Scenario};
+
+/// The decision problem of a training: starts and, in a family, egos.
+///
+/// The member of an episode is a pure function of the episode's key, so that a
+/// start tried again meets the same ego again.
+pub struct TrainingGym<'a> {
+    scenario: &'a Scenario,
+    gym: Gym,
+    /// What follows the world's own observation.
+    told: Vec<f32>,
+    /// Length of the world's own observation.
+    seen: usize,
+    spaces: Spaces,
+}
+
+impl<'a> TrainingGym<'a> {
+    /// Training starts of `seed`, against what `scenario` says.
+    pub fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> TrainingGym<'a> {
+        TrainingGym {
+            scenario,
+            gym: Gym::new(scenario.bench(), purpose, seed),
+            told: Vec::new(),
+            seen: scenario.world().spaces().observation,
+            spaces: scenario.spaces(),
+        }
+    }
+
+    /// The gym of the ego that is met, for what it counts and keeps.
+    pub fn inner(&mut self) -> &mut Gym {
+        &mut self.gym
+    }
+
+    /// Puts the member of an episode on the bench, if there is a family.
+    fn meet(&mut self, index: u64) {
+        let against = self.scenario.against;
+        let Some(family) = self.scenario.family().filter(|_| !against.is_nominal()) else {
+            return;
+        };
+        let member = family.draw(&self.scenario.name, self.gym.key(index));
+        if let Some(scene) = self.scenario.scene_of(&family.variant(&member)) {
+            self.gym.bench().restage(scene);
+        }
+        if against == Against::Conditional {
+            self.told = family.told(&member);
+        }
+    }
+}
+
+impl Env for TrainingGym<'_> {
+    fn spaces(&self) -> &Spaces {
+        &self.spaces
+    }
+
+    fn reset(&mut self, index: u64, obs: &mut [f32]) {
+        self.meet(index);
+        let (seen, told) = obs.split_at_mut(self.seen);
+        self.gym.reset(index, seen);
+        told.copy_from_slice(&self.told);
+    }
+
+    fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
+        let (seen, told) = obs.split_at_mut(self.seen);
+        let step = self.gym.step(action, seen);
+        told.copy_from_slice(&self.told);
+        step
+    }
+}

@@ -1,0 +1,310 @@
+//! Cheap search of starts that nothing is reported on: those of a training and
+//! of its calibration.
+//!
+//! What it finds is shown to learners that want demonstrations, and tells
+//! whether a trained ado has learned what there is to learn.
+
+use crate::experiment::{EpisodeLoop, Watch};
+use crate::scene::{Dynamics, Start};
+use crate::search::{Next, Tree};
+use crate::seed;
+use crate::seed::{Purpose, StartKey};
+use crate::sim::PlantKind;
+use crate::testbench::{Aftermath, Replay, Testbench, play};
+use crate::world::Scenario;
+use rand::RngExt;
+
+/// Sequences that succeeded when pre-screened and are tried on the plant asked
+/// for, per start.
+const MAX_CONFIRMATIONS: u64 = 30;
+
+/// Every so many decisions an action may be switched, coarse walks first.
+const STRIDES: [usize; 5] = [16, 8, 4, 2, 1];
+
+/// What a search of one start came to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Scouted {
+    /// Actions that make the ego fail with all rules kept, if any were found.
+    pub actions: Option<Vec<usize>>,
+    /// Episodes run, a part of one counted as one.
+    pub simulations: u64,
+    /// Physics steps spent, on both plants.
+    pub physics_steps: u64,
+    /// Processor time spent.
+    pub cpu_s: f64,
+}
+
+/// Searches the starts of one stream, each with the member of the family that a
+/// training meets there.
+pub(super) struct Scout<'a> {
+    scenario: &'a Scenario,
+    /// The same on the plant that sorts out sequences first, where another one
+    /// is asked for.
+    cheap: Option<Scenario>,
+    purpose: Purpose,
+    seed: u64,
+}
+
+impl<'a> Scout<'a> {
+    /// Of the stream (purpose, seed), whose test starts nobody may look at.
+    pub fn new(scenario: &'a Scenario, purpose: Purpose, seed: u64) -> Scout<'a> {
+        // Invariant: training never sees a test start.
+        let open = matches!(purpose, Purpose::Train | Purpose::Calibration);
+        assert!(open, "nobody scouts test starts");
+        let rigid = scenario.plant() == Dynamics::Rigid;
+        let cheap = rigid.then(|| scenario.on(PlantKind::Kinematic));
+        Scout {
+            scenario,
+            cheap,
+            purpose,
+            seed,
+        }
+    }
+
+    /// Whether the ego can be copied, which makes searching cheap.
+    pub fn forks(&self) -> bool {
+        let mut bench = self.scenario.bench();
+        let key = self.key(0);
+        let (start, noise) = (bench.draw(key), bench.noise_of(key));
+        bench.begin(&start, noise, Aftermath::Skip);
+        bench.fork().is_some()
+    }
+
+    fn key(&self, index: u64) -> StartKey {
+        StartKey {
+            purpose: self.purpose,
+            seed: self.seed,
+            index,
+        }
+    }
+
+    /// Searches the starts with these indices, in parallel, for sequences with at
+    /// most so many switches, each start with at most so many simulations.
+    ///
+    /// What could not be tried is left out; `None` only where `watch` stopped it.
+    /// Progress counts on from `done` of `total` starts.
+    pub fn search(
+        &self,
+        indices: &[u64],
+        (switches, simulations): (usize, u64),
+        (done, total): (usize, usize),
+        watch: &Watch<'_>,
+    ) -> Vec<Option<Scouted>> {
+        let all = EpisodeLoop::counted_from(watch, done, total);
+        let watch = watch.quiet();
+        let worker = || self.worker(&watch);
+        all.run(indices, worker, |worker, &index, turn| {
+            let mut scouted = worker.search(index, switches, simulations)?;
+            scouted.cpu_s = turn.cpu_s();
+            Some(scouted)
+        })
+    }
+
+    fn worker<'b>(&'b self, watch: &'b Watch<'b>) -> Worker<'b> {
+        Worker {
+            scout: self,
+            first: self.cheap.as_ref().unwrap_or(self.scenario).bench(),
+            asked: self.cheap.as_ref().map(|_| self.scenario.bench()),
+            watch,
+        }
+    }
+
+    /// Puts the ego of an episode on the benches, if there is a family.
+    fn meet(&self, key: StartKey, first: &mut Testbench, asked: Option<&mut Testbench>) {
+        let against = self.scenario.against;
+        let Some(family) = self.scenario.family().filter(|_| !against.is_nominal()) else {
+            return;
+        };
+        let mut member = family.draw(&self.scenario.name, key);
+        if let Some(asked) = asked
+            && let Some(scene) = self.scenario.scene_of(&family.variant(&member))
+        {
+            asked.restage(scene);
+        }
+        member.plant = PlantKind::Kinematic;
+        let cheap = self.cheap.as_ref().unwrap_or(self.scenario);
+        if let Some(scene) = cheap.scene_of(&family.variant(&member)) {
+            first.restage(scene);
+        }
+    }
+}
+
+/// One thread's benches.
+struct Worker<'a> {
+    scout: &'a Scout<'a>,
+    /// Where sequences are looked for.
+    first: Testbench,
+    /// Where they must succeed, if that is elsewhere.
+    asked: Option<Testbench>,
+    watch: &'a Watch<'a>,
+}
+
+impl Worker<'_> {
+    fn search(&mut self, index: u64, switches: usize, simulations: u64) -> Option<Scouted> {
+        let key = self.scout.key(index);
+        self.scout.meet(key, &mut self.first, self.asked.as_mut());
+        let (start, noise) = (self.first.draw(key), self.first.noise_of(key));
+        let from = (&start, noise);
+        self.first.begin(&start, noise, Aftermath::Skip);
+        let forks = self.first.fork().is_some();
+        let scouted = if forks {
+            self.walk(from, index, switches, simulations)
+        } else {
+            self.sample(from, index, switches, simulations)
+        };
+        let found = scouted.actions.is_some();
+        (found || !self.watch.stopped()).then_some(scouted)
+    }
+
+    /// How many sequences there are with at most so many switches.
+    fn sequences(&self, switches: usize) -> u64 {
+        let actions = self.first.spaces().actions as u64;
+        let decisions = self.first.clock().decisions() as u64;
+        let (mut sum, mut term) = (0u64, actions);
+        for k in 0..=switches as u64 {
+            sum = sum.saturating_add(term);
+            let switched = decisions.saturating_sub(1 + k) * actions.saturating_sub(1);
+            term = term.saturating_mul(switched) / (k + 1);
+        }
+        sum
+    }
+
+    /// All of them, fewest switches first, prefixes shared by copying the ego, as
+    /// far as the simulations go.
+    ///
+    /// A branch ends where a rule is broken, so the sequences that can be played
+    /// may be far fewer than [`Worker::sequences`] counts. Where even those may
+    /// be too many, sequences that switch at every 16th decision come first, then
+    /// those at every 8th and so on: what is left out is spread evenly.
+    fn walk(
+        &mut self,
+        from: (&Start, u64),
+        index: u64,
+        switches: usize,
+        simulations: u64,
+    ) -> Scouted {
+        let strides = match self.sequences(switches) <= simulations {
+            true => &STRIDES[STRIDES.len() - 1..],
+            false => &STRIDES,
+        };
+        let mut scouted = Scouted::default();
+        let mut confirmations = 0;
+        let asked = &mut self.asked;
+        let mut accept = |actions: &[usize], _: &Testbench| {
+            let confirmed = match asked {
+                None => true,
+                Some(asked) => {
+                    confirmations += 1;
+                    confirms(asked, from, actions, &mut scouted)
+                }
+            };
+            if confirmed {
+                scouted.actions = Some(actions.to_vec());
+            }
+            match confirmed || MAX_CONFIRMATIONS <= confirmations {
+                true => Next::Stop,
+                false => Next::Continue,
+            }
+        };
+        let from = (from, index as usize);
+        let first = &mut self.first;
+        let mut tree = Tree::new(first, from, Aftermath::Skip, &mut accept, self.watch);
+        tree.most = simulations;
+        let mut next = Next::Continue;
+        for stride in strides {
+            tree.stride = *stride;
+            for switches in 0..=switches {
+                for action in 0..first.spaces().actions {
+                    if next == Next::Continue {
+                        next = tree.begin(first, action, switches);
+                    }
+                }
+            }
+        }
+        let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
+        scouted.simulations += simulations;
+        scouted.physics_steps += physics_steps;
+        scouted
+    }
+
+    /// Some of them, drawn at random: where the ego cannot be copied, every one
+    /// has to be played from the start, and so costs several times as much.
+    fn sample(
+        &mut self,
+        from: (&Start, u64),
+        index: u64,
+        switches: usize,
+        simulations: u64,
+    ) -> Scouted {
+        let mut scouted = Scouted::default();
+        let actions = self.first.spaces().actions;
+        let decisions = self.first.clock().decisions();
+        let mut dice = seed::generator("scout", &[from.1, index]);
+        while scouted.simulations < simulations.div_ceil(5) && !self.watch.stopped() {
+            let mut times: Vec<usize> = (0..dice.random_range(0..=switches))
+                .map(|_| dice.random_range(0..decisions))
+                .collect();
+            times.sort_unstable();
+            let mut sequence = Vec::new();
+            for until in times.into_iter().chain([decisions]) {
+                sequence.resize(until, dice.random_range(0..actions));
+            }
+            if !confirms(&mut self.first, from, &sequence, &mut scouted) {
+                continue;
+            }
+            let confirmed = match &mut self.asked {
+                None => true,
+                Some(asked) => confirms(asked, from, &sequence, &mut scouted),
+            };
+            if confirmed {
+                scouted.actions = Some(sequence);
+                break;
+            }
+        }
+        scouted
+    }
+}
+
+/// Whether a sequence, its last action held, succeeds on a bench; counted.
+fn confirms(
+    bench: &mut Testbench,
+    (start, noise): (&Start, u64),
+    actions: &[usize],
+    scouted: &mut Scouted,
+) -> bool {
+    let mut replay = Replay::holding(actions);
+    let episode = play(bench, start, noise, &mut replay, Aftermath::Skip);
+    scouted.simulations += 1;
+    scouted.physics_steps += episode.physics_steps;
+    episode.verdict.is_success()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two switches of `acc`'s three actions in thirty decisions: 5,133 sequences
+    /// by the count, far fewer where rules end them.
+    #[test]
+    fn a_walk_is_not_given_up_for_sequences_that_rules_end_early() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.on(PlantKind::Kinematic);
+        let scout = Scout::new(&world, Purpose::Calibration, 3);
+        let watch = Watch::unwatched();
+        let indices: Vec<u64> = (0..20).collect();
+        let solved = |simulations: u64| {
+            let found = scout.search(&indices, (2, simulations), (0, indices.len()), &watch);
+            let found: Vec<Scouted> = found.into_iter().flatten().collect();
+            let most = found.iter().map(|it| it.simulations).max().unwrap_or(0);
+            assert!(most <= simulations, "{most} of {simulations}");
+            let solved = found.iter().filter(|it| it.actions.is_some());
+            solved.count()
+        };
+        let nominal = scout.worker(&watch).sequences(2);
+        let all = solved(nominal);
+        assert!(5_000 < nominal && 10 < all, "{nominal} {all}");
+        // Below the nominal count it still walks, coarsely first.
+        assert!(all <= solved(nominal - 1) + 1);
+        assert!(all <= 2 * solved(nominal / 20));
+    }
+}

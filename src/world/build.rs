@@ -1,0 +1,241 @@
+//! From a read file to a checked scenario: names resolved, formulas bound.
+
+use std::sync::Arc;
+
+use super::cast::Cast;
+use super::error::Problem;
+use super::family::Against;
+use super::file::ScenarioFile;
+use super::language::{Judging, Language, constants, formula, rulebook};
+use super::locate::Path;
+use super::problems::Problems;
+use super::runs::{Assembled, Origin, RunSource};
+use super::warnings::Warnings;
+use super::{
+    Scenario, check, counting, dry_run, family_check, limits, plans, points, read, roads, starts,
+    trained, vacuous,
+};
+use crate::scene::World;
+use crate::scene::drive::{DriveSpec, DriveWorld};
+use crate::stl::Names;
+
+/// A checked scenario, tried as well.
+pub(super) fn build(
+    file: &str,
+    runs: &dyn RunSource,
+    text: &str,
+    parsed: ScenarioFile,
+) -> Result<Scenario, Vec<Problem>> {
+    let origin = Origin {
+        file,
+        runs,
+        assemble: within,
+    };
+    let mut problems = Problems::new(text);
+    let top = Path::top();
+    limits::check(&mut problems, &parsed);
+    problems.done()?;
+    let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &parsed.allow);
+    problems.done()?;
+    warnings.driving(&parsed);
+    let mut scenario = assemble(origin, text, parsed)?;
+    check::reuse(&mut problems, &top.to("reuse"), &scenario);
+    vacuous::check(&mut problems, &top, &scenario);
+    problems.done()?;
+    dry_run::begins_well(&mut problems, &top, &scenario);
+    problems.done()?;
+    let excluding = dry_run::can_be_kept(&mut problems, &scenario);
+    problems.done()?;
+    let excluding = excluding.or_else(|| dry_run::kept_to_the_end(&scenario));
+    warnings.found(dry_run::tie(&scenario.text, &scenario));
+    warnings.found(excluding);
+    warnings.found(vacuous::warnings(&scenario));
+    warnings.bounds(&scenario);
+    warnings.unseen(&scenario);
+    scenario.warnings = warnings.of(&scenario.text);
+    Ok(scenario)
+}
+
+/// The world of a run that a world names; it was tried when it was trained in.
+fn within(origin: Origin<'_>, text: &str) -> Assembled {
+    let one = |problem| vec![problem];
+    Ok(match read::kind(text).map_err(one)? {
+        read::Kind::Scenario => {
+            let parsed = read::parse(text).map_err(one)?;
+            let mut problems = Problems::new(text);
+            limits::check(&mut problems, &parsed);
+            problems.done()?;
+            Some(assemble(origin, text, parsed)?.world().clone())
+        }
+        read::Kind::Grid => None,
+    })
+}
+
+/// A scenario that was not tried.
+fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
+    let mut problems = Problems::new(text);
+    let top = Path::top();
+    check::clock(&mut problems, &top.to("clock"), &file.clock);
+    check::road(&mut problems, &top.to("road"), &file.road);
+    let roads = roads::placed(&mut problems, &top.to("roads"), &file.road, &file.roads);
+    check::reward(&mut problems, &top.to("reward"), &file.reward);
+    counting::check(&mut problems, &top, &file);
+    check::repeats(&mut problems, &top.to("repeats"), file.repeats);
+    let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
+    let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
+    let constants = constants(
+        &mut problems,
+        &top.to("constants"),
+        (file.clock.horizon_s, "clock"),
+        &file.constants,
+    );
+    check::sensors(
+        &mut problems,
+        &top.to("sensors"),
+        &file.sensors,
+        &file.clock,
+    );
+    let cast = Cast::read(&mut problems, origin, &file, &roads);
+    problems.done()?;
+    let Cast {
+        agents,
+        ego: Some(ego),
+        entries,
+        lights,
+        light_entries,
+        mut observed,
+        observe,
+        sees_usual,
+        rules,
+        written_out,
+        ..
+    } = cast
+    else {
+        // Invariant: not to have an ego is a problem, and there was none.
+        return Err(Vec::new());
+    };
+
+    let taken: Vec<&str> = constants.keys().map(String::as_str).collect();
+    let place = top.to("parameters");
+    let parameters = points::parameters(&mut problems, &place, &file.parameters, &taken);
+
+    let mut spec = DriveSpec {
+        world: file.name.clone(),
+        clock: file.clock,
+        plant: file.plant,
+        road: file.road.clone(),
+        roads,
+        bodies: file.bodies.0.clone(),
+        agents,
+        ego,
+        lights,
+        sensors: file.sensors,
+        extra: Vec::new(),
+        derived: Vec::new(),
+        constants: constants.clone(),
+        observe: Vec::new(),
+        parameters,
+        formulas: Names::default(),
+        points: Vec::new(),
+    };
+    let list = top.to("agents");
+    starts::check(&mut problems, &list, &spec, &entries);
+    starts::on_the_road(&mut problems, &list, &spec, (&entries, &light_entries));
+    trained::check(&mut problems, &list, &spec, (&entries, &light_entries));
+    let family = file.train_against.and_then(|family| {
+        family_check::family(
+            &mut problems,
+            &top.to("train_against"),
+            family,
+            &spec,
+            &file.reuse.0,
+        )
+    });
+    problems.done()?;
+
+    // Bind everything to all signals there are, then publish what is used.
+    let catalogue = spec.catalogue().into_iter();
+    let offers = catalogue.map(|offer| (offer.signal, offer.range));
+    let mut language = Language::new(spec.clock.sample_s, offers, constants);
+    spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
+    problems.done()?;
+    let names = language.names(&mut problems, &top.to("formulas"), &file.formulas);
+    let ego_spec = formula(&mut problems, &top.to("ego_spec"), &file.ego_spec);
+    problems.done()?;
+    let Some(ego_spec) = ego_spec else {
+        return Err(problems.into_list());
+    };
+    language.bind(&mut problems, &top.to("ego_spec"), &ego_spec, &names);
+    plans::bind(
+        &mut problems,
+        &mut language,
+        &names,
+        (&list, &spec, &entries),
+    );
+    for rule in &rules {
+        language.bind(&mut problems, &rule.place, &rule.formula, &names);
+    }
+    let observe = observe.unwrap_or_else(|| list.clone());
+    if sees_usual {
+        let usual = spec.usual_observation().into_iter();
+        observed.extend(usual.map(|name| (name, observe.clone())));
+    }
+    if spec.action_sets().next().is_some() {
+        spec.observe = language.observe(&mut problems, &observed, &observe);
+    }
+    spec.points = points::read(
+        &mut problems,
+        &top.to("points"),
+        file.points.as_ref(),
+        &spec,
+    );
+    spec.formulas = names.clone();
+    problems.done()?;
+    spec.extra = language.published();
+    let world = match DriveWorld::new(spec) {
+        Ok(world) => World::Drive(world),
+        Err(error) => {
+            problems.add(&top, error.to_string(), "here", None);
+            return Err(problems.into_list());
+        }
+    };
+    let rulebook = match rulebook(
+        world.schema(),
+        &ego_spec,
+        &rules,
+        &names,
+        Judging {
+            judge: file.judge,
+            counts: file.counts,
+            reward: file.reward,
+        },
+    ) {
+        Ok(rulebook) => Arc::new(rulebook),
+        Err(error) => {
+            problems.stl(&top.to("ego_spec"), &error);
+            return Err(problems.into_list());
+        }
+    };
+    Ok(Scenario {
+        name: file.name,
+        question: file.question,
+        source: file.source,
+        requirement: file.requirement,
+        text: trained::with_values(text, &written_out),
+        ego_spec,
+        rules,
+        names,
+        learner,
+        learners,
+        learning: None,
+        against: Against::Nominal,
+        left_out: None,
+        family: family.map(Arc::new),
+        reuse: file.reuse.0,
+        repeats: file.repeats,
+        warnings: Vec::new(),
+        world,
+        rulebook,
+        programs_allowed: false,
+    })
+}

@@ -1,0 +1,504 @@
+//! Grid worlds: from a read file to a checked scenario, and what may change.
+
+use std::sync::Arc;
+
+use indexmap::IndexMap;
+use serde::Deserialize;
+
+use super::error::Problem;
+use super::family::Against;
+use super::file::{GridChange, RuleFile, SignalFile};
+use super::language::{Judging, Language, constants, formula, rulebook};
+use super::locate::Path;
+use super::ordered::Ordered;
+use super::problems::Problems;
+use super::warnings::Warnings;
+use super::{Change, ChangeError, Repeats, RuleSpec, Scenario, check, counting, dry_run, limits};
+use crate::rl::LearnerSettings;
+use crate::rulebook::{Counts, JudgeKind, Reward};
+use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
+use crate::scene::{Observed, World};
+
+/// Largest map, in fine cells a side.
+const MAX_SIDE: u32 = 200;
+/// Longest episode.
+const MAX_STEPS: u32 = 100_000;
+/// Most moves an ado may choose from.
+const MAX_MOVES: usize = 100;
+/// Maps above this many fine cells are not enumerated as `AllPairs`.
+const MAX_LISTED_CELLS: usize = 400;
+
+#[derive(Deserialize)]
+#[serde(rename = "Grid", deny_unknown_fields)]
+pub(super) struct GridFile {
+    name: String,
+    question: String,
+    #[serde(default)]
+    source: String,
+    map: MapFile,
+    horizon: Horizon,
+    #[serde(default)]
+    judge: JudgeKind,
+    #[serde(default)]
+    counts: Counts,
+    ego: EgoFile,
+    ado: AdoFile,
+    #[serde(default)]
+    starts: Starts,
+    #[serde(default)]
+    signals: Ordered<SignalFile>,
+    #[serde(default)]
+    formulas: Ordered<String>,
+    ego_spec: String,
+    #[serde(default)]
+    requirement: Option<String>,
+    #[serde(default)]
+    constants: Ordered<f64>,
+    #[serde(default)]
+    reward: Reward,
+    #[serde(default)]
+    learner: LearnerSettings,
+    #[serde(default)]
+    learners: Ordered<LearnerSettings>,
+    #[serde(default)]
+    reuse: Ordered<GridChange>,
+    #[serde(default)]
+    allow: Vec<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename = "Map", deny_unknown_fields)]
+struct MapFile {
+    size: u32,
+    #[serde(default = "one")]
+    refine: u32,
+}
+
+fn one() -> u32 {
+    1
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+enum EgoFile {
+    Flees { step: u32, at_wall: AtWall },
+}
+
+#[derive(Deserialize)]
+#[serde(rename = "Ado", deny_unknown_fields)]
+struct AdoFile {
+    moves: Vec<(i32, i32)>,
+    neutral: usize,
+    observe: Vec<String>,
+    rulebook: Vec<RuleFile>,
+}
+
+/// Notes everything of which there is too much; moves have a limit of their own.
+fn too_much(problems: &mut Problems, file: &GridFile) {
+    let top = Path::top();
+    let counts = [
+        ("signals", file.signals.0.len(), limits::SIGNALS),
+        ("formulas", file.formulas.0.len(), limits::FORMULAS),
+        ("constants", file.constants.0.len(), limits::CONSTANTS),
+        ("learners", file.learners.0.len(), limits::LEARNERS),
+        ("reuse", file.reuse.0.len(), limits::REUSE),
+        ("allow", file.allow.len(), limits::ALLOWED),
+        ("ego_spec", file.ego_spec.len(), limits::STL_BYTES),
+    ];
+    for (field, count, limit) in counts {
+        limits::within(problems, &top.to(field), count, limit);
+    }
+    let ado = top.to("ado");
+    let observed = file.ado.observe.len();
+    limits::within(problems, &ado.to("observe"), observed, limits::OBSERVED);
+    limits::rules(problems, &ado.to("rulebook"), &file.ado.rulebook);
+    let formulas = file.formulas.0.iter();
+    let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
+    let signals = file.signals.0.iter();
+    let signals = signals.map(|(name, signal)| ("signals", name, signal.expr.len()));
+    for (field, name, bytes) in formulas.chain(signals) {
+        limits::within(problems, &top.to(field).to(name), bytes, limits::STL_BYTES);
+    }
+}
+
+pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>> {
+    let mut problems = Problems::new(text);
+    let top = Path::top();
+    too_much(&mut problems, &file);
+    problems.done()?;
+    let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &file.allow);
+    warnings.question(&file.question);
+    warnings.ado(&top.to("ado"), &file.ado.rulebook, &file.ado.observe);
+    check::reward(&mut problems, &top.to("reward"), &file.reward);
+    counting::nothing_touches(&mut problems, &top, file.judge, &file.counts);
+    let learner = check::learner(&mut problems, &top.to("learner"), &file.learner);
+    let learners = check::learners(&mut problems, &top.to("learners"), &file.learners);
+    moves(&mut problems, &top.to("ado"), &file.ado);
+    let rules = rules(
+        &mut problems,
+        &top.to("ado").to("rulebook"),
+        &file.ado.rulebook,
+    );
+    let EgoFile::Flees { step, at_wall } = file.ego;
+    let mut spec = GridSpec {
+        world: file.name.clone(),
+        arena: Arena {
+            size: file.map.size,
+            refine: file.map.refine,
+            ego_step: step,
+            at_wall,
+        },
+        horizon: file.horizon,
+        moves: file.ado.moves,
+        neutral: file.ado.neutral,
+        starts: file.starts,
+        extra: Vec::new(),
+        derived: Vec::new(),
+        constants: indexmap::IndexMap::new(),
+        observe: Vec::new(),
+    };
+    if let Err(misfit) = fits(&spec) {
+        let place = misfit.in_file(&top);
+        problems.add(&place, misfit.what, misfit.label, misfit.help);
+    }
+    problems.done()?;
+    spec.constants = constants(
+        &mut problems,
+        &top.to("constants"),
+        (f64::from(spec.steps()), "horizon"),
+        &file.constants,
+    );
+    let catalogue = spec.catalogue().into_iter();
+    let offers = catalogue.map(|offer| (offer.signal, offer.range));
+    let mut language = Language::new(1.0, offers, spec.constants.clone());
+    spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
+    problems.done()?;
+    let names = language.names(&mut problems, &top.to("formulas"), &file.formulas);
+    let ego_spec = formula(&mut problems, &top.to("ego_spec"), &file.ego_spec);
+    problems.done()?;
+    let Some(ego_spec) = ego_spec else {
+        return Err(problems.into_list());
+    };
+    language.bind(&mut problems, &top.to("ego_spec"), &ego_spec, &names);
+    for rule in &rules {
+        language.bind(&mut problems, &rule.place, &rule.formula, &names);
+    }
+    let observed = file.ado.observe.into_iter().enumerate();
+    let observe = top.to("ado").to("observe");
+    let observed: Vec<(String, Path)> = observed.map(|(i, name)| (name, observe.at(i))).collect();
+    spec.observe = language.observe(&mut problems, &observed, &observe);
+    problems.done()?;
+    spec.extra = language.published();
+    let world = match GridWorld::new(spec) {
+        Ok(world) => World::Grid(world),
+        Err(error) => {
+            problems.add(&top, error.to_string(), "here", None);
+            return Err(problems.into_list());
+        }
+    };
+    let schema = world.schema();
+    let judging = Judging {
+        judge: file.judge,
+        counts: file.counts,
+        reward: file.reward,
+    };
+    let rulebook = match rulebook(schema, &ego_spec, &rules, &names, judging) {
+        Ok(rulebook) => Arc::new(rulebook),
+        Err(error) => {
+            problems.stl(&top.to("ego_spec"), &error);
+            return Err(problems.into_list());
+        }
+    };
+    let reuse = file.reuse.0.into_iter();
+    let reuse: IndexMap<String, Change> =
+        reuse.map(|(name, change)| (name, change.into())).collect();
+    let mut scenario = Scenario {
+        name: file.name,
+        question: file.question,
+        source: file.source,
+        requirement: file.requirement,
+        text: text.to_owned(),
+        ego_spec,
+        rules,
+        names,
+        learner,
+        learners,
+        learning: None,
+        against: Against::Nominal,
+        left_out: None,
+        family: None,
+        reuse,
+        repeats: Repeats::default(),
+        warnings: Vec::new(),
+        world,
+        rulebook,
+        programs_allowed: false,
+    };
+    check::reuse(&mut problems, &top.to("reuse"), &scenario);
+    dry_run::begins_well(&mut problems, &top, &scenario);
+    problems.done()?;
+    warnings.found(dry_run::tie(text, &scenario));
+    warnings.bounds(&scenario);
+    scenario.warnings = warnings.of(text);
+    Ok(scenario)
+}
+
+fn moves(problems: &mut Problems, path: &Path, ado: &AdoFile) {
+    let count = ado.moves.len();
+    if count == 0 || MAX_MOVES < count {
+        let what = format!("an ado with {count} moves");
+        let help = format!("give 1 to {MAX_MOVES}, such as (0, 1) for up");
+        problems.add(&path.to("moves"), what, "here", Some(help));
+        return;
+    }
+    if count <= ado.neutral {
+        let what = format!("neutral action {} of {count} moves", ado.neutral);
+        let help = Some("actions count from 0".to_owned());
+        problems.add(&path.to("neutral"), what, "no such action", help);
+    }
+    for (i, step) in ado.moves.iter().enumerate() {
+        let place = path.to("moves").at(i);
+        let far = (MAX_SIDE as i32) < step.0.saturating_abs().max(step.1.saturating_abs());
+        if far {
+            let what = format!("a move of ({}, {}) cells", step.0, step.1);
+            let help = Some(format!("at most {MAX_SIDE} along an axis"));
+            problems.add(&place, what, "too far", help);
+        }
+        if ado.moves[..i].contains(step) {
+            let what = format!("the move ({}, {}) is given twice", step.0, step.1);
+            problems.add(&place, what, "second time", None);
+        }
+    }
+}
+
+fn rules(problems: &mut Problems, path: &Path, file: &[RuleFile]) -> Vec<RuleSpec> {
+    let mut rules: Vec<RuleSpec> = Vec::new();
+    for (i, rule) in file.iter().enumerate() {
+        let place = path.at(i).to("stl");
+        if let Some(formula) = formula(problems, &place, &rule.stl) {
+            rules.push(RuleSpec {
+                name: rule.name.clone(),
+                ado: "ado".to_owned(),
+                priority: rule.priority.unwrap_or(rules.len()),
+                formula,
+                requirement: rule.requirement.clone(),
+                place,
+            });
+        }
+    }
+    rules
+}
+
+/// What does not fit in a grid, and which field of a change says so.
+struct Misfit {
+    field: &'static str,
+    what: String,
+    label: &'static str,
+    help: Option<String>,
+}
+
+impl Misfit {
+    /// The place in a world file.
+    fn in_file(&self, top: &Path) -> Path {
+        match self.field {
+            "size" | "refine" => top.to("map").to(self.field),
+            "ego_step" => top.to("ego").to("step"),
+            other => top.to(other),
+        }
+    }
+}
+
+/// Numbers that make no game.
+fn fits(spec: &GridSpec) -> Result<(), Misfit> {
+    let Arena {
+        size,
+        refine,
+        ego_step,
+        ..
+    } = spec.arena;
+    let misfit = |field, what: String, label, help: String| {
+        Err(Misfit {
+            field,
+            what,
+            label,
+            help: Some(help),
+        })
+    };
+    if !(2..=MAX_SIDE).contains(&size) {
+        let help = format!("give 2 to {MAX_SIDE} cells a side");
+        return misfit(
+            "size",
+            format!("a map of {size} cells a side"),
+            "out of range",
+            help,
+        );
+    }
+    if !(1..=MAX_SIDE / size).contains(&refine) {
+        let help = format!(
+            "a side has at most {MAX_SIDE} fine cells: give 1 to {}",
+            MAX_SIDE / size
+        );
+        return misfit(
+            "refine",
+            format!("cells cut into {refine}"),
+            "out of range",
+            help,
+        );
+    }
+    if MAX_SIDE < ego_step {
+        let help = format!("at most {MAX_SIDE}");
+        return misfit(
+            "ego_step",
+            format!("an ego that moves {ego_step} cells"),
+            "too far",
+            help,
+        );
+    }
+    let steps = spec.steps();
+    if !(1..=MAX_STEPS).contains(&steps) {
+        let help = format!("give 1 to {MAX_STEPS} steps, such as PerSize(2) for K = 2n");
+        return misfit(
+            "horizon",
+            format!("an episode of {steps} steps"),
+            "out of range",
+            help,
+        );
+    }
+    if let Starts::Pairs(pairs) = &spec.starts {
+        if pairs.is_empty() {
+            let what = "an empty list of starts".to_owned();
+            let help = "give pairs, such as ((0, 0), (3, 3)), or AllPairs".to_owned();
+            return misfit("starts", what, "here", help);
+        }
+        for pair in pairs {
+            let both = position(*pair);
+            let outside = !(spec.arena.holds(both.ego) && spec.arena.holds(both.ado));
+            if outside || spec.arena.touching(both) {
+                let what = match outside {
+                    true => format!("the start {pair:?} is not on the map"),
+                    false => format!("at the start {pair:?} the ego is captured already"),
+                };
+                let last = spec.arena.side() - 1;
+                let help = format!("cells count from 0 to {last}, and the two are a cell apart");
+                return misfit("starts", what, "here", help);
+            }
+        }
+    }
+    if spec.starts == Starts::AllPairs && MAX_LISTED_CELLS < spec.arena.cells() {
+        let what = format!("all pairs of {} fine cells", spec.arena.cells());
+        let help = format!("above {MAX_LISTED_CELLS} fine cells draw them: `starts: Uniform`");
+        return misfit("starts", what, "too many to list", help);
+    }
+    Ok(())
+}
+
+impl From<GridChange> for Change {
+    fn from(grid: GridChange) -> Change {
+        Change {
+            grid: Some(grid),
+            ..Change::default()
+        }
+    }
+}
+
+/// The spec after a change, with T for the new horizon.
+pub(super) fn apply(spec: &GridSpec, change: &Change) -> Result<GridSpec, ChangeError> {
+    let fail = |what: String, help: Option<String>, field: &str| ChangeError {
+        what,
+        help,
+        place: vec![field.to_owned()],
+    };
+    let driving = [
+        ("ego", !change.ego.0.is_empty()),
+        ("controller", change.controller.is_some()),
+        ("ego_body", change.ego_body.is_some()),
+        ("friction", change.friction.is_some()),
+        ("plant", change.plant.is_some()),
+    ];
+    if let Some((field, _)) = driving.iter().find(|(_, given)| *given) {
+        let help = "a grid has: size, refine, ego_step, at_wall, horizon, starts".to_owned();
+        return Err(fail(
+            format!("a grid world has no `{field}`"),
+            Some(help),
+            field,
+        ));
+    }
+    let mut spec = spec.clone();
+    let Some(grid) = &change.grid else {
+        return Ok(spec);
+    };
+    let arena = &mut spec.arena;
+    arena.size = grid.size.unwrap_or(arena.size);
+    arena.refine = grid.refine.unwrap_or(arena.refine);
+    arena.ego_step = grid.ego_step.unwrap_or(arena.ego_step);
+    arena.at_wall = grid.at_wall.unwrap_or(arena.at_wall);
+    spec.horizon = grid.horizon.unwrap_or(spec.horizon);
+    if let Some(starts) = &grid.starts {
+        spec.starts = starts.clone();
+    }
+    fits(&spec).map_err(|misfit| fail(misfit.what, misfit.help, misfit.field))?;
+    spec.constants
+        .insert("T".to_owned(), f64::from(spec.steps()));
+    Ok(spec)
+}
+
+impl Scenario {
+    /// The same grid world with something changed, its formulas bound anew.
+    pub(super) fn with_grid(
+        &self,
+        world: &GridWorld,
+        change: &Change,
+    ) -> Result<Scenario, ChangeError> {
+        let spec = apply(world.spec(), change)?;
+        let mut names = self.names.clone();
+        names.constants = spec.constants.clone();
+        let misfit = |what: String| ChangeError {
+            what,
+            help: Some("formulas are bound anew to the changed horizon".to_owned()),
+            place: vec!["horizon".to_owned()],
+        };
+        let world = GridWorld::new(spec).map_err(|error| misfit(error.to_string()))?;
+        let rulebook = rulebook(
+            world.schema(),
+            &self.ego_spec,
+            &self.rules,
+            &names,
+            Judging {
+                judge: self.rulebook.judge,
+                counts: self.rulebook.counts.clone(),
+                reward: self.rulebook.reward,
+            },
+        );
+        Ok(Scenario {
+            rulebook: Arc::new(rulebook.map_err(|error| misfit(error.to_string()))?),
+            world: World::Grid(world),
+            names,
+            ..self.clone()
+        })
+    }
+}
+
+impl Scenario {
+    /// The same grid world with an ado that observes both positions.
+    ///
+    /// What the shipped ados see is a window; [the best ado][best] of a larger
+    /// map needs to see all of it. `None`: not a grid world.
+    ///
+    /// [best]: crate::scene::grid::exact::PositionPolicy::optimal
+    pub fn fully_observed(&self) -> Option<Scenario> {
+        let mut spec = self.grid()?.spec().clone();
+        let half = f64::from(spec.arena.size) / 2.0;
+        let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
+        let observe = names.map(|name| Observed {
+            name: name.to_owned(),
+            mid: half,
+            half,
+        });
+        spec.observe = observe.into();
+        let world = GridWorld::new(spec).ok()?;
+        Some(Scenario {
+            world: World::Grid(world),
+            ..self.clone()
+        })
+    }
+}

@@ -1,0 +1,334 @@
+//! What formulas of a world can say: signals, derived ones, constants, names.
+//!
+//! The same for worlds of any kind.
+
+use std::collections::HashSet;
+
+use indexmap::IndexMap;
+
+use super::RuleSpec;
+use super::check;
+use super::error::{did_you_mean, known_names};
+use super::file::SignalFile;
+use super::locate::Path;
+use super::ordered::Ordered;
+use super::problems::Problems;
+use super::scenario::bound_rules;
+use crate::rulebook::{Counts, JudgeKind, Reward, Rulebook};
+use crate::scene::{Derived, Observed};
+use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};
+use crate::trace::{Schema, Signal};
+
+/// Names that formulas could not tell from the language.
+const RESERVED: [&str; 3] = ["T", "inf", "end"];
+
+/// The signals of a world, and which of them are used.
+pub(super) struct Language {
+    sample_s: f64,
+    signals: Vec<Signal>,
+    ranges: IndexMap<String, (f64, f64)>,
+    constants: Constants,
+    used: HashSet<String>,
+}
+
+impl Language {
+    /// Everything the scene can publish, with ranges, and the constants.
+    pub(super) fn new(
+        sample_s: f64,
+        offers: impl Iterator<Item = (Signal, (f64, f64))>,
+        constants: Constants,
+    ) -> Language {
+        let mut language = Language {
+            sample_s,
+            signals: Vec::new(),
+            ranges: IndexMap::new(),
+            constants,
+            used: HashSet::new(),
+        };
+        for (signal, range) in offers {
+            language.ranges.insert(signal.name.clone(), range);
+            language.signals.push(signal);
+        }
+        language
+    }
+
+    /// The signals so far; `None` if two clash, which is noted elsewhere.
+    fn schema(&self) -> Option<Schema> {
+        Schema::new(self.sample_s, self.signals.iter().cloned()).ok()
+    }
+
+    /// Adds the derived signals of the file, in order.
+    pub(super) fn derive(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        file: &Ordered<SignalFile>,
+    ) -> Vec<Derived> {
+        let mut all = Vec::new();
+        for (i, (name, signal)) in file.0.iter().enumerate() {
+            let later: Vec<&str> = file.0.keys().skip(i).map(String::as_str).collect();
+            let derived = self.derive_one(problems, &path.to(name), &later, signal);
+            all.extend(derived);
+        }
+        all
+    }
+
+    /// The first of `names`, of which the others are declared later.
+    fn derive_one(
+        &mut self,
+        problems: &mut Problems,
+        key: &Path,
+        names: &[&str],
+        signal: &SignalFile,
+    ) -> Option<Derived> {
+        let (name, later) = names.split_first()?;
+        let name = *name;
+        let place = match signal.long {
+            true => key.to("expr"),
+            false => key.clone(),
+        };
+        check::signal_name(problems, key, name, self.ranges.contains_key(name));
+        let expr: Expr = match signal.expr.parse() {
+            Ok(expr) => expr,
+            Err(error) => {
+                problems.stl(&place, &error);
+                return None;
+            }
+        };
+        let so_far = self.schema()?;
+        if let Err(error) = expr.bind(&so_far, &self.constants) {
+            let refused = signal.expr.get(error.span()).unwrap_or_default();
+            let refused = refused.trim_matches(['"', '`', '\'']);
+            match later.contains(&refused) || refused == name {
+                true => problems.too_early(&place, &error, refused, name),
+                false => problems.stl(&place, &error),
+            }
+            return None;
+        }
+        let mentioned = expr.signals();
+        let used = mentioned.iter().map(|name| (*name).to_owned());
+        self.used.extend(used);
+        let unit = match &signal.unit {
+            Some(unit) => unit.clone(),
+            None => unit_of(&expr, &so_far),
+        };
+        let range = signal.range.unwrap_or_else(|| usual_range(&unit));
+        if range.1 <= range.0 {
+            let what = format!("the range ({}, {}) is empty", range.0, range.1);
+            problems.add(&key.to("range"), what, "low before high", None);
+        }
+        self.ranges.insert(name.to_owned(), range);
+        let about = signal.about.clone().unwrap_or_else(|| signal.expr.clone());
+        let signal = Signal::real(name, unit, about);
+        self.signals.push(signal.clone());
+        Some(Derived { signal, expr })
+    }
+
+    /// The constants, and the named formulas of the file.
+    pub(super) fn names(
+        &self,
+        problems: &mut Problems,
+        path: &Path,
+        file: &Ordered<String>,
+    ) -> Names {
+        let top = Path::top();
+        for name in self.constants.keys() {
+            let taken = self.ranges.contains_key(name);
+            check::free_name(problems, &top.to("constants").to(name), name, taken);
+        }
+        let mut formulas = IndexMap::new();
+        for (name, text) in &file.0 {
+            let taken = self.ranges.contains_key(name) || self.constants.contains_key(name);
+            check::free_name(problems, &path.to(name), name, taken);
+            if let Some(formula) = formula(problems, &path.to(name), text) {
+                formulas.insert(name.clone(), formula);
+            }
+        }
+        let names = Names {
+            formulas,
+            constants: self.constants.clone(),
+        };
+        // Also those that nothing uses must make sense.
+        if let (Some(schema), true) = (self.schema(), problems.is_empty()) {
+            for (name, formula) in &names.formulas {
+                if let Err(error) = formula.bind_with(&schema, &names, &Settings::default()) {
+                    problems.stl(&path.to(name), &error);
+                }
+            }
+        }
+        names
+    }
+
+    /// Binds a formula to all signals there are, and notes which it uses.
+    pub(super) fn bind(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        formula: &Formula,
+        names: &Names,
+    ) {
+        let Some(schema) = self.schema() else {
+            return;
+        };
+        match formula.bind_with(&schema, names, &Settings::default()) {
+            Ok(monitor) => {
+                let signals = monitor.signals().into_iter();
+                let used = signals.map(|position| schema.signals()[position].name.clone());
+                self.used.extend(used);
+            }
+            Err(error) => problems.stl(path, &error),
+        }
+    }
+
+    /// Binds a formula that must not look ahead, since somebody waits for it.
+    pub(super) fn bind_past(
+        &mut self,
+        problems: &mut Problems,
+        path: &Path,
+        formula: &Formula,
+        names: &Names,
+    ) {
+        let schema = self.schema();
+        let bound = schema.map(|schema| formula.bind_with(&schema, names, &Settings::default()));
+        if let Some(Ok(monitor)) = bound
+            && monitor.horizon_samples() != Some(0)
+        {
+            let what = "a step waits for what lies ahead";
+            let help = "say it of the present and the past: `once`, `historically`, `since`, \
+                        `prev` and `rise` look back";
+            problems.add(path, what, "looks ahead", Some(help.to_owned()));
+        }
+        self.bind(problems, path, formula, names);
+    }
+
+    /// The observed signals with their scales, each once; `list` is where
+    /// they would stand if there were any.
+    pub(super) fn observe(
+        &mut self,
+        problems: &mut Problems,
+        names: &[(String, Path)],
+        list: &Path,
+    ) -> Vec<Observed> {
+        if names.is_empty() {
+            let what = "an ado that observes nothing cannot learn";
+            let help = "give `observe` at least one signal, such as \"time_left\"".to_owned();
+            problems.add(list, what, "nothing is observed", Some(help));
+        }
+        let mut observe: Vec<Observed> = Vec::new();
+        for (name, path) in names {
+            let Some(&(lo, hi)) = self.ranges.get(name) else {
+                let known: Vec<&str> = self.ranges.keys().map(String::as_str).collect();
+                problems.unknown(path, "signal", name, &known);
+                continue;
+            };
+            self.used.insert(name.clone());
+            if !observe.iter().any(|observed| observed.name == *name) {
+                observe.push(Observed {
+                    name: name.clone(),
+                    mid: (lo + hi) / 2.0,
+                    half: (hi - lo) / 2.0,
+                });
+            }
+        }
+        observe
+    }
+
+    /// The names of all signals that something uses, in order.
+    pub(super) fn published(&self) -> Vec<String> {
+        let names = self.signals.iter().map(|signal| signal.name.clone());
+        names.filter(|name| self.used.contains(name)).collect()
+    }
+}
+
+/// What a file says of how episodes are judged.
+pub(super) struct Judging {
+    pub(super) judge: JudgeKind,
+    pub(super) counts: Counts,
+    pub(super) reward: Reward,
+}
+
+/// Binds the specification and all rules to the signals that are published.
+pub(super) fn rulebook(
+    schema: &Schema,
+    ego_spec: &Formula,
+    rules: &[RuleSpec],
+    names: &Names,
+    judging: Judging,
+) -> Result<Rulebook, StlError> {
+    let settings = Settings::default();
+    let monitors = rules
+        .iter()
+        .map(|rule| rule.formula.bind_with(schema, names, &settings))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(Rulebook {
+        spec: ego_spec.bind_with(schema, names, &settings)?,
+        rules: bound_rules(rules, monitors),
+        judge: judging.judge,
+        counts: judging.counts,
+        reward: judging.reward,
+    })
+}
+
+/// The constants of the file, and T with the field that gives it.
+pub(super) fn constants(
+    problems: &mut Problems,
+    path: &Path,
+    (horizon_s, given_by): (f64, &str),
+    file: &Ordered<f64>,
+) -> Constants {
+    let mut constants = Constants::new();
+    constants.insert("T".to_owned(), horizon_s);
+    for (name, value) in &file.0 {
+        if RESERVED.contains(&name.as_str()) {
+            let what = format!("`{name}` is reserved");
+            let help = match name.as_str() {
+                "T" => format!("`T` is the horizon, given by `{given_by}`"),
+                _ => "formulas read it as the end of the run".to_owned(),
+            };
+            problems.add(&path.to(name), what, "here", Some(help));
+        }
+        constants.insert(name.clone(), *value);
+    }
+    constants
+}
+
+/// The unit of a sum or difference of signals of one unit; else none.
+fn unit_of(expr: &Expr, schema: &Schema) -> String {
+    let mentioned = expr.signals().into_iter();
+    let mut units = mentioned
+        .filter_map(|name| schema.position(name))
+        .map(|position| schema.signals()[position].unit.as_ref());
+    match units.next() {
+        Some(first) if expr.keeps_units() && units.all(|unit| unit == first) => first.to_owned(),
+        _ => String::new(),
+    }
+}
+
+/// The range by which a derived signal of a unit is observed, unless given.
+fn usual_range(unit: &str) -> (f64, f64) {
+    match unit {
+        "m" => (0.0, 100.0),
+        "m/s" => (0.0, 30.0),
+        "m/s²" => (-5.0, 5.0),
+        "s" => (0.0, 20.0),
+        _ => (-1.0, 1.0),
+    }
+}
+
+/// Parses a formula and notes what is wrong with it.
+pub(super) fn formula(problems: &mut Problems, path: &Path, text: &str) -> Option<Formula> {
+    let parsed = text.parse();
+    parsed.map_err(|error| problems.stl(path, &error)).ok()
+}
+
+impl Problems<'_> {
+    /// Notes an unknown name with a guess and what would be right.
+    pub(super) fn unknown(&mut self, path: &Path, what: &str, name: &str, known: &[&str]) {
+        let list = known_names("known", known.iter().copied());
+        let help = match did_you_mean(name, known.iter().copied()) {
+            Some(guess) => format!("{guess} — {list}"),
+            None => list,
+        };
+        self.add(path, format!("no {what} `{name}`"), "unknown", Some(help));
+    }
+}

@@ -1,0 +1,168 @@
+//! The worlds that come with brakecheck, inside the program.
+
+use std::path::Path;
+
+use super::{LoadError, Scenario, ScenarioError};
+
+/// A world's name and text.
+macro_rules! world {
+    ($name:literal) => {
+        ($name, include_str!(concat!("../../worlds/", $name, ".ron")))
+    };
+}
+
+const WORLDS: [(&str, &str); 28] = [
+    world!("acc"),
+    world!("acc_iso"),
+    world!("acc_letter"),
+    world!("acc_paper"),
+    world!("acc_plain"),
+    world!("acc_structures"),
+    world!("bend"),
+    world!("crossroads"),
+    world!("cut_in"),
+    world!("cut_in_clear"),
+    world!("grid"),
+    world!("grid_hard"),
+    world!("light_ado"),
+    world!("merge"),
+    world!("merge_fair"),
+    world!("merge_letter"),
+    world!("merge_paper"),
+    world!("merge_plain"),
+    world!("merge_r157"),
+    world!("oncoming"),
+    world!("pedestrian"),
+    world!("pedestrian_hit"),
+    world!("sandwich"),
+    world!("turn_across"),
+    world!("yellow_light"),
+    world!("yellow_light_fixed"),
+    world!("yellow_light_letter"),
+    world!("yellow_light_plain"),
+];
+
+/// Points of test protocols, `examples/openx/protocols.py` makes them.
+const PROTOCOLS: [(&str, &str); 71] = [
+    world!("ncap/cbfa"),
+    world!("ncap/cbfa_extended"),
+    world!("ncap/cbla"),
+    world!("ncap/cbla_extended"),
+    world!("ncap/cbla_fcw"),
+    world!("ncap/cbla_fcw_extended"),
+    world!("ncap/cbna"),
+    world!("ncap/cbna_extended"),
+    world!("ncap/cbnao"),
+    world!("ncap/cbnao_extended"),
+    world!("ncap/cccscp_1"),
+    world!("ncap/cccscp_2"),
+    world!("ncap/cccscp_extended_1"),
+    world!("ncap/cccscp_extended_2"),
+    world!("ncap/ccfhos"),
+    world!("ncap/ccfhos_extended"),
+    world!("ncap/ccftap_1"),
+    world!("ncap/ccftap_2"),
+    world!("ncap/ccftap_3"),
+    world!("ncap/ccftap_extended_1"),
+    world!("ncap/ccftap_extended_2"),
+    world!("ncap/ccftap_extended_3"),
+    world!("ncap/ccrb"),
+    world!("ncap/ccrb_extended"),
+    world!("ncap/ccrm"),
+    world!("ncap/ccrm_extended"),
+    world!("ncap/ccrs"),
+    world!("ncap/ccrs_extended"),
+    world!("ncap/ccrs_fcw"),
+    world!("ncap/ccrs_fcw_extended"),
+    world!("ncap/cmcscp_1"),
+    world!("ncap/cmcscp_2"),
+    world!("ncap/cmcscp_extended_1"),
+    world!("ncap/cmcscp_extended_2"),
+    world!("ncap/cmftap_1"),
+    world!("ncap/cmftap_2"),
+    world!("ncap/cmftap_3"),
+    world!("ncap/cmftap_extended_1"),
+    world!("ncap/cmftap_extended_2"),
+    world!("ncap/cmftap_extended_3"),
+    world!("ncap/cmrb"),
+    world!("ncap/cmrb_extended"),
+    world!("ncap/cmrs"),
+    world!("ncap/cmrs_extended"),
+    world!("ncap/cmrs_fcw"),
+    world!("ncap/cmrs_fcw_extended"),
+    world!("ncap/cpfa"),
+    world!("ncap/cpfa_extended"),
+    world!("ncap/cpla"),
+    world!("ncap/cpla_extended"),
+    world!("ncap/cpla_fcw"),
+    world!("ncap/cpla_fcw_extended"),
+    world!("ncap/cpna"),
+    world!("ncap/cpna_extended"),
+    world!("ncap/cpnco"),
+    world!("ncap/cpnco_extended"),
+    world!("r157/cut_in_far"),
+    world!("r157/cut_in_near"),
+    world!("r157/cut_out"),
+    world!("r157/cut_out_two"),
+    world!("r157/detection_ahead"),
+    world!("r157/detection_beside"),
+    world!("r157/free_driving"),
+    world!("r157/lead_brakes"),
+    world!("r157/lead_slows"),
+    world!("r157/pedestrian_crossing"),
+    world!("r157/pedestrian_offset"),
+    world!("r157/pedestrian_standing"),
+    world!("r157/side_vehicle"),
+    world!("r157/swerving_lead"),
+    world!("r157/two_standing"),
+];
+
+impl Scenario {
+    /// Names of the shipped worlds, in order.
+    pub fn shipped_names() -> impl Iterator<Item = &'static str> + Clone {
+        WORLDS.iter().map(|(name, _)| *name)
+    }
+
+    /// Names of the shipped worlds that hold the points of a test protocol, such
+    /// as `ncap/cpna`, in order.
+    pub fn protocol_names() -> impl Iterator<Item = &'static str> + Clone {
+        PROTOCOLS.iter().map(|(name, _)| *name)
+    }
+
+    /// A shipped world, as its file in `worlds/` holds it; `None`: there is none
+    /// of that name.
+    ///
+    /// ```
+    /// use brakecheck::world::Scenario;
+    ///
+    /// let world = Scenario::shipped("grid").expect("it is shipped")?;
+    /// assert_eq!(world.name(), "grid");
+    /// assert!(Scenario::shipped("gird").is_none());
+    /// # Ok::<(), brakecheck::world::ScenarioError>(())
+    /// ```
+    pub fn shipped(name: &str) -> Option<Result<Scenario, ScenarioError>> {
+        let mut all = WORLDS.iter().chain(&PROTOCOLS);
+        let (name, text) = all.find(|(known, _)| *known == name)?;
+        Some(Scenario::parse(&format!("worlds/{name}.ron"), text))
+    }
+
+    /// The world of a file, or, where no such file is, the shipped one of that
+    /// name.
+    ///
+    /// # Errors
+    /// There is neither, or the file is not a world.
+    ///
+    /// ```
+    /// use brakecheck::world::Scenario;
+    ///
+    /// assert_eq!(Scenario::find("merge".as_ref())?.name(), "merge");
+    /// # Ok::<(), brakecheck::world::LoadError>(())
+    /// ```
+    pub fn find(file_or_name: &Path) -> Result<Scenario, LoadError> {
+        let name = file_or_name.to_str().filter(|_| !file_or_name.exists());
+        match name.and_then(Scenario::shipped) {
+            Some(world) => world.map_err(|error| LoadError::Scenario(Box::new(error))),
+            None => Scenario::load(file_or_name),
+        }
+    }
+}

@@ -1,0 +1,110 @@
+//! A run in a world file: named, or kept in the text.
+
+use std::fmt;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::Deserialize;
+use serde::de::{self, Deserializer, MapAccess, Visitor};
+
+use crate::world::ordered::Ordered;
+use crate::world::runs::{NamedRun, Origin, RunRefused, refused};
+
+#[derive(Deserialize)]
+#[serde(rename = "Trained", deny_unknown_fields)]
+pub(in crate::world) struct TrainedFile {
+    pub(in crate::world) run: RunFile,
+    #[serde(default)]
+    pub(in crate::world) names: Ordered<String>,
+}
+
+/// `"runs/acc"`, or what was found there.
+pub(in crate::world) enum RunFile {
+    Directory(String),
+    Kept(KeptRun),
+}
+
+/// A run, as a world that was loaded once holds it.
+#[derive(Deserialize)]
+#[serde(rename = "Kept", deny_unknown_fields)]
+pub(in crate::world) struct KeptRun {
+    /// The directory it came from.
+    from: String,
+    /// Its world, verbatim.
+    world: String,
+    /// Its policy, a safetensors file in base64.
+    policy: String,
+}
+
+impl<'de> Deserialize<'de> for RunFile {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<RunFile, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = RunFile;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, "a run directory such as \"runs/acc\" or Kept(…)")
+            }
+
+            fn visit_str<E: de::Error>(self, v: &str) -> Result<RunFile, E> {
+                Ok(RunFile::Directory(v.to_owned()))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<RunFile, A::Error> {
+                KeptRun::deserialize(de::value::MapAccessDeserializer::new(map)).map(RunFile::Kept)
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+/// A run, read.
+pub(super) struct Run {
+    pub(super) from: String,
+    /// What tells it from others; `None`: it is in the text.
+    pub(super) identity: Option<String>,
+    pub(super) world: String,
+    pub(super) policy: Vec<u8>,
+}
+
+impl Run {
+    /// What its world's file is called.
+    pub(super) fn world_name(&self) -> String {
+        format!("{}/world.ron", self.from)
+    }
+}
+
+/// The run that a world file names or holds.
+pub(super) fn opened(run: &RunFile, origin: Origin<'_>) -> Result<Run, RunRefused> {
+    match run {
+        RunFile::Directory(name) => {
+            let NamedRun {
+                identity,
+                world,
+                policy,
+            } = origin.runs.find(name, origin.file)?;
+            Ok(Run {
+                from: name.clone(),
+                identity: Some(identity),
+                world,
+                policy,
+            })
+        }
+        RunFile::Kept(kept) => from_text(kept),
+    }
+}
+
+fn from_text(kept: &KeptRun) -> Result<Run, RunRefused> {
+    let policy = STANDARD.decode(&kept.policy).map_err(|error| {
+        refused(
+            format!("the policy kept from `{}` is damaged: {error}", kept.from),
+            "write `run: \"RUN\"` with a run directory instead",
+        )
+    })?;
+    Ok(Run {
+        from: kept.from.clone(),
+        identity: None,
+        world: kept.world.clone(),
+        policy,
+    })
+}
