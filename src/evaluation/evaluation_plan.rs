@@ -95,7 +95,7 @@ pub struct ExplainedCounterexample {
 }
 
 /// Whose counterexamples they are.
-pub(super) enum FoundBy {
+pub(crate) enum FoundBy {
     Trained(Evaluated),
     /// The trained ado's, with several tries per start.
     Tries(Tried),
