@@ -15,7 +15,7 @@ pub enum Reward {
         /// Clamp of the robustness, above 0.
         rho_max: f64,
     },
-    /// ±jump + (1 − jump) tanh(ρ / scale); fouls at −1 − span (M − 1) / rules.
+    /// ±jump + (1 − jump) tanh(ρ / scale), fouls at −1 − span (M − 1) / rules.
     Tanh {
         /// Clamp of the robustness, above 0.
         #[serde(default = "default_rho_max")]
