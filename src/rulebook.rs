@@ -68,8 +68,8 @@ pub struct Rulebook {
 impl Rulebook {
     /// Returns M of Definition 4 for `rule`.
     ///
-    /// M counts the rules whose priority is no higher than that of `rule`, which is
-    /// included.
+    /// M counts the rules whose priority is no higher than that of `rule`,
+    /// and includes `rule`.
     pub fn forfeited(&self, rule: usize) -> usize {
         let priority = self.rules[rule].priority;
         self.rules.iter().filter(|r| priority <= r.priority).count()

@@ -265,7 +265,7 @@ impl Impact {
         let (own, its) = (ego.state.pose.heading_rad, other.state.pose.heading_rad);
         let out_rad = libm::atan2(normal[1], normal[0]);
         let ego_side = Side::towards(wrapped(out_rad - own));
-        // The same normal points into the other body, so its side is the opposite one.
+        // The same normal points into the other body, so its direction is reversed.
         let other_side = Side::towards(wrapped(libm::atan2(-normal[1], -normal[0]) - its));
         let turned_rad = wrapped(its - own);
         let kind = match other.body.is_on_foot() {

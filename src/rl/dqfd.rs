@@ -2,7 +2,7 @@
 //!
 //! - Hester et al., "Deep Q-learning from Demonstrations", AAAI 2018.
 //!
-//! A search of a few hundred training starts runs before the first episode and
+//! A search of a few hundred training starts runs before the first episode. It
 //! finds in seconds the successes that exploration hits once in ten thousand
 //! episodes. Every later success is kept as well. Learning adds the part that a
 //! search cannot do, an immediate action on a new start. All hyperparameters not

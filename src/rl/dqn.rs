@@ -32,7 +32,7 @@ pub(super) const POLICY: &str = "brakecheck dqn policy 1";
 /// Kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck dqn checkpoint 1";
 
-/// First step size of an extension, as a share of the configured first one.
+/// First step size of an extension, as a share of the configured size.
 const AGAIN: f64 = 0.3;
 
 /// Loss of a single error δ = Q(s, a) − y.
@@ -61,7 +61,7 @@ impl Loss {
 pub struct DqnSettings {
     /// Decisions to train for (300000): the hardest stock world has converged.
     pub decisions: u64,
-    /// Widths of the hidden ReLU layers ([64, 64]): larger ones did not help.
+    /// Widths of the hidden ReLU layers ([64, 64]): larger layers did not help.
     pub hidden: Vec<usize>,
     /// Transitions per update (64): 32 loses a percent or two.
     pub batch: usize,
@@ -91,9 +91,9 @@ pub struct DqnSettings {
     pub exploration_fraction: f64,
     /// Longest hold of an exploratory action, from 1 decision (4): reaches far.
     pub hold: usize,
-    /// Share of episodes that restart from a failed start (0.5): hard ones.
+    /// Share of episodes that restart from a failed start (0.5): hard starts.
     pub restart: f64,
-    /// Failed starts remembered (400): recent ones.
+    /// Number of recent failed starts kept (400).
     pub restart_pool: usize,
     /// Retries of one failed start (4): some cannot be solved.
     pub restart_tries: u32,
@@ -326,7 +326,7 @@ impl Dqn {
     /// Restores the successes of a checkpoint and the extended budget.
     ///
     /// # Errors
-    /// The checkpoint contains no successes, or damaged ones.
+    /// The checkpoint contains no successes, or damaged successes.
     pub fn with_shown(mut self, bundle: &Bundle) -> Result<Dqn, BundleError> {
         let actions = self.online.outputs();
         if let Some(shown) = &mut self.shown {
@@ -384,7 +384,7 @@ impl Dqn {
     /// Records the last decision, unless it ended in a fault.
     fn remember_newest(&mut self, lived: &Lived, end: Option<End>) {
         let width = self.online.inputs();
-        // The last two rows: the observation before the decision and the one after.
+        // The last two rows: the observations before and after the decision.
         let from = lived.observations.len() - 2 * width;
         let (observation, next) = lived.observations[from..].split_at(width);
         let discount = match end {
@@ -446,7 +446,7 @@ impl Dqn {
         let span = self.config.decisions as f64;
         let beta = linear(self.config.correction, 1.0, self.tally.decisions, span);
         let shown = self.shown.as_ref().map_or(0, |shown| shown.drawn_of(size));
-        // Order of a batch: own transitions, the newest one, successes. The loop below
+        // Order of a batch: own transitions, the newest, successes. The loop below
         // relies on it.
         let own = size - shown;
         let newest = usize::from(self.config.newest && 0 < own);
@@ -472,7 +472,7 @@ impl Dqn {
 
         // δ = Q(s, a) − y. The gradient of the Huber loss is δ clipped, that of the
         // squared loss is δ. The priority uses the unclipped error, so that a large
-        // error is drawn again soon, however little one step reduces it. Invariant:
+        // error is drawn again soon, however little a step reduces it. Invariant:
         // padding columns and actions not taken have no gradient.
         self.online.forward(&batch.observations, size, here);
         let huber = self.config.huber as f32;
@@ -530,7 +530,7 @@ impl Learner for Dqn {
         let (mut held, mut holding) = (0, 0);
         let end = loop {
             // Computed while exploring as well: an n-step return may continue over an
-            // exploratory action that happens to be the greedy one.
+            // exploratory action that happens to be the greedy action.
             let greedy = self.online.evaluate(&obs, argmax);
             let action = if let Some(next) = led.next() {
                 next

@@ -108,7 +108,7 @@ pub trait Policy: Send + Sync {
 pub struct LearnerReport {
     /// Decisions taken so far.
     pub decisions: u64,
-    /// Episodes finished so far, without aborted ones.
+    /// Episodes finished so far, without aborted episodes.
     pub episodes: u64,
     /// Episodes dropped because they were aborted.
     pub aborted: u64,

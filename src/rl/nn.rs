@@ -426,7 +426,7 @@ impl Adam {
     /// Moves the parameters against the gradient.
     #[inline(always)]
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f32) {
-        // m̂ = m / (1 − β₁ᵗ) and v̂ = v / (1 − β₂ᵗ), with the corrections moved out of
+        // m̂ = m / (1 − β₁ᵗ) and v̂ = v / (1 − β₂ᵗ). The corrections are moved out of
         // the loop (Kingma, Ba 2015, end of section 2). In f64, because 1 − 0.999ᵗ
         // loses half of its digits in f32 at first.
         self.steps += 1;

@@ -19,7 +19,7 @@ const CHECKPOINT: &str = "brakecheck paid checkpoint 1";
 #[serde(deny_unknown_fields, default)]
 pub struct PaidSettings {
     pub decisions: u64,
-    /// Share of a new reward in the kept one.
+    /// Share of a new reward in the kept reward.
     rate: f64,
 }
 

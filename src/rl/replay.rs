@@ -70,7 +70,7 @@ impl SumTree {
     /// A leaf of 0 is never found while the total is positive.
     ///
     /// All masses descend together, level by level. The processor then waits for
-    /// many nodes at once instead of one after the other.
+    /// many nodes at once instead of in sequence.
     pub fn find(&self, masses: &mut [f64], leaves: &mut [usize]) {
         leaves.fill(1);
         for _ in 0..self.capacity().trailing_zeros() {
@@ -181,7 +181,7 @@ impl ReplayBuffer {
         self.observation
     }
 
-    /// Stores a transition, in place of the oldest one when full.
+    /// Stores a transition, in place of the oldest when full.
     pub fn push(&mut self, transition: Transition) {
         let slot = if self.len() < self.capacity {
             self.rows.resize(self.rows.len() + self.width(), 0.0);

@@ -1,4 +1,4 @@
-//! Choice of the start of an episode: a fresh start, or a failed one.
+//! Choice of the start of an episode: a fresh start, or a failed start.
 //!
 //! Failed-start replay repeats the start of a failed episode in a share of the
 //! episodes, so that hard starts are trained more often. A start is an episode

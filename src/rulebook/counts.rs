@@ -8,8 +8,8 @@ use crate::ego::reference::ReferenceDriver;
 ///
 /// The others become [`super::Verdict::Uncounted`].
 ///
-/// A contact counts between the ego and any road user, trained or not, if the
-/// ego moves faster than 0.5 m/s and is not struck from behind.
+/// A contact of the ego with any road user counts, trained or not. The ego must
+/// move faster than 0.5 m/s and must not be struck from behind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Counts {
@@ -23,7 +23,7 @@ pub enum Counts {
     },
     /// Contacts that a named reference driver avoids in the ego's place.
     Preventable {
-        /// Reference drivers, one of which has to avoid the contact.
+        /// Reference drivers. A single driver that avoids the contact suffices.
         by: Vec<ReferenceDriver>,
         /// Lower bound of the approach speed along the contact normal.
         #[serde(default)]

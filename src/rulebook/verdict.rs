@@ -28,7 +28,7 @@ pub enum Verdict {
     Foul {
         /// Position of the rule in the rulebook.
         rule: usize,
-        /// M of Definition 4: rules of no higher priority, with this one.
+        /// M of Definition 4: rules of no higher priority, with this rule.
         forfeited: usize,
     },
     /// Fault of the ego or of the physics, never a success.

@@ -152,7 +152,7 @@ impl Shape<'_> {
         if self.separation(other).gap_m <= 0.0 {
             return 0.0;
         }
-        // The least distance of two disjoint rectangles is at a corner of one of them.
+        // The least distance of two disjoint rectangles is at a corner of either.
         let squared = |corners: [(f64, f64); 4], shape: &Shape| {
             corners
                 .into_iter()
