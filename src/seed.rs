@@ -67,6 +67,7 @@ impl Seeds {
 
     /// Returns the training seeds in rising order, without those beyond `u64`.
     pub fn trainings(&self) -> Range<u64> {
+        // Saturating, so that a first seed near the end of `u64` does not overflow.
         self.first..self.first.saturating_add(self.count)
     }
 

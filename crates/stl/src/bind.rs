@@ -150,8 +150,8 @@ impl<'a> Scope<'a> {
                 Value::Call(*function, all)
             }
         };
-        // Folded on the way up, so that leaves compare a signal with a plain number and
-        // a constant that is not finite is found before any trace.
+        // Folded on the way up: leaves then compare a signal with a plain number. A
+        // constant that is not finite is also found before any trace.
         fold_constant(value, term)
     }
 
