@@ -7,7 +7,7 @@ use super::{Command, Controller, Fault, Percept};
 parameters! {
     /// Brakes, whatever it perceives.
     pub struct Dummy {
-        /// Deceleration it asks for, m/s².
+        /// Commanded deceleration, m/s².
         brake_mps2, at_least 0.0;
     }
 }

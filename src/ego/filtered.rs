@@ -21,9 +21,9 @@ parameters! {
         standstill_headway_m, at_least 0.0;
         /// Reference headway per speed, s.
         time_gap_s, at_least 0.0;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
-        /// Hardest acceleration it asks for, m/s².
+        /// Hardest commanded acceleration, m/s².
         max_accel_mps2, at_least 0.0;
         /// Deceleration a that the filter assumes and commands, m/s².
         filter_brake_mps2, at_least 0.1;

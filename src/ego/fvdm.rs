@@ -25,7 +25,7 @@ parameters! {
         min_gap_m, at_least 0.0;
         /// Greatest acceleration, m/s².
         max_accel_mps2, at_least 0.01;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
     }
 }

@@ -23,7 +23,7 @@ parameters! {
         leader_brake_mps2, at_least 0.01;
         /// Clearance at standstill s₀, m.
         min_gap_m, at_least 0.0;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
     }
 }

@@ -19,7 +19,7 @@ parameters! {
         max_accel_mps2, at_least 0.01;
         /// Comfortable deceleration b, m/s².
         comfort_brake_mps2, at_least 0.01;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
     }
 }

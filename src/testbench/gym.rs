@@ -1,4 +1,4 @@
-//! The test bench as learners see it.
+//! The test bench as an environment for learners.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,15 +8,15 @@ use crate::rulebook::Verdict;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 
-/// An episode of a learner in which the ego failed with all rules kept.
+/// An episode of a learner in which the ego failed without rule violations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Success {
-    /// Decisions that were taken in all when it ended.
+    /// Total number of decisions taken when it ended.
     pub decisions: u64,
     /// Index of its start in the stream.
     pub index: u64,
-    /// Where it began.
+    /// Start of the episode.
     pub start: Start,
     /// The ados' joint actions.
     pub actions: Vec<usize>,
@@ -24,14 +24,14 @@ pub struct Success {
     pub by: f64,
 }
 
-/// The test bench as learners see it: an episodic decision problem.
+/// The test bench as an environment: an episodic decision problem.
 ///
-/// Starts come from the stream (purpose, seed); `reset(i)` begins its i-th.
+/// Starts come from the stream (purpose, seed), and `reset(i)` begins its i-th.
 pub struct Gym {
     bench: Testbench,
     purpose: Purpose,
     seed: u64,
-    /// The running episode.
+    /// Index of the running episode.
     index: u64,
     start: Start,
     actions: Vec<usize>,
@@ -40,7 +40,7 @@ pub struct Gym {
     faults: FaultLog,
 }
 
-/// What the episodes of a [`Gym`] cost so far.
+/// Cost of the episodes of a [`Gym`] so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Spent {
     /// Decisions taken.
@@ -50,7 +50,7 @@ pub struct Spent {
 }
 
 impl Gym {
-    /// Training starts of `seed` on `bench`.
+    /// Creates a gym with training starts of `seed` on `bench`.
     pub fn new(bench: Testbench, purpose: Purpose, seed: u64) -> Gym {
         // Invariant: training never sees a test start.
         assert!(purpose != Purpose::Test, "learners get no test starts");
@@ -67,12 +67,12 @@ impl Gym {
         }
     }
 
-    /// Tells `faults` how every episode ends.
+    /// Reports the end of every episode to `faults`.
     pub fn tell_faults(&mut self, faults: FaultLog) {
         self.faults = faults;
     }
 
-    /// Counts what it costs from `spent` on.
+    /// Continues the count of costs from `spent`.
     pub fn count_from(&mut self, spent: Spent) {
         self.spent = spent;
     }
@@ -82,7 +82,7 @@ impl Gym {
         self.successes = Some(Vec::new());
     }
 
-    /// The successes since they were last taken, in order.
+    /// Returns the successes since the last call, in order.
     pub fn take_successes(&mut self) -> Vec<Success> {
         self.successes
             .as_mut()
@@ -90,7 +90,7 @@ impl Gym {
             .unwrap_or_default()
     }
 
-    /// What it has cost so far.
+    /// Returns the cost so far.
     pub fn spent(&self) -> Spent {
         self.spent
     }
@@ -109,12 +109,12 @@ impl Gym {
         }
     }
 
-    /// The bench it plays on.
+    /// Returns the bench on which it plays.
     pub fn bench(&mut self) -> &mut Testbench {
         &mut self.bench
     }
 
-    /// Names the episode that `reset(index)` begins.
+    /// Returns the key of the episode that `reset(index)` begins.
     pub fn key(&self, index: u64) -> StartKey {
         StartKey {
             purpose: self.purpose,
@@ -135,6 +135,7 @@ impl rl::Env for Gym {
         self.start = self.bench.draw(key);
         self.actions.clear();
         let noise = self.bench.noise_of(key);
+        // Learners need no aftermath: the reward is known with the verdict.
         self.bench.begin(&self.start, noise, Aftermath::Skip);
         self.bench.observe(obs);
     }
@@ -152,11 +153,13 @@ impl rl::Env for Gym {
         };
         self.note_end(verdict);
         match self.bench.rulebook.reward_of(&verdict) {
-            // The one cast from rewards to learners.
+            // The one cast from rewards to learners (see ARCHITECTURE.md).
             Some(reward) => Step {
                 reward: reward as f32,
                 end: Some(End::Terminated),
             },
+            // An invalid episode has no reward. `Aborted` keeps it out of the
+            // updates.
             None => Step {
                 reward: 0.0,
                 end: Some(End::Aborted),

@@ -1,7 +1,7 @@
 //! Planned motions: steps that follow laws, or a meeting with the ego.
 //!
-//! The laws are those of OpenSCENARIO files, so that worlds can express what
-//! test protocols prescribe. Numbers have a type `N`: a number or a range in a
+//! The laws are those of OpenSCENARIO files, so that worlds can express the
+//! motions of test protocols. Numbers have a type `N`: a number or a range in a
 //! world, and a number once a start is drawn. The trigger of a step has a type
 //! `W`: a formula.
 
@@ -45,7 +45,7 @@ pub enum MotionLaw<N> {
     Speed {
         /// Target speed.
         to_mps: N,
-        /// Agent whose speed, at the begin of the step, is added to the target.
+        /// Agent whose speed at the start of the step is added to the target.
         #[serde(default)]
         relative_to: Option<String>,
         /// Rate |v̇|. Default: at once.

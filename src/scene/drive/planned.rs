@@ -340,7 +340,7 @@ impl PlanRun {
         }
     }
 
-    /// Returns the phase of a step whose turn begins at an instant.
+    /// Returns the initial phase of a step that is next from an instant on.
     fn turn_of(&self, step: usize, since_s: f64) -> Phase {
         let Some(next) = self.steps.get(step) else {
             return Phase::Over;

@@ -119,7 +119,7 @@ struct Onward {
     across_mps: f64,
     /// Deceleration until it stands, at least 0.
     brake_mps2: f64,
-    /// Times at which it stands and at which it reaches the middle of the next lane.
+    /// Times at which it stops and at which it reaches the middle of a lane.
     stands_s: f64,
     centred_s: f64,
 }

@@ -44,7 +44,7 @@ pub struct Solution {
     capture_in: Vec<u16>,
     /// Least Manhattan distance reachable within K, in fine cells.
     closest: Vec<u16>,
-    /// The action that captures soonest, or else comes closest.
+    /// The action that captures soonest, or else approaches most.
     best: Vec<u8>,
 }
 
