@@ -1,9 +1,11 @@
 //! Gipps' car-following model (Gipps 1981).
 //!
-//! The speed after a reaction time τ is the lesser of two speeds. The car
-//! reaches v + 2.5 a τ (1 − v/V) √(0.025 + v/V) on a free road. It can still
-//! stop behind a leader that brakes with b̂ from −b τ + √(b² τ² + b (2 (s − s₀)
-//! − v τ + v_l²/b̂)).
+//! The speed after a reaction time τ is the lesser of two speeds.
+//!
+//! On a free road the car reaches v + 2.5 a τ (1 − v/V) √(0.025 + v/V).
+//!
+//! If its leader brakes with b̂, the car can still stop behind it from
+//! −b τ + √(b² τ² + b (2 (s − s₀) − v τ + v_l²/b̂)).
 
 use super::following::{away_mps, car_following};
 use super::parameters::parameters;

@@ -1,8 +1,9 @@
 //! Krauss' car-following model without dawdling (Krauss 1998), as in SUMO.
 //!
-//! The car can stop behind its leader from the safe speed −b τ + √(b² τ² + v_l²
-//! + 2 b s) if both brake with b. It drives at the least of that speed, its
-//! desired speed and the speed that it can reach.
+//! The safe speed is −b τ + √(b² τ² + v_l² + 2 b s).
+//!
+//! From it the car can stop behind its leader if both brake with b. It drives
+//! at the least of that speed, its desired speed and the speed it can reach.
 //!
 //! The steps of the published model last τ and end at that speed. A controller
 //! that runs every sample and spread the change over τ would oscillate (damping

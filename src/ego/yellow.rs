@@ -1,8 +1,10 @@
 //! Followers that stop for traffic lights (the paper's appendix).
 //!
-//! On yellow the paper's ego cruises while d(t) + δ < d_l, with d_l the
-//! distance to the line and d(t) = v (τ − t) + ½ a_max (τ − t)². It brakes with
-//! a_max otherwise. Only a_max < 0 is consistent with both. d(t) is the
+//! On yellow the paper's ego cruises while d(t) + δ < d_l, where d_l is the
+//! distance to the line. Otherwise it brakes with a_max. The paper defines
+//! d(t) = v (τ − t) + ½ a_max (τ − t)².
+//!
+//! Only a_max < 0 is consistent with both. d(t) is the
 //! distance covered *until red* under full braking, and not the stopping
 //! distance. This is the flaw that an ado exploits. [`YellowLightFixed`] uses
 //! v²/2|a_max| + v·lag instead.

@@ -64,7 +64,7 @@ pub(super) struct Program {
     input: Option<ChildStdin>,
     output: ChildStdout,
     errors: ChildStderr,
-    /// Output without a question, if not empty before the next question: a fault.
+    /// Output that is not consumed yet. Any before a question is a fault.
     unread: Vec<u8>,
     stderr: Vec<u8>,
     stderr_ended: bool,

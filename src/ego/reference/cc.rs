@@ -5,9 +5,9 @@
 //! up to 0.774 g. The readings differ in the lateral relevance:
 //!
 //! - [`CcDriver`]: bodies overlap laterally, c ≤ 0 (Mattas et al. 2022).
-//! - [`CcLaneDriver`]: the other car is 0.375 m off its lane's middle, the usual
-//!   wandering of drivers, plus 0.72 m, which is 1.8 m/s sideways for the 0.4 s in
-//!   which the risk is perceived. The ego is in the middle of its lane.
+//! - [`CcLaneDriver`]: the other car is 0.375 m + 0.72 m off its lane's middle.
+//!   0.375 m is the usual wandering of drivers. 0.72 m is 1.8 m/s sideways for
+//!   the 0.4 s of perception. The ego is in the middle of its lane.
 //! - [`CcLatchedDriver`]: as before, but it keeps braking when 2 s are reached
 //!   again, until it is no faster than the other car.
 //!

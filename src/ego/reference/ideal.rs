@@ -3,7 +3,7 @@
 //! It brakes from the first sample at which straight extrapolation gives
 //! contact within 4 s, at constant speeds along and across the lane. It also
 //! brakes if the lead in its path brakes by more than 1 m/s² at a headway below
-//! 2 s. A lead at constant speed v_o is avoided exactly if g > Δv T + Δv²/(2B)
+//! 2 s. A lead at constant speed is avoided exactly if g > Δv T + Δv²/(2B)
 //! − B T²/2, with braking B behind a first-order lag T.
 
 use super::{DriverModel, Encounter, Latching, Pedal};

@@ -1,12 +1,12 @@
 //! REG: the cut-in formula of UN R157 ¶5.2.5.2 as a driver.
 //!
-//! The regulation demands that a cut-in is survived if TTC > Δv / (2 · 6 m/s²)
-//! + 0.35 s when the other car is 0.3 m inside the lane. As a driver, it
-//! detects danger when the other car is within 0.5 m laterally and |g/Δv| ≤
-//! Δv/12 + 0.35 s + 0.1 s. The 0.5 m correspond to those 0.3 m for lanes of 3.5
-//! m and cars of 1.9 m. After 0.35 s it brakes with 6 m/s² at once. The 0.1 s
-//! is a step of the published model, kept as a constant. EU 2022/1426 has 0.25
-//! s instead of 0.35 s.
+//! The regulation demands that a cut-in is survived above a certain TTC, when
+//! the other car is 0.3 m inside the lane: TTC > Δv / (2 · 6 m/s²) + 0.35 s.
+//! As a driver, it detects danger when the other car is within 0.5 m laterally
+//! and |g/Δv| ≤ Δv/12 + 0.35 s + 0.1 s. The 0.5 m correspond to those 0.3 m for
+//! lanes of 3.5 m and cars of 1.9 m. After 0.35 s it brakes with 6 m/s² at once.
+//! The 0.1 s is a step of the published model, kept as a constant.
+//! EU 2022/1426 has 0.25 s instead of 0.35 s.
 
 use super::{DriverModel, Encounter, Pedal};
 use crate::ego::parameters::parameters;

@@ -7,8 +7,9 @@
 //! d_lon = v_e ρ + a ρ²/2 + (v_e + ρ a)²/(2 b) − v_o²/(2 b_o)
 //!
 //! Laterally the other car, at speed v_y, may accelerate by a_lat during ρ
-//! before it stops again: d_lat = μ + (2 v_y + a_lat ρ) ρ/2 + (v_y + a_lat
-//! ρ)²/(2 a_lat).
+//! before it stops again:
+//!
+//! d_lat = μ + (2 v_y + a_lat ρ) ρ/2 + (v_y + a_lat ρ)²/(2 a_lat)
 //!
 //! As published for this comparison (Mattas et al. 2022), d_lon is not clamped
 //! at 0. The speed v_y is a magnitude, so moving away counts too. Only the
