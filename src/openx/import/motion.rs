@@ -1,5 +1,4 @@
-//! What the Init of a storyboard says: where everybody begins, and how fast, and
-//! when the run ends.
+//! Init of a storyboard: initial places, initial speeds and the end of the run.
 
 use super::dropped::lone_time;
 use super::entity::Entity;
@@ -9,8 +8,8 @@ use super::places::{Ground, Placed};
 use super::scope::Scope;
 use super::tree::Node;
 
-/// What an action does to nobody's motion: the ego's controller, lights,
-/// weather, logs.
+/// Actions without an effect on motion: controllers of the ego, lights, weather
+/// and logs.
 const STILL: [&str; 6] = [
     "ControllerAction",
     "ActivateControllerAction",
@@ -19,9 +18,9 @@ const STILL: [&str; 6] = [
     "VariableAction",
     "VisibilityAction",
 ];
-/// What an Init may say of a motion along the road.
+/// Longitudinal actions that an Init may contain.
 const FIRST: [&str; 2] = ["SpeedAction", "LongitudinalDistanceAction"];
-/// What hands the motion of somebody to a controller.
+/// Attributes that hand the motion of an entity to a controller.
 const HANDS_OVER: [&str; 4] = [
     "lateral",
     "longitudinal",
@@ -29,12 +28,14 @@ const HANDS_OVER: [&str; 4] = [
     "activateLongitudinal",
 ];
 
-/// Whether an action moves nobody, taken by whom it is for.
+/// Returns true for an action without an effect on motion.
 ///
 /// # Errors
-/// A controller that moves somebody else than the ego.
+///
+/// Returns an error for a controller that moves an entity other than the ego.
 pub(super) fn is_still(action: &Node, is_for_ego: bool) -> Result<bool, ImportError> {
     fn hands_over(node: &Node) -> bool {
+        // The attributes may belong to a nested element of the action.
         let names = HANDS_OVER.iter();
         let mut set = names.filter_map(|name| node.raw(name));
         set.any(|value| value != "false") || node.children.iter().any(hands_over)
@@ -49,7 +50,7 @@ pub(super) fn is_still(action: &Node, is_for_ego: bool) -> Result<bool, ImportEr
     Ok(STILL.contains(&name))
 }
 
-/// Where somebody begins.
+/// Returns the initial place of an entity.
 pub(super) fn begins(
     private: &Node,
     scope: &Scope,
@@ -57,6 +58,7 @@ pub(super) fn begins(
 ) -> Result<Placed, ImportError> {
     let mut at = None;
     let is_ego = private.raw("entityRef") == Some("Ego");
+    // Routes are checked last, since the place may follow in the file.
     let mut routes = Vec::new();
     for action in private.all("PrivateAction") {
         let it = action.only()?;
@@ -112,7 +114,7 @@ fn longitudinal<'a>(private: &'a Node, name: &'a str) -> impl Iterator<Item = &'
     along.filter_map(move |it| it.child(name))
 }
 
-/// How fast somebody is at first.
+/// Initial speed of an entity, in m/s.
 pub(super) fn first_speed_mps(
     private: &Node,
     scope: &Scope,
@@ -121,6 +123,7 @@ pub(super) fn first_speed_mps(
     let mut speed_mps = 0.0;
     for action in longitudinal(private, "SpeedAction") {
         let dynamics = action.inner("SpeedActionDynamics")?;
+        // A change in no time equals a step.
         let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
         if dynamics.raw("dynamicsShape") != Some("step") && lasts {
             let what = "a speed that is only reached after the start is not read in Init";
@@ -148,7 +151,7 @@ pub(super) fn first_speed_mps(
     }
 }
 
-/// How far before the ego somebody is put, bumper to bumper.
+/// Initial bumper-to-bumper gap in metres of an entity ahead of the ego, if stated.
 pub(super) fn first_gap_m(
     private: &Node,
     scope: &Scope,
@@ -161,7 +164,7 @@ pub(super) fn first_gap_m(
     Ok(gap_m)
 }
 
-/// When the file ends a run, if it says so by nothing but a time.
+/// Time in seconds at which the file ends the run, if it states a time alone.
 pub(super) fn stop_s(board: &Node, scope: &Scope) -> Result<Option<f64>, ImportError> {
     let groups = board.child("StopTrigger");
     let groups = groups.into_iter().flat_map(|it| it.all("ConditionGroup"));
@@ -170,13 +173,14 @@ pub(super) fn stop_s(board: &Node, scope: &Scope) -> Result<Option<f64>, ImportE
         if let Some((condition, time)) = lone_time(group) {
             let delay_s = scope.number_or_zero(condition, "delay")?;
             let at_s = scope.number(time, "value")? + delay_s;
+            // Groups are alternatives, so the earliest time ends the run.
             stop_s = Some(stop_s.map_or(at_s, |known| known.min(at_s)));
         }
     }
     Ok(stop_s)
 }
 
-/// By what the Init scales the friction of all roads.
+/// Factor by which the Init scales the friction of all roads.
 pub(super) fn friction_scale(
     init: &Node,
     scope: &Scope,
@@ -199,7 +203,7 @@ pub(super) fn friction_scale(
     Ok(scale)
 }
 
-/// By what an environment scales friction, if it says so.
+/// Factor by which an environment scales friction, if it states one.
 pub(super) fn friction_of(
     action: &Node,
     scope: &Scope,
