@@ -1,4 +1,4 @@
-//! Finished work that is kept, so that an interrupted campaign goes on.
+//! Finished work, kept so that an interrupted campaign can continue.
 
 use std::fs;
 use std::io;
@@ -13,11 +13,11 @@ use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
 use crate::scenario::Scenario;
 use crate::seal::{self, sha256};
 
-/// One piece of work: a file, and what it is the answer to.
+/// Piece of work: a file, and the question that it answers.
 ///
-/// The file is used again only for the very question, of the same world file,
-/// with the same defaults and version of the program. What an external program
-/// does that drives an ego is not part of the question.
+/// A file is reused only for the same question about the same world file, with
+/// the same defaults and program version. The behaviour of an external ego
+/// program is not part of the question.
 #[derive(Clone, Debug)]
 pub struct Finished {
     path: PathBuf,
@@ -25,7 +25,7 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// The work of a name in a directory, on a world, with its settings.
+    /// Returns the work of a name in a directory, for a world and its settings.
     pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> Finished {
         Finished {
             path: dir.join(format!("{}.json", file_name(name))),
@@ -39,10 +39,12 @@ impl Finished {
         }
     }
 
-    /// What was made, if it is there; work for another question is not.
+    /// Returns the result, if it is there and answers this question.
     ///
     /// # Errors
-    /// The disk refuses, or the file is damaged ([`RunError::Damaged`]).
+    ///
+    /// Returns an error if the disk refuses, or the file is damaged
+    /// ([`RunError::Damaged`]).
     pub fn read<T: DeserializeOwned>(&self) -> Result<Option<T>, RunError> {
         let bytes = match fs::read(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -55,12 +57,14 @@ impl Finished {
         let json = |error: serde_json::Error| damaged(error.to_string());
         let text = String::from_utf8(bytes).map_err(|error| damaged(error.to_string()))?;
         let mut kept: Value = serde_json::from_str(&text).map_err(json)?;
-        // Earlier versions wrote no seal, and nothing but these.
+        // Earlier versions wrote no seal, and no other fields than these.
         let known = ["asked", "made", "seal", "sha256"];
         let mut fields = kept.as_object().into_iter().flatten();
         if let Some((name, _)) = fields.find(|(name, _)| !known.contains(&name.as_str())) {
             return Err(damaged(format!("unknown field `{name}`")));
         }
+        // Checked before the hash: work for another question is old, not
+        // damaged.
         if kept["asked"] != self.asked {
             return Ok(None);
         }
@@ -78,10 +82,11 @@ impl Finished {
         made.map(Some).map_err(json)
     }
 
-    /// Keeps what was made, in the place of older work of that name.
+    /// Keeps a result, and replaces older work of that name.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn write<T: Serialize>(&self, made: &T) -> Result<(), RunError> {
         if let Some(dir) = self.path.parent() {
             make_dir(dir)?;
@@ -100,8 +105,10 @@ impl Finished {
         write_file(&self.path, seal::seal(&kept.to_string()).as_bytes())
     }
 
-    /// Of question and answer, but for processor times: equal work has equal
-    /// hashes. The seal beside it is of the file, times included.
+    /// Hash of question and result, without processor times.
+    ///
+    /// Equal work has equal hashes. The seal covers the complete file,
+    /// including the times.
     fn hash(&self, made: &Value) -> String {
         let mut made = made.clone();
         forget_times(&mut made);
