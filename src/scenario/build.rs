@@ -1,4 +1,4 @@
-//! From a read file to a checked scenario: names resolved, formulas bound.
+//! Assembly of a checked scenario: names are resolved and formulas bound.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 use crate::stl::Names;
 
-/// A checked scenario, tried as well.
+/// Returns a checked scenario after trial runs.
 pub(super) fn build(
     file: &str,
     runs: &dyn RunSource,
@@ -34,17 +34,22 @@ pub(super) fn build(
     };
     let mut problems = Problems::new(text);
     let top = Path::top();
+    // Limits come first: beyond them the checks below would take minutes.
     limits::check(&mut problems, &parsed);
     problems.done()?;
     let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &parsed.allow);
     problems.done()?;
     warnings.driving(&parsed);
+    // Each stage ends before the next one, since later checks assume that
+    // earlier ones passed.
     let mut scenario = assemble(origin, text, parsed)?;
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     vacuous::check(&mut problems, &top, &scenario);
     problems.done()?;
     trial::begins_well(&mut problems, &top, &scenario);
     problems.done()?;
+    // A rule that no run keeps is an error. Rules that are only never kept to
+    // the end give a warning.
     let excluding = trial::can_be_kept(&mut problems, &scenario);
     problems.done()?;
     let excluding = excluding.or_else(|| trial::kept_to_the_end(&scenario));
@@ -57,7 +62,9 @@ pub(super) fn build(
     Ok(scenario)
 }
 
-/// The world of a run that a world names; it was tried when it was trained in.
+/// Assembles the world of a run that a world refers to.
+///
+/// Trial runs are omitted, because they took place before its training.
 fn within(origin: Origin<'_>, text: &str) -> Assembled {
     let one = |problem| vec![problem];
     Ok(match read::kind(text).map_err(one)? {
@@ -72,7 +79,7 @@ fn within(origin: Origin<'_>, text: &str) -> Assembled {
     })
 }
 
-/// A scenario that was not tried.
+/// Assembles a scenario without trial runs.
 fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
     let top = Path::top();
@@ -97,6 +104,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         &file.clock,
     );
     let cast = Cast::read(&mut problems, origin, &file, &roads);
+    // Reported together, so that users see all mistakes of the agents at once.
     problems.done()?;
     let Cast {
         agents,
@@ -112,7 +120,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         ..
     } = cast
     else {
-        // Invariant: not to have an ego is a problem, and there was none.
+        // Invariant: a missing ego is a problem, and there was none.
         return Err(Vec::new());
     };
 
@@ -154,7 +162,8 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     });
     problems.done()?;
 
-    // Bind everything to all signals there are, then publish what is used.
+    // Formulas are bound to all available signals first. Then only used signals
+    // are published.
     let catalogue = spec.catalogue().into_iter();
     let offers = catalogue.map(|offer| (offer.signal, offer.range));
     let mut language = Language::new(spec.clock.sample_s, offers, constants);
@@ -177,10 +186,12 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }
     let observe = observe.unwrap_or_else(|| list.clone());
+    // Default observations come last, so that listed signals keep their order.
     if sees_usual {
         let usual = spec.usual_observation().into_iter();
         observed.extend(usual.map(|name| (name, observe.clone())));
     }
+    // A world without actions has no ado that observes.
     if spec.action_sets().next().is_some() {
         spec.observe = language.observe(&mut problems, &observed, &observe);
     }
@@ -222,6 +233,8 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         question: file.question,
         source: file.source,
         requirement: file.requirement,
+        // The text replaces run directories by their content, so it is
+        // self-contained.
         text: trained::with_values(text, &written_out),
         ego_spec,
         rules,

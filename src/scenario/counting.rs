@@ -1,4 +1,4 @@
-//! Checks of `counts`: what it needs of the judge, the reward and the road users.
+//! Checks of `counts` against the judge, the reward and the road users.
 
 use super::check;
 use super::file::{AgentFile, DriveFile, ScenarioFile};
@@ -6,7 +6,7 @@ use super::locate::Path;
 use super::problems::Problems;
 use crate::rulebook::{Counts, JudgeKind, Reward};
 
-/// Largest closing speed that a contact may be asked for.
+/// Greatest closing speed that `counts` may require, in m/s.
 const MAX_CLOSING_MPS: f64 = 150.0;
 
 pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
@@ -36,7 +36,8 @@ pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
         let help = Some("write judge: UntilContact".to_owned());
         problems.add(&place, what, "needs another judge", help);
     }
-    // Lemma 2's order: what does not count is paid below all that does.
+    // Lemma 2 requires a reward for violations that do not count below that of
+    // all that count.
     let stepped = matches!(file.reward, Reward::Tanh { jump, .. } if 0.0 < jump);
     if !stepped {
         let what = "this reward has no step between what counts and what does not".to_owned();
@@ -63,7 +64,7 @@ fn is_other_with_a_body(agent: &AgentFile) -> bool {
     }
 }
 
-/// Refuses what asks for a contact in a world of cells.
+/// Refuses a judge or a count that requires contacts in a world of cells.
 pub(super) fn nothing_touches(
     problems: &mut Problems,
     top: &Path,
