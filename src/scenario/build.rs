@@ -128,6 +128,8 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     let place = top.to("parameters");
     let parameters = points::parameters(&mut problems, &place, &file.parameters, &taken);
 
+    // Signals and formulas are filled in below, since the catalogue depends on
+    // the spec.
     let mut spec = DriveSpec {
         world: file.name.clone(),
         clock: file.clock,

@@ -202,6 +202,8 @@ impl Cast<'_> {
                 let facing = (Direction::With, facing_rad);
                 (name, body, lateral_m.0, facing, start, drive)
             }
+            // Invariant: obstacles returned above, and the caller handles
+            // lights.
             AgentFile::Obstacle { .. } | AgentFile::Light { .. } => return None,
         };
         if let DriveFile::Ego(_) = drive {
@@ -394,6 +396,8 @@ impl Cast<'_> {
             } => {
                 let headway_m = range(problems, "headway_m", headway_m);
                 let speed_mps = range(problems, "speed_mps", speed_mps);
+                // Only earlier agents are known here, so that chains of
+                // positions end.
                 let mut agents = self.agents.iter();
                 let Some(position) = agents.position(|agent| agent.name == *of) else {
                     // An invalid agent was reported already.

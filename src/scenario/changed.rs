@@ -26,6 +26,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         return Err(fail(what, Some(help), &["grid"]));
     }
     if let Some(friction) = change.friction {
+        // The same limits as for the `road` of a world.
         if !(0.01..=2.0).contains(&friction) {
             let what = format!("friction {friction} is outside of 0.01 ..= 2");
             return Err(fail(what, None, &["friction"]));

@@ -400,6 +400,8 @@ impl Family {
             quantity(varied).is_some_and(|q| q.contains(*value))
         };
         let plant = change.plant.unwrap_or(base.plant);
+        // A body is no quantity of a family, and a map of cells has no
+        // controller.
         change.ego_body.is_none()
             && change.grid.is_none()
             && (plant == base.plant || self.plants.iter().any(|(kind, _)| *kind == plant))

@@ -359,6 +359,7 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             help,
         );
     }
+    // A longer step would leave every map.
     if MAX_SIDE < ego_step {
         let help = format!("at most {MAX_SIDE}");
         return misfit(
@@ -399,6 +400,7 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             }
         }
     }
+    // The number of pairs grows with the square of the number of cells.
     if spec.starts == Starts::AllPairs && MAX_LISTED_CELLS < spec.arena.cells() {
         let what = format!("all pairs of {} fine cells", spec.arena.cells());
         let help = format!("above {MAX_LISTED_CELLS} fine cells draw them: `starts: Uniform`");
@@ -428,6 +430,7 @@ pub(super) fn apply(spec: &GridSpec, change: &Change) -> Result<GridSpec, Change
         help,
         place: vec![field.to_owned()],
     };
+    // Fields of driving worlds are refused by name instead of being ignored.
     let driving = [
         ("ego", !change.ego.0.is_empty()),
         ("controller", change.controller.is_some()),
@@ -514,6 +517,7 @@ impl Scenario {
     /// [best]: crate::scene::grid::exact::PositionPolicy::optimal
     pub fn fully_observed(&self) -> Option<Scenario> {
         let mut spec = self.grid()?.spec().clone();
+        // Positions are scaled to −1 ..= 1 over the map.
         let half = f64::from(spec.arena.size) / 2.0;
         let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
         let observe = names.map(|name| Observed {

@@ -36,6 +36,7 @@ pub(super) fn family(
         problems.add(path, what, "here", None);
         return None;
     };
+    // The order of the quantities is that of a conditional ado's inputs.
     let mut quantities = of_controller(problems, &path.to("ego"), &file.ego, &controller);
     let structures = file.structures.0.iter().filter_map(|(name, ranges)| {
         let place = path.to("structures").to(name);
@@ -201,6 +202,8 @@ fn sound(problems: &mut Problems, place: &Path, quantity: Quantity) -> Option<Qu
         problems.add(place, what, "reversed or empty", (hi < lo).then_some(help));
         return None;
     }
+    // Many members are nominal in a quantity, so its range must contain that
+    // value.
     if !quantity.contains(nominal) {
         let what = format!("the range ({lo}, {hi}) leaves out {nominal}, the nominal value");
         let help = format!(

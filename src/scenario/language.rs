@@ -116,6 +116,7 @@ impl Language {
             Some(unit) => unit.clone(),
             None => unit_of(&expr, &so_far),
         };
+        // The range only scales observations. Values outside of it are valid.
         let range = signal.range.unwrap_or_else(|| usual_range(&unit));
         if range.1 <= range.0 {
             let what = format!("the range ({}, {}) is empty", range.0, range.1);

@@ -79,10 +79,12 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         within(problems, &top.to(field), count, limit);
     }
     road(problems, &top.to("road"), &file.road);
+    // Named roads have pieces only, and no polyline.
     for (name, road) in &file.roads.0 {
         let path = top.to("roads").to(name).to("pieces");
         within(problems, &path, road.pieces.len(), PIECES);
     }
+    // Long formulas cost time at every sample, in each of their monitors.
     let formulas = file.formulas.0.iter();
     let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
     let signals = file.signals.0.iter();

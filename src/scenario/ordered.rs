@@ -54,6 +54,7 @@ pub struct Patch(pub IndexMap<String, f64>);
 impl<'de> Deserialize<'de> for Patch {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Patch, D::Error> {
         deserializer
+            // The notation of a struct whose fields are not known in advance.
             .deserialize_any(OrderedVisitor(PhantomData))
             .map(Patch)
     }

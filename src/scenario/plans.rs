@@ -30,6 +30,7 @@ pub(super) fn read(
         }
         MotionPlan::Meet(meet) => {
             read_meet(problems, path, meet);
+            // A meeting has no formulas, so only its numbers are converted.
             let numbers = plan.map(|_, _, NumberOrRange(range)| range);
             match numbers {
                 MotionPlan::Meet(meet) => Some(MotionPlan::Meet(meet)),
@@ -186,6 +187,8 @@ pub(super) fn bind(
                 else {
                     continue;
                 };
+                // All agents of the file are known here, so a plan may refer to
+                // later ones.
                 if !known.contains(&other.as_str()) {
                     let place = place.to("does").at(j).to("relative_to");
                     problems.unknown(&place, "agent", other, &known);

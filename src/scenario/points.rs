@@ -75,6 +75,8 @@ pub(super) fn read(
     if !problems.is_empty() {
         return Vec::new();
     }
+    // The file may list the columns in any order, and a start has the world's
+    // order.
     let columns: Vec<usize> = known
         .iter()
         .filter_map(|name| points.axes.iter().position(|it| it == name))
@@ -89,6 +91,8 @@ pub(super) fn read(
             return Vec::new();
         }
         let values: Vec<f64> = columns.iter().map(|&column| row[column]).collect();
+        // The ranges of the world describe X_init, so every point must be
+        // within them.
         let mut outside = axes.iter().zip(&values).zip(&columns);
         let outside = outside.find(|((axis, value), _)| !(axis.lo..=axis.hi).contains(*value));
         if let Some(((axis, value), &column)) = outside {

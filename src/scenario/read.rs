@@ -89,6 +89,8 @@ pub(super) fn kind(text: &str) -> Result<Kind, Problem> {
 
 /// Reads a value from RON with finite numbers only.
 pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
+    // Files may omit `Some` and the inner brackets of variants, so that they
+    // are shorter.
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let value = options
@@ -264,6 +266,7 @@ fn explain(code: &Error) -> (String, String, Option<String>) {
 
 fn first_lower(message: &str) -> String {
     let mut chars = message.chars();
+    // Acronyms such as `EOF` keep their capitals.
     let second_lower = message.chars().nth(1).is_none_or(|c| !c.is_uppercase());
     match chars.next() {
         Some(first) if second_lower => first.to_lowercase().chain(chars).collect(),

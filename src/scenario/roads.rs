@@ -41,6 +41,8 @@ pub(super) fn placed(
             road: Road::Straight {
                 lanes: road.lanes,
                 lane_width_m: road.lane_width_m.unwrap_or(own.lane_width_m()),
+                // A world has one friction coefficient, which changes and
+                // families vary.
                 friction: own.friction(),
                 // The ego drives on the world's own road only, so other roads
                 // need no limit.

@@ -157,6 +157,7 @@ fn headway(spec: &DriveSpec, a: usize, b: usize) -> Range {
 
 fn sum(spec: &DriveSpec, agents: impl Iterator<Item = usize>) -> Range {
     agents
+        // Offsets vary independently, so the ends of their ranges add up.
         .map(|i| own_offset(&spec.agents[i]))
         .fold(Range { lo: 0.0, hi: 0.0 }, |sum, range| Range {
             lo: sum.lo + range.lo,

@@ -18,6 +18,7 @@ pub struct Structure {
 impl Structure {
     /// Returns an ego of this structure, every quantity uniform in its range.
     pub(super) fn draw(&self, rng: &mut impl Rng) -> Actuated<ControllerSpec> {
+        // Parameters without a range keep the value of the file.
         let mut drawn = self.controller.clone();
         for quantity in &self.quantities {
             let set = drawn.set(quantity.varied.name(), quantity.draw(rng));
@@ -31,6 +32,8 @@ impl Structure {
     pub(super) fn covers(&self, other: &Actuated<ControllerSpec>) -> bool {
         let own = self.controller.parameters();
         let varies = |name: &str| self.quantities.iter().find(|q| q.varied.name() == name);
+        // Pairs are only compared for equal kinds, whose parameters correspond
+        // by position.
         let pairs = other.parameters().into_iter().zip(&own);
         // Programs have no parameters that would distinguish them.
         self.controller.controller.program().is_none()

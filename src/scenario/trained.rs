@@ -114,6 +114,8 @@ fn lag_s(home: &DriveSpec) -> f64 {
         Drive::Ado { lag_s, .. } => Some(lag_s),
         _ => None,
     });
+    // Invariant: the home world has a single ado, so the sum is its lag, or 0
+    // for a light.
     lags.sum()
 }
 
@@ -122,6 +124,7 @@ fn lag_s(home: &DriveSpec) -> f64 {
 /// Trial runs are omitted, because they took place before its training.
 fn world_of(run: &Run, origin: Origin<'_>) -> Result<World, RunRefused> {
     let name = run.world_name();
+    // Runs of the inner world are searched beside the inner file.
     let inner = Origin {
         file: &name,
         ..origin

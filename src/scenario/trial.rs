@@ -229,6 +229,7 @@ pub(super) fn can_be_kept(
     let rules = &tried.rulebook().rules;
     let runs = rules_kept(&tried);
     let tries = runs.len();
+    // Without runs, as with a program as the ego, no rule can be judged.
     if tries == 0 {
         return None;
     }

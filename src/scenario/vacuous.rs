@@ -33,6 +33,8 @@ fn check_spec(problems: &mut Problems, place: &Path, scenario: &Scenario, bounds
     let monitor = &scenario.rulebook().spec;
     let signals = monitor.signals();
     let range = monitor.range(&ranges);
+    // Checked first, because no signal's bounds explain the range of a constant
+    // formula.
     if signals.is_empty() {
         let what = "the ego's specification mentions no signal";
         let help = "say what the ego must never do, such as `always (ego.ado.gap >= 0.5)`";

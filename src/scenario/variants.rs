@@ -31,6 +31,8 @@ impl Scenario {
         let mut same = self.clone();
         same.rules.retain(|rule| !left_out(&rule.name));
         let mut rulebook = Rulebook::clone(&self.rulebook);
+        // Bound rules have the names of the written ones, and both lists lose
+        // the same rules.
         rulebook.rules.retain(|rule| !left_out(&rule.name));
         same.rulebook = Arc::new(rulebook);
         same
@@ -185,6 +187,7 @@ impl Scenario {
             reward: self.rulebook.reward,
         };
         let (spec, rules, names) = (&self.ego_spec, &self.rules, &self.names);
+        // Windows of formulas are counted in samples, so they are bound again.
         let bound = rulebook(world.schema(), spec, rules, names, judging).ok()?;
         Some(Scenario {
             rulebook: Arc::new(Rulebook {
@@ -223,6 +226,8 @@ impl Scenario {
         };
         let mut spec = world.spec().clone();
         spec.plant = plant;
+        // The model replaces the complete ego, so perception and actuation must
+        // add nothing.
         spec.sensors = Sensors::default();
         spec.ego.lag_s = 0.0;
         spec.ego.controller = EgoController::Own {
@@ -275,6 +280,7 @@ impl Scenario {
         };
         let change = match &self.world {
             World::Drive(_) => read::parse(text).map_err(fail)?,
+            // A grid's file has the fields of a `GridChange` at its top.
             World::Grid(_) => read::parse::<GridChange>(text).map_err(fail)?.into(),
         };
         match self.with(&change) {

@@ -333,6 +333,7 @@ impl Warnings {
     /// Warns of bounds of formulas beyond the end of every run.
     pub(super) fn bounds(&mut self, scenario: &Scenario) {
         let clock = scenario.world().clock();
+        // A window longer than this reaches beyond the end from every sample.
         let last = clock.samples() - 1;
         let end = clock.horizon_s;
         // The clock of a grid counts steps.

@@ -48,6 +48,7 @@ fn walk(run: &Run, origin: Origin<'_>, chain: &mut Vec<Link>) -> Result<(), RunR
     for inner in runs_in(run, origin) {
         walk(&inner, origin, chain)?;
     }
+    // A run may occur twice side by side, but not within itself.
     chain.pop();
     Ok(())
 }
@@ -67,6 +68,7 @@ fn runs_in(run: &Run, origin: Origin<'_>) -> Vec<Run> {
         return Vec::new();
     };
     let trained = file.agents.iter().filter_map(trained);
+    // References of the inner world are relative to its own file.
     let inner = Origin {
         file: &run.world_name(),
         ..origin
