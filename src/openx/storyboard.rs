@@ -8,8 +8,9 @@ use crate::scene::drive::Agent;
 /// Agent of the scenario, with its trajectory and its driver.
 pub(super) struct Part<'a> {
     pub agent: &'a Agent,
-    /// Recorded vertices: all of them drive a trajectory, the first places an
-    /// external ego.
+    /// Recorded vertices of the trajectory.
+    ///
+    /// With an external driver, only the first one is used, as the start.
     pub way: &'a [Vertex],
     pub speed_mps: f64,
     pub driver: Driver,

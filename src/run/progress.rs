@@ -101,8 +101,7 @@ impl RunDir {
         self.write(REPORT, seal::seal(&text).as_bytes())
     }
 
-    /// Returns the rows of the closing evaluation. Without an evaluation there
-    /// are none.
+    /// Returns the rows of the closing evaluation, if there was one.
     ///
     /// # Errors
     ///

@@ -292,8 +292,9 @@ impl Display for ContactSeverity {
 }
 
 impl Row {
-    /// Returns the share of the requested starts on which the ego or the
-    /// physics failed.
+    /// Returns the share of the starts on which the ego or the physics failed.
+    ///
+    /// It refers to all requested starts.
     pub fn invalid_share(&self) -> f64 {
         self.invalid as f64 / (self.starts + self.invalid).max(1) as f64
     }

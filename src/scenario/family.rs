@@ -214,8 +214,9 @@ impl Family {
         self.quantities.len()
     }
 
-    /// Returns the additional inputs of a conditional ado: quantities scaled to
-    /// −1 ..= 1.
+    /// Returns the additional inputs of a conditional ado.
+    ///
+    /// They are the member's quantities, scaled to −1 ..= 1.
     ///
     /// The plant is no input. An ado with that input would learn each plant
     /// from its own episodes only.

@@ -252,8 +252,7 @@ pub(super) struct AdoFile {
     pub(super) base: Option<PlanFile>,
     pub(super) actions: Actions,
     pub(super) neutral: usize,
-    /// Observed signals. Without them the default, see
-    /// [`crate::scene::drive::DriveSpec`].
+    /// Observed signals. The default is that of [`crate::scene::drive::DriveSpec`].
     #[serde(default)]
     pub(super) observe: Option<Vec<String>>,
     pub(super) rulebook: Vec<RuleFile>,
@@ -374,8 +373,7 @@ impl<'de> Deserialize<'de> for NumberOrRange {
     }
 }
 
-/// Signal: `"expression"` or `Signal(expr: "…", unit: "m", about: "…", range:
-/// (0, 80))`.
+/// Signal: an expression, or `Signal(expr: "…", unit: "m", about: "…", …)`.
 pub(super) struct SignalFile {
     pub(super) expr: String,
     pub(super) unit: Option<String>,

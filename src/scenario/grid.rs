@@ -97,8 +97,9 @@ struct AdoFile {
     rulebook: Vec<RuleFile>,
 }
 
-/// Reports all counts above their limits, except for moves with a limit of
-/// their own.
+/// Reports all counts above their limits.
+///
+/// Moves have a limit of their own.
 fn too_much(problems: &mut Problems, file: &GridFile) {
     let top = Path::top();
     let counts = [

@@ -282,8 +282,9 @@ pub(super) fn rulebook(
     })
 }
 
-/// Returns the constants of the file and T. `given_by` is the field that
-/// determines T.
+/// Returns the constants of the file and T.
+///
+/// `given_by` is the field that determines T.
 pub(super) fn constants(
     problems: &mut Problems,
     path: &Path,

@@ -19,8 +19,7 @@ impl Scenario {
         }
     }
 
-    /// Returns the reference drivers that avoid the contact of an episode of
-    /// this world.
+    /// Returns the reference drivers that avoid an episode's contact.
     ///
     /// The episode is replayed to obtain the motions of all agents. Commands of
     /// an external ego are repeated, so no program is started.

@@ -172,8 +172,9 @@ impl Scenario {
         }
     }
 
-    /// Returns the driving world with another sampling time. Decisions keep
-    /// their times.
+    /// Returns the driving world with another sampling time.
+    ///
+    /// Decisions keep their times.
     ///
     /// `None` for a world without driving, formulas that do not bind to such
     /// samples, or a trained ado with another sampling time.

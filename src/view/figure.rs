@@ -82,8 +82,9 @@ impl Scale {
 
 type Part = ([f32; 3], [f32; 3], Rgb);
 
-/// Boxes (centre, size, colour). `colour` identifies the agent, and `paint` is
-/// its own.
+/// Boxes (centre, size, colour) of a figure.
+///
+/// `colour` identifies the agent, and `paint` is its own.
 fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
     let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> Part {
         let (place, size) = (

@@ -176,8 +176,7 @@ impl<'a> Layout<'a> {
         self.journal.layout(format!("{}/{name}", view.path), value)
     }
 
-    /// Returns a new node. The viewer requires ids of this shape, but no
-    /// particular ones.
+    /// Returns a new node with an id of the shape that the viewer requires.
     fn node(&mut self, kind: &str) -> Node {
         // Consecutive ids keep equal layouts equal, unlike random ones.
         self.next += 1;

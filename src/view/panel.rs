@@ -16,8 +16,7 @@ pub(super) struct Panel {
     pub entities: &'static [(&'static str, &'static str)],
     /// Function that writes the entities.
     pub log: fn(&Story<'_>, &mut Journal) -> Result<(), ViewError>,
-    /// Function that adds the views, from top to bottom, with shares of the
-    /// column's height.
+    /// Function that adds the views, from top to bottom, with their shares.
     pub views: fn(&Story<'_>, &mut Layout<'_>) -> Result<Views, ViewError>,
 }
 

@@ -13,8 +13,7 @@ use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 const MARGIN_M: f64 = 150.0;
 /// Width in metres of the ground beside the road.
 const VERGE_M: f64 = 60.0;
-/// Depth of side roads below each other, and of the ground below the road, in
-/// metres.
+/// Depth of side roads below each other, and of the ground, in metres.
 const SUNK_M: f64 = 0.005;
 const GROUND_M: f64 = -0.03;
 /// Distance of the posts from the road, in metres.

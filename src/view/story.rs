@@ -7,8 +7,7 @@ use crate::scene::{Frame, Role, Stage};
 use crate::stl::{Interval, Monitor};
 use crate::testbench::{Episode, film};
 
-/// Least time in seconds after the verdict for which a recording opens at the
-/// verdict.
+/// Least aftermath in seconds for which a recording opens at the verdict.
 ///
 /// Below it, the end of the episode shows the verdict as well.
 const GOES_ON_S: f64 = 0.3;

@@ -55,8 +55,7 @@ struct Script {
     name: String,
     placed: Placed,
     speeds: Speeds,
-    /// Lane and lateral offset from the reference line, and the sum of its lane
-    /// changes.
+    /// Lane, lateral offset, and the sum of its lane changes.
     lane: Option<i32>,
     t_m: f64,
     changed_m: f64,

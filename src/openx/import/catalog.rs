@@ -105,7 +105,7 @@ impl Catalogs {
             }
             let root = Node::read(&path, files)?;
             // A file of the right name may be another catalog, so the search
-            // goes on.
+            // continues.
             let named = root.child("Catalog").and_then(|it| it.raw("name"));
             if named == Some(name) {
                 let root = Rc::new(root);

@@ -205,8 +205,9 @@ pub(super) fn walked(
     ))
 }
 
-/// Refuses a trajectory that is not timed from the start of its event, or not
-/// followed exactly.
+/// Refuses a trajectory with other times than from the start of its event.
+///
+/// It also refuses trajectories that are not followed exactly.
 fn timed(it: &Node, scope: &Scope, trajectory: &Node) -> Result<(), ImportError> {
     let timing = it.child("TimeReference").and_then(|it| it.child("Timing"));
     let Some(timing) = timing else {

@@ -8,8 +8,7 @@ use super::places::{Ground, Placed};
 use super::scope::Scope;
 use super::tree::Node;
 
-/// Actions without an effect on motion: controllers of the ego, lights, weather
-/// and logs.
+/// Actions without an effect on motion, such as lights, weather and logs.
 const STILL: [&str; 6] = [
     "ControllerAction",
     "ActivateControllerAction",

@@ -15,8 +15,7 @@ use super::ways::{Bend, OnWay, Spiral, Way};
 const SAME_RAD: f64 = 1e-6;
 /// Distance in metres beyond an end that still counts as the end.
 const SAME_M: f64 = 1e-6;
-/// Lateral distance in metres within which a route still leads along the
-/// entity's lane.
+/// Lateral distance in metres within which a route follows the lane.
 const ASIDE_M: f64 = 10.0;
 
 /// Place, with its description in the file.

@@ -14,8 +14,9 @@ const BEYOND_S: f64 = 5.0;
 const SAMPLE_S: f64 = 0.05;
 /// Time between two decisions of an ado in seconds.
 const DECISION_S: f64 = 0.5;
-/// Longest run in seconds with decisions at that rate. Longer runs decide less
-/// often.
+/// Longest run in seconds with decisions at that rate.
+///
+/// Longer runs decide less often.
 const OFTEN_UNTIL_S: f64 = 60.0;
 /// Duration in seconds of a run whose end is unknown.
 const USUAL_S: f64 = 60.0;

@@ -64,8 +64,9 @@ impl<'a> Camera<'a> {
         Camera::at_scale(film, i, (ego, scale), canvas)
     }
 
-    /// Pixels per metre at which all relevant agents fit, unless the ego gets
-    /// too small.
+    /// Pixels per metre at which all relevant agents fit.
+    ///
+    /// The scale is greater if the ego would otherwise be too small.
     pub fn fitting(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &Canvas) -> f64 {
         let focus = film.focus[i];
         let room_px = canvas.room_px();

@@ -1,5 +1,4 @@
-//! Actions of ados and phases of lights as lanes over time, with the moments
-//! across.
+//! Lanes over time: actions of ados, phases of lights, and key moments.
 
 use maud::{Markup, html};
 

@@ -1,5 +1,7 @@
-//! Key moments of an episode: start, decisive action, last chance, violation
-//! and contact.
+//! Key moments of an episode, from the start to the contact.
+//!
+//! They are the start, the decisive action, the last chance, the violation and
+//! the contact.
 
 use super::super::Example;
 use super::super::verdict::ego_failed;

@@ -14,8 +14,7 @@ pub(in crate::report) fn world(text: &str) -> Scenario {
     Scenario::parse("world.ron", text).expect("a world")
 }
 
-/// Example of the first counterexample with a contact that a constant action
-/// causes.
+/// First counterexample with a contact that a constant action causes.
 pub(in crate::report) fn crash(scenario: &Scenario) -> Example {
     let mut bench = scenario.bench();
     let spaces = scenario.world().spaces();

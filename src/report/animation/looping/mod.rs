@@ -32,8 +32,7 @@ use words::{ending_of, facts, outcome_of, wrapped};
 /// Seconds shown before a contact or violation, and after it.
 pub(super) const BEFORE_S: f64 = 5.0;
 const AFTER_S: f64 = 1.0;
-/// Width of the picture, gap between its halves, height of a line, height of a
-/// half.
+/// Width of the picture, gap, height of a line, height of a half.
 const WIDTH_PX: f64 = 900.0;
 const GAP_PX: f64 = 8.0;
 const LINE_PX: f64 = 18.0;
