@@ -12,7 +12,7 @@ const ROUND_M: f64 = 10.0;
 /// Stretch of road that is written.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stretch {
-    /// Begin and end on the course, in metres.
+    /// Start and end on the course, in metres.
     pub from_s_m: f64,
     pub to_s_m: f64,
 }

@@ -75,8 +75,8 @@ pub(super) fn start_map(map: &StartMap) -> Markup {
     let height = (bottom - TOP) / rows as f64;
     let left = |column: usize| LEFT + width * column as f64;
     let top = |row: usize| bottom - height * (row + 1) as f64;
-    // One rectangle behind all cells stands for those that hold, which keeps
-    // the page small.
+    // One rectangle behind all cells represents the cells that hold, which
+    // keeps the page small.
     let cells = || map.cells.iter().enumerate();
     let at = |nth: usize| (nth % columns, nth / columns);
     svg(

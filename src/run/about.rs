@@ -248,7 +248,7 @@ pub struct Why {
 pub struct Decisive {
     /// Action in words.
     pub action: String,
-    /// Begin of the action, in s.
+    /// Start of the action, in s.
     pub from_s: f64,
     /// Required end of the neutral action, in s. Later actions stay as recorded.
     pub until_s: f64,

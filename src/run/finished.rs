@@ -63,7 +63,7 @@ impl Finished {
         if let Some((name, _)) = fields.find(|(name, _)| !known.contains(&name.as_str())) {
             return Err(damaged(format!("unknown field `{name}`")));
         }
-        // Checked before the hash: work for another question is old, not
+        // Checked before the hash: work for another question is stale, not
         // damaged.
         if kept["asked"] != self.asked {
             return Ok(None);

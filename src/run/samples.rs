@@ -145,8 +145,7 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
     if let Some(column) = names.iter().position(String::is_empty) {
         return Err(SamplesError::NoName { column: column + 1 });
     }
-    // A header with one name and another separator is no intended single
-    // column.
+    // A single name with another separator in it is a mistake, not a column.
     if let [only] = &names[..] {
         let separators = [(';', "semicolons"), ('\t', "tabs")];
         let found = separators.iter().find(|(sign, _)| only.contains(*sign));

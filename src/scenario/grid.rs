@@ -270,13 +270,13 @@ fn moves(problems: &mut Problems, path: &Path, ado: &AdoFile) {
     for (i, step) in ado.moves.iter().enumerate() {
         let place = path.to("moves").at(i);
         let far = (MAX_SIDE as i32) < step.0.saturating_abs().max(step.1.saturating_abs());
-        // A second of two equal moves would be an action without a meaning of
-        // its own.
         if far {
             let what = format!("a move of ({}, {}) cells", step.0, step.1);
             let help = Some(format!("at most {MAX_SIDE} along an axis"));
             problems.add(&place, what, "too far", help);
         }
+        // A second of two equal moves would be an action without a meaning of its
+        // own.
         if ado.moves[..i].contains(step) {
             let what = format!("the move ({}, {}) is given twice", step.0, step.1);
             problems.add(&place, what, "second time", None);
@@ -346,8 +346,8 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             help,
         );
     }
-    // The product of both is the number of fine cells, which the table of
-    // values depends on.
+    // The product of both is the side of the map in fine cells, which is
+    // limited too.
     if !(1..=MAX_SIDE / size).contains(&refine) {
         let help = format!(
             "a side has at most {MAX_SIDE} fine cells: give 1 to {}",

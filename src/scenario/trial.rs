@@ -420,8 +420,8 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
                 ),
                 rule_place(scenario, &rule.name),
             ),
-            // On a grid, whole numbers are compared: next to the ego ρ is 0,
-            // and a capture is 1 below.
+            // On a grid, whole numbers are compared, so ρ = 0 next to the ego
+            // is no accident.
             None if episode.robustness == 0.0 && scenario.drive().is_some() => (
                 "a coasting run satisfies the ego's specification with ρ = 0 exactly".to_owned(),
                 top.to("ego_spec"),

@@ -131,8 +131,8 @@ impl Journal {
         if early == 0 {
             return self.push(chunk);
         }
-        // A chunk has all timelines or none, so it is split at the end of the
-        // shorter one.
+        // All rows of a chunk have the same timelines, so it is split at the
+        // end of the shorter one.
         let mut first = chunk.row_sliced_shallow(0, early);
         let times_s = times[..early].iter().map(|time| 1e-9 * *time as f64);
         let column = TimeColumn::new_duration_secs(UNTIL_VERDICT, times_s);

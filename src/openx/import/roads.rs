@@ -120,7 +120,7 @@ impl RoadMap {
 impl Line {
     fn of(road: &Node) -> Result<Line, ImportError> {
         let plain = Scope::default();
-        // The first problem of a road is kept, and reading goes on: an unused
+        // The first problem of a road is kept and reading continues: an unused
         // road must not fail the import.
         let mut refused = None;
         if road.raw("rule") == Some("LHT") {

@@ -129,8 +129,7 @@ impl Film {
 
     /// Index of the last sample at or before a time.
     pub fn at(&self, time_s: f64) -> usize {
-        // Times are sums of rounded numbers, so an equal time may be slightly
-        // larger.
+        // Rounding may make an equal time slightly larger.
         let after = self.times_s.partition_point(|t| *t <= time_s + 1e-9);
         after.saturating_sub(1)
     }
@@ -264,8 +263,8 @@ impl Track {
                 parts.map(|(x, y)| libm::hypot(x, y)).collect()
             }
         };
-        // Accelerations are slopes of speeds, since traces do not contain them
-        // for all agents.
+        // Accelerations are slopes of speeds, because not every film has a
+        // trace.
         Track {
             accel_mps2: slopes(times_s, &speed_mps),
             x_m,

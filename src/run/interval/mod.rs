@@ -99,8 +99,8 @@ pub fn seeds_interval(solved: &[&Outcomes]) -> [f64; 2] {
     let half = Z * slope * starts.sqrt();
     let below = libm::hypot(half, (centre - logit(lo)).max(0.0));
     let above = libm::hypot(half, (logit(hi) - centre).max(0.0));
-    // The mean of the measured rates stays inside, although both parts are
-    // rounded or shrunk.
+    // Rounding and shrinkage must not put the mean of the measured rates
+    // outside.
     [
         rate.min(expit(centre - below)),
         rate.max(expit(centre + above)),

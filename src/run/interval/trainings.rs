@@ -38,8 +38,8 @@ pub(super) fn interval(rates: &[f64], starts: f64) -> [f64; 2] {
             mus.posterior((phi, root), rates, starts)
         })
         .collect();
-    // Relative to the greatest log density, so that no exponential underflows
-    // to 0.
+    // Relative to the greatest log density, so that not all exponentials
+    // underflow.
     let best = lines.iter().flatten().map(|(_, log)| *log);
     let best = best.fold(f64::NEG_INFINITY, f64::max);
     let mut density = vec![0.0; mus.nodes.len()];

@@ -152,7 +152,7 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
     };
     let centre_of = |name: &str| {
         let who = story.stage.cast.iter().position(|cast| cast.name == name);
-        // An obstacle of the contact that is not in the cast has no centre.
+        // A touching agent that is not in the cast has no centre.
         who.map_or(touch.point_m, |who| frame.placements[who].centre_m)
     };
     let (from, to) = (centre_of(&touch.between.0), centre_of(&touch.between.1));
