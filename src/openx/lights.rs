@@ -73,7 +73,7 @@ fn phases(shown: &[Phase], sample_s: f64) -> Vec<(Phase, f64)> {
             begun.push((phase, sample));
         }
     }
-    // A phase ends at the sample that begins the next one, the last at the
+    // A phase ends at the first sample of the next phase, the last phase at the
     // final sample.
     let ends = begun.iter().skip(1).map(|(_, sample)| *sample);
     let ends: Vec<usize> = ends.chain([shown.len().saturating_sub(1)]).collect();

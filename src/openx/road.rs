@@ -4,8 +4,8 @@
 //! trace on a straight road. So t is `lateral`, and s is `s` plus a constant.
 //! OpenDRIVE numbers lanes from the reference line to the right, so the lane
 //! offset moves the line to the left edge. brakecheck's lane k of n is lane −(n
-//! − k). Crossing roads have no junction, because no agent turns from one into
-//! another.
+//! − k). Crossing roads have no junction, because no agent changes from road to
+//! road.
 
 use super::lights;
 use super::origin::{AUTHOR, DATE};

@@ -10,7 +10,7 @@ pub(super) struct Part<'a> {
     pub agent: &'a Agent,
     /// Recorded vertices of the trajectory.
     ///
-    /// With an external driver, only the first one is used, as the start.
+    /// With an external driver, only the first vertex is used, as the start.
     pub way: &'a [Vertex],
     pub speed_mps: f64,
     pub driver: Driver,

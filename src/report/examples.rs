@@ -141,7 +141,7 @@ fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     })
 }
 
-/// Signals that ψ_ego reads, with its bound if there is one.
+/// Signals that ψ_ego reads, with its bound, if any.
 fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     let trace = &episode.trace;
     let spec = &scenario.rulebook().spec;

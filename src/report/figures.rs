@@ -41,7 +41,7 @@ pub fn figure_2(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String 
     of_behaviours(behaviours, safe_m, caption)
 }
 
-/// Fig. 3: a merge from far away, one against the rule, one within it.
+/// Fig. 3: three merges, from far away, against the rule and within it.
 ///
 /// Each row has the paths over the ground, the speeds and the distance.
 pub fn figure_3(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {

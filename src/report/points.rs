@@ -36,7 +36,7 @@ pub struct PointCase {
     pub start: Vec<String>,
     /// Outcome in words.
     pub outcome: String,
-    /// Failure of the ego, if there is one.
+    /// Failure of the ego, if any.
     pub failure: Option<String>,
     /// True if the ego or the physics failed to run.
     pub invalid: bool,

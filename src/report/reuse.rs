@@ -41,7 +41,7 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
 /// Note if the closing evaluation of the training has another rate than the page.
 pub(super) fn which_rate(row: &Row, trainings: &[Training]) -> Markup {
     let closing = trainings.first().and_then(|it| it.closing.first());
-    // Equal seeds and numbers mean equal starts, so both rates would be one.
+    // Equal seeds and numbers mean equal starts, so both rates would be equal.
     let same = |other: &Row| other.starts == row.starts && other.start_seed == row.start_seed;
     let Some(closing) = closing.filter(|closing| !same(closing)) else {
         return html! {};
@@ -157,7 +157,7 @@ mod tests {
             tested("soft", "trained", "1110"),
             tested("nominal", "hold", "01"),
             // The rows differ in their number of starts and are compared on the
-            // common ones.
+            // common starts.
             tested("nominal", "trained", "1100"),
         ];
         let sorted = sorted(&rows);

@@ -78,7 +78,8 @@ impl Words {
         self.put(word, inside.chain(outside), "word bad");
     }
 
-    /// Places a word at the first free position, or at the one that covers the least.
+    /// Places a word at the first free position, or at the position that covers
+    /// the least.
     fn put(&mut self, word: &str, places: impl Iterator<Item = (f64, f64)>, class: &'static str) {
         let width = width(word);
         let on_canvas = |(x, y): &(f64, f64)| {

@@ -32,7 +32,7 @@ pub struct About {
     /// Reference drivers that avoid the contact. `None` without a contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preventability: Option<Preventability>,
-    /// Number of similar counterexamples, including this one.
+    /// Number of similar counterexamples, including itself.
     ///
     /// `None` if they were not compared.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -158,9 +158,9 @@ impl Display for Severity {
 /// Effort of an ado, which shrinking reduces in the order of the fields.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Effort {
-    /// Number of decisions that differ from the previous one.
+    /// Number of decisions that differ from the previous decision.
     pub switches: usize,
-    /// Sum of the distances of all actions from the neutral one.
+    /// Sum of the distances of all actions from the neutral action.
     ///
     /// Each distance is within 0 ..= 1 (`World::action_distance`).
     pub deviation: f64,
@@ -181,7 +181,8 @@ impl Effort {
     pub fn order(&self, other: &Effort) -> std::cmp::Ordering {
         // Sums of equal distances in another order may differ in the last bits.
         let rounded = |effort: &Effort| (effort.deviation * 1e9).round();
-        // Without any deviation, the first one is later than all others.
+        // Without any deviation, the first deviation is later than any
+        // decision.
         let first = |effort: &Effort| effort.first.unwrap_or(usize::MAX);
         self.switches
             .cmp(&other.switches)

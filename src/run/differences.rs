@@ -42,7 +42,7 @@ pub struct Asked<'a> {
 }
 
 impl RunDir {
-    /// Returns the differences between a requested training and this one.
+    /// Returns the differences between a requested training and this run.
     ///
     /// # Errors
     ///

@@ -87,7 +87,7 @@ pub struct WholeFile {
 }
 
 impl WholeFile {
-    /// Begins a file. An existing file stays until the new one is finished.
+    /// Begins a file. An existing file stays until the new file is finished.
     ///
     /// # Errors
     ///
@@ -175,7 +175,7 @@ fn fill(file: &mut File, bytes: &[u8], path: &Path) -> io::Result<()> {
     put(file, bytes, path)?;
     readable(file)?;
     // Flushed before the rename: otherwise a power cut may leave an empty file
-    // in the place of the old one.
+    // in the place of the old file.
     step(path)?;
     file.sync_all()
 }

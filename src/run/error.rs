@@ -91,7 +91,7 @@ pub enum RunError {
 }
 
 impl RunError {
-    /// Returns the fix, where one is known.
+    /// Returns the fix, if known.
     pub fn help(&self) -> Option<String> {
         match self {
             RunError::Io { .. } => {

@@ -1,9 +1,9 @@
 //! Growing files, of which the manifest states the valid length.
 //!
 //! Every checkpoint records the number of bytes and their SHA-256. So each
-//! checkpoint confirms all bytes of the earlier ones. Bytes after the last
-//! checkpoint are cut off when training continues, and are then written again,
-//! byte for byte.
+//! checkpoint confirms all bytes of the earlier checkpoints. Bytes after the
+//! last checkpoint are cut off when training continues, and are then written
+//! again, byte for byte.
 
 use std::fs;
 use std::io;

@@ -66,7 +66,7 @@ pub struct Counterexample {
     pub robustness: f64,
     /// Number of samples that determine the verdict.
     pub judged: usize,
-    /// First contact, if there was one.
+    /// First contact, if any.
     pub contact: Option<Touch>,
     /// State of the rules up to the contact. Missing in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -71,7 +71,8 @@ use crate::seal::sha256;
 use disk::{io_error, is_taken, lock, settings_of};
 use grown::Growing;
 
-/// Version of the layout. Earlier versions are read, later ones are refused.
+/// Version of the layout. Earlier versions are read, and later versions are
+/// refused.
 ///
 /// In version 1 the manifest was not sealed and contained the processor time.
 /// In version 2 `timing.json` and `report.json` were not sealed.
@@ -446,7 +447,7 @@ impl RunDir {
         let name = format!("checkpoint-{}.safetensors", done.decisions);
         let bytes = bundle.to_bytes().map_err(self.damaged(&name))?;
         self.write(&name, &bytes)?;
-        // The manifest switches to the new file. Only then is the old one
+        // The manifest switches to the new file. Only then is the old file
         // removed.
         let before = self.manifest.checkpoint.replace((name, sha256(&bytes)));
         self.note(done)?;

@@ -101,7 +101,7 @@ impl RunDir {
         self.write(REPORT, seal::seal(&text).as_bytes())
     }
 
-    /// Returns the rows of the closing evaluation, if there was one.
+    /// Returns the rows of the closing evaluation, if any.
     ///
     /// # Errors
     ///

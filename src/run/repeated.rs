@@ -65,8 +65,8 @@ pub struct StartRepeated {
 impl StartRepeated {
     /// Summarizes runs of one start, at least one, and returns the representative run.
     ///
-    /// With `gate` failures it is a failure, otherwise a run without one. An
-    /// invalid run comes first, because its outcome is unknown.
+    /// With `gate` failures it is a failure, otherwise a run without failure.
+    /// An invalid run comes first, because its outcome is unknown.
     pub fn of(episodes: &[Episode], gate: u32) -> (StartRepeated, usize) {
         use StartOutcome::{Invalid, Solved, Unsolved};
         let verdicts = episodes.iter().map(|episode| &episode.verdict);

@@ -129,7 +129,7 @@ pub struct FailsAlone {
 pub struct FailureKind {
     /// Violated leaf of ψ_ego.
     pub leaf: String,
-    /// Agents in contact, if there was one.
+    /// Agents in contact, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<(String, String)>,
     /// Number of starts.

@@ -271,7 +271,7 @@ impl Table {
         Ok(period_s)
     }
 
-    /// First time that does not follow from the previous one.
+    /// First time that does not follow from the previous time.
     ///
     /// The mean period is no reference: one long step changes it, and even
     /// samples would be reported. The median step is not affected.

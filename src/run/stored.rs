@@ -15,8 +15,8 @@ pub(super) const FILE: &str = "counterexamples.jsonl";
 
 /// Greatest number of counterexamples of a training that a run directory keeps.
 ///
-/// A line has 100 to 250 bytes, so the file stays below 15 MB. Later ones are
-/// counted in the manifest.
+/// A line has 100 to 250 bytes, so the file stays below 15 MB. Later
+/// counterexamples are counted in the manifest.
 pub const MAX_STORED: u64 = 50_000;
 
 /// Number of counterexamples of a training, in the manifest.

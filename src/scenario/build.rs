@@ -40,8 +40,8 @@ pub(super) fn build(
     let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &parsed.allow);
     problems.done()?;
     warnings.driving(&parsed);
-    // Each stage ends before the next one, since later checks assume that
-    // earlier ones passed.
+    // Each stage ends before the next stage, since later checks assume that
+    // earlier checks passed.
     let mut scenario = assemble(origin, text, parsed)?;
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     vacuous::check(&mut problems, &top, &scenario);

@@ -43,7 +43,7 @@ pub(super) struct Cast<'a> {
     pub(super) rules: Vec<RuleSpec>,
     /// Values to replace in the text.
     pub(super) written_out: Vec<(Path, String)>,
-    /// Names of the road users so far, including invalid ones.
+    /// Names of the road users so far, including invalid agents.
     declared: Vec<String>,
     roads: &'a PlacedRoads,
     origin: Origin<'a>,
@@ -508,7 +508,7 @@ fn find_body(
     file: &ScenarioFile,
     name: &str,
 ) -> Option<Body> {
-    // The world's own bodies take precedence over shipped ones.
+    // The world's own bodies take precedence over shipped bodies.
     if let Some(body) = file.bodies.0.get(name) {
         return Some(body.clone());
     }

@@ -42,7 +42,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         }
         spec.sensors = sensors;
     }
-    // The body may come from the world or be a shipped one. Only the ego gets
+    // The body may come from the world or be a shipped body. Only the ego gets
     // it.
     if let Some(name) = &change.ego_body {
         let body = ego_body(spec, name)?;

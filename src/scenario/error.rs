@@ -11,7 +11,7 @@ pub struct Problem {
     pub span: Range<usize>,
     /// Short label for the place.
     pub label: String,
-    /// Fix, where one is known.
+    /// Fix, if known.
     pub help: Option<String>,
 }
 
@@ -82,7 +82,7 @@ pub(crate) fn known_names<'a>(what: &str, known: impl IntoIterator<Item = &'a st
     format!("{what}: {}", names.join(", "))
 }
 
-/// List of known names, preceded by the most likely one.
+/// List of known names, preceded by the most likely name.
 pub(crate) fn guessed<'a>(
     written: &str,
     what: &str,

@@ -4,7 +4,7 @@
 //! over the ego's sensors and the road, and the plants to train on. A
 //! [`Member`] is one point of the family. An ado trained against the complete
 //! family is *wide* or *conditional*. A conditional ado has the member's
-//! quantities appended to its observation, and a wide one has not.
+//! quantities appended to its observation, and a wide ado has not.
 //!
 //! Members are drawn per episode from the episode's own key. They depend on no
 //! thread and no earlier episode.
@@ -230,7 +230,7 @@ impl Family {
         pairs.map(|(q, value)| q.scaled(*value)).collect()
     }
 
-    /// Returns the member at a point, or the nearest one.
+    /// Returns the member at a point, or the nearest member.
     pub fn at(&self, point: &[f64], plant: PlantKind) -> Member {
         let pairs = self.quantities.iter().zip(point);
         Member {

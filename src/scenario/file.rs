@@ -186,7 +186,7 @@ impl AgentFile {
         }
     }
 
-    /// Returns the name of its road, if it names one.
+    /// Returns the name of its road, if stated.
     pub(super) fn road(&self) -> Option<&str> {
         match self {
             AgentFile::Vehicle { road, .. }

@@ -110,7 +110,7 @@ impl Language {
         }
         let mentioned = expr.signals();
         let used = mentioned.iter().map(|name| (*name).to_owned());
-        // Signals that a derived one reads are published with it.
+        // Signals that a derived signal reads are published with it.
         self.used.extend(used);
         let unit = match &signal.unit {
             Some(unit) => unit.clone(),

@@ -125,7 +125,8 @@ fn read_law(problems: &mut Problems, path: &Path, law: &MotionLaw<NumberOrRange>
             false,
         ),
     };
-    // Speed and braking suit both kinds, while laws across and walks suit one.
+    // Speed and braking suit both kinds, while laws across and walks suit one
+    // kind.
     if law.is_across() && walks || !on_wheels && !walks {
         let what = format!("{} does not move by this law", acts_as.words());
         let help = match walks {

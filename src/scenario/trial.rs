@@ -49,7 +49,7 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
         return starts.into_iter().step_by(every).collect();
     }
     let axes = bench.axes();
-    // With many axes only the corners of the first ones are tried.
+    // With many axes only the corners of the first axes are tried.
     let corners = 1u32 << axes.len().min(MAX_CORNERS.ilog2() as usize);
     let corner = |bits: u32| {
         let pick = |(i, axis): (usize, &crate::scene::Axis)| match bits >> i & 1 {
@@ -390,8 +390,8 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
 /// Warning for coasting runs with ρ = 0 exactly, which are allowed but odd.
 pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> {
     let tried = scenario.on(PlantKind::Kinematic);
-    // Rules are left out, because breaking one would end the run. A rule that
-    // is about to be broken passes through ρ = 0.
+    // Rules are left out, because breaking a rule would end the run. A rule
+    // that is about to be broken passes through ρ = 0.
     let lawless = Rulebook {
         rules: Vec::new(),
         ..tried.rulebook().clone()

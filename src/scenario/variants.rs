@@ -31,7 +31,7 @@ impl Scenario {
         let mut same = self.clone();
         same.rules.retain(|rule| !left_out(&rule.name));
         let mut rulebook = Rulebook::clone(&self.rulebook);
-        // Bound rules have the names of the written ones, and both lists lose
+        // Bound rules have the names of the written rules, and both lists lose
         // the same rules.
         rulebook.rules.retain(|rule| !left_out(&rule.name));
         same.rulebook = Arc::new(rulebook);

@@ -34,7 +34,7 @@ pub struct Scenario {
     pub(crate) text: String,
     /// Specification ψ_ego.
     pub(crate) ego_spec: Formula,
-    /// Requirement that ψ_ego expresses, if the world names one.
+    /// Requirement that ψ_ego expresses, if the world names it.
     pub(crate) requirement: Option<String>,
     /// Rules of the ados, in the file's order.
     pub(crate) rules: Vec<RuleSpec>,
@@ -209,12 +209,12 @@ impl Scenario {
         self.world.dynamics()
     }
 
-    /// Returns the family of egos under `train_against`, if there is one.
+    /// Returns the family of egos under `train_against`, if any.
     pub fn family(&self) -> Option<&Family> {
         self.family.as_deref()
     }
 
-    /// Returns the spaces of an ado, including the inputs of a conditional one.
+    /// Returns the spaces of an ado, including the inputs of conditional ados.
     pub fn spaces(&self) -> Spaces {
         let mut spaces = self.world.spaces().clone();
         if let (Against::Conditional, Some(family)) = (self.against, self.family()) {
@@ -240,7 +240,7 @@ impl Scenario {
         }
     }
 
-    /// Returns the program that playing this world starts, if its ego is one.
+    /// Returns the program that this world starts as its ego, if any.
     pub fn program(&self) -> Option<&Process> {
         match &self.drive()?.ego.controller {
             EgoController::Stock(spec) => spec.program(),
@@ -257,11 +257,11 @@ impl Scenario {
         }
     }
 
-    /// Returns true if an ego passes or fails the starts one by one.
+    /// Returns true if an ego passes or fails each start by itself.
     ///
     /// Such starts are a table, a single start, or starts of a world without an
     /// ado. With an ado that acts without a plan, a world with a single start
-    /// is one for search and training.
+    /// is for search and training.
     pub fn has_points(&self) -> bool {
         let Some(spec) = self.drive() else {
             return false;
@@ -304,12 +304,12 @@ impl Scenario {
         self.programs_allowed
     }
 
-    /// Returns the ego's stock controller with its actuator, if it has one.
+    /// Returns the ego's stock controller with its actuator, if any.
     pub fn controller(&self) -> Option<Actuated<ControllerSpec>> {
         super::quantity::controller(self.drive()?)
     }
 
-    /// Returns every signal that formulas may use, including derived ones.
+    /// Returns every signal that formulas may use, including derived signals.
     pub fn signals(&self) -> Vec<(Signal, Availability)> {
         self.world.signals()
     }
@@ -321,7 +321,7 @@ impl Scenario {
 pub struct ChangeError {
     /// Statement of the problem.
     pub what: String,
-    /// Fix, where one is known.
+    /// Fix, if known.
     pub help: Option<String>,
     /// Fields from the change to the place.
     pub place: Vec<String>,

@@ -132,7 +132,7 @@ impl Journal {
             return self.push(chunk);
         }
         // All rows of a chunk have the same timelines, so it is split at the
-        // end of the shorter one.
+        // end of the shorter timeline.
         let mut first = chunk.row_sliced_shallow(0, early);
         let times_s = times[..early].iter().map(|time| 1e-9 * *time as f64);
         let column = TimeColumn::new_duration_secs(UNTIL_VERDICT, times_s);

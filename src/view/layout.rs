@@ -178,7 +178,7 @@ impl<'a> Layout<'a> {
 
     /// Returns a new node with an id of the shape that the viewer requires.
     fn node(&mut self, kind: &str) -> Node {
-        // Consecutive ids keep equal layouts equal, unlike random ones.
+        // Consecutive ids keep equal layouts equal, unlike random ids.
         self.next += 1;
         let id = 0xb7a6_e000_0000_4000_8000_0000_0000_0000_u128 + u128::from(self.next);
         let hex = format!("{id:032x}");

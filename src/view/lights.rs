@@ -77,7 +77,7 @@ fn log_post(light: &LightPost, journal: &mut Journal) -> Result<(), ViewError> {
     let mast = LineStrips3D::new([[[0.0, -ASIDE_M, 0.0], [0.0, -ASIDE_M, LAMP_M]]])
         .with_radii([0.07])
         .with_colors([palette::POST]);
-    // Dark lamps lie slightly behind the lit one, which covers its dark twin.
+    // Dark lamps lie slightly behind the lit lamp, which covers its dark twin.
     let lamps = PHASES.map(|phase| lamp(phase, -0.12));
     let (mut centres, mut sizes) = (vec![[0.0, -ASIDE_M, LAMP_M]], vec![[0.2, 0.5, 1.4]]);
     let mut colours = vec![palette::TYRE];

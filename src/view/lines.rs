@@ -33,7 +33,7 @@ pub(super) fn log_marks(story: &Story<'_>, journal: &mut Journal) -> Result<(), 
         upright("verdict", (sample, time_s), &name, palette::DECIDED)?;
     }
     if let Some(touch) = &story.episode.contact {
-        // A contact lies between two samples, and the later one shows it.
+        // A contact lies between two samples, and the later sample shows it.
         let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
         let name = format!("contact {:.2} s", touch.time_s);
         upright("contact", (sample, touch.time_s), &name, palette::CONTACT)?;

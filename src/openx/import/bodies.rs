@@ -36,8 +36,8 @@ impl ImportedBody {
         let sizes = format!("length_m: {length_m}, width_m: {width_m}, height_m: {height_m}");
         let ron = match entity.name.as_str() {
             "Pedestrian" => {
-                // A pedestrian without a mass gets a typical one: physics needs
-                // a positive value.
+                // A pedestrian without a mass gets a typical mass: physics
+                // needs a positive value.
                 let mass_kg = if 0.0 < mass_kg { mass_kg } else { 75.0 };
                 format!(
                     // A plan carries the pedestrian, whatever these limits are.

@@ -33,8 +33,8 @@ pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f
     let Some((line, at)) = at.and_then(|at| Some((roads.get(&at.road)?, at))) else {
         return f64::INFINITY;
     };
-    // Within 60° of the road's direction, or of the opposite one, an entity
-    // drives along it.
+    // Within 60° of the road's direction, or of the opposite direction, an
+    // entity drives along it.
     let turned_rad = line.at(at.s_m, at.t_m).sees(&placed.spot).heading_rad.abs();
     if turned_rad < FRAC_PI_3 {
         line.way_m(at.s_m, line.length_m, at.t_m)

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 pub struct ImportError {
     /// File that contains the error.
     pub file: PathBuf,
-    /// Element with its name, where it has one, and its line.
+    /// Element with its name, if known, and its line.
     pub element: Option<Box<(String, usize)>>,
     /// Index of the point, from 0, with the values that it sets.
     pub point: Option<Box<(usize, String)>>,
     /// Statement of the problem.
     pub what: String,
-    /// Fix, where one is known.
+    /// Fix, if known.
     pub help: Option<String>,
     /// True if the error concerns the point only. Other points may be valid.
     pub is_of_point: bool,
@@ -36,7 +36,7 @@ impl ImportError {
         point.unwrap_or_default()
     }
 
-    /// Returns the error with a point, unless it already has one.
+    /// Returns the error with a point, unless it already has a point.
     pub(super) fn at_point(mut self, index: usize, set: &[(String, String)]) -> ImportError {
         let set = set.iter().map(|(name, value)| format!("{name} = {value}"));
         let set: Vec<String> = set.collect();

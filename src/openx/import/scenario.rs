@@ -178,7 +178,7 @@ impl Protocol {
                 placed: &placed,
             };
             // `ground` borrows the places so far, so an entity cannot refer to
-            // a later one.
+            // a later entity.
             let at = motion::begins(begun, scope, ground)?;
             let speed_mps = motion::first_speed_mps(begun, scope, &entities)?;
             let gap_m = motion::first_gap_m(begun, scope, speed_mps)?;

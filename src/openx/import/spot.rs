@@ -36,7 +36,7 @@ impl Spot {
         }
     }
 
-    /// Another place in the frame of this one: ahead, to the left, turned.
+    /// Another place in the frame of this place: ahead, to the left, turned.
     pub fn sees(&self, other: &Spot) -> Spot {
         let (dx, dy) = (other.x_m - self.x_m, other.y_m - self.y_m);
         let (sin, cos) = libm::sincos(self.heading_rad);

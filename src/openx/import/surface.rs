@@ -59,7 +59,7 @@ fn friction(driven: &[&Node]) -> Result<Result<f64, ImportError>, ImportError> {
     Ok(Ok(known.unwrap_or(1.0)))
 }
 
-/// Speed limit of the lanes. Without one, that of the road.
+/// Speed limit of the lanes. Without a limit, that of the road.
 ///
 /// The outer error is a malformed file, the inner error an unsupported limit.
 fn limit_mps(

@@ -166,13 +166,13 @@ impl Node {
         self.children.iter().find(|child| child.name == name)
     }
 
-    /// Returns the first child of a name, or an error without one.
+    /// Returns the first child of a name, or an error.
     pub fn inner(&self, name: &str) -> Result<&Node, ImportError> {
         self.child(name)
             .ok_or_else(|| self.error(format!("there is no `{name}` in it")))
     }
 
-    /// Returns the first child, or an error without one.
+    /// Returns the first child, or an error for an empty element.
     ///
     /// It serves elements with exactly one child of several possible kinds.
     pub fn only(&self) -> Result<&Node, ImportError> {

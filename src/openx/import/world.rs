@@ -90,8 +90,8 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     road(&mut draft, concrete, &all, until_s);
     bodies(&mut draft, &all);
     draft.text("    agents: [\n");
-    // Standing vehicles may hide others. A single one along the road is the
-    // target itself.
+    // Standing vehicles may hide others. A single standing vehicle along the
+    // road is the target itself.
     let hides = all
         .iter()
         .any(|it| it.stands() && matches!(it.path, Path::Turned));

@@ -40,7 +40,7 @@ pub(super) fn body(cast: &Cast) -> Markup {
 struct Cabin {
     /// Rear and front end of the windscreen.
     windscreen: (f64, f64),
-    /// Rear and front end of the rear window, if there is one.
+    /// Rear and front end of the rear window, if any.
     rear_window: Option<(f64, f64)>,
 }
 

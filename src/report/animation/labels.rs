@@ -55,7 +55,7 @@ pub(super) fn labels(
     labels
 }
 
-/// Lines of a label: name and speed, then the chosen action or the measured one.
+/// Lines of a label: name and speed, then the chosen or the measured action.
 fn lines(
     stage: &Stage,
     film: &Film,
@@ -137,8 +137,8 @@ fn placed(
             .all(|it| x + w <= it[0] || it[2] <= *x || y + h <= it[1] || it[3] <= *y)
     };
     let mut places = wanted.into_iter().chain(far).map(within);
-    // Without a free position, an overlap at the preferred one is the least
-    // confusing.
+    // Without a free position, an overlap at the preferred position is the
+    // least confusing.
     let at_px = places.find(is_free).unwrap_or(within(wanted[0]));
     Label {
         lines,

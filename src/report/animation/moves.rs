@@ -82,7 +82,7 @@ pub(super) fn moves(
     };
     let joint = &episode.actions;
     let Some(spec) = scenario.drive() else {
-        // A grid has a single ado, whose actions are the joint ones.
+        // A grid has a single ado, whose actions are the joint actions.
         let neutral = scenario.world().spaces().neutral;
         let told = |action| match action == neutral {
             true => (scenario.action_label(action), Kind::Neutral),

@@ -1,4 +1,4 @@
-//! Stills of a film: the large one, and small ones of its moments.
+//! Stills of a film: a large still, and small stills of its moments.
 
 use maud::{Markup, html};
 

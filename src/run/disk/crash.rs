@@ -10,9 +10,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// Kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum How {
-    /// The step and all later ones fail, as if the program was killed there.
+    /// The step and all later steps fail, as if the program was killed there.
     Killed,
-    /// The step fails and later ones succeed, as on a disk that is full for a moment.
+    /// The step fails and later steps succeed, as on a disk that is full for a moment.
     Refused,
 }
 

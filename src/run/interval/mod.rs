@@ -72,8 +72,8 @@ pub fn at_most(n: usize) -> f64 {
 /// 95 % interval of the mean success rate over trainings and starts.
 ///
 /// `solved` has the outcomes of one training each, all over the same starts.
-/// Only solved and unsolved ones count. The interval concerns the mean rate of
-/// other trainings on other starts, and contains the mean of the measured
+/// Only solved and unsolved starts count. The interval concerns the mean rate
+/// of other trainings on other starts, and contains the mean of the measured
 /// rates. With one training it is Wilson's interval and concerns that policy
 /// only. It is [0, 1] if nothing counts.
 pub fn seeds_interval(solved: &[&Outcomes]) -> [f64; 2] {
@@ -174,7 +174,7 @@ pub fn mean_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> (f64, [f64
     let n = scores.starts() as f64;
     let more = n + 2.0;
     // These two starts pull the centre towards 0, while the reported difference
-    // is the measured one.
+    // is the measured difference.
     let towards_0 = difference * 2.0 / more;
     let starts = (scores.start_variance(difference) - rest).max(0.0);
     let half = Z * (starts + 2.0 / (more * more)).sqrt();

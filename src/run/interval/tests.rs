@@ -3,7 +3,7 @@
 
 use super::*;
 
-/// `ones` solved starts, then `zeros` unsolved ones.
+/// `ones` solved starts, then `zeros` unsolved starts.
 fn marks(ones: usize, zeros: usize) -> String {
     format!("{}{}", "1".repeat(ones), "0".repeat(zeros))
 }

@@ -92,7 +92,7 @@ fn log_choice(
     journal: &mut Journal,
 ) -> Result<(), ViewError> {
     let entity = path(["actions", name]);
-    // Among accelerations, those below the neutral one brake.
+    // Among accelerations, those below the neutral action brake.
     let colours = (0..labels.len()).map(|action| match action.cmp(&neutral) {
         std::cmp::Ordering::Less => colour([192, 72, 60]),
         std::cmp::Ordering::Equal => colour([96, 104, 116]),

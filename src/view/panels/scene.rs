@@ -113,7 +113,7 @@ fn log_transforms(
     journal.columns(entity, clock(instants), columns)
 }
 
-/// Logs the complete paths on the ground, narrow ones on top of broad ones.
+/// Logs the complete paths on the ground, narrow lines on top of broad lines.
 fn log_trails(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     // A hundred points suffice for a path, whatever the length of the episode.
     let every = story.frames.len().div_ceil(100).max(1);

@@ -174,7 +174,7 @@ impl Lanes {
     }
 }
 
-/// Signals of an episode in plots, the prominent ones first.
+/// Signals of an episode in plots, the prominent plots first.
 fn plots(story: &Story<'_>) -> Vec<Plot> {
     let schema = story.episode.trace.schema();
     let lanes = Lanes::of(story);

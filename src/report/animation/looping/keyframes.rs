@@ -84,7 +84,7 @@ impl Keyframes {
         self.count += 1;
         let is_told = |i: usize| {
             let same = |other: Option<&(f64, String)>| other.is_some_and(|it| it.1 == values[i].1);
-            // A value between two equal ones is interpolated anyway.
+            // A value between two equal values is interpolated anyway.
             !(0 < i && same(values.get(i - 1)) && same(values.get(i + 1)))
         };
         let mut frames = String::new();
