@@ -438,6 +438,7 @@ pub(super) fn apply(spec: &GridSpec, change: &Change) -> Result<GridSpec, Change
         ("ego_body", change.ego_body.is_some()),
         ("friction", change.friction.is_some()),
         ("plant", change.plant.is_some()),
+        ("sensors", change.sensors.is_some()),
     ];
     if let Some((field, _)) = driving.iter().find(|(_, given)| *given) {
         let help = "a grid has: size, refine, ego_step, at_wall, horizon, starts".to_owned();

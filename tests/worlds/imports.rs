@@ -565,6 +565,17 @@ fn refused_of_roads() -> Vec<Refusal> {
             "a speed limit in `knots`",
             "knots",
         ),
+        (
+            vec![
+                edit(r#"filepath="straight.xodr""#, r#"filepath="bend.xodr""#),
+                edit(
+                    r#"<LanePosition roadId="0" laneId="-2" s="150" offset="0"/>"#,
+                    r#"<RelativeLanePosition entityRef="Ego" dLane="0" dsLane="100"/>"#,
+                ),
+            ],
+            "`dsLane` on a bend",
+            "dsLane",
+        ),
     ]
 }
 

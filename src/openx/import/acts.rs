@@ -200,7 +200,7 @@ impl Reader<'_> {
         for actor in context.actors {
             if actor == "Ego" {
                 let help = "let the ego keep its speed: your controller drives it";
-                let what = "an ego that is context how to move is not read";
+                let what = "an ego with a motion of its own is not read";
                 return Err(moved[0].refused(what, help));
             }
             let known = self.scripts.iter().position(|it| it.name == *actor);

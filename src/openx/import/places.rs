@@ -70,14 +70,14 @@ impl Ground<'_> {
                 let at = other.lane.as_ref().filter(|at| at.lane != 0);
                 let at = at.ok_or_else(|| it.error("what it is relative to is on no lane"))?;
                 let by = scope.number(it, "dLane")? as i32;
+                let by_lane = it.raw("dsLane").is_some();
+                let s_m = at.s_m + scope.number(it, if by_lane { "dsLane" } else { "ds" })?;
                 // `ds` counts along the reference line and `dsLane` along the
-                // lane. Both are read alike.
-                let ds = if it.raw("dsLane").is_some() {
-                    "dsLane"
-                } else {
-                    "ds"
-                };
-                let s_m = at.s_m + scope.number(it, ds)?;
+                // lane. The two agree on straight roads only.
+                if by_lane && !self.roads.road(it, &at.road)?.is_straight(at.s_m, s_m) {
+                    let help = "use `ds`, which counts along the reference line of the road";
+                    return Err(it.refused("`dsLane` on a bend is not read", help));
+                }
                 let lane = (at.road.clone(), beside(at.lane, by));
                 let offset_m = scope.number_or_zero(it, "offset")?;
                 self.on_lane(it, scope, lane, s_m, offset_m)

@@ -223,6 +223,14 @@ impl Line {
         })
     }
 
+    /// Returns whether the reference line is straight between two stations.
+    pub fn is_straight(&self, from_m: f64, to_m: f64) -> bool {
+        let (from_m, to_m) = (from_m.min(to_m), from_m.max(to_m));
+        let between = |it: &&Stretch| it.s_m < to_m && from_m < it.s_m + it.length_m;
+        let mut pieces = self.pieces.iter().filter(between);
+        pieces.all(|it| it.per_m == 0.0)
+    }
+
     /// Place at a station, `t_m` to the left of the reference line.
     pub fn at(&self, s_m: f64, t_m: f64) -> Spot {
         // A station on a joint belongs to the later piece.
