@@ -1,4 +1,4 @@
-//! Recorded runs, for tests.
+//! Recorded runs for tests.
 
 use super::likeness::Answered;
 use super::record::{answered, mixed, starts};
@@ -7,7 +7,7 @@ use crate::rl::Policy;
 use crate::scenario::Scenario;
 use crate::sim::PlantKind;
 
-/// So many runs of an ego of `acc_structures` under mixed actions.
+/// Returns runs of an ego of `acc_structures` under mixed actions.
 pub(super) fn runs_of(name: &str, plant: PlantKind, count: u64) -> Vec<Answered> {
     struct Coasts;
 

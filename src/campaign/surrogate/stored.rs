@@ -1,4 +1,4 @@
-//! Learned egos, kept in the run directory of the ado that met them.
+//! Learned egos in the run directory of the ado.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,16 +15,18 @@ use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
 use crate::seal::sha256;
 
-/// The tensor that holds a whole bundle: what the ado learned in the surrogate.
+/// Tensor with a whole bundle: the policy trained in the surrogate.
 const TRAINED_ON: &str = "trained_on";
-/// The tensor that holds the SHA-256 of the bundle without it, in digits.
+/// Tensor with the SHA-256 of the bundle without it, as digits.
 const SEAL: &str = "seal";
 
-/// The learned ego of a request: the one that `run` keeps, or learned now and
-/// kept there, if it is one that files say. `None`: as [`learn_ego`].
+/// Returns the stored learned ego of a request, or learns and stores it.
+///
+/// Only egos that are described by files are stored. Returns `None` as [`learn_ego`]
+/// does.
 ///
 /// # Errors
-/// The disk refuses.
+/// Returns an error if a file cannot be written.
 pub(in crate::campaign) fn learned(
     run: &RunDir,
     ego: &EgoUnderTest,
@@ -41,6 +43,7 @@ pub(in crate::campaign) fn learned(
                 watch.note(&format!("`{name}`: learned before ({path})"));
                 return Ok(Some(kept));
             }
+            // A damaged file is no reason to stop, because the ego can be learned again.
             Err(error) => watch.note(&format!("{path}: {error}; learned anew")),
         }
     }
@@ -56,7 +59,7 @@ pub(in crate::campaign) fn learned(
     Ok(found)
 }
 
-/// The file of what is asked: it depends on the ado as well.
+/// Returns the file of a request. Its name depends on the ado as well.
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
     let asked = format!(
         "{:?} {} {} {:?} {}",
@@ -92,7 +95,7 @@ fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
     bundle.to_bytes()
 }
 
-/// A bundle as it was written: whatever bit of it was flipped, it is none.
+/// Returns the bundle if its seal matches, so any flipped bit is detected.
 fn unsealed(bytes: &[u8]) -> Result<Bundle, BundleError> {
     let sealed = Bundle::from_bytes(bytes)?;
     let says = sealed.rows::<u8>(SEAL, &[])?.to_vec();
@@ -118,6 +121,7 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
     let members: Vec<Mlp> = members.collect::<Result<_, _>>()?;
     let width = super::bench::width_of(world);
     for member in &members {
+        // A file of another version may have other inputs, so the shape is checked on reading.
         if member.ends() != [width, OUTPUTS] {
             return Err(BundleError::Mismatch {
                 what: "the surrogate",
@@ -142,6 +146,7 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
         None => None,
     };
     if let Some(policy) = &trained_on {
+        // Loading once here reports a damaged policy before any start is planned.
         load_policy_for(&world.spaces(), policy)?;
     }
     Ok(LearnedEgo {
