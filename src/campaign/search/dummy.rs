@@ -1,12 +1,12 @@
 #![cfg(test)]
-//! A method that only tests have.
+//! Search method that exists in tests only.
 
 use super::found::Found;
 use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
 use super::trials::Trials;
 use crate::campaign::error::CampaignError;
 
-/// Each action for a whole episode, in order.
+/// Method that plays each action for a whole episode, in order.
 #[derive(Clone, Copy, Debug)]
 pub struct Constants;
 

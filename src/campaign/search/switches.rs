@@ -1,4 +1,4 @@
-//! All sequences with at most so many switches of action, fewest first.
+//! All sequences with at most a given number of action switches, fewest first.
 
 use super::confirm::Confirmer;
 use super::found::Found;
@@ -10,10 +10,10 @@ use crate::campaign::error::CampaignError;
 use crate::run::Unconfirmed;
 use crate::testbench::{Aftermath, Testbench};
 
-/// Pre-screened sequences that are tried on the plant asked for, per start.
+/// Pre-screened sequences per start that are tried on the requested plant.
 const MAX_CONFIRMATIONS: u64 = 300;
 
-/// All sequences with at most so many switches of action.
+/// Method that tries all sequences with at most this many action switches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Switches(pub usize);
 
@@ -47,8 +47,10 @@ impl SearchMethod<'_> for Switches {
     }
 }
 
-/// Without a plant that sorts out sequences first, what succeeds on the plant
-/// asked for is played once more, to contact.
+/// Walks the tree and confirms every success.
+///
+/// Without pre-screening, a success on the requested plant is played once more, to
+/// contact.
 fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let &StartSearch {
         scenario: asked_for,
@@ -64,6 +66,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let mut found = Found::default();
     let mut accept = |actions: &[usize], _: &Testbench| {
         let played = confirmer.confirm(actions);
+        // Without pre-screening the confirmation repeats an episode that is already counted.
         if cheap.is_some() {
             found.simulations += 1;
             found.unconfirmed += u64::from(!played.success);
@@ -85,6 +88,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, watch);
     let mut next = Next::Continue;
     for switches in 0..=most {
+        // Fewest switches first, so the simplest success is found.
         for action in 0..scenario.world().spaces().actions {
             if next == Next::Continue {
                 next = tree.begin(&mut root, action, switches);
@@ -94,6 +98,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
     found.fouls += tree.fouls;
     found.fault = tree.fault.or(confirmer.fault);
+    // A stopped search without a result says nothing about the start.
     if found.actions.is_none() && found.fault.is_none() && watch.stopped() {
         return None;
     }

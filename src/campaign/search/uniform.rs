@@ -1,4 +1,4 @@
-//! A random action at each decision.
+//! Search by a random action at each decision.
 
 use super::found::Found;
 use super::method::{MethodInfo, MethodSettings, SearchMethod, StartSearch};
@@ -6,7 +6,7 @@ use super::random;
 use super::trials::Trials;
 use crate::campaign::error::CampaignError;
 
-/// A uniformly random action at each decision.
+/// Method that draws a uniformly random action at each decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Uniform;
 
