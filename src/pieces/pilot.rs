@@ -1,4 +1,4 @@
-//! From a campaign file to a plan that is cut into pieces of about a size.
+//! Plan of a campaign that is cut into pieces of similar cost.
 
 use std::path::Path;
 
@@ -13,57 +13,57 @@ use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
 use crate::testbench::FaultLog;
 
-/// How long a piece takes, unless told otherwise.
+/// Default duration of a piece, s.
 pub const PIECE_S: f64 = 10.0;
-/// Starts that a pilot plays of a kind of unit, at most, and for how long.
+/// Largest number of starts that a pilot plays per kind of unit, and its duration, s.
 const PILOT_STARTS: usize = 32;
 const PILOT_S: f64 = 1.0;
-/// Bytes of a row, on average.
+/// Mean size of a row in bytes.
 const ROW_BYTES: f64 = 420.0;
 
-/// What a campaign will take.
+/// Estimated cost of a campaign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanCost {
-    /// Pieces.
+    /// Number of pieces.
     pub pieces: usize,
-    /// Trainings among them.
+    /// Number of trainings among them.
     pub trainings: usize,
-    /// Starts in all.
+    /// Number of starts.
     pub starts: u64,
-    /// Processor time in all.
+    /// Total processor time, s.
     pub cpu_s: f64,
-    /// Bytes on the disk: pieces and the merged file.
+    /// Bytes on disk for the pieces and the merged file.
     pub bytes: f64,
-    /// Whether it was measured; else guessed from the worlds.
+    /// Whether the cost was measured instead of estimated from the worlds.
     pub measured: bool,
 }
 
-/// Units whose starts take about as long: one of them is measured.
+/// Kind of units with similar cost, of which a single unit is measured.
 #[derive(PartialEq)]
 struct Kind {
     world: usize,
     ado: PlannedAdo,
-    /// A program may be far slower than any other ego.
+    /// Command of a program, which may be far slower than any other ego.
     program: Option<Vec<String>>,
 }
 
-/// A campaign that is cut into pieces, before it is written.
+/// Campaign that is cut into pieces, before it is written.
 pub struct Cut {
     checked: Checked,
-    /// What it will take.
+    /// Estimated cost.
     pub cost: PlanCost,
 }
 
 impl Plan {
     /// Reads a campaign file and cuts it into pieces of about `piece_s` seconds.
     ///
-    /// Without `piece_s` a pilot measures what a start takes, on a few starts of
-    /// every world, ado and program as an ego, and pieces take [`PIECE_S`]. With it nothing is
-    /// played: the plan follows from the file alone, and is the same anywhere.
+    /// Without `piece_s` a pilot measures the cost of a start. It plays a few starts per world,
+    /// ado and program as an ego, and pieces take [`PIECE_S`].
+    /// With `piece_s` no start is played, so the plan follows from the file alone.
     /// `None`: stopped.
     ///
     /// # Errors
-    /// The file, or something that it names, is wrong.
+    /// Returns an error if the file or a file that it names is invalid.
     pub fn make(
         path: &Path,
         piece_s: Option<f64>,
@@ -87,6 +87,7 @@ impl Plan {
                 ado: unit.ado.clone(),
                 program: ego.scenario().program().map(|it| it.command.clone()),
             };
+            // Estimates are cheap and differ by ego, so only measurements are reused.
             let known_s = known.iter().find(|(other, _)| measured && *other == kind);
             let start_s = match known_s {
                 Some((_, start_s)) => *start_s,
@@ -99,6 +100,7 @@ impl Plan {
                 }
             };
             let fits = (piece_s.unwrap_or(PIECE_S) / start_s).ceil();
+            // Every piece has a start at least and no more starts than its unit.
             unit.each = (fits.max(1.0) as usize).min(unit.starts.max(1));
             cpu_s += start_s * unit.starts as f64;
         }
@@ -114,6 +116,7 @@ impl Plan {
             trainings: plan.trainings.len(),
             starts,
             cpu_s,
+            // Rows are stored twice: in the pieces and in the merged file.
             bytes: 2.0 * ROW_BYTES * starts as f64,
             measured,
         };
@@ -132,7 +135,7 @@ impl Checked {
         EgoUnderTest::changed(&played, name, change, "mend the campaign")
     }
 
-    /// What a start of a unit takes. `None`: stopped.
+    /// Returns the cost of a start of a unit, s. `None`: stopped.
     fn start_s(
         &self,
         unit: &Unit,
@@ -145,7 +148,7 @@ impl Checked {
         }
         let world: &Scenario = &self.worlds[unit.world];
         consent(world, std::slice::from_ref(&ego))?;
-        // An ado that is not trained yet takes as long as any that plays an episode.
+        // An untrained ado costs about as much as any other ado that plays a whole episode.
         let as_played = match &unit.ado {
             PlannedAdo::Trained { .. } | PlannedAdo::Training { .. } => PlannedAdo::Held,
             other => other.clone(),
@@ -164,9 +167,10 @@ impl Checked {
         watch.detail(&format!("{}, {}", world.name(), unit.ado.word()));
         let (mut spent_s, mut starts) = (0.0, 0);
         while starts < PILOT_STARTS.min(unit.starts) && spent_s < PILOT_S {
-            // Spread over the starts: those of a grid are not all alike.
+            // Spread over the starts, because those of a grid differ.
             let next = starts * unit.starts / PILOT_STARTS.min(unit.starts);
             let began = std::time::Instant::now();
+            // Faults are accepted here, because the pieces themselves report them.
             let quiet = Watch {
                 faults: FaultLog::allowing(1.0),
                 ..watch.quiet()
@@ -177,27 +181,28 @@ impl Checked {
             spent_s += began.elapsed().as_secs_f64();
             starts += 1;
         }
+        // The floor bounds the number of starts per piece.
         Ok(Some((spent_s / f64::from(starts.max(1) as u32)).max(1e-6)))
     }
 }
 
 impl Cut {
-    /// The plan.
+    /// Returns the plan.
     pub fn plan(&self) -> &Plan {
         &self.checked.plan
     }
 
-    /// Writes the plan, its worlds, its ados and the files of engines into a
-    /// directory. The plan itself comes last: without it there is none.
+    /// Writes the plan, its worlds, its ados and the engine files to a directory.
     ///
     /// # Errors
-    /// Another campaign is there, or the disk refuses.
+    /// Returns an error if the directory holds another plan or a file cannot be written.
     pub fn write(&self, dir: &Path) -> Result<(), CampaignError> {
         let plan = &self.checked.plan;
         let text = plan
             .text()
             .map_err(|error| CampaignError::Fault(error.to_string()))?;
         let path = dir.join(PLAN);
+        // Writing the same plan again changes nothing, so the command can be repeated.
         if let Ok(there) = std::fs::read_to_string(&path) {
             return match there == text {
                 true => Ok(()),
@@ -223,6 +228,7 @@ impl Cut {
         }
         write("Snakefile", engine::snakefile(plan).as_bytes())?;
         write("slurm.sh", engine::slurm(plan).as_bytes())?;
+        // The plan comes last, so an interrupted write leaves no plan.
         write(PLAN, text.as_bytes())?;
         Ok(())
     }

@@ -1,11 +1,11 @@
-//! The starts of a campaign: a grid has to lie within every world's ranges.
+//! Starts of a campaign. A grid must lie within the ranges of every world.
 
 use super::Checker;
 use crate::campaign::CampaignError;
 use crate::pieces::file::{StartsAsked, StartsEntry};
 use crate::scenario::{Path, Scenario, guessed};
 
-/// Most starts of a unit, and most values along an axis.
+/// Largest number of starts of a unit, and of values along an axis.
 const MAX_STARTS: usize = 1_000_000_000;
 
 impl Checker {
@@ -27,23 +27,27 @@ impl Checker {
         let mut values = Vec::new();
         for (name, &(lo, hi, steps)) in &axes.0 {
             let place = at.to("axes").to(name);
+            // The grid is shared by all worlds, so each of them must contain it.
             for (world, _) in &self.worlds {
                 self.axis(&place, world, (name, lo, hi))?;
             }
+            // A single value needs no range, but several values must differ.
             let sane = (1..=MAX_STARTS).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
             if !sane {
                 let what = format!("{steps} values from {lo} to {hi} are no axis");
                 let help = "write `(least, greatest, how many)`".to_owned();
                 return Err(self.source.wrong(&place, what, Some(help)));
             }
+            // A single value would divide by zero.
             let last = (steps - 1).max(1) as f64;
-            // Without the dust of binary fractions, since rows hold them.
+            // Rounding removes errors of binary fractions, because rows hold the values.
             let value = |nth: usize| {
                 let value = lo + (hi - lo) * nth as f64 / last;
                 (value * 1e9).round() / 1e9
             };
             values.push((name.clone(), (0..steps).map(value).collect::<Vec<f64>>()));
         }
+        // The product is checked, because a few long axes can overflow it.
         let all = values
             .iter()
             .try_fold(1usize, |all, (_, along)| all.checked_mul(along.len()));
@@ -56,7 +60,7 @@ impl Checker {
         }
     }
 
-    /// Whether a world may start everywhere along an axis.
+    /// Checks that a world may start everywhere along an axis.
     fn axis(
         &self,
         place: &Path,
