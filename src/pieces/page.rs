@@ -75,7 +75,7 @@ impl PlanDir {
             let said: Vec<String> = said.collect();
             MapCell {
                 state: state(map, nth),
-                // The first ado is the protocol's, so later ados show failures that it misses.
+                // The first ado plays the protocol's own point, and later ados vary it.
                 protocol: 1 < map.ados.len() && map.outcomes[0][nth] == RowOutcome::Fails,
                 inside: inside.as_ref().map(|inside| inside[nth]),
                 about: format!("{x}, {y}: {}", said.join("; ")),
