@@ -357,7 +357,7 @@ impl PlanDir {
         &self.played[unit.world]
     }
 
-    /// Loads the trained ado of a unit, if it has one.
+    /// Loads the trained ado of a unit, if any.
     fn ado(&self, unit: &Unit) -> Result<Option<TrainedAdo>, CampaignError> {
         let (run, planned) = match &unit.ado {
             PlannedAdo::Trained { run } => {

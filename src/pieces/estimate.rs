@@ -26,7 +26,7 @@ pub(super) fn start_s(ego: &EgoUnderTest, ado: &PlannedAdo) -> f64 {
     let samples = (clock.horizon_s / clock.sample_s).ceil();
     let steps = samples * f64::from(clock.substeps.max(1));
     let (step_s, searched_step_s) = match scenario.plant() {
-        // A search on the rigid plant is pre-screened on the kinematic one.
+        // A search on the rigid plant is pre-screened on the kinematic plant.
         Dynamics::Rigid => (RIGID_STEP_S, KINEMATIC_STEP_S),
         Dynamics::Kinematic => (KINEMATIC_STEP_S, KINEMATIC_STEP_S),
         Dynamics::Cells => (CELLS_STEP_S, CELLS_STEP_S),

@@ -78,7 +78,7 @@ pub(super) enum AdoEntry {
     Random,
     /// Constant action, by its label in `check`.
     Constant(String),
-    /// Actions by their labels in `check`, each until a time, the last one held.
+    /// Actions by their labels in `check`, each until a time, the last action held.
     Script {
         name: String,
         steps: Vec<(String, f64)>,

@@ -122,7 +122,7 @@ pub enum PlannedAdo {
         /// Label of the action.
         label: String,
     },
-    /// Given actions, one per decision, the last one held.
+    /// Given actions, one per decision, the last action held.
     Script {
         /// Name in rows.
         name: String,

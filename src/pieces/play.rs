@@ -22,7 +22,7 @@ pub(super) struct Stage<'a> {
     /// World of the file. Its own ego decides which starts are trivial.
     pub world: &'a Scenario,
     pub ego: EgoUnderTest,
-    /// Trained ado, if the unit has one.
+    /// Trained ado of the unit, if any.
     pub ado: Option<TrainedAdo>,
 }
 

@@ -51,9 +51,9 @@ pub struct CaseStudy {
     pub switches: usize,
     /// Mean share of starts on which a rule was broken.
     pub foul_rate: f64,
-    /// Success of trained minus held random ados, paired on starts, with its interval.
+    /// Success of trained minus held random ados, with its interval.
     pub over_held: (f64, [f64; 2]),
-    /// Success of trained ados minus the best constant, paired on starts, with its interval.
+    /// Success of trained ados minus the best constant, with its interval.
     pub over_constant: (f64, [f64; 2]),
     /// Mean processor time of a training, s.
     pub train_cpu_s: f64,

@@ -93,7 +93,7 @@ fn bound_m(noise_m: f64) -> f64 {
 
 /// Returns whether a member describes an ego.
 ///
-/// It explains the ego, or its residual is at most half the nominal one.
+/// It explains the ego, or its residual is at most half the nominal residual.
 /// The nearest member may be far from an ego outside the family. An ado that is
 /// conditioned on such a member does worse than with nominal parameters.
 pub fn is_telling(explains: bool, residual_m: f64, nominal_residual_m: f64) -> bool {
@@ -208,7 +208,7 @@ impl Lab<'_> {
     /// the descent continues there.
     /// If the ego is still unexplained, a second search starts nearby. Its centre is the
     /// nominal ego if that fits better. Otherwise it is the present fit, if its residual is
-    /// at most half the nominal one.
+    /// at most half the nominal residual.
     fn fit(&self, free: &[usize], plant: PlantKind, seed: u64, refit: u64) -> Fit {
         let mut dice = seed::generator("identify", &[seed, refit]);
         let coarse = |points: &[Vec<f64>]| self.measure(free, PlantKind::Kinematic, points);
@@ -241,7 +241,7 @@ impl Lab<'_> {
         // Some quantities act in whole samples on a switching controller, so the cost has
         // flat steps without slopes. The search restarts nearby if that is promising.
         let costs = |points: &[Vec<f64>]| fine(points).iter().map(|d| cost(d)).collect();
-        // The decision needs the nominal residual on the real plant, not the kinematic one.
+        // The decision needs the nominal residual on the real plant, not on the kinematic plant.
         let nominal_cost = self.residual_m(&self.family.nominal(plant));
         let centre = if nominal_cost < found.cost {
             nominal

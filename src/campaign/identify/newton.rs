@@ -18,7 +18,7 @@ const STEPS: usize = 12;
 const DAMPINGS: [f64; 5] = [1e-6, 1e-3, 1e-1, 1e1, 1e3];
 /// Distance for derivatives, in a range from −1 to 1.
 const NEAR: f64 = 0.01;
-/// Relative gain below which a step is the last one.
+/// Relative gain below which a step is the last step.
 const GAIN: f64 = 1e-3;
 
 /// Deviations of a point in every sample of every run.

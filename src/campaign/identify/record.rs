@@ -62,7 +62,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
     let mut noisy = false;
     for index in 0..starts as u64 {
         let left = request.at_most - recorded.runs;
-        // A noisy ego needs two runs per start, and a single one would bias the fit.
+        // A noisy ego needs two runs per start, and a single run would bias the fit.
         if watch.stopped() || left < 1 + u64::from(noisy) {
             break;
         }

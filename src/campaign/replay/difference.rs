@@ -116,7 +116,7 @@ fn names_of_old(stored: Option<Trace>, now: &Schema) -> Vec<String> {
 fn placed(names: Vec<String>, now: &Schema) -> Result<Vec<(String, usize)>, String> {
     let position = |name: &str| {
         let current = || now.position(&current_name(name)?);
-        // A present name takes precedence over a former one.
+        // A present name takes precedence over a former name.
         now.position(name).or_else(current)
     };
     let placed = names.into_iter().map(|name| match position(&name) {

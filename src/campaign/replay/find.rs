@@ -57,7 +57,7 @@ impl Regressions {
 
     /// Replaces the ego by a name under `reuse`, a RON file, or a program.
     ///
-    /// The caller who names a program consents to start it.
+    /// Naming a program is the consent to start it.
     ///
     /// # Errors
     /// Returns an error if both are given or if the file holds no change that fits.

@@ -66,7 +66,7 @@ impl SearchMethod<'_> for Cem {
     }
 }
 
-/// Tries sequences until one succeeds.
+/// Tries sequences until the first success.
 ///
 /// The generator depends on the noise of the start.
 fn solve(trials: &mut Trials<'_>, cem: Cem) {

@@ -46,7 +46,7 @@ impl Confirmer<'_> {
         }
     }
 
-    /// Plays `actions`, the last one held, to contact or the horizon.
+    /// Plays `actions`, the last action held, to contact or the horizon.
     pub fn confirm(&mut self, actions: &[usize]) -> Confirmed {
         let pairs = self.actions.iter().zip(actions);
         let shared = pairs.take_while(|(a, b)| a == b).count();

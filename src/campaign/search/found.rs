@@ -14,7 +14,7 @@ pub struct Found {
     pub impact: Option<Impact>,
     /// True if a rule was broken between the success and that contact.
     pub foul_before_contact: bool,
-    /// Episodes run. A part of an episode counts as one, and the success is the last.
+    /// Number of episodes, including partial episodes and the final success.
     pub simulations: u64,
     /// Episodes in which a rule was broken.
     pub fouls: u64,
@@ -24,7 +24,7 @@ pub struct Found {
     pub unconfirmed: u64,
     /// First fault of the ego or the physics.
     ///
-    /// Without a solution it is then unknown if the start has one.
+    /// Without a solution it is then unknown if a solution exists.
     pub fault: Option<Fault>,
     /// Processor time spent.
     pub cpu_s: f64,

@@ -72,7 +72,7 @@ pub struct MethodInfo {
     pub help: &'static str,
     /// Options that have an effect.
     pub takes: &'static [MethodOption],
-    /// Whether the kinematic plant pre-screens sequences for the rigid one.
+    /// Whether the kinematic plant pre-screens sequences for the rigid plant.
     pub(super) prescreens: bool,
 }
 

@@ -159,7 +159,7 @@ pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a 
     row.severity = ContactSeverity::of(&impacts);
 }
 
-/// Searcher of one worker: the requested bench and a cheap one for pre-screening.
+/// Searcher of one worker: the requested bench and a cheap bench for pre-screening.
 struct Searcher<'a> {
     request: &'a SearchRequest<'a>,
     cheap: Option<Scenario>,

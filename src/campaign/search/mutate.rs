@@ -1,4 +1,4 @@
-//! Counterexamples of a training, mutated until one succeeds.
+//! Counterexamples of a training, mutated until the first success.
 //!
 //! The nearest stored counterexamples are replayed unchanged, nearest first.
 //! Then the best sequences so far are mutated. A mutation moves a switch of action,
@@ -50,7 +50,7 @@ impl<'a> SearchMethod<'a> for Mutate<'a> {
     }
 }
 
-/// Tries sequences until one succeeds.
+/// Tries sequences until the first success.
 ///
 /// The generator depends on the noise of the start.
 fn solve(trials: &mut Trials<'_>, stored: &Stored) {

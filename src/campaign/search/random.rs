@@ -5,7 +5,7 @@ use crate::scene::Start;
 use crate::seed;
 use crate::testbench::{Actor, HeldRandom};
 
-/// Tries random sequences until one succeeds.
+/// Tries random sequences until the first success.
 ///
 /// The generator depends on the noise of the start.
 pub(super) fn solve(trials: &mut Trials<'_>, hold: usize) {

@@ -45,7 +45,7 @@ pub(in crate::campaign) struct Tree<'a> {
     pub most: u64,
     /// First fault of the ego or the physics.
     pub fault: Option<Fault>,
-    /// Sequences played. A part of a sequence counts as one.
+    /// Sequences played. A part of a sequence counts as a sequence.
     pub simulations: u64,
     /// Sequences in which a rule was broken.
     pub fouls: u64,
@@ -88,7 +88,7 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Plays every sequence that begins with `action` and has exactly `switches` switches.
+    /// Plays every sequence with exactly `switches` switches, beginning with `action`.
     pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> Next {
         root.begin(self.start, self.noise, self.aftermath);
         for &before in &self.after {

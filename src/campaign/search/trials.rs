@@ -107,7 +107,7 @@ impl<'a> Trials<'a> {
         gate as usize <= 1 + again.count()
     }
 
-    /// Plays a sequence of actions, the last one held, and returns its reward.
+    /// Plays a sequence of actions, the last action held, and returns its reward.
     pub fn replay(&mut self, actions: &[usize]) -> Option<f64> {
         self.play(&mut Replay::holding(actions))
     }

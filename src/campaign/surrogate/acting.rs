@@ -269,7 +269,7 @@ impl LearnedEgo {
     ) -> Option<One> {
         let mut first: Option<One> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
-        // The trained policy and fixed actions would repeat the same run, so one try is enough.
+        // The trained policy and fixed actions would repeat the same run.
         let acts = self.from.acts();
         let tries = if acts == Acts::Planned {
             tries.max(1)

@@ -41,13 +41,13 @@ impl Earlier {
         }
     }
 
-    /// Returns whether these actions, the last one held, were played to the end.
+    /// Returns whether these actions, the last action held, were played to the end.
     fn has_played(&self, actions: &[usize]) -> bool {
         let mut runs = self.runs.iter();
         runs.any(|run| common(run, actions) == run.actions.len())
     }
 
-    /// Returns the known run for these actions, the last one held.
+    /// Returns the known run for these actions, the last action held.
     ///
     /// It is `so_far`, or a longer part of an earlier run that began with the actions.
     pub fn known<'a>(
@@ -79,7 +79,7 @@ impl Earlier {
     }
 }
 
-/// Returns how many leading actions of a run equal these actions, the last one held.
+/// Returns how many leading actions of a run equal these actions, the last action held.
 fn common(run: &SoFar, actions: &[usize]) -> usize {
     // The last action is held, so a short plan is compared with the whole run.
     let asked = actions.iter().chain(std::iter::repeat_n(

@@ -25,7 +25,7 @@ pub(super) struct SoFar {
 impl SoFar {
     /// Returns the part up to a number of decisions.
     pub fn up_to(&self, decisions: usize, samples_per_decision: usize) -> SoFar {
-        // A motion has one sample more than intervals: the sample at the start.
+        // A motion has a sample more than intervals: the sample at the start.
         let moments = (decisions * samples_per_decision + 1).min(self.motion.len());
         SoFar {
             actions: self.actions[..decisions].to_vec(),
@@ -94,7 +94,7 @@ pub(super) struct ModelBench {
 impl ModelBench {
     /// Returns a model of `world` on the kinematic plant.
     ///
-    /// This plant is faster than the rigid one. Lane changes differ by some centimetres.
+    /// It is faster than the rigid plant. Lane changes differ by some centimetres.
     /// `None`: the world has no driving scene.
     pub fn quick(world: &Scenario) -> Option<ModelBench> {
         ModelBench::on(world, PlantKind::Kinematic)
@@ -144,7 +144,7 @@ impl ModelBench {
         });
     }
 
-    /// Plays `actions`, the last one held, until the verdict.
+    /// Plays `actions`, the last action held, until the verdict.
     pub fn go_on(&mut self, actions: &[usize]) {
         let mut rest = actions.iter();
         let mut action = 0;

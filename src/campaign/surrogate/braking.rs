@@ -460,7 +460,7 @@ impl<'a> Sum<'a> {
         if edges.len() < drawn {
             return None;
         }
-        // Terms are scaled to comparable size, so one regularisation suits them all.
+        // Terms are scaled to comparable size, so the same regularisation suits all of them.
         let size = |way: usize| {
             let sizes = edges.iter().map(|edge| edge.ways[way].abs());
             sizes.fold(1e-9, f64::max)
@@ -541,7 +541,7 @@ impl<'a> Sum<'a> {
         }
     }
 
-    /// Returns the threshold near another one that explains most.
+    /// Returns the threshold with the largest explained share near a given threshold.
     fn near(&self, weights: &[f64; WAYS], dice: &mut ChaCha8Rng) -> [f64; WAYS] {
         let cases = &self.few.all;
         let size = |way: usize| {

@@ -78,7 +78,7 @@ impl Care {
         }
     }
 
-    /// Returns the spacing of the last search, if it is finer than the first one.
+    /// Returns the spacing of the last search, if it is finer than the first search.
     pub fn finest(&self, size: (usize, usize)) -> Option<usize> {
         let finest = stride(size, 1, FINEST);
         (self.is_finest && finest < self.stride(size, 2, true)).then_some(finest)
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn with_many_actions_switches_are_further_apart() {
         // `acc` is searched completely. `cut_in` is searched at every fifth or seventh
-        // decision, and at every second one in the last search.
+        // decision, and at every second decision in the last search.
         assert_eq!(Care::FULL.finest((3, 30)), Some(1));
         assert_eq!(Care::FULL.stride((3, 30), 2, true), 2);
         assert_eq!(Care::FULL.stride((3, 30), 2, false), 4);

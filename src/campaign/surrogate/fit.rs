@@ -38,7 +38,7 @@ const BRIEF_UPDATES: u64 = 10_000;
 pub(super) struct Samples {
     /// Length of a row of inputs.
     pub width: usize,
-    /// All rows, one after the other.
+    /// All rows in sequence.
     pub inputs: Vec<f32>,
     /// Present acceleration, its change until the next sample, and lateral speed.
     pub answers: Vec<[f64; 3]>,

@@ -22,7 +22,7 @@ const STARTS: usize = 40;
 /// Actions tried on an ego, the same from every start.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TriedActions {
-    /// Actions in order, the last one held.
+    /// Actions in order, the last action held.
     pub actions: Vec<usize>,
     /// Runs of the ego under them.
     pub runs: u64,

@@ -30,7 +30,7 @@ use crate::sim::PlantKind;
 pub const LEAST_RUNS: u64 = 10;
 /// Number of runs from which three rounds are recorded instead of two.
 const THREE_ROUNDS: u64 = 90;
-/// Updates of each network after every round except the last one.
+/// Updates of each network after every round except the last round.
 const UPDATES: u64 = 40_000;
 /// Updates after the last round.
 const LAST_UPDATES: u64 = 120_000;
@@ -116,7 +116,7 @@ pub struct LearnedFrom {
     pub fixed: Option<TriedActions>,
     /// Plant on which plans are judged.
     ///
-    /// It is the kinematic one where all vehicles move on it as on the world's own plant,
+    /// It is the kinematic plant where all vehicles move on it as on the world's own plant,
     /// which is slower.
     pub judged_on: PlantKind,
     /// Emergency brake fitted to the ego.
@@ -276,7 +276,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
     }
     from.alike = surrogate.alike.to_vec();
     from.brake = surrogate.brake;
-    // The policy continues from the one trained in the last round.
+    // The training continues from the policy of the last round.
     let inside = trained_on(ego, inside.as_ref().or(kept), (&surrogate, seed), watch);
     if watch.stopped() {
         return None;

@@ -56,7 +56,7 @@ impl Likeness {
 
     /// Returns the unexplained share plus a cost per parameter.
     ///
-    /// Among equally good controllers the simpler one is preferred.
+    /// Among equally good controllers the simpler controller is preferred.
     pub(super) fn left(&self) -> f64 {
         self.unexplained + PER_PARAMETER * self.controller.parameters().len() as f64
     }

@@ -46,7 +46,7 @@ pub(super) struct Surrogate {
 impl Surrogate {
     /// Returns the change of acceleration and the lateral speed, without the brake.
     ///
-    /// `member` selects one network. `None`: the mean of all.
+    /// `member` selects a network. `None`: the mean of all.
     fn answer(&self, member: Option<usize>, row: &[f32], scaled: &mut Vec<f32>) -> [f64; 2] {
         scaled.clear();
         scaled.extend(self.scaled(row));

@@ -85,9 +85,9 @@ impl PlannedRun {
 pub(super) struct Planner<'a> {
     /// Model on the kinematic plant that explores the tree of sequences.
     tree: ModelBench,
-    /// Model that plays one sequence after another.
+    /// Model that plays sequences in turn.
     ///
-    /// It uses the world's own plant where vehicles move differently on the kinematic one.
+    /// It uses the world's own plant where vehicles move differently on the kinematic plant.
     /// A rule kept by centimetres there is mostly broken on the own plant.
     judge: ModelBench,
     reader: MotionReader,
@@ -338,7 +338,7 @@ impl<'a> Planner<'a> {
         self.judge.motion()
     }
 
-    /// Returns a better choice than the present one, after updating its score.
+    /// Returns a better choice than the present choice, after updating its score.
     fn rethink(&mut self, from: Origin<'_>, so_far: &SoFar, now: &mut Choice) -> Option<Choice> {
         now.score = self.score(from, so_far, (&now.strategy, now.lead), ENOUGH);
         // A robust plan is kept, because a search costs more than its likely gain.
@@ -400,12 +400,12 @@ impl<'a> Planner<'a> {
                 continue;
             }
             let here = so_far.motion.len() - 1;
-            // A predicted run that ended earlier than the real one counts as straying.
+            // A predicted run that ended earlier than the real run counts as straying.
             let strays = predicted
                 .get(here)
                 .is_none_or(|expected| so_far.motion[here].strays_from(expected));
             let late = !now.is_sure() && PATIENCE <= decision + 1 - chosen_at;
-            // Pauses grow with searches in vain, since another one would rarely find a plan.
+            // Pauses grow with searches in vain, since another search would rarely find a plan.
             let rests = decision + 1 - chosen_at < self.care.rest(self.in_vain);
             if rests || (!strays && !late) {
                 continue;

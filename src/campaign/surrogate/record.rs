@@ -81,7 +81,7 @@ enum Recorded<'a> {
     Held,
     /// Trained policy of the ado.
     Policy(&'a dyn Policy),
-    /// Fixed actions, the last one held.
+    /// Fixed actions, the last action held.
     Sequence(Vec<usize>),
 }
 

@@ -24,7 +24,7 @@ pub(super) fn add(
 
 /// Fits a logistic regression to the signs of `worths`.
 ///
-/// Their magnitudes weight the rows. The last but one column must be constant.
+/// Their magnitudes weight the rows. The second to last column must be constant.
 /// Newton steps are halved where they overshoot. `None`: the problem has no solution.
 pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
     let width = rows.first()?.len();

@@ -9,7 +9,7 @@ pub(super) enum Strategy {
     AsTrained,
     /// Follows the policy trained inside the surrogate.
     TrainedOn,
-    /// Plays these actions from the start on, the last one held.
+    /// Plays these actions from the start on, the last action held.
     Plan(Vec<usize>),
 }
 

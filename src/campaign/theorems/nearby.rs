@@ -69,7 +69,7 @@ pub struct Theorem1 {
 pub struct Theorem1Row {
     /// Value of δ.
     pub delta: f64,
-    /// Counterexamples with discounted reward V*(x0) and δ < γ^T (g(τ) + 1), the premise.
+    /// Counterexamples with reward V*(x0) and δ < γ^T (g(τ) + 1), the premise.
     pub meets: usize,
     /// Such counterexamples with V*(x0) − δ above every reward without a capture.
     ///

@@ -98,7 +98,7 @@ impl<'a> GridUnderTest<'a> {
         played.into_iter().flatten().collect()
     }
 
-    /// Reads an episode, if its specification is the supported one.
+    /// Reads an episode, if its specification is supported.
     fn read(&self, episode: &Episode) -> Result<Played, TheoremsError> {
         let not_solved = |why: String| not_solved(self.scenario, why);
         let from = &episode.start.0;

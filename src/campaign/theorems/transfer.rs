@@ -140,7 +140,7 @@ pub fn carry_over(
     let played = Played {
         request,
         changed: &changed,
-        // Test and calibration starts count as one progress.
+        // Test and calibration starts share a progress bar.
         all: EpisodeLoop::counted(watch, 2 * request.starts.starts.len()),
         watch,
     };

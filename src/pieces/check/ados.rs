@@ -68,7 +68,7 @@ impl Checker {
         Ok(vec![one])
     }
 
-    /// Returns the actions of a script, one per decision, the last one held.
+    /// Returns the actions of a script, one per decision, the last action held.
     fn script(
         &self,
         at: &Path,

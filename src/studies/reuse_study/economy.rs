@@ -66,7 +66,7 @@ fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
         .collect();
     // The smallest budget with the ado's success is the fairest comparison.
     let enough = searched.iter().find(|row| success <= row.success_rate);
-    // Without a sufficient budget the largest one counts as a lower bound of the cost.
+    // Without a sufficient budget the largest budget counts as a lower bound of the cost.
     let row = enough.or(searched.last())?;
     // Simulated runs of the identification cost as much as runs of the ado.
     let once = training + known.simulations as f64;

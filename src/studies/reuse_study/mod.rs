@@ -344,7 +344,7 @@ impl<'a> ReuseStudy<'a> {
             let member = match self.identified(ego, &[name.to_owned()], player.watch) {
                 Ok(Some(identified)) => identified.member,
                 Ok(None) => return Ok(None),
-                // The left-out quantity was the only one.
+                // The left-out quantity was the only quantity.
                 Err(ReuseError::Identify {
                     source: IdentifyError::NothingToFit,
                     ..

@@ -30,7 +30,7 @@ impl Player<'_> {
         let seed = trio.conditional.manifest().seed;
         let policy = trio.conditional.policy_told(member)?;
         let others = other_members(&trio.conditional, family, member.plant)?;
-        // Later tries may use other members, in case the identified one is wrong.
+        // Later tries may use other members, in case the identified member is wrong.
         let tried = Tries {
             request: self.request(Ado::Trained(&*policy, seed)),
             policy: &*policy,
@@ -46,7 +46,7 @@ impl Player<'_> {
                 ..called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row)
             },
         ];
-        // The wide ado has the same learner as the nominal one and would look the same.
+        // The wide ado has the same learner as the nominal ado and would look the same.
         rows[1].method = "dqn, wide".to_owned();
         Ok(rows)
     }

@@ -65,7 +65,7 @@ fn one_markdown(study: &ReuseStudied) -> String {
         text.push_str(&format!(" {header} |"));
     }
     text.push_str(" recall of conditional |\n|");
-    // Four columns precede the ados and one follows them.
+    // Four columns precede the ados, and a single column follows them.
     text.push_str(&" --- |".repeat(SHOWN.len() + 5));
     text.push('\n');
     for ego in &study.egos {

@@ -145,7 +145,7 @@ struct Learned {
     learner: usize,
     seed: u64,
     policy: Box<dyn Policy>,
-    /// First counterexample from every start on which training found one.
+    /// First counterexample from every start on which training found any.
     met: Vec<Success>,
     cpu_s: f64,
 }

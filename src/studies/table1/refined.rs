@@ -52,7 +52,7 @@ pub struct RefinedShare {
     pub by_cell: LearnerOnMap,
     /// Captures of the ado observing the refined map.
     pub own_view: LearnerOnMap,
-    /// Related starts with a counterexample from the coarse start, and captures among them.
+    /// Related starts with a coarse counterexample, and captures among them.
     ///
     /// Both are summed over seeds. By Theorem 3 they are equal.
     pub related: (usize, usize),

@@ -248,7 +248,7 @@ impl LargeMap {
                 .starts
                 .iter()
                 .position(|start| *start == success.start)?;
-            // The capture ends the episode, so its decision is the last one.
+            // The capture ends the episode, so its decision is the last decision.
             let decision = success.actions.len().saturating_sub(1);
             let weight = learner.discount().powi(decision as i32);
             let centre = Centre {
