@@ -224,7 +224,7 @@ impl Line {
     }
 
     /// Returns whether the reference line is straight between two stations.
-    pub fn is_straight(&self, from_m: f64, to_m: f64) -> bool {
+    pub fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
         let (from_m, to_m) = (from_m.min(to_m), from_m.max(to_m));
         let between = |it: &&Stretch| it.s_m < to_m && from_m < it.s_m + it.length_m;
         let mut pieces = self.pieces.iter().filter(between);
