@@ -137,7 +137,12 @@ pub fn train(
             if stores {
                 run.append_counterexamples(&gym.inner().take_successes())?;
             }
-            if own.aside(|| patience.look(&mut *learner)) {
+            let Some(looked) = own.aside(|| patience.look(&mut *learner)) else {
+                // No checkpoint: one of here would say that it was looked at.
+                break;
+            };
+            if looked {
+                note_searches(&mut patience, run, &mut gym);
                 learning.phase("training (decisions)");
                 (watch.progress)(learner.decisions(), learner.tally().asked);
             }
@@ -151,6 +156,7 @@ pub fn train(
         if watch.stopped() || own.aside(|| patience.ends(&mut *learner)) {
             break;
         }
+        note_searches(&mut patience, run, &mut gym);
     }
     // While it was searched, trained or judged.
     if let Some(error) = given_up(&*learner, watch) {
@@ -174,6 +180,16 @@ pub fn train(
         interrupted: !over,
         aborted: ledger.aborted,
     })
+}
+
+/// Counts what patience searched as part of the training.
+fn note_searches(patience: &mut Patience<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
+    if let Some(sought) = patience.sought {
+        run.note_sought(sought);
+    }
+    let mut spent = gym.inner().spent();
+    spent.physics_steps += patience.take_steps();
+    gym.inner().count_from(spent);
 }
 
 /// Processor time of the thread that learns, without what it does as one of the

@@ -64,8 +64,7 @@ impl Calibration {
                         "neither the ado nor {search} makes the ego fail on any of {starts} \
                          calibration starts: there may be nothing to find"
                     ),
-                    help: "look whether the ados' actions and rules leave room for it: \
-                           `brakecheck search WORLD --method cem --budget 1000`; \
+                    help: "look whether the ados' actions and rules leave room for it, \
                            then whether the ego's specification asks for what you mean"
                         .to_owned(),
                 });
@@ -97,8 +96,8 @@ impl Calibration {
         Some(CalibrationWarning {
             what,
             help: "look whether the ado observes what its rules and the ego's specification read \
-                   (`brakecheck check`), then train with another `--seed`; until then \
-                   `brakecheck search` finds more than the ado"
+                   (`brakecheck check`), and leave out `--decisions` if you gave it: the default \
+                   training goes on and searches where the ado fails"
                 .to_owned(),
         })
     }

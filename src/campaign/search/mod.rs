@@ -22,6 +22,7 @@ pub(super) use confirm::{Confirmed, Confirmer};
 pub use found::Found;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES};
+pub(super) use mutate::mutate;
 pub use request::SearchRequest;
 
 use super::Watch;

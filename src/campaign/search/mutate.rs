@@ -99,7 +99,8 @@ fn best_first(elites: &mut Vec<(f64, Vec<usize>)>) {
     elites.truncate(ELITES);
 }
 
-fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
+/// Changes a sequence at one place.
+pub(in crate::campaign) fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
     let len = sequence.len();
     if len == 0 {
         return;
