@@ -74,7 +74,12 @@ impl Ground<'_> {
                 let s_m = at.s_m + scope.number(it, if by_lane { "dsLane" } else { "ds" })?;
                 // `ds` counts along the reference line and `dsLane` along the
                 // lane. The two agree on straight roads only.
-                if by_lane && !self.roads.road(it, &at.road)?.is_straight_between(at.s_m, s_m) {
+                if by_lane
+                    && !self
+                        .roads
+                        .road(it, &at.road)?
+                        .is_straight_between(at.s_m, s_m)
+                {
                     let help = "use `ds`, which counts along the reference line of the road";
                     return Err(it.refused("`dsLane` on a bend is not read", help));
                 }
