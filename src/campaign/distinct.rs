@@ -14,6 +14,8 @@
 //! in the order given, worst first, each joins the first leader it is like, or
 //! leads a new cluster. So every leader is the worst of its cluster.
 
+use serde::{Deserialize, Serialize};
+
 use super::why::leaf;
 use crate::scenario::Scenario;
 use crate::severity::CrashKind;
@@ -28,10 +30,23 @@ pub const NEAR: f64 = 0.15;
 /// What of a counterexample is compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
+    pub(super) story: Story,
+    pub(super) signals: Vec<f64>,
+}
+
+/// What alike counterexamples have in common exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Story {
     leaf: String,
     kind: Option<CrashKind>,
     with: Option<(String, String)>,
-    signals: Vec<f64>,
+}
+
+impl Story {
+    /// The leaf of ψ_ego that was violated, and who touched.
+    pub(super) fn told(&self) -> (String, Option<(String, String)>) {
+        (self.leaf.clone(), self.with.clone())
+    }
 }
 
 impl Shape {
@@ -39,17 +54,18 @@ impl Shape {
     pub fn of(scenario: &Scenario, episode: &Episode) -> Shape {
         let contact = episode.contact.as_ref();
         Shape {
-            leaf: leaf(scenario, episode),
-            kind: contact.and_then(|touch| Some(touch.impact?.kind)),
-            with: contact.map(|touch| touch.between.clone()),
+            story: Story {
+                leaf: leaf(scenario, episode),
+                kind: contact.and_then(|touch| Some(touch.impact?.kind)),
+                with: contact.map(|touch| touch.between.clone()),
+            },
             signals: observed(scenario, &episode.trace),
         }
     }
 
     /// Whether it is the same one over again.
     pub fn is_like(&self, other: &Shape) -> bool {
-        let alike = (&self.leaf, self.kind, &self.with) == (&other.leaf, other.kind, &other.with);
-        alike && self.distance(other) <= NEAR
+        self.story == other.story && self.distance(other) <= NEAR
     }
 
     /// Root mean square difference of what is observed, in half ranges.

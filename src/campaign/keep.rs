@@ -396,7 +396,7 @@ fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
 }
 
 /// What makes one worse than another, first things first.
-fn badness(episode: &Episode) -> [f64; 4] {
+pub(super) fn badness(episode: &Episode) -> [f64; 4] {
     let severity = Severity::of(episode);
     let risk = severity.and_then(|severity| severity.injury_risk);
     let depth = match episode.verdict {
@@ -412,7 +412,7 @@ fn badness(episode: &Episode) -> [f64; 4] {
 }
 
 /// Of two lists the one that is larger where they first differ comes first.
-fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
+pub(super) fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
     let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
     let differing = pairs.find(|order| order.is_ne());
     differing.unwrap_or(cmp::Ordering::Equal)

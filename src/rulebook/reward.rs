@@ -92,6 +92,17 @@ impl Reward {
         }
     }
 
+    /// Reward of a success by `rho` > 0 that reaches the goals of its training to
+    /// a share in [0, 1]: from what Definition 4 pays it up to the top of what
+    /// Definition 4 pays for any success, and so above everything else.
+    ///
+    /// A share that is NaN counts as 0.
+    pub fn success(&self, rho: f64, share: f64) -> f64 {
+        let (least, most) = (self.lawful(rho), self.lawful(f64::INFINITY));
+        // `max` gives the other one of a NaN, which `clamp` would keep.
+        least + share.max(0.0).min(1.0) * (most - least)
+    }
+
     /// Reward of a lawful violation by `rho` > 0 that does not count: above all
     /// that held, below 0, where all that counts is, and larger the deeper it is.
     ///

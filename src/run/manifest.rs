@@ -8,6 +8,7 @@ use super::calibration::{Calibration, Ended};
 use super::disk::read_text;
 use super::stored::StoredCount;
 use super::{FORMAT, RunError};
+use crate::rulebook::TrainingGoal;
 use crate::scenario::{Against, Change};
 use crate::scene::Dynamics;
 use crate::seal;
@@ -102,6 +103,9 @@ pub struct Manifest {
     /// Which of the world's `learners` trained; `None`: its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learner: Option<String>,
+    /// Which failures it was trained for; empty: any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goals: Vec<TrainingGoal>,
     /// What it was trained against.
     #[serde(default, skip_serializing_if = "Against::is_nominal")]
     pub against: Against,

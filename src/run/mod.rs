@@ -146,6 +146,7 @@ impl RunDir {
                 window: Window::default(),
                 counterexamples: None,
                 learner: scenario.learning.clone(),
+                goals: scenario.goals.clone(),
                 against: scenario.against,
                 left_out: scenario.left_out.clone(),
                 settings_sha256: Some(settings_of(scenario)),
@@ -318,8 +319,13 @@ impl RunDir {
         }
     }
 
-    /// The world with the learner and the family that the manifest names.
+    /// The world with the goals, the learner and the family that the manifest names.
     fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
+        let goals = world.training_towards(&self.manifest.goals);
+        let world = goals.map_err(|error| RunError::Damaged {
+            path: self.path.join("manifest.json"),
+            why: error.what,
+        })?;
         let against = self.manifest.against;
         if !against.is_nominal() {
             let left_out = self.manifest.left_out.as_deref();

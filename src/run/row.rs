@@ -79,12 +79,20 @@ pub struct Row {
     /// Closing speed of the contacts, if there were any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_speed_mps: Option<ClosingSpeed>,
+    /// Closing speed of the contacts after a success; `None`: there were none, or
+    /// it was not recorded apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success_closing_mps: Option<ClosingSpeed>,
     /// What the contacts do to the ego, if it has part in any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub severity: Option<ContactSeverity>,
     /// The successes by kind, most frequent first; empty: none, or not recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<FailureKind>,
+    /// Groups of alike failures among the successes; `None`: there are none, or
+    /// they were not compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distinct: Option<usize>,
     /// Starts on which the ego or the physics failed: in no rate of this row.
     pub invalid: usize,
     /// Those faults, by kind.

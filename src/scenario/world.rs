@@ -11,7 +11,7 @@ use super::locate::Path;
 use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::{LearnerConfig, Spaces};
-use crate::rulebook::{Rule, Rulebook};
+use crate::rulebook::{Rule, Rulebook, TrainingGoal};
 use crate::scene::drive::{Agent, Drive, DriveSpec, EgoController, EgoVariant};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Availability, Axis, Dynamics, Scene, Start, World};
@@ -45,6 +45,8 @@ pub struct Scenario {
     pub(crate) learners: IndexMap<String, LearnerConfig>,
     /// Which of them is `learner`; `None`: the world's own.
     pub(crate) learning: Option<String>,
+    /// Which failures a training looks for; empty: any.
+    pub(crate) goals: Vec<TrainingGoal>,
     /// What an ado is trained against.
     pub(crate) against: Against,
     /// The structure of the family that is not met.
@@ -130,6 +132,11 @@ impl Scenario {
     /// Other ways to learn, by name.
     pub fn learners(&self) -> &IndexMap<String, LearnerConfig> {
         &self.learners
+    }
+
+    /// Which failures a training looks for; empty: any.
+    pub fn goals(&self) -> &[TrainingGoal] {
+        &self.goals
     }
 
     /// What an ado is trained against.

@@ -432,7 +432,7 @@ pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
 
 impl Testbench {
     /// The record of what was played from `start` under `actions`.
-    pub(crate) fn episode(&mut self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+    pub(crate) fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
         let verdict = self.verdict.unwrap_or(Verdict::Invalid);
         let mut scratch = crate::stl::Scratch::default();
         let mut judged = self.trace.clone();

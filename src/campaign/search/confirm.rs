@@ -1,6 +1,7 @@
 //! Sequences that succeeded when pre-screened, played on the plant asked for.
 
 use crate::campaign::Watch;
+use crate::campaign::eval::RecordedFailure;
 use crate::ego::Fault;
 use crate::scenario::{Repeats, Scenario};
 use crate::scene::{Start, Touch};
@@ -78,6 +79,14 @@ impl Confirmer<'_> {
         }
         // Invariant: the root is always there and `rest` never ends.
         Confirmed::default()
+    }
+
+    /// In which way the ego failed in what was confirmed last; `None`: it did not,
+    /// or it was replayed where the ego cannot be copied.
+    pub fn failure(&self) -> Option<RecordedFailure> {
+        let last = self.benches.last().filter(|bench| bench.is_done())?;
+        let episode = last.episode(self.start, self.noise, self.actions.clone());
+        RecordedFailure::of(self.scenario, &episode)
     }
 
     /// The same from the start, where the ego cannot be copied; as often as the

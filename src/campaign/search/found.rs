@@ -1,5 +1,6 @@
 //! What a search of one start came to.
 
+use crate::campaign::eval::RecordedFailure;
 use crate::ego::Fault;
 use crate::severity::Impact;
 
@@ -12,6 +13,8 @@ pub struct Found {
     pub closing_speed_mps: Option<f64>,
     /// What the contact does to the ego, if it has part in it.
     pub impact: Option<Impact>,
+    /// In which way the ego failed, where its run was recorded.
+    pub failure: Option<RecordedFailure>,
     /// Whether a rule was broken between the success and that contact.
     pub foul_before_contact: bool,
     /// Episodes run, a part of one counted as one; the last is the success.
