@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use super::distinct::{Shape, clusters};
+use super::distinct::{Shape, badness, clusters, descending};
 use super::heuristic::Heuristic;
-use super::keep::{badness, descending};
 use super::replays::{NearestReplay, replay_nearest};
 use super::{TestStarts, Watch};
 use crate::ego::{Command, Fault};

@@ -99,8 +99,8 @@ impl Reward {
     /// A share that is NaN counts as 0.
     pub fn success(&self, rho: f64, share: f64) -> f64 {
         let (least, most) = (self.lawful(rho), self.lawful(f64::INFINITY));
-        // `max` gives the other one of a NaN, which `clamp` would keep.
-        least + share.max(0.0).min(1.0) * (most - least)
+        let share = if share.is_nan() { 0.0 } else { share };
+        least + share.clamp(0.0, 1.0) * (most - least)
     }
 
     /// Reward of a lawful violation by `rho` > 0 that does not count: above all

@@ -269,8 +269,25 @@ fn who_looks_through_others_avoids_what_is_uncovered_late() {
     let (open, hidden) = (fast_cut_out(""), fast_cut_out("line_of_sight: true"));
     let records = late_records(&open);
     assert!(3 < records.len(), "{} records", records.len());
-    for record in &records {
-        let (through, blocked) = (avoiding(&open, record), avoiding(&hidden, record));
-        println!("{through:?} {blocked:?}");
+    let both = records.iter().map(|record| {
+        let both = [avoiding(&open, record), avoiding(&hidden, record)];
+        for [_, in_panel, as_ego] in &both {
+            assert_eq!(in_panel, as_ego);
+        }
+        both
+    });
+    let both: Vec<[[Vec<&str>; 3]; 2]> = both.collect();
+    // Records in which a driver avoids the truck by looking through the lead car:
+    // a panel that ignored sight would say so of the hidden world as well.
+    let by_sight = |seat: usize, driver: &str| {
+        let avoids = |names: &[Vec<&str>; 3]| names[seat].contains(&driver);
+        let differ = both
+            .iter()
+            .filter(|[open, hidden]| avoids(open) && !avoids(hidden));
+        differ.count()
+    };
+    for seat in 0..3 {
+        assert!(3 < by_sight(seat, "RssDriver"), "{seat}: {both:?}");
     }
+    assert!(1 < by_sight(0, "FsmDriver"), "{both:?}");
 }
