@@ -11,10 +11,12 @@
 //! Architecture Invariant: pure functions of traces, without scene or learner.
 
 mod counts;
+mod goal;
 mod reward;
 mod verdict;
 
 pub use counts::Counts;
+pub use goal::TrainingGoal;
 pub use reward::Reward;
 pub use verdict::{RulesUntilContact, Verdict};
 

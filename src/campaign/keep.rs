@@ -5,14 +5,13 @@
 //! and persist, each made as small as it gets and labelled with what is known of
 //! it ([`About`]).
 
-use std::cmp;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::Watch;
-use super::distinct::{Shape, clusters};
+use super::distinct::{Shape, badness, clusters, descending, worse_first};
 use super::episodes::EpisodeLoop;
 use super::eval::{EvalRequest, Evaluated};
 use super::persistence::{persistence_within, variations};
@@ -393,35 +392,6 @@ fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
     let mut all: Vec<_> = all.collect();
     all.sort_unstable();
     all
-}
-
-/// What makes one worse than another, first things first.
-fn badness(episode: &Episode) -> [f64; 4] {
-    let severity = Severity::of(episode);
-    let risk = severity.and_then(|severity| severity.injury_risk);
-    let depth = match episode.verdict {
-        Verdict::Counterexample { by } => by,
-        _ => 0.0,
-    };
-    [
-        f64::from(u8::from(severity.is_some())),
-        risk.map_or(0.0, |risk| risk.probability),
-        severity.map_or(0.0, |severity| severity.closing_speed_mps),
-        depth,
-    ]
-}
-
-/// Of two lists the one that is larger where they first differ comes first.
-fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
-    let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
-    let differing = pairs.find(|order| order.is_ne());
-    differing.unwrap_or(cmp::Ordering::Equal)
-}
-
-/// The worse of two comes first: a contact before none, then by injury risk,
-/// closing speed, and depth of the violation.
-pub(super) fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
-    descending(&badness(a), &badness(b))
 }
 
 /// Writes the first `most` counterexamples of an evaluation into a directory, as

@@ -20,6 +20,7 @@ mod error;
 mod eval;
 mod evaluation;
 mod export;
+mod goals;
 mod heuristic;
 mod identification;
 mod identify;
@@ -57,6 +58,7 @@ mod watch;
 mod why;
 
 pub use adapt::{AdaptRequest, Adapted, ENOUGH_SIMULATIONS, LEAST_SIMULATIONS, adapt};
+pub use against::TrainingGym;
 pub use alike::{best_constant, best_then_brake};
 pub use baselines::AdoKind;
 pub use break_even::{BreakEven, PerStart, break_even};
@@ -67,11 +69,12 @@ pub use ego_under_test::{EgoUnderTest, consent, consent_to};
 pub(crate) use episodes::EpisodeLoop;
 pub use error::CampaignError;
 pub(crate) use eval::count_solved;
-pub use eval::{Ado, EvalRequest, Evaluated, Outcome, eval, explain_first};
+pub use eval::{Ado, EvalRequest, Evaluated, Outcome, RecordedFailure, eval, explain_first};
 pub use evaluation::{
     Evaluation, EvaluationTable, ExplainedCounterexample, Flipped, Gate, TheoremsChecked,
 };
 pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
+pub use goals::GoalTracker;
 pub use heuristic::{Heuristic, tune_heuristic};
 pub use identification::{FoundParameter, IdentifiedAs};
 pub use identify::{Identified, IdentifyError, IdentifyRequest, identify, is_telling};

@@ -12,6 +12,7 @@ use super::starts::{TestStarts, test_starts};
 use super::train::{TrainError, TrainingOutcome, steps, train};
 use super::watch::Watch;
 use crate::rl::{LearnerConfig, Policy};
+use crate::rulebook::TrainingGoal;
 use crate::run::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
 use crate::scenario::{Against, Change, Scenario, guessed};
 use crate::sim::PlantKind;
@@ -29,6 +30,8 @@ pub struct TrainRequest<'a> {
     pub decisions: Option<u64>,
     /// One of the world's `learners`.
     pub learner: Option<&'a str>,
+    /// Which failures to look for, instead of what the world says.
+    pub goals: Option<&'a [TrainingGoal]>,
     /// Against the world's ego, or its family.
     pub against: Against,
     /// A structure of the family that is not met.
@@ -249,6 +252,11 @@ impl TrainRequest<'_> {
             Some(plant) => on_plant(world, plant)?,
             None => world.clone(),
         };
+        if let Some(goals) = self.goals {
+            world = world.training_towards(goals).map_err(|error| {
+                CampaignError::request(error.what, error.help.unwrap_or_default())
+            })?;
+        }
         if let Some(name) = self.learner {
             let none = || {
                 let known = world.learners.keys().map(String::as_str);
@@ -348,6 +356,9 @@ impl TrainRequest<'_> {
         let begun = run.manifest();
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
             world = world.on(plant);
+        }
+        if self.goals.is_none() {
+            world.goals.clone_from(&begun.goals);
         }
         let left_out = begun
             .left_out

@@ -4,9 +4,10 @@ use cpu_time::ThreadTime;
 
 use super::Watch;
 use super::against::TrainingGym;
+use super::goals::GoalTracker;
 use super::patience::Patience;
 use super::seeding::seed_training;
-use crate::rl::{BundleError, Control, Learner, LearnerReport};
+use crate::rl::{Bundle, BundleError, Control, Learner, LearnerReport};
 use crate::run::{Done, RunDir, RunError, Window};
 use crate::scenario::Scenario;
 use crate::seed::Purpose;
@@ -77,7 +78,11 @@ pub fn train(
     let seed = run.manifest().seed;
     let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
     let spaces = &scenario.spaces();
-    let mut learner = match (run.checkpoint()?, run.from()?) {
+    let checkpoint = run.checkpoint()?;
+    if let Some(goals) = GoalTracker::of(scenario, checkpoint.as_ref())? {
+        gym.pay_by(goals);
+    }
+    let mut learner = match (checkpoint, run.from()?) {
         (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
         (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
         (None, None) => scenario.learner.build(spaces, seed),
@@ -150,7 +155,7 @@ pub fn train(
                 let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
                 let spent = gym.inner().spent();
                 let done = ledger.done(&*learner, &patience, spent, cpu_s);
-                run.save_checkpoint(&learner.checkpoint(), done)?;
+                run.save_checkpoint(&checkpoint_of(&*learner, &gym), done)?;
             }
         }
         if watch.stopped() || own.aside(|| patience.ends(&mut *learner)) {
@@ -172,7 +177,7 @@ pub fn train(
     let done = ledger.done(&*learner, &patience, spent, cpu_s);
     match (over, learner.finished()) {
         (true, _) => run.save_policy(&learner.policy_bundle(), done)?,
-        (false, true) => run.save_checkpoint(&learner.checkpoint(), done)?,
+        (false, true) => run.save_checkpoint(&checkpoint_of(&*learner, &gym), done)?,
         (false, false) => {}
     }
     Ok(TrainingOutcome {
@@ -190,6 +195,15 @@ fn note_searches(patience: &mut Patience<'_>, run: &mut RunDir, gym: &mut Traini
     let mut spent = gym.inner().spent();
     spent.physics_steps += patience.take_steps();
     gym.inner().count_from(spent);
+}
+
+/// Returns a learner's checkpoint with the counts of its training goals.
+fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> Bundle {
+    let mut checkpoint = learner.checkpoint();
+    if let Some(goals) = gym.goals() {
+        goals.save(&mut checkpoint);
+    }
+    checkpoint
 }
 
 /// Processor time of the thread that learns, without what it does as one of the

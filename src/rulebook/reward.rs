@@ -101,6 +101,17 @@ impl Reward {
         }
     }
 
+    /// Returns the reward of a success by `rho` > 0 that reaches a share of its goals.
+    ///
+    /// A share of 0 earns the reward of Definition 4. A share of 1 earns the limit
+    /// of that reward for large `rho`, and so more than any other outcome. A share
+    /// that is NaN counts as 0.
+    pub fn success(&self, rho: f64, share: f64) -> f64 {
+        let (least, most) = (self.lawful(rho), self.lawful(f64::INFINITY));
+        let share = if share.is_nan() { 0.0 } else { share };
+        least + share.clamp(0.0, 1.0) * (most - least)
+    }
+
     /// Returns the reward of a lawful violation by `rho` > 0 that does not count.
     ///
     /// The result exceeds that of every held run, stays below 0, and so below every

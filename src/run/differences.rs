@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::disk::settings_of;
 use super::{ChangedEgo, RunDir, RunError};
+use crate::rulebook::TrainingGoal;
 use crate::scenario::Scenario;
 use crate::seal::sha256;
 
@@ -140,6 +141,14 @@ impl RunDir {
             let kept = self.read_text("world.ron")?;
             let (line, begun, now) = first_line(&kept, &scenario.text);
             note(format!("world file, line {line}"), begun, now);
+        }
+        let goals = |goals: &[TrainingGoal]| match goals.is_empty() {
+            true => "none".to_owned(),
+            false => format!("{goals:?}"),
+        };
+        if begun.goals != scenario.goals {
+            let (begun, now) = (goals(&begun.goals), goals(&scenario.goals));
+            note("training goals".to_owned(), begun, now);
         }
         if let Some(settings) = &begun.settings {
             let now = serde_json::to_value(&scenario.learner).unwrap_or_default();

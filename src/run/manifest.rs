@@ -8,6 +8,7 @@ use super::calibration::{Calibration, Ended};
 use super::disk::read_text;
 use super::stored::StoredCount;
 use super::{FORMAT, RunError};
+use crate::rulebook::TrainingGoal;
 use crate::scenario::{Against, Change};
 use crate::scene::Dynamics;
 use crate::seal;
@@ -110,6 +111,9 @@ pub struct Manifest {
     /// Name of the learner among the world's `learners`. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learner: Option<String>,
+    /// Failures that the training looks for. Empty for any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goals: Vec<TrainingGoal>,
     /// Training opponent.
     #[serde(default, skip_serializing_if = "Against::is_nominal")]
     pub against: Against,

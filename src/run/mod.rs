@@ -153,6 +153,7 @@ impl RunDir {
                 window: Window::default(),
                 counterexamples: None,
                 learner: scenario.learning.clone(),
+                goals: scenario.goals.clone(),
                 against: scenario.against,
                 left_out: scenario.left_out.clone(),
                 settings_sha256: Some(settings_of(scenario)),
@@ -339,8 +340,13 @@ impl RunDir {
         }
     }
 
-    /// Returns the world with the learner and the family of the manifest.
+    /// Returns the world with the goals, the learner and the family of the manifest.
     fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
+        let goals = world.training_towards(&self.manifest.goals);
+        let world = goals.map_err(|error| RunError::Damaged {
+            path: self.path.join("manifest.json"),
+            why: error.what,
+        })?;
         let against = self.manifest.against;
         if !against.is_nominal() {
             let left_out = self.manifest.left_out.as_deref();

@@ -85,12 +85,22 @@ pub struct Row {
     /// Closing speed of the contacts, if there were any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_speed_mps: Option<ClosingSpeed>,
+    /// Closing speed of the contacts after a success.
+    ///
+    /// `None` if there were none, or if it was not recorded apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success_closing_mps: Option<ClosingSpeed>,
     /// Effect of the contacts on the ego, if it was in any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub severity: Option<ContactSeverity>,
     /// Successes by kind, the most frequent first. Empty if none, or not recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<FailureKind>,
+    /// Number of groups of similar failures among the successes.
+    ///
+    /// `None` if there are none, or if they were not compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distinct: Option<usize>,
     /// Starts on which the ego or the physics failed. They are in no rate of this row.
     pub invalid: usize,
     /// These faults by kind.

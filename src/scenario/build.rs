@@ -244,6 +244,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         learner,
         learners,
         learning: None,
+        goals: file.goals,
         against: Against::Nominal,
         left_out: None,
         family: family.map(Arc::new),

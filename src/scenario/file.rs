@@ -11,7 +11,7 @@ use super::repeats::Repeats;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::{DqnSettings, LearnerSettings};
-use crate::rulebook::{Counts, JudgeKind, Reward};
+use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 use crate::scene::Clock;
 use crate::scene::drive::{
     Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, Road, RoadPlace,
@@ -34,6 +34,8 @@ pub(super) struct ScenarioFile {
     pub(super) judge: JudgeKind,
     #[serde(default)]
     pub(super) counts: Counts,
+    #[serde(default)]
+    pub(super) goals: Vec<TrainingGoal>,
     pub(super) road: Road,
     #[serde(default)]
     pub(super) roads: Ordered<RoadFile>,

@@ -234,6 +234,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         learner,
         learners,
         learning: None,
+        goals: Vec::new(),
         against: Against::Nominal,
         left_out: None,
         family: None,

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{Against, ChangeError, Family, LoadError, Path, Repeats, Scenario, ScenarioError};
-use super::{changed, check, read};
+use super::{changed, check, counting, read};
 use crate::ego::Command;
 use crate::rl::{ConfigError, LearnerConfig};
-use crate::rulebook::{Counts, JudgeKind, Rulebook};
+use crate::rulebook::{Counts, JudgeKind, Rulebook, TrainingGoal};
 use crate::scene::World;
 use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController, Sensors};
 use crate::sim::PlantKind;
@@ -77,6 +77,26 @@ impl Scenario {
     pub fn training_for(&self, decisions: u64) -> Result<Scenario, ConfigError> {
         let learner = self.learner.clone().with_decisions(decisions)?;
         Ok(self.learning_with(learner))
+    }
+
+    /// Returns the world with goals for its trainings.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a goal that is repeated or cannot be reached in this world.
+    pub fn training_towards(&self, goals: &[TrainingGoal]) -> Result<Scenario, ChangeError> {
+        let others = self.drive().map(|spec| spec.agents.len().saturating_sub(1));
+        if let Some((what, help)) = counting::against_goals(goals, others) {
+            return Err(ChangeError {
+                what,
+                help: Some(help),
+                place: Vec::new(),
+            });
+        }
+        Ok(Scenario {
+            goals: goals.to_vec(),
+            ..self.clone()
+        })
     }
 
     /// Returns the world with a training opponent.

@@ -11,7 +11,7 @@ use super::locate::Path;
 use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::{LearnerConfig, Spaces};
-use crate::rulebook::{Rule, Rulebook};
+use crate::rulebook::{Rule, Rulebook, TrainingGoal};
 use crate::scene::drive::{Agent, Drive, DriveSpec, EgoController, EgoVariant};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Availability, Axis, Dynamics, Scene, Start, World};
@@ -46,6 +46,8 @@ pub struct Scenario {
     pub(crate) learners: IndexMap<String, LearnerConfig>,
     /// Name of the current learner. `None` for the world's own.
     pub(crate) learning: Option<String>,
+    /// Failures that a training looks for. Empty for any.
+    pub(crate) goals: Vec<TrainingGoal>,
     /// Training opponent of an ado.
     pub(crate) against: Against,
     /// Structure of the family that training leaves out.
@@ -131,6 +133,11 @@ impl Scenario {
     /// Returns the alternative learners by name.
     pub fn learners(&self) -> &IndexMap<String, LearnerConfig> {
         &self.learners
+    }
+
+    /// Returns the failures that a training looks for. Empty for any.
+    pub fn goals(&self) -> &[TrainingGoal] {
+        &self.goals
     }
 
     /// Returns the training opponent of an ado.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Aftermath, FaultLog, Testbench};
+use super::{Aftermath, Episode, FaultLog, Testbench};
 use crate::rl::{self, End, Spaces, Step};
 use crate::rulebook::Verdict;
 use crate::scene::Start;
@@ -38,6 +38,7 @@ pub struct Gym {
     spent: Spent,
     successes: Option<Vec<Success>>,
     faults: FaultLog,
+    aftermath: Aftermath,
 }
 
 /// Cost of the episodes of a [`Gym`] so far.
@@ -64,6 +65,32 @@ impl Gym {
             spent: Spent::default(),
             successes: None,
             faults: FaultLog::default(),
+            aftermath: Aftermath::Skip,
+        }
+    }
+
+    /// Plays on after a success, its last action held, to the contact or the
+    /// horizon; the learner decides no more.
+    pub(crate) fn play_aftermath(&mut self) {
+        self.aftermath = Aftermath::Play;
+    }
+
+    /// The episode that has just ended, if it is a success.
+    pub(crate) fn success(&self) -> Option<Episode> {
+        let success = self.bench.verdict()?.is_success();
+        let noise = self.bench.noise_of(self.key(self.index));
+        let actions = self.actions.clone();
+        success.then(|| self.bench.episode(&self.start, noise, actions))
+    }
+
+    /// Reward of the success that has just ended, which reaches the goals of the
+    /// training to a share in [0, 1]; 0 if it is none.
+    pub(crate) fn reward_for(&self, share: f64) -> f32 {
+        match self.bench.verdict() {
+            Some(Verdict::Counterexample { by }) => {
+                self.bench.rulebook.reward.success(by, share) as f32
+            }
+            _ => 0.0,
         }
     }
 
@@ -135,8 +162,7 @@ impl rl::Env for Gym {
         self.start = self.bench.draw(key);
         self.actions.clear();
         let noise = self.bench.noise_of(key);
-        // Learners need no aftermath: the reward is known with the verdict.
-        self.bench.begin(&self.start, noise, Aftermath::Skip);
+        self.bench.begin(&self.start, noise, self.aftermath);
         self.bench.observe(obs);
     }
 
@@ -151,6 +177,11 @@ impl rl::Env for Gym {
                 end: None,
             };
         };
+        // An observation after the verdict looks like one before it and is worth
+        // something else, so no learner gets to see one.
+        while !self.bench.is_done() {
+            self.bench.decide(action);
+        }
         self.note_end(verdict);
         match self.bench.rulebook.reward_of(&verdict) {
             // The one cast from rewards to learners (see ARCHITECTURE.md).

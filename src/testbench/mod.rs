@@ -441,7 +441,7 @@ pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
 
 impl Testbench {
     /// Returns the record of the episode played from `start` under `actions`.
-    pub(crate) fn episode(&mut self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+    pub(crate) fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
         let verdict = self.verdict.unwrap_or(Verdict::Invalid);
         let mut scratch = crate::stl::Scratch::default();
         // Robustness is that of the judged samples, as in the verdict: the

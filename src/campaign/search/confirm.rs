@@ -1,6 +1,7 @@
 //! Confirmation of pre-screened sequences on the requested plant.
 
 use crate::campaign::Watch;
+use crate::campaign::eval::RecordedFailure;
 use crate::ego::Fault;
 use crate::scenario::{Repeats, Scenario};
 use crate::scene::{Start, Touch};
@@ -83,6 +84,15 @@ impl Confirmer<'_> {
         }
         // Invariant: the root is always present and `rest` never ends.
         Confirmed::default()
+    }
+
+    /// Failure of the ego in the sequence that was confirmed last.
+    ///
+    /// `None` if the ego did not fail, or if it cannot be copied and was replayed.
+    pub fn failure(&self) -> Option<RecordedFailure> {
+        let last = self.benches.last().filter(|bench| bench.is_done())?;
+        let episode = last.episode(self.start, self.noise, self.actions.clone());
+        RecordedFailure::of(self.scenario, &episode)
     }
 
     /// Plays the sequence from the start, if the ego cannot be copied.

@@ -1,5 +1,6 @@
 //! Result of the search of one start.
 
+use crate::campaign::eval::RecordedFailure;
 use crate::ego::Fault;
 use crate::severity::Impact;
 
@@ -12,6 +13,8 @@ pub struct Found {
     pub closing_speed_mps: Option<f64>,
     /// Severity of the contact for the ego, if the ego takes part in it.
     pub impact: Option<Impact>,
+    /// Failure of the ego, where its run was recorded.
+    pub failure: Option<RecordedFailure>,
     /// True if a rule was broken between the success and that contact.
     pub foul_before_contact: bool,
     /// Number of episodes, including partial episodes and the final success.

@@ -26,7 +26,7 @@ pub(super) use mutate::mutate;
 pub use request::SearchRequest;
 
 use super::Watch;
-use super::eval::{blank_row, count_solved, note_row};
+use super::eval::{RecordedFailure, blank_row, count_solved, groups, note_row};
 use crate::run::{Anytime, ClosingSpeed, ContactSeverity, Row, StartOutcome, Unconfirmed, wilson};
 use crate::scenario::Scenario;
 use crate::scene::{Dynamics, Start};
@@ -155,6 +155,11 @@ pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a 
     row.foul_before_contact_rate = Some(share(late_fouls.count()));
     row.contact_rate = share(contacts.len());
     row.closing_speed_mps = ClosingSpeed::of(contacts);
+    row.success_closing_mps = row.closing_speed_mps;
+    let solved = found.clone().filter(|found| found.actions.is_some());
+    let failures: Vec<Option<&RecordedFailure>> =
+        solved.map(|found| found.failure.as_ref()).collect();
+    row.distinct = groups(&failures);
     let impacts: Vec<Impact> = found.filter_map(|f| f.impact).collect();
     // Contacts without part of the ego have no impact and are left out.
     row.severity = ContactSeverity::of(&impacts);

@@ -2,6 +2,7 @@
 
 use super::found::Found;
 use super::method::StartSearch;
+use crate::campaign::eval::RecordedFailure;
 use crate::scenario::Repeats;
 use crate::scene::Start;
 use crate::testbench::{Actor, Aftermath, Episode, Replay, play};
@@ -69,6 +70,7 @@ impl<'a> Trials<'a> {
         let episode = self.simulate(actor);
         if episode.verdict.is_success() && self.fails_again(&episode.actions) {
             self.found.foul_before_contact = episode.is_foul_before_contact();
+            self.found.failure = RecordedFailure::of(self.one.scenario, &episode);
             self.found.actions = Some(episode.actions);
             self.found.impact = episode.contact.as_ref().and_then(|touch| touch.impact);
             self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
