@@ -280,7 +280,7 @@ impl PlanDir {
                 let hash = stage.ado.map(|ado| ado.sha256);
                 if let Some(complaint) = own.faults.complaint() {
                     return Err(CampaignError::Faults {
-                        piece: piece.number,
+                        piece: Some(piece.number),
                         complaint,
                     });
                 }

@@ -8,6 +8,7 @@ use super::engine;
 use super::estimate;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::play::Stage;
+use super::row::RowOutcome;
 use crate::campaign::{CampaignError, EgoUnderTest, Watch, consent, on_plant};
 use crate::run::{RunDir, RunError, make_dir, write_file};
 use crate::scenario::Scenario;
@@ -18,6 +19,8 @@ pub const PIECE_S: f64 = 10.0;
 /// Starts that a pilot plays of a kind of unit, at most, and for how long.
 const PILOT_STARTS: usize = 32;
 const PILOT_S: f64 = 1.0;
+/// Share of invalid episodes up to which a pilot has nothing to complain of.
+const MOST_FAULTY: f64 = 0.99;
 /// Bytes of a row, on average.
 const ROW_BYTES: f64 = 420.0;
 
@@ -63,7 +66,8 @@ impl Plan {
     /// `None`: stopped.
     ///
     /// # Errors
-    /// The file, or something that it names, is wrong.
+    /// The file, or something that it names, is wrong; or an ego never runs in the
+    /// pilot.
     pub fn make(
         path: &Path,
         piece_s: Option<f64>,
@@ -163,19 +167,32 @@ impl Checked {
         };
         watch.detail(&format!("{}, {}", world.name(), unit.ado.word()));
         let (mut spent_s, mut starts) = (0.0, 0);
+        // One fault among the starts is a matter of the piece that has it. An ego
+        // that never runs makes no piece at all.
+        let faults = FaultLog::allowing(MOST_FAULTY);
+        let mut ran = false;
         while starts < PILOT_STARTS.min(unit.starts) && spent_s < PILOT_S {
             // Spread over the starts: those of a grid are not all alike.
             let next = starts * unit.starts / PILOT_STARTS.min(unit.starts);
             let began = std::time::Instant::now();
             let quiet = Watch {
-                faults: FaultLog::allowing(1.0),
+                faults: faults.clone(),
                 ..watch.quiet()
             };
-            if stage.play(next..next + 1, &quiet)?.is_none() && watch.interrupted() {
+            let played = stage.play(next..next + 1, &quiet)?;
+            if played.is_none() && watch.interrupted() {
                 return Ok(None);
             }
+            let rows = played.iter().flat_map(|played| &played.rows);
+            ran |= rows
+                .into_iter()
+                .any(|row| row.outcome != RowOutcome::Invalid);
             spent_s += began.elapsed().as_secs_f64();
             starts += 1;
+        }
+        if let Some(complaint) = faults.complaint().filter(|_| !ran) {
+            let piece = None;
+            return Err(CampaignError::Faults { piece, complaint });
         }
         Ok(Some((spent_s / f64::from(starts.max(1) as u32)).max(1e-6)))
     }

@@ -344,6 +344,7 @@ fn files_of_the_second_format_are_read_and_their_seals_are_not_shed() {
     let dir = tempfile::tempdir().expect("scratch");
     let (_, finished) = begun_and_finished(dir.path());
     let (timing, report) = (finished.join("timing.json"), finished.join("report.json"));
+    let sealed_timing = fs::read(&timing).expect("there");
     fs::write(&timing, "{\"cpu_s\":12.5}").expect("written");
     let error = RunDir::open(&finished).expect_err("no seal").to_string();
     assert!(error.contains("timing.json"), "{error}");
@@ -359,6 +360,9 @@ fn files_of_the_second_format_are_read_and_their_seals_are_not_shed() {
     assert!(run.report().expect("rows").is_empty());
     fs::write(&file, text).expect("written");
     fs::remove_file(&timing).expect("there");
+    let error = RunDir::open(&finished).expect_err("no time").to_string();
+    assert!(error.contains("`timing.json` is missing"), "{error}");
+    fs::write(&timing, sealed_timing).expect("written");
     fs::write(&report, "[]").expect("written");
     let run = RunDir::open(&finished).expect("a run");
     let error = run.report().expect_err("no seal").to_string();
