@@ -11,7 +11,7 @@ use super::play::Stage;
 use super::row::RowOutcome;
 use crate::campaign::{CampaignError, EgoUnderTest, Watch, consent, on_plant};
 use crate::run::{RunDir, RunError, make_dir, write_file};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, file_text};
 use crate::testbench::FaultLog;
 
 /// How long a piece takes, unless told otherwise.
@@ -215,7 +215,7 @@ impl Cut {
             .text()
             .map_err(|error| CampaignError::Fault(error.to_string()))?;
         let path = dir.join(PLAN);
-        if let Ok(there) = std::fs::read_to_string(&path) {
+        if let Ok(there) = file_text(&path) {
             return match there == text {
                 true => Ok(()),
                 false => Err(CampaignError::request(

@@ -1,6 +1,5 @@
 //! Finished work that is kept, so that an interrupted campaign goes on.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::RunError;
 use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, file_bytes};
 use crate::seal::{self, sha256};
 
 /// One piece of work: a file, and what it is the answer to.
@@ -44,7 +43,7 @@ impl Finished {
     /// # Errors
     /// The disk refuses, or the file is damaged ([`RunError::Damaged`]).
     pub fn read<T: DeserializeOwned>(&self) -> Result<Option<T>, RunError> {
-        let bytes = match fs::read(&self.path) {
+        let bytes = match file_bytes(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             read => read.map_err(io_error("reading", &self.path))?,
         };
@@ -126,6 +125,8 @@ fn forget_times(value: &mut Value) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const WORLD: &str = include_str!("../../worlds/acc.ron");

@@ -5,7 +5,6 @@
 //! it. What was written after the last one is cut off when training goes on,
 //! torn or not, and is then written again, byte for byte.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +13,7 @@ use sha2::{Digest, Sha256};
 use super::RunError;
 use super::disk::{append, cut, io_error};
 use super::manifest::Grown;
+use crate::scenario::file_bytes;
 use crate::seal::in_digits;
 
 /// A file that only grows, hashed as it does.
@@ -78,7 +78,7 @@ struct Counting {
 
 /// What a file holds whose first bytes are as `known` says.
 fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
-    let text = match fs::read(path) {
+    let text = match file_bytes(path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
         read => read.map_err(io_error("reading", path))?,
     };

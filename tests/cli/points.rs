@@ -125,6 +125,44 @@ fn points_that_fail_are_kept_shown_replayed_exported_reported_and_gated() {
     assert_eq!(row["fails_alone"]["starts"], failed);
 }
 
+/// The world's own ego passes no point: it must not say which are left out.
+#[test]
+fn a_campaign_judges_every_point_by_the_ego_that_it_names() {
+    let dir = scratch();
+    let world = imported(&dir);
+    let weak = path(&dir, "weak.py");
+    std::fs::write(&weak, WEAK).expect("written");
+    let ego = path(&dir, "weak.ron");
+    let change = format!(
+        "Change(controller: Some(Process(command: [\"python3\", \"{weak}\"], timeout_s: 60.0)))"
+    );
+    std::fs::write(&ego, change).expect("written");
+    let campaign = path(&dir, "campaign.ron");
+    let text = format!(
+        "Campaign(name: \"points\", worlds: [(file: \"{world}\")], egos: [Ego(\"{ego}\")], \
+         ados: [Neutral], starts: Drawn(count: 25, seed: 0))"
+    );
+    std::fs::write(&campaign, text).expect("written");
+    let plan = path(&dir, "plan");
+    let steps: [&[&str]; 3] = [
+        &["plan", &campaign, "-o", &plan, "--piece-s", "10"],
+        &["run", &plan],
+        &["merge", &plan, "--json"],
+    ];
+    let mut outputs = steps.iter().map(|step| {
+        let output = brakecheck(&[&["campaign"], *step, &["--allow-programs"]].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        output
+    });
+    let merged = json(&outputs.nth(2).expect("merged"));
+    let row = &merged["summary"]["rows"][0];
+    let eval = brakecheck(&with_program(&["eval", &world, "--json"], &weak));
+    let table = &json(&eval)["points"][0];
+    let [fails, trivial, starts] = ["fails", "trivial", "starts"].map(|it| number(&row[it]));
+    assert_eq!((fails, trivial, starts), (number(&table["failed"]), 0, 25));
+    assert!(0 < fails && fails < 25, "{row}");
+}
+
 #[test]
 fn a_world_where_something_kept_is_asked_for_is_refused_with_the_way_there() {
     let dir = scratch();

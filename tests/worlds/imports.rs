@@ -594,11 +594,7 @@ fn what_would_move_otherwise_is_refused_by_file_line_and_cure() {
         if line.is_none_or(|line| !line.contains(on_line)) {
             wrong.push(format!("{what}: it names {line:?}"));
         }
-        let has_cure = error.help.is_some();
-        let is_known = ["not read here", "EntityAction"]
-            .iter()
-            .any(|it| what == *it || on_line == *it);
-        if !has_cure && !is_known {
+        if error.help.is_none() {
             wrong.push(format!("{what}: no help"));
         }
     }

@@ -183,7 +183,12 @@ impl Reader<'_> {
             match kind.name.as_str() {
                 "PrivateAction" => moved.push(*inner),
                 "GlobalAction" => self.global(context, inner)?,
-                _ => return Err(kind.error("an action of this kind is not read")),
+                _ => {
+                    return Err(kind.refused(
+                        "an action of this kind is not read",
+                        "leave it out: what moves anybody is a `PrivateAction`",
+                    ));
+                }
             }
         }
         if moved.is_empty() {
@@ -225,7 +230,10 @@ impl Reader<'_> {
     fn global(&mut self, context: &EventContext<'_>, it: &Node) -> Result<(), ImportError> {
         let deletes = it.name == "EntityAction" && it.child("DeleteEntityAction").is_some();
         if !deletes {
-            return Err(it.error("an action of this kind is not read"));
+            return Err(it.refused(
+                "an action of this kind is not read",
+                "leave it out, or delete an entity instead",
+            ));
         }
         match starts(context.event, context.scope, context.begins_s)? {
             Starts::At(at_s) if at_s <= 0.0 => self.gone.push(context.scope.text(it, "entityRef")?),
@@ -355,7 +363,7 @@ impl Reader<'_> {
                 script.placed.way = Some(way);
                 step.laws.push(law);
             }
-            _ => return Err(it.error("an action of this kind is not read here")),
+            _ => return Err(it.refused("an action of this kind is not read here", "a speed, a change of lane or offset; at the start also a distance, a meeting or a trajectory")),
         }
         Ok(())
     }
@@ -398,7 +406,10 @@ impl Reader<'_> {
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
         if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
-            return Err(dynamics.error("only sinusoidal lane offsets are read"));
+            return Err(dynamics.refused(
+                "only sinusoidal lane offsets are read",
+                "write dynamicsShape=\"sinusoidal\"",
+            ));
         }
         let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
         let script = &mut self.scripts[who];
@@ -441,7 +452,7 @@ impl Reader<'_> {
 
 fn own_lane(script: &Script, it: &Node) -> Result<OnLane, ImportError> {
     let lane = script.placed.lane.clone();
-    lane.ok_or_else(|| it.error("it is on no lane"))
+    lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }
 
 /// The actions of an event that move somebody, each with what contains it.
