@@ -5,8 +5,10 @@ use crate::campaign::CampaignError;
 use crate::pieces::file::{StartsAsked, StartsEntry};
 use crate::scenario::{Path, Scenario, guessed};
 
-/// Most starts of a unit, and most values along an axis.
+/// Most starts of a unit.
 const MAX_STARTS: usize = 1_000_000_000;
+/// Most values along an axis of a grid: the plan lists them.
+const MAX_VALUES: usize = 100_000;
 
 impl Checker {
     pub(super) fn starts(
@@ -30,10 +32,13 @@ impl Checker {
             for (world, _) in &self.worlds {
                 self.axis(&place, world, (name, lo, hi))?;
             }
-            let sane = (1..=MAX_STARTS).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
+            let sane = (1..=MAX_VALUES).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
             if !sane {
                 let what = format!("{steps} values from {lo} to {hi} are no axis");
-                let help = "write `(least, greatest, how many)`".to_owned();
+                let help = match MAX_VALUES < steps {
+                    true => format!("at most {MAX_VALUES} values are possible along an axis"),
+                    false => "write `(least, greatest, how many)`".to_owned(),
+                };
                 return Err(self.source.wrong(&place, what, Some(help)));
             }
             let last = (steps - 1).max(1) as f64;
