@@ -27,7 +27,7 @@ use super::surrogate::AdaptedTo;
 use super::theorems::{CarryOver, GridTheorems, TheoremsRequest, carry_over, grid_theorems};
 use super::tries::Tried;
 use super::watch::Watch;
-use crate::run::Row;
+use crate::run::{FailsAlone, Row};
 use crate::scenario::Scenario;
 use crate::testbench::Testbench;
 
@@ -169,11 +169,14 @@ impl<'a> EvaluationTable<'a> {
         let relation = ego.relation(asked.run, asked.nominal);
         let named = (ego.name(), relation);
         let mut reused = reused_on(ego.scenario(), named, starts, rows, watch);
-        let mut alone = reused
-            .rows
-            .iter_mut()
-            .filter_map(|row| row.fails_alone.as_mut());
-        alone.by_ref().for_each(|alone| alone.left_out = left_out);
+        for row in &mut reused.rows {
+            // Of the nominal ego it says nothing that `trivial` does not, unless it
+            // is tested on another plant.
+            let is_trivial =
+                |it: &FailsAlone| ego.is_nominal() && !left_out && it.starts == row.trivial;
+            let alone = row.fails_alone.filter(|it| !is_trivial(it));
+            row.fails_alone = alone.map(|it| FailsAlone { left_out, ..it });
+        }
         self.egos.push(reused);
         self.reasons.extend(reason);
         self.found

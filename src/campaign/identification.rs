@@ -8,7 +8,7 @@ use super::identify::{Identified, IdentifyRequest, identify, is_telling};
 use super::of_egos::{DIR, place_of};
 use super::watch::Watch;
 use crate::run::{RunDir, RunError, make_dir, write_file};
-use crate::scenario::{Family, Member, Scenario};
+use crate::scenario::{Family, Member, Scenario, file_text};
 use crate::seal::{BLANK, check, seal};
 use crate::sim::PlantKind;
 
@@ -138,7 +138,7 @@ pub(super) fn identified(
     let asked = format!("identified {runs} {seed}");
     let place = place_of(run, ego, &asked).map(|place| place.with_extension("json"));
     if let Some(place) = &place
-        && let Ok(text) = std::fs::read_to_string(place)
+        && let Ok(text) = file_text(place)
     {
         let (name, place) = (ego.name(), place.display());
         match Kept::read(&text) {

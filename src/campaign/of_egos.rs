@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::ego_under_test::EgoUnderTest;
 use crate::run::RunDir;
+use crate::scenario::file_bytes;
 use crate::seal::sha256;
 
 /// The directory in a run.
@@ -27,7 +28,7 @@ pub(super) fn place_of(run: &RunDir, ego: &EgoUnderTest, asked: &str) -> Option<
     );
     if let Some(program) = ego.scenario().program() {
         let files = program.command.iter().map(Path::new);
-        for bytes in files.filter_map(|path| std::fs::read(path).ok()) {
+        for bytes in files.filter_map(|path| file_bytes(path).ok()) {
             key.push_str(&sha256(&bytes));
         }
     }

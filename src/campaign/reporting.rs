@@ -17,7 +17,7 @@ use super::telling::telling;
 use super::watch::Watch;
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::run::{Row, RunDir, RunError};
-use crate::scenario::{Against, Scenario};
+use crate::scenario::{Against, Scenario, file_text};
 use crate::testbench::film;
 
 /// Episodes that changed egos are tried on, unless told otherwise, and the
@@ -72,7 +72,7 @@ impl GivenRows {
         if size.is_ok_and(|size| MAX_ROWS_BYTES < size) {
             return Err(wrong("it is too large".to_owned()));
         }
-        let text = std::fs::read_to_string(file).map_err(|source| RunError::Io {
+        let text = file_text(file).map_err(|source| RunError::Io {
             verb: "reading",
             path: file.into(),
             source,

@@ -7,7 +7,7 @@ use serde_json::json;
 
 use super::{Common, Exit, Failure, finite_or_word, print_json, talk};
 use crate::run::trace_of_csv;
-use crate::scenario::{Problem, ScenarioError};
+use crate::scenario::{Problem, ScenarioError, file_text};
 use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
@@ -199,7 +199,7 @@ fn read(args: &StlArgs) -> Result<Trace, Failure> {
     if args.trace == "-" {
         std::io::stdin().read_to_string(&mut text).map_err(failed)?;
     } else {
-        text = std::fs::read_to_string(&args.trace).map_err(failed)?;
+        text = file_text(std::path::Path::new(&args.trace)).map_err(failed)?;
     }
     if args.dt.is_some_and(|dt_s| !dt_s.is_finite() || dt_s <= 0.0) {
         return Err(Failure::input(

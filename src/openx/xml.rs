@@ -5,6 +5,8 @@ use std::io;
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 
+use crate::visible::visible_markup;
+
 /// Element with its attributes and children, in the order of insertion.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
@@ -26,9 +28,12 @@ impl Element {
     }
 
     /// Adds a text attribute, with a space for every control character.
+    ///
+    /// Marks without width, or that turn the direction of writing, are shown escaped.
     pub fn text(mut self, name: &'static str, value: impl AsRef<str>) -> Element {
         // XML 1.0 forbids most control characters, even escaped.
         let value = value.as_ref().replace(char::is_control, " ");
+        let value = visible_markup(&value).into_owned();
         self.attributes.push((name, value));
         self
     }
@@ -108,11 +113,11 @@ mod tests {
 
     #[test]
     fn what_would_disturb_a_document_is_escaped() {
-        let rule = Element::new("Rule").text("name", "a < b & \"c\"\nd");
+        let rule = Element::new("Rule").text("name", "a < b & \"c\"\nd\u{202e}");
         let root = Element::new("Root").child(rule);
         let text = root.document().expect("in memory");
         let expected = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<Root>\n  \
-            <Rule name=\"a &lt; b &amp; &quot;c&quot; d\"/>\n</Root>\n";
+            <Rule name=\"a &lt; b &amp; &quot;c&quot; d\\u{202e}\"/>\n</Root>\n";
         assert_eq!(text, expected);
     }
 

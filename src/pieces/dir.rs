@@ -17,7 +17,7 @@ use super::play::{Stage, TrainedAdo};
 use super::training;
 use crate::campaign::{CampaignError, EgoUnderTest, Watch, on_plant};
 use crate::run::{RunDir, RunError, write_file};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, file_text};
 use crate::seal::{check, sha256};
 use crate::testbench::FaultLog;
 
@@ -70,7 +70,7 @@ impl PlanDir {
     pub fn open(dir: &Path, allow_programs: bool, allowed: f64) -> Result<PlanDir, CampaignError> {
         let path = dir.join(PLAN);
         let read = |path: &Path| {
-            fs::read_to_string(path).map_err(|source| RunError::Io {
+            file_text(path).map_err(|source| RunError::Io {
                 verb: "reading",
                 path: path.into(),
                 source,
@@ -288,7 +288,7 @@ impl PlanDir {
                 // The fault check comes before the rows, so a faulty piece leaves no file.
                 if let Some(complaint) = own.faults.complaint() {
                     return Err(CampaignError::Faults {
-                        piece: piece.number,
+                        piece: Some(piece.number),
                         complaint,
                     });
                 }

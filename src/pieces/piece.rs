@@ -1,6 +1,5 @@
 //! File of a piece: its question, its rows and its hash.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -9,6 +8,7 @@ use serde_json::json;
 
 use super::row::StartRow;
 use crate::run::{RunError, make_dir, write_file};
+use crate::scenario::file_bytes;
 use crate::seal::sha256;
 
 /// Pieces per directory, which keeps directories small.
@@ -86,7 +86,7 @@ pub(super) fn read(
     question: &str,
 ) -> Result<Result<PieceText, Unusable>, RunError> {
     let path = path_of(dir, number);
-    let bytes = match fs::read(&path) {
+    let bytes = match file_bytes(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             return Ok(Err(Unusable::Missing));
         }
@@ -132,6 +132,8 @@ fn parsed(bytes: Vec<u8>) -> Result<PieceText, Unusable> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

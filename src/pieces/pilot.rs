@@ -8,9 +8,10 @@ use super::engine;
 use super::estimate;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::play::Stage;
+use super::row::RowOutcome;
 use crate::campaign::{CampaignError, EgoUnderTest, Watch, consent, on_plant};
 use crate::run::{RunDir, RunError, make_dir, write_file};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, file_text};
 use crate::testbench::FaultLog;
 
 /// Default duration of a piece, s.
@@ -18,6 +19,8 @@ pub const PIECE_S: f64 = 10.0;
 /// Largest number of starts that a pilot plays per kind of unit, and its duration, s.
 const PILOT_STARTS: usize = 32;
 const PILOT_S: f64 = 1.0;
+/// Share of invalid episodes up to which a pilot reports no fault.
+const MOST_FAULTY: f64 = 0.99;
 /// Mean size of a row in bytes.
 const ROW_BYTES: f64 = 420.0;
 
@@ -63,7 +66,8 @@ impl Plan {
     /// `None`: stopped.
     ///
     /// # Errors
-    /// Returns an error if the file or a file that it names is invalid.
+    /// Returns an error if the file or a file that it names is invalid, or if an
+    /// ego never runs in the pilot.
     pub fn make(
         path: &Path,
         piece_s: Option<f64>,
@@ -166,20 +170,33 @@ impl Checked {
         };
         watch.detail(&format!("{}, {}", world.name(), unit.ado.word()));
         let (mut spent_s, mut starts) = (0.0, 0);
+        // One fault among the starts is a matter of the piece that has it. An ego
+        // that never runs makes no piece at all.
+        let faults = FaultLog::allowing(MOST_FAULTY);
+        let mut ran = false;
         while starts < PILOT_STARTS.min(unit.starts) && spent_s < PILOT_S {
             // Spread over the starts, because those of a grid differ.
             let next = starts * unit.starts / PILOT_STARTS.min(unit.starts);
             let began = std::time::Instant::now();
             // Faults are accepted here, because the pieces themselves report them.
             let quiet = Watch {
-                faults: FaultLog::allowing(1.0),
+                faults: faults.clone(),
                 ..watch.quiet()
             };
-            if stage.play(next..next + 1, &quiet)?.is_none() && watch.interrupted() {
+            let played = stage.play(next..next + 1, &quiet)?;
+            if played.is_none() && watch.interrupted() {
                 return Ok(None);
             }
+            let rows = played.iter().flat_map(|played| &played.rows);
+            ran |= rows
+                .into_iter()
+                .any(|row| row.outcome != RowOutcome::Invalid);
             spent_s += began.elapsed().as_secs_f64();
             starts += 1;
+        }
+        if let Some(complaint) = faults.complaint().filter(|_| !ran) {
+            let piece = None;
+            return Err(CampaignError::Faults { piece, complaint });
         }
         // The floor bounds the number of starts per piece.
         Ok(Some((spent_s / f64::from(starts.max(1) as u32)).max(1e-6)))
@@ -203,7 +220,7 @@ impl Cut {
             .map_err(|error| CampaignError::Fault(error.to_string()))?;
         let path = dir.join(PLAN);
         // Writing the same plan again changes nothing, so the command can be repeated.
-        if let Ok(there) = std::fs::read_to_string(&path) {
+        if let Ok(there) = file_text(&path) {
             return match there == text {
                 true => Ok(()),
                 false => Err(CampaignError::request(

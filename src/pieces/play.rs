@@ -11,7 +11,7 @@ use crate::campaign::{
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::scenario::Scenario;
-use crate::scene::Dynamics;
+use crate::scene::{Dynamics, Start};
 use crate::severity::Impact;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 
@@ -60,8 +60,7 @@ impl Stage<'_> {
         consent(self.world, std::slice::from_ref(&self.ego))?;
         let seed = self.plan.starts.seed();
         let points = self.plan.starts.of(self.world, which.clone());
-        // Trivial starts are found with the world's own ego, so all egos leave out the same.
-        let Some(starts) = TestStarts::tried(self.world, seed, points, watch) else {
+        let Some(starts) = self.judged(seed, points, watch) else {
             return Ok(None);
         };
         let (ended, episodes, cpu_s) = match &self.unit.ado {
@@ -94,6 +93,27 @@ impl Stage<'_> {
         });
         let rows = rows.collect();
         Ok(Some(Played { rows, cpu_s }))
+    }
+
+    /// Starts, with those left out at which the world's own ego fails by itself.
+    ///
+    /// Where that ego says nothing of others, as in imported scenes, each start is
+    /// a question to the unit's ego, and none is left out. `None`: stopped.
+    fn judged(
+        &self,
+        seed: u64,
+        starts: Vec<(Start, u64)>,
+        watch: &Watch<'_>,
+    ) -> Option<TestStarts> {
+        if !self.world.judges_each_ego() {
+            return TestStarts::tried(self.world, seed, starts, watch);
+        }
+        let trivial = vec![false; starts.len()];
+        Some(TestStarts {
+            seed,
+            starts,
+            trivial,
+        })
     }
 
     fn evaluated(&self, starts: &TestStarts, watch: &Watch<'_>) -> Result<Outcomes, CampaignError> {

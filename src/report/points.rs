@@ -74,7 +74,7 @@ impl PointsPage<'_> {
                 @if 0 < all { script { (PreEscaped(animation::SCRIPT)) } } }
             }
         };
-        page.into_string()
+        visible_markup(&page.into_string()).into_owned()
     }
 
     fn table(&self) -> Markup {

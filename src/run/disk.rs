@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use sha2::Digest;
 
 use super::RunError;
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, file_bytes};
 use crate::seal::{in_digits, sha256};
 
 /// Prefix of incomplete files. Leftovers are removed.
@@ -314,6 +314,10 @@ pub(super) fn lock(path: &Path) -> Result<File, RunError> {
     let file_path = path.join("lock");
     let failed = io_error("creating", &file_path);
     step(&file_path).map_err(&failed)?;
+    if file_path.exists() && !file_path.is_file() {
+        // To open a pipe for writing waits for its reader without end.
+        return Err(failed(io::Error::other("it is no ordinary file")));
+    }
     let file = File::create(&file_path).map_err(&failed)?;
     match fs4::FileExt::try_lock(&file) {
         Ok(()) => Ok(file),
@@ -327,7 +331,7 @@ pub(super) fn lock(path: &Path) -> Result<File, RunError> {
 ///
 /// Returns an error if the disk refuses, or the bytes are not UTF-8.
 pub(super) fn read_text(path: &Path) -> Result<String, RunError> {
-    let bytes = fs::read(path).map_err(io_error("reading", path))?;
+    let bytes = file_bytes(path).map_err(io_error("reading", path))?;
     String::from_utf8(bytes).map_err(|error| RunError::Damaged {
         path: path.into(),
         why: error.to_string(),

@@ -1,6 +1,5 @@
 //! Finished work, kept so that an interrupted campaign can continue.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::RunError;
 use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, file_bytes};
 use crate::seal::{self, sha256};
 
 /// Piece of work: a file, and the question that it answers.
@@ -46,7 +45,7 @@ impl Finished {
     /// Returns an error if the disk refuses, or the file is damaged
     /// ([`RunError::Damaged`]).
     pub fn read<T: DeserializeOwned>(&self) -> Result<Option<T>, RunError> {
-        let bytes = match fs::read(&self.path) {
+        let bytes = match file_bytes(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             read => read.map_err(io_error("reading", &self.path))?,
         };
@@ -133,6 +132,8 @@ fn forget_times(value: &mut Value) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const WORLD: &str = include_str!("../../worlds/acc.ron");

@@ -5,7 +5,6 @@
 //! last checkpoint are cut off when training continues, and are then written
 //! again, byte for byte.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +13,7 @@ use sha2::{Digest, Sha256};
 use super::RunError;
 use super::disk::{append, cut, io_error};
 use super::manifest::Grown;
+use crate::scenario::file_bytes;
 use crate::seal::in_digits;
 
 /// Growing file, hashed as it grows.
@@ -80,7 +80,7 @@ struct Counting {
 
 /// Returns the content of a file whose first bytes agree with `known`.
 fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
-    let text = match fs::read(path) {
+    let text = match file_bytes(path) {
         // A training without any line has no file yet.
         Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
         read => read.map_err(io_error("reading", path))?,

@@ -31,13 +31,22 @@ struct Timing {
 /// Processor time from the file beside the manifest.
 ///
 /// It is 0 before the first checkpoint.
-fn read_timing(path: &Path, format: u32) -> Result<f64, RunError> {
+fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
+    let (path, format) = (&run.join(TIMING), manifest.format);
     let damaged = |why: String| RunError::Damaged {
         path: path.into(),
         why,
     };
     if !path.is_file() {
-        return Ok(0.0);
+        // It is written before every checkpoint and before the policy.
+        let is_due = manifest.checkpoint.is_some() || manifest.is_finished();
+        return match is_due && 3 <= format {
+            true => Err(RunError::NotARun {
+                path: run.into(),
+                why: format!("`{TIMING}` is missing"),
+            }),
+            false => Ok(0.0),
+        };
     }
     let text = read_text(path)?;
     let read: Timing = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
@@ -253,7 +262,7 @@ impl Manifest {
         // The first format had neither a hash nor a file for the time.
         if 1 < manifest.format || manifest.is_sealed() {
             seal::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;
-            manifest.cpu_s = read_timing(&run.join(TIMING), manifest.format)?;
+            manifest.cpu_s = read_timing(run, &manifest)?;
         }
         Ok(manifest)
     }

@@ -66,7 +66,7 @@ pub use samples::{SamplesError, trace_of_csv};
 pub use stored::{MAX_STORED, Stored, StoredCount};
 
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
-use crate::scenario::{Against, LoadError, Scenario};
+use crate::scenario::{Against, LoadError, Scenario, file_bytes};
 use crate::seal::sha256;
 use disk::{io_error, is_taken, lock, settings_of};
 use grown::Growing;
@@ -539,7 +539,7 @@ impl RunDir {
 
     fn read_verified(&self, name: &str, expected: Option<&str>) -> Result<Vec<u8>, RunError> {
         let path = self.path.join(name);
-        let bytes = fs::read(&path).map_err(|source| match source.kind() {
+        let bytes = file_bytes(&path).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => RunError::NotARun {
                 path: self.path.clone(),
                 why: format!("`{name}` is missing"),

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::grown::verified;
 use super::{Row, RunDir, RunError, io_error};
+use crate::scenario::file_text;
 use crate::seal;
 
 pub(super) const FILE: &str = "progress.jsonl";
@@ -130,7 +131,7 @@ impl RunDir {
 
     fn read_if_there(&self, name: &str) -> Result<String, RunError> {
         let path = self.path().join(name);
-        match std::fs::read_to_string(&path) {
+        match file_text(&path) {
             Ok(text) => Ok(text),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
             Err(error) => Err(io_error("reading", &path)(error)),

@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 use super::LoadError;
 use super::error::{Problem, ScenarioError, did_you_mean, known_names};
 use super::locate::{first_non_finite, first_word};
+use super::named_file::open_file;
 
 /// Greatest size of a world file, in bytes.
 const MAX_BYTES: u64 = 4 << 20;
@@ -21,7 +22,7 @@ pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
         source,
     };
     let mut bytes = Vec::new();
-    let opened = std::fs::File::open(path).map_err(io)?;
+    let opened = open_file(path).map_err(io)?;
     // One byte more than allowed suffices to notice a larger file.
     let mut limited = opened.take(MAX_BYTES + 1);
     limited.read_to_end(&mut bytes).map_err(io)?;

@@ -85,6 +85,8 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
         }
     };
     let mut root = scenario.bench();
+    // No sequence has more switches than decisions, whatever was asked for.
+    let most = most.min(root.clock().decisions());
     let from = ((start, noise), index);
     let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, watch);
     let mut next = Next::Continue;

@@ -12,7 +12,7 @@ use crate::campaign::of_egos::{DIR, place_of};
 use crate::rl::nn::Mlp;
 use crate::rl::{Bundle, BundleError, load_policy_for};
 use crate::run::{RunDir, RunError, make_dir, write_file};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, file_bytes};
 use crate::seal::sha256;
 
 /// Tensor with a whole bundle: the policy trained in the surrogate.
@@ -36,7 +36,7 @@ pub(in crate::campaign) fn learned(
     let Some(path) = path_of(run, ego, request) else {
         return Ok(learn_ego(request, watch));
     };
-    if let Ok(bytes) = std::fs::read(&path) {
+    if let Ok(bytes) = file_bytes(&path) {
         let (name, path) = (ego.name(), path.display());
         match read(&bytes, request.ego) {
             Ok(kept) => {

@@ -191,7 +191,12 @@ impl Reader<'_> {
             match kind.name.as_str() {
                 "PrivateAction" => moved.push(*inner),
                 "GlobalAction" => self.global(context, inner)?,
-                _ => return Err(kind.error("an action of this kind is not read")),
+                _ => {
+                    return Err(kind.refused(
+                        "an action of this kind is not read",
+                        "leave it out: what moves anybody is a `PrivateAction`",
+                    ));
+                }
             }
         }
         if moved.is_empty() {
@@ -233,7 +238,10 @@ impl Reader<'_> {
     fn global(&mut self, context: &EventContext<'_>, it: &Node) -> Result<(), ImportError> {
         let deletes = it.name == "EntityAction" && it.child("DeleteEntityAction").is_some();
         if !deletes {
-            return Err(it.error("an action of this kind is not read"));
+            return Err(it.refused(
+                "an action of this kind is not read",
+                "leave it out, or delete an entity instead",
+            ));
         }
         match starts(context.event, context.scope, context.begins_s)? {
             // A deletion at the start equals a file without the entity.
@@ -374,7 +382,7 @@ impl Reader<'_> {
                 script.placed.way = Some(way);
                 step.laws.push(law);
             }
-            _ => return Err(it.error("an action of this kind is not read here")),
+            _ => return Err(it.refused("an action of this kind is not read here", "a speed, a change of lane or offset; at the start also a distance, a meeting or a trajectory")),
         }
         Ok(())
     }
@@ -418,7 +426,10 @@ impl Reader<'_> {
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
         if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
-            return Err(dynamics.error("only sinusoidal lane offsets are read"));
+            return Err(dynamics.refused(
+                "only sinusoidal lane offsets are read",
+                "write dynamicsShape=\"sinusoidal\"",
+            ));
         }
         // The greatest lateral acceleration of a cosine determines its
         // duration.
@@ -468,7 +479,7 @@ impl Reader<'_> {
 
 fn own_lane(script: &Script, it: &Node) -> Result<OnLane, ImportError> {
     let lane = script.placed.lane.clone();
-    lane.ok_or_else(|| it.error("it is on no lane"))
+    lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }
 
 /// Actions of an event that move an entity, each with its containing element.

@@ -50,7 +50,12 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
             is_delta(target)?;
             Some(scope.text(target, "entityRef")?)
         }
-        _ => return Err(target.error("a target speed of this kind is not read")),
+        _ => {
+            return Err(target.refused(
+                "a target speed of this kind is not read",
+                "write an `AbsoluteTargetSpeed` or a `RelativeTargetSpeed`",
+            ));
+        }
     };
     let dynamics = it.inner("SpeedActionDynamics")?;
     keeps_place(dynamics)?;
@@ -72,7 +77,12 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
             })?;
             Some((to_mps - now_mps).abs() / value)
         }
-        _ => return Err(dynamics.error("a speed that changes in this way is not read")),
+        _ => {
+            return Err(dynamics.refused(
+                "a speed that changes in this way is not read",
+                "write a step, or a linear change by rate or time",
+            ));
+        }
     };
     let most_mps2 = match known {
         None => speeds.most_mps2.0.min(speeds.most_mps2.1),
@@ -149,7 +159,10 @@ pub(super) fn approached(
     ground: Ground<'_>,
 ) -> Result<Approached, ImportError> {
     if scope.text(it, "masterEntityRef")? != "Ego" {
-        return Err(it.error("only meetings with the ego are read"));
+        return Err(it.refused(
+            "only meetings with the ego are read",
+            "write masterEntityRef=\"Ego\"",
+        ));
     }
     let end = it.inner("FinalSpeed")?.inner("AbsoluteSpeed")?;
     let steady = match end.children.first() {
@@ -183,7 +196,7 @@ pub(super) fn walked(
     let shape = trajectory.inner("Shape")?.only()?;
     let vertices: Vec<&Node> = shape.all("Vertex").collect();
     let (Some(first), Some(last)) = (vertices.first(), vertices.last()) else {
-        return Err(shape.error("a way without places"));
+        return Err(shape.refused("a way without places", "give the way at least two vertices"));
     };
     let end = ground.place(last.inner("Position")?, &own)?;
     let way_m = on.way.begins.sees(&end.spot).x_m;

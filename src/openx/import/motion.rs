@@ -68,7 +68,7 @@ pub(super) fn begins(
                 match it.name.as_str() {
                     "AssignRouteAction" => routes.push(it),
                     "FollowTrajectoryAction" => at = Some(on_trajectory(it, scope, ground)?),
-                    _ => return Err(it.error("an action of this kind is not read")),
+                    _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
                 }
             }
             "LongitudinalAction" => match it.only()? {
@@ -79,10 +79,15 @@ pub(super) fn begins(
                 }
             },
             _ if is_still(it, is_ego)? => {}
-            _ => return Err(it.error("an action of this kind is not read")),
+            _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
         }
     }
-    let at = at.ok_or_else(|| private.error("nothing says where it begins"))?;
+    let at = at.ok_or_else(|| {
+        private.refused(
+            "nothing says where it begins",
+            "place it in Init by a `TeleportAction`",
+        )
+    })?;
     for route in routes {
         ground.leads_on(route, scope, &at)?;
     }
@@ -141,7 +146,12 @@ pub(super) fn first_speed_mps(
                     other.ok_or_else(|| target.error(format!("`{name}` is not placed before")))?;
                 other.speed_mps + value_mps
             }
-            _ => return Err(target.error("a target speed of this kind is not read")),
+            _ => {
+                return Err(target.refused(
+                    "a target speed of this kind is not read",
+                    "write an `AbsoluteTargetSpeed` or a `RelativeTargetSpeed`",
+                ));
+            }
         };
     }
     match 0.0 <= speed_mps {
@@ -193,11 +203,19 @@ pub(super) fn friction_scale(
                 scale = friction_of(action, scope, ground)?.unwrap_or(scale);
             }
             "VariableAction" => {}
-            _ => return Err(action.error("an action of this kind is not read in Init")),
+            _ => {
+                return Err(action.refused(
+                    "an action of this kind is not read in Init",
+                    "leave it out, or make it an event",
+                ));
+            }
         }
     }
     if let Some(user) = init.child("UserDefinedAction") {
-        return Err(user.error("an action of this kind is not read in Init"));
+        return Err(user.refused(
+            "an action of this kind is not read in Init",
+            "leave it out: its meaning is not in the file",
+        ));
     }
     Ok(scale)
 }

@@ -68,7 +68,7 @@ impl Ground<'_> {
             "RelativeLanePosition" => {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref().filter(|at| at.lane != 0);
-                let at = at.ok_or_else(|| it.error("what it is relative to is on no lane"))?;
+                let at = at.ok_or_else(|| it.refused("what it is relative to is on no lane", "place that by a `LanePosition`"))?;
                 let by = scope.number(it, "dLane")? as i32;
                 let by_lane = it.raw("dsLane").is_some();
                 let s_m = at.s_m + scope.number(it, if by_lane { "dsLane" } else { "ds" })?;
@@ -90,7 +90,7 @@ impl Ground<'_> {
             "RelativeRoadPosition" => {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref();
-                let at = at.ok_or_else(|| it.error("what it is relative to is on no road"))?;
+                let at = at.ok_or_else(|| it.refused("what it is relative to is on no road", "place that by a `LanePosition` or a `RoadPosition`"))?;
                 let s_m = at.s_m + scope.number(it, "ds")?;
                 let t_m = at.t_m + scope.number(it, "dt")?;
                 self.on_road(it, scope, at.road.clone(), (s_m, t_m))
@@ -117,7 +117,7 @@ impl Ground<'_> {
                 })
             }
             "RoutePosition" => self.on_route(it, scope),
-            _ => Err(it.error("a position of this kind is not read")),
+            _ => Err(it.refused("a position of this kind is not read", "place it in the world, on a lane, a road, a trajectory or a route, or relative to these")),
         }
     }
 
@@ -164,16 +164,27 @@ impl Ground<'_> {
         for segment in shape.all("ClothoidSplineSegment") {
             match (segment.child("PositionStart"), begins.is_none()) {
                 (Some(position), true) => begins = Some(self.place(position, scope)?),
-                (None, true) => return Err(segment.error("nothing says where it begins")),
+                (None, true) => {
+                    return Err(segment.refused(
+                        "nothing says where it begins",
+                        "give its first segment a `PositionStart`",
+                    ));
+                }
                 (Some(_), false) => {
-                    return Err(segment.error("a way that begins anew is not read"));
+                    return Err(segment.refused(
+                        "a way that begins anew is not read",
+                        "keep the `PositionStart` of the first segment only",
+                    ));
                 }
                 (None, false) => {}
             }
             // A heading offset between segments would be a corner.
             let turns = scope.number_or_zero(segment, "hOffset")? != 0.0;
             if turns || shape.raw("timeEnd").is_some() {
-                return Err(segment.error("a way with corners or times is not read"));
+                return Err(segment.refused(
+                    "a way with corners or times is not read",
+                    "leave out `hOffset` and `timeEnd`",
+                ));
             }
             let spiral = Spiral {
                 length_m: scope.number(segment, "length")?,
@@ -187,7 +198,9 @@ impl Ground<'_> {
             // margin.
             pieces.extend(spiral.arcs(0.0));
         }
-        let begins = begins.ok_or_else(|| shape.error("a way without pieces"))?;
+        let begins = begins.ok_or_else(|| {
+            shape.refused("a way without pieces", "give it a `ClothoidSplineSegment`")
+        })?;
         let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
         let mut on = OnWay {
             ends_m: lengths.sum(),
@@ -293,7 +306,12 @@ impl Ground<'_> {
                 let t_m = stops[0].lane.as_ref().map_or(0.0, |at| at.t_m);
                 scope.number_or_zero(on, "t")? - t_m
             }
-            _ => return Err(on.error("a place on a route of this kind is not read")),
+            _ => {
+                return Err(on.refused(
+                    "a place on a route of this kind is not read",
+                    "write `FromLaneCoordinates` or `FromRoadCoordinates`",
+                ));
+            }
         };
         let begins = begins.moved(0.0, aside_m);
         Ok(Placed {

@@ -2,7 +2,7 @@
 //!
 //! Unsupported content of a road is an error only if an entity is on the road.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
 use super::scope::Scope;
@@ -16,6 +16,10 @@ const LANES_M: f64 = 12.0;
 /// Tolerances within which consecutive pieces of a reference line connect.
 const MEET_M: f64 = 0.01;
 const MEET_RAD: f64 = 1e-3;
+/// A carriageway without lanes is about as wide as a car.
+const LEAST_WIDTH_M: f64 = 2.0;
+/// Places of a road that are looked at for whether it meets itself.
+const MOST_SAMPLES: f64 = 20_000.0;
 
 /// Piece of a reference line.
 #[derive(Clone, Copy, Debug)]
@@ -212,7 +216,7 @@ impl Line {
             }
             all.push((id, width_m, lane.raw("type") == Some("driving")));
         }
-        Ok(Line {
+        let mut line = Line {
             surface: Surface::of(road, first)?,
             node: road.clone(),
             length_m,
@@ -220,7 +224,52 @@ impl Line {
             refused,
             offset_m,
             lanes: all,
-        })
+        };
+        if line.refused.is_none()
+            && let Some((s_m, again_m)) = line.meets_itself()
+        {
+            let what = format!("it is at s = {again_m:.0} m where it was at s = {s_m:.0} m");
+            let help = "cut it into roads that do not overlap: a place has one station on a road";
+            line.refused = Some(road.refused(what, help));
+        }
+        Ok(line)
+    }
+
+    /// Two stations whose carriageways overlap, if there are any: the road closes
+    /// on itself, or crosses itself.
+    fn meets_itself(&self) -> Option<(f64, f64)> {
+        let turns = self.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
+        // Nothing comes back that has not turned round.
+        if turns.sum::<f64>() <= core::f64::consts::PI {
+            return None;
+        }
+        let side_m = |sign: i32| {
+            let lanes = self.lanes.iter().filter(|(id, ..)| *id * sign > 0);
+            lanes.map(|(_, width_m, _)| width_m).sum::<f64>()
+        };
+        let near_m = (side_m(1) + side_m(-1)).max(LEAST_WIDTH_M);
+        let apart_m = (self.length_m / MOST_SAMPLES).max(0.25 * near_m);
+        let cell = |at_m: f64| (at_m / near_m).floor() as i64;
+        let mut seen: HashMap<(i64, i64), Vec<(f64, Spot)>> = HashMap::new();
+        let samples = (self.length_m / apart_m).min(MOST_SAMPLES) as usize;
+        for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {
+            let here = self.at(s_m, 0.0);
+            let (column, row) = (cell(here.x_m), cell(here.y_m));
+            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
+            for (dx, dy) in around {
+                let there = seen.get(&(column + dx, row + dy)).into_iter().flatten();
+                // A bend is near itself for a while: half a turn at its tightest.
+                let mut others = there.filter(|(other_m, _)| other_m + 4.0 * near_m < s_m);
+                let touches = |spot: &Spot| {
+                    libm::hypot(spot.x_m - here.x_m, spot.y_m - here.y_m) < 0.9 * near_m
+                };
+                if let Some((other_m, _)) = others.find(|(_, spot)| touches(spot)) {
+                    return Some((*other_m, s_m));
+                }
+            }
+            seen.entry((column, row)).or_default().push((s_m, here));
+        }
+        None
     }
 
     /// Returns whether the reference line is straight between two stations.

@@ -118,7 +118,12 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
         // The condition itself is the last child: the triggering entities
         // precede it.
         .find_map(|it| Some((it, it.children.last()?)))
-        .ok_or_else(|| condition.error("there is nothing in it"))?;
+        .ok_or_else(|| {
+            condition.refused(
+                "there is nothing in it",
+                "name what it waits for, such as a `SimulationTimeCondition`",
+            )
+        })?;
     if kind.name == "ByValueCondition" {
         return match by.name.as_str() {
             "SimulationTimeCondition" => {
@@ -139,7 +144,10 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
                 };
                 Ok(Starts::After { element, delay_s })
             }
-            _ => Err(by.error("a condition of this kind is not read")),
+            _ => Err(by.refused(
+                "a condition of this kind is not read",
+                "wait for a time, a parameter, or the end of an element",
+            )),
         };
     }
     let watch = watch(kind, scope, rises)?;
@@ -194,7 +202,10 @@ fn watch(kind: &Node, scope: &Scope, rises: bool) -> Result<Watch, ImportError> 
         .map(|it| scope.text(it, "entityRef"));
     let who = who.collect::<Result<Vec<_>, _>>()?;
     if who.is_empty() {
-        return Err(entities.error("nobody triggers it"));
+        return Err(entities.refused(
+            "nobody triggers it",
+            "name an entity: `<EntityRef entityRef=\"Ego\"/>`",
+        ));
     }
     let needs_all = match entities.raw("triggeringEntitiesRule") {
         Some("any") => false,
@@ -207,14 +218,22 @@ fn watch(kind: &Node, scope: &Scope, rises: bool) -> Result<Watch, ImportError> 
     let is_time = match it.name.as_str() {
         "RelativeDistanceCondition" => false,
         "TimeHeadwayCondition" => true,
-        _ => return Err(it.error("a condition of this kind is not read")),
+        _ => {
+            return Err(it.refused(
+                "a condition of this kind is not read",
+                "wait for a `RelativeDistanceCondition` or a `TimeHeadwayCondition`",
+            ));
+        }
     };
     let is_longitudinal = it
         .raw("relativeDistanceType")
         // Longitudinal is the default type.
         .is_none_or(|it| it == "longitudinal");
     if !is_longitudinal || it.raw("freespace") != Some("true") {
-        return Err(it.error("only clear distances along the road are read"));
+        return Err(it.refused(
+            "only clear distances along the road are read",
+            "write relativeDistanceType=\"longitudinal\" and freespace=\"true\"",
+        ));
     }
     let is_below = match it.need("rule")? {
         // Equality has no duration, so both rules of a side are read alike.

@@ -63,7 +63,7 @@ impl Way {
     /// length.
     pub fn through(asks: &Node, spots: &[Spot]) -> Result<Way, ImportError> {
         let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
-            return Err(asks.error("a way without places"));
+            return Err(asks.refused("a way without places", "give the way at least two places"));
         };
         let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
         let begins = Spot {
@@ -75,8 +75,13 @@ impl Way {
             .iter()
             .find(|spot| STRAIGHT_M < begins.sees(spot).y_m.abs());
         match aside {
-            Some(_) => Err(asks.error("a way that turns at its places is not read")),
-            None if dx == 0.0 && dy == 0.0 => Err(asks.error("a way that leads nowhere")),
+            Some(_) => Err(asks.refused(
+                "a way that turns at its places is not read",
+                "keep its places on one straight line, or write a clothoid spline",
+            )),
+            None if dx == 0.0 && dy == 0.0 => {
+                Err(asks.refused("a way that leads nowhere", "set its places apart"))
+            }
             None => Ok(Way::straight(begins)),
         }
     }

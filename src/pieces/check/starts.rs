@@ -5,8 +5,10 @@ use crate::campaign::CampaignError;
 use crate::pieces::file::{StartsAsked, StartsEntry};
 use crate::scenario::{Path, Scenario, guessed};
 
-/// Largest number of starts of a unit, and of values along an axis.
+/// Largest number of starts of a unit.
 const MAX_STARTS: usize = 1_000_000_000;
+/// Most values along an axis of a grid: the plan lists them.
+const MAX_VALUES: usize = 100_000;
 
 impl Checker {
     pub(super) fn starts(
@@ -32,10 +34,13 @@ impl Checker {
                 self.axis(&place, world, (name, lo, hi))?;
             }
             // A single value needs no range, but several values must differ.
-            let sane = (1..=MAX_STARTS).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
+            let sane = (1..=MAX_VALUES).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
             if !sane {
                 let what = format!("{steps} values from {lo} to {hi} are no axis");
-                let help = "write `(least, greatest, how many)`".to_owned();
+                let help = match MAX_VALUES < steps {
+                    true => format!("at most {MAX_VALUES} values are possible along an axis"),
+                    false => "write `(least, greatest, how many)`".to_owned(),
+                };
                 return Err(self.source.wrong(&place, what, Some(help)));
             }
             // A single value would divide by zero.

@@ -140,6 +140,11 @@ pub(super) struct Declared {
 
 /// Returns every signal of the named agents, then those under former names.
 pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
+    declared_of(names, &|_| true)
+}
+
+/// The same of some quantities only.
+fn declared_of(names: &AgentNames, wanted: &dyn Fn(&SignalQuantity) -> bool) -> Vec<Declared> {
     let agents = 0..names.agents.len();
     // The order of owners is that of the columns in traces. Recorded traces
     // depend on it.
@@ -156,7 +161,9 @@ pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
     let parameters = 0..names.parameters.len();
     owners.extend(parameters.map(|p| (Of::Parameter, [p, 0])));
     let sources = owners.into_iter().flat_map(|(of, whose)| {
-        let rows = SIGNALS.iter().filter(move |row| row.of == of);
+        let rows = SIGNALS
+            .iter()
+            .filter(move |row| row.of == of && wanted(row));
         rows.map(move |quantity| Source { quantity, whose })
     });
     let mut all: Vec<Declared> = sources.map(|source| source.declared(names)).collect();
@@ -195,6 +202,10 @@ pub fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
 impl DriveSpec {
     /// Returns every signal this scene can publish, except derived ones.
     pub fn catalogue(&self) -> Vec<SignalSource> {
+        self.offers(&|_| true)
+    }
+
+    fn offers(&self, wanted: &dyn Fn(&SignalQuantity) -> bool) -> Vec<SignalSource> {
         let offer = |declared: Declared| {
             let (source, quantity) = (declared.source, declared.source.quantity);
             let Interval { lo, hi } = source.range(self);
@@ -214,13 +225,21 @@ impl DriveSpec {
             }
         };
         let exists = |declared: &Declared| declared.source.exists(self);
-        let all = declared(&self.names()).into_iter();
+        let all = declared_of(&self.names(), wanted).into_iter();
         all.filter(exists).map(offer).collect()
     }
 
     /// Returns the signals in a trace of this scene, except derived ones.
     pub(super) fn published(&self) -> Vec<SignalSource> {
-        let mut offers = self.catalogue();
+        // A hundred agents have a hundred thousand signals, of which few are wanted:
+        // their names and meanings are not even written.
+        let mentioned = |last: &str| self.extra.iter().any(|name| name.ends_with(last));
+        let mut offers = self.offers(&|row: &SignalQuantity| {
+            row.always
+                || row.of == Of::Parameter
+                || mentioned(row.name)
+                || row.former.iter().any(|former| mentioned(former))
+        });
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers
     }
