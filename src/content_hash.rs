@@ -1,46 +1,49 @@
-//! Texts that hold their own SHA-256, so that a single flipped bit shows, and
-//! values by the SHA-256 of their canonical JSON.
+//! Texts that contain their own SHA-256, and SHA-256 of values as canonical JSON.
 //!
-//! The hash is of the text with zeros in its place: it is taken, then put
-//! there. Whoever changes a sealed text by hand breaks the seal; that is meant.
+//! A single flipped bit of such a text is detected.
+//!
+//! The hash is computed over the text with zeros in the hash's place and then
+//! written there. An edit by hand breaks the seal, which is intended.
 
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-/// Stands where the hash will be; the first of a text is the one meant.
+/// Placeholder for the hash. The first occurrence in a text is used.
 pub(crate) const BLANK: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
-/// Of bytes, in hexadecimal digits.
+/// Returns the SHA-256 of bytes in hexadecimal digits.
 pub(crate) fn sha256(bytes: &[u8]) -> String {
     in_digits(Sha256::digest(bytes).as_slice())
 }
 
-/// SHA-256 of a value as JSON whose keys are sorted.
+/// Returns the SHA-256 of a value as JSON with sorted keys.
 ///
-/// Run directories and caches are identified by it. Names of types, the order of
-/// fields and `Debug` do not count, and neither does a field that is not written.
+/// It identifies run directories and caches. It does not depend on names of types,
+/// the order of fields, `Debug` output or fields that are not serialized.
 pub(crate) fn fingerprint(value: &Value) -> String {
     let mut sorted = value.clone();
-    // A dependency may ask for maps that keep the order of insertion.
+    // A dependency may enable maps in the order of insertion.
     sorted.sort_all_objects();
     sha256(sorted.to_string().as_bytes())
 }
 
-/// A hash as hexadecimal digits.
+/// Formats a digest as hexadecimal digits.
 pub(crate) fn in_digits(digest: &[u8]) -> String {
     digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The text with its hash in the place of the first [`BLANK`].
+/// Returns the text with its hash in place of the first [`BLANK`].
 pub(crate) fn seal(text: &str) -> String {
     text.replacen(BLANK, &sha256(text.as_bytes()), 1)
 }
 
-/// Whether a text is as it was when it was sealed; `hash` is what it holds.
+/// Checks that a sealed text is unchanged. `hash` is the hash it contains.
 ///
 /// # Errors
-/// It is not, in words.
+/// The text was changed, described in words.
 pub(crate) fn check(text: &str, hash: &str) -> Result<(), String> {
+    // An empty hash would match before every character, so nothing is replaced and
+    // the comparison fails.
     let blank = text.replacen(hash, BLANK, usize::from(!hash.is_empty()));
     let found = sha256(blank.as_bytes());
     match found == hash {
@@ -98,6 +101,7 @@ mod tests {
         for bit in 0..8 * bytes.len() {
             bytes[bit / 8] ^= 1 << (bit % 8);
             if let Ok(text) = std::str::from_utf8(&bytes) {
+                // The flip may hit the stored hash itself, so it is read again from the text.
                 let hash = text.get(13..77).unwrap_or_default();
                 assert!(check(text, hash).is_err(), "bit {bit}: {text}");
             }

@@ -1,7 +1,7 @@
-//! The documentation that is not of single items: how to write a world, bring an
-//! ego, read a report, and what was measured.
+//! Guide pages: how to write a world, bring an ego, read a report, and the
+//! measurements.
 
-/// Every verb of the command line, from Rust.
+/// Every command of the command line, from Rust.
 #[doc = include_str!("../docs/library.md")]
 pub mod library {}
 
@@ -13,35 +13,35 @@ pub mod worlds {}
 #[doc = include_str!("../docs/world-file.md")]
 pub mod world_file {}
 
-/// Oncoming traffic, roads that cross, parked cars, what hides.
+/// Oncoming traffic, crossing roads, parked cars and occlusion.
 #[doc = include_str!("../docs/roads.md")]
 pub mod roads {}
 
-/// Scripts by laws, meetings, ados that stray from them, start tables.
+/// Scripted motion by laws, encounters, deviations and start tables.
 #[doc = include_str!("../docs/plans.md")]
 pub mod plans {}
 
-/// Euro NCAP and UN R157 from OpenSCENARIO as worlds.
+/// Euro NCAP and UN R157 protocols from OpenSCENARIO as worlds.
 #[doc = include_str!("../docs/protocols.md")]
 pub mod protocols {}
 
-/// Stock egos, sensors, changed egos.
+/// Stock egos, sensors and changed egos.
 #[doc = include_str!("../docs/egos.md")]
 pub mod egos {}
 
-/// What formulas speak of, and how to derive more.
+/// Signals for formulas, and how to derive more.
 #[doc = include_str!("../docs/signals.md")]
 pub mod signals {}
 
-/// Bringing an ego in any language.
+/// Connecting an ego in any language.
 #[doc = include_str!("../docs/ego-protocol.md")]
 pub mod ego_protocol {}
 
-/// A trained ado in another simulator.
+/// Running a trained ado in another simulator.
 #[doc = include_str!("../docs/ado-protocol.md")]
 pub mod ado_protocol {}
 
-/// Training out of the box: what happens, how long, what is said at the end.
+/// Training with default settings: steps, duration and the final report.
 #[doc = include_str!("../docs/training.md")]
 pub mod training {}
 
@@ -49,15 +49,15 @@ pub mod training {}
 #[doc = include_str!("../docs/reuse.md")]
 pub mod reuse {}
 
-/// An ado that learns an ego of another structure from runs of it.
+/// Adapting an ado to an ego of another structure from its runs.
 #[doc = include_str!("../docs/adapting.md")]
 pub mod adapting {}
 
-/// Searching without learning.
+/// Search without learning.
 #[doc = include_str!("../docs/search.md")]
 pub mod search {}
 
-/// Many worlds, egos, ados and starts in pieces that can die.
+/// Many worlds, egos, ados and starts in resumable shards.
 #[doc = include_str!("../docs/campaigns.md")]
 pub mod campaigns {}
 
@@ -65,11 +65,11 @@ pub mod campaigns {}
 #[doc = include_str!("../docs/learners.md")]
 pub mod learners {}
 
-/// What the plants model and what not.
+/// Scope and limits of the physical models.
 #[doc = include_str!("../docs/physics.md")]
 pub mod physics {}
 
-/// Which reference drivers avoid a crash.
+/// Reference drivers and the crashes they avoid.
 #[doc = include_str!("../docs/preventability.md")]
 pub mod preventability {}
 
@@ -77,7 +77,7 @@ pub mod preventability {}
 #[doc = include_str!("../docs/files.md")]
 pub mod files {}
 
-/// Kept crashes: how severe, how small, why, whether they persist.
+/// Kept crashes: severity, minimization, cause and persistence.
 #[doc = include_str!("../docs/crashes.md")]
 pub mod crashes {}
 
@@ -85,11 +85,11 @@ pub mod crashes {}
 #[doc = include_str!("../docs/export.md")]
 pub mod export {}
 
-/// What may and may not be said of a result.
+/// Claims that a result supports, and those it does not.
 #[doc = include_str!("../docs/claims.md")]
 pub mod claims {}
 
-/// The page and the JUnit file of a run.
+/// HTML page and JUnit file of a run.
 #[doc = include_str!("../docs/report.md")]
 pub mod report {}
 
@@ -97,10 +97,10 @@ pub mod report {}
 #[doc = include_str!("../docs/theorems.md")]
 pub mod theorems {}
 
-/// Of what the intervals speak.
+/// Quantities that the intervals cover.
 #[doc = include_str!("../docs/intervals.md")]
 pub mod intervals {}
 
-/// Equation, function, deviation.
+/// Map from the paper's equations to functions and deviations.
 #[doc = include_str!("../docs/paper.md")]
 pub mod paper {}

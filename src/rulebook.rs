@@ -1,19 +1,22 @@
-//! Definition 4: prioritised rules and the ego's specification give a verdict,
-//! and the verdict gives the reward. Nothing else rewards an ado.
+//! Definition 4: from prioritised rules and ψ_ego to a verdict and a reward.
 //!
-//! The paper prints "ρ_min = −ρ_max > 0" and a penalty of −M ρ_min; only a
-//! penalty makes its Lemma 2 true, so the readings here are those of
-//! `docs/paper.md`: "kept" is strict (ρ > 0), a violated ego specification is
-//! strict too (ρ(¬ψ) > 0), and lawful rewards stay inside an open interval
-//! above every penalty.
+//! Nothing else in the workspace rewards an ado.
 //!
-//! Architecture Invariant: pure functions of traces; no scene, no learner.
+//! The paper prints "ρ_min = −ρ_max > 0" and a penalty of −M ρ_min. Only a
+//! penalty makes its Lemma 2 true, so this module follows the readings of
+//! `docs/paper.md`. "Kept" is strict (ρ > 0), and so is a violated ego
+//! specification (ρ(¬ψ) > 0). Lawful rewards stay inside an open interval above
+//! every penalty.
+//!
+//! Architecture Invariant: pure functions of traces, without scene or learner.
 
 mod counts;
+mod goal;
 mod reward;
 mod verdict;
 
 pub use counts::Counts;
+pub use goal::TrainingGoal;
 pub use reward::Reward;
 pub use verdict::{RulesUntilContact, Verdict};
 
@@ -22,16 +25,17 @@ use serde::{Deserialize, Serialize};
 use crate::stl::{Monitor, OnlineMonitor, Scratch};
 use crate::trace::{RowError, Trace};
 
-/// When an episode ends and what is judged.
+/// End of an episode, and the part of it that is judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum JudgeKind {
-    /// The prefix up to the first decided sample is judged, and play ends there.
+    /// Judges the prefix up to the first decided sample, where the episode ends.
     #[default]
     UntilViolation,
-    /// The whole run to the horizon is judged; the contact sample is held.
+    /// Judges the whole run to the horizon, with the contact sample held.
     WholeRun,
-    /// Play ends at a contact or the horizon, and all of it is judged then; a
-    /// rule that no further sample can save ends it before.
+    /// Judges everything up to a contact or the horizon.
+    ///
+    /// A rule that no further sample can satisfy ends the episode earlier.
     UntilContact,
 }
 
@@ -40,42 +44,45 @@ pub enum JudgeKind {
 pub struct Rule {
     /// Name in the world file.
     pub name: String,
-    /// Name of the ado that must keep it.
+    /// Name of the ado that must keep the rule.
     pub ado: String,
-    /// 0 is the most important; equal numbers count together in M.
+    /// Rank, 0 for the most important. Equal ranks count together in M.
     pub priority: usize,
     /// The formula, kept when its robustness is above 0.
     pub monitor: Monitor,
 }
 
-/// ψ_ego, the rules of all ados in one order, and how they are judged.
+/// ψ_ego, the ordered rules of all ados, and the way they are judged.
 #[derive(Clone, Debug)]
 pub struct Rulebook {
     /// ψ_ego.
     pub spec: Monitor,
     /// The rules, most important first.
     pub rules: Vec<Rule>,
-    /// Which part of the run is judged.
+    /// Part of the run that is judged.
     pub judge: JudgeKind,
-    /// Which violations are counterexamples.
+    /// Violations of ψ_ego that count as counterexamples.
     pub counts: Counts,
-    /// From the verdict to a number.
+    /// Map from the verdict to a number.
     pub reward: Reward,
 }
 
 impl Rulebook {
-    /// M of Definition 4: rules with priority no higher than that of `rule`.
+    /// Returns M of Definition 4 for `rule`.
+    ///
+    /// M counts the rules whose priority is no higher than that of `rule`,
+    /// and includes `rule`.
     pub fn forfeited(&self, rule: usize) -> usize {
         let priority = self.rules[rule].priority;
         self.rules.iter().filter(|r| priority <= r.priority).count()
     }
 
-    /// The reward of a verdict; an invalid episode has none.
+    /// Returns the reward of a verdict, `None` for an invalid episode.
     pub fn reward_of(&self, verdict: &Verdict) -> Option<f64> {
         self.reward.of(verdict, self.rules.len())
     }
 
-    /// Judges a finished trace as it stands, the way the paper reads it.
+    /// Judges a finished trace as a whole, as the paper does.
     pub fn judge_whole(&self, trace: &Trace, scratch: &mut Scratch) -> Verdict {
         match self.first_broken(trace, scratch) {
             Some(rule) => self.foul(rule),
@@ -83,7 +90,7 @@ impl Rulebook {
         }
     }
 
-    /// The most important rule that `trace` does not strictly keep.
+    /// Returns the most important rule that `trace` does not strictly keep.
     fn first_broken(&self, trace: &Trace, scratch: &mut Scratch) -> Option<usize> {
         (0..self.rules.len())
             .filter(|&i| self.rules[i].monitor.robustness(trace, scratch) <= 0.0)
@@ -99,6 +106,7 @@ impl Rulebook {
 }
 
 fn lawful(rho_spec: f64) -> Verdict {
+    // Strict: ρ(ψ) = 0 counts as held, so a run exactly on the bound is no success.
     if rho_spec < 0.0 {
         Verdict::Counterexample { by: -rho_spec }
     } else {
@@ -106,19 +114,19 @@ fn lawful(rho_spec: f64) -> Verdict {
     }
 }
 
-/// Why no further sample will come.
+/// Reason for the end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// The last sample of the horizon has been pushed.
     Horizon,
-    /// Two agents touched: the motion ends.
+    /// Two agents touched, which ends the motion.
     Contact,
 }
 
-/// Judges a run while it happens.
+/// Online judge of one run at a time.
 ///
-/// Push every sample; a verdict is returned as soon as nothing can change it
-/// ([`JudgeKind::UntilViolation`]) or when the run stops.
+/// Push every sample. [`Judge::push`] returns the verdict as soon as no further
+/// sample can change it ([`JudgeKind::UntilViolation`]) or when the run stops.
 #[derive(Clone)]
 pub struct Judge {
     spec: OnlineMonitor,
@@ -128,7 +136,7 @@ pub struct Judge {
 }
 
 impl Judge {
-    /// A judge for runs of at most `samples` samples.
+    /// Creates a judge for runs of at most `samples` samples.
     pub fn new(rulebook: &Rulebook, samples: usize) -> Judge {
         Judge {
             spec: rulebook.spec.online_for(samples),
@@ -142,18 +150,18 @@ impl Judge {
         }
     }
 
-    /// Begins a new run and keeps the memory.
+    /// Starts a new run and keeps the allocated memory.
     pub fn reset(&mut self) {
         self.spec.reset();
         self.rules.iter_mut().for_each(OnlineMonitor::reset);
         self.spec_lost = false;
     }
 
-    /// Reads the newest sample, `row`, the last one of `trace`.
+    /// Reads the newest sample `row`, which is the last row of `trace`.
     ///
-    /// `stop` says that no further sample will come; a verdict is certain then.
-    /// Judged sample by sample, a row that is none (a NaN, another length)
-    /// makes the episode invalid.
+    /// With `stop` set no further sample follows, and the result is always `Some`.
+    /// When the judge reads sample by sample, a row that is not a sample (a NaN, a
+    /// wrong length) makes the episode invalid.
     pub fn push(
         &mut self,
         rulebook: &Rulebook,
@@ -167,32 +175,34 @@ impl Judge {
             JudgeKind::UntilContact => match self.broken_at(rulebook, row) {
                 Err(_) => Some(Verdict::Invalid),
                 Ok(Some(rule)) => Some(rulebook.foul(rule)),
-                // What was played is read as it stands: a rule that is not
-                // strictly kept on it is broken, however the run ended.
+                // The played part is judged as it is: a rule that is not strictly kept on
+                // it is broken, whatever ended the run.
                 Ok(None) => stop.map(|_| rulebook.judge_whole(trace, &mut self.scratch)),
             },
         }
     }
 
-    /// Reads a sample after a success: the rule that is lost for good by then.
+    /// Reads a sample after a success and returns a rule that is lost by then.
     ///
-    /// The verdict stands. Under the other judges nothing comes after it.
+    /// The verdict does not change. Under the other judges an episode has no sample
+    /// after its verdict, and the result is `None`.
     pub fn push_after(&mut self, rulebook: &Rulebook, row: &[f64]) -> Option<usize> {
         match rulebook.judge {
-            // A row that is no sample was refused by the trace: none comes here.
+            // The trace already refused rows that are not samples, so none arrives here.
             JudgeKind::UntilViolation => self.broken_at(rulebook, row).ok().flatten(),
             JudgeKind::WholeRun | JudgeKind::UntilContact => None,
         }
     }
 
-    /// The most important rule that no further sample can save.
+    /// Returns the most important rule that no further sample can satisfy.
     ///
     /// # Errors
-    /// The row is no sample.
+    /// The row is not a sample.
     fn broken_at(&mut self, rulebook: &Rulebook, row: &[f64]) -> Result<Option<usize>, RowError> {
         let mut broken: Option<usize> = None;
         for (i, rule) in self.rules.iter_mut().enumerate() {
             let now = rule.push(row)?;
+            // An upper bound of 0 is enough, since "kept" is strict.
             let lost = now.hi <= 0.0;
             let outranks = |b: usize| rulebook.rules[i].priority < rulebook.rules[b].priority;
             if lost && broken.is_none_or(outranks) {
@@ -209,17 +219,21 @@ impl Judge {
         row: &[f64],
         stop: Option<Stop>,
     ) -> Option<Verdict> {
-        // What is no sample was never driven, and is nobody's success.
+        // A row that is not a sample was never driven, so it cannot prove a success.
         let Ok(broken) = self.broken_at(rulebook, row) else {
             return Some(Verdict::Invalid);
         };
         let Ok(now) = self.spec.push(row) else {
             return Some(Verdict::Invalid);
         };
+        // Strict, unlike the rules: ρ(¬ψ) = 0 is not a violation of ψ_ego.
         self.spec_lost |= now.hi < 0.0;
+        // Before the success check: a rule lost on the same sample outweighs it.
         if let Some(rule) = broken {
             return Some(rulebook.foul(rule));
         }
+        // `spec_lost` persists, because the rules may be kept on the prefix only at a
+        // later sample.
         if self.spec_lost && rulebook.first_broken(trace, &mut self.scratch).is_none() {
             let by = -rulebook.spec.robustness(trace, &mut self.scratch);
             if 0.0 < by {
@@ -231,7 +245,7 @@ impl Judge {
 
     fn at_stop(&mut self, rulebook: &Rulebook, trace: &Trace, stop: Stop) -> Verdict {
         if stop == Stop::Horizon {
-            // No rule was lost: what has settled has settled on being kept.
+            // No rule was lost, so every settled rule has settled on being kept.
             let mut rules = self.rules.iter();
             let settled = rules.all(|rule| rule.interval().is_final());
             return match settled && self.spec.interval().is_final() {
@@ -239,8 +253,8 @@ impl Judge {
                 false => rulebook.judge_whole(trace, &mut self.scratch),
             };
         }
-        // Contact before a verdict: the ado has proven nothing, and a rule that
-        // could still have been satisfied is not broken either.
+        // A contact came before a verdict: the ado has proven nothing. A rule that
+        // further samples could have satisfied is not broken either.
         let margin = rulebook.spec.robustness(trace, &mut self.scratch);
         Verdict::Held {
             margin: margin.max(0.0),
@@ -254,8 +268,10 @@ mod tests {
     use crate::stl::{Constants, Formula};
     use crate::trace::{Schema, Signal};
 
-    /// The trace refuses such a row first; should one come by all the same, a
-    /// run that had been lost is not a success, nor one that had been kept.
+    /// A row that is not a sample yields an invalid episode, never a success.
+    ///
+    /// The trace refuses such rows first. This test covers the judge on its own, for
+    /// runs whose specification was lost or kept.
     #[test]
     fn a_row_that_is_no_sample_is_nobodys_success() {
         let signal = Signal::real("x", "m", "where");

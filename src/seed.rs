@@ -1,11 +1,12 @@
 //! Keyed random streams: every draw is a pure function of names and numbers.
 //!
-//! A start is drawn from the stream (world, purpose, seed, index); an episode's
-//! noise from another. Streams with different keys are independent, so training
-//! never meets a test start, and results never depend on the thread count.
+//! A start is drawn from the stream (world, purpose, seed, index), and the noise
+//! of its episode from another stream. Streams with different keys are
+//! independent. Training therefore never sees a test start, and results never
+//! depend on the thread count.
 //!
-//! Seeds are of two kinds, apart at [`FIRST_SEALED`]: open ones, which whoever
-//! tunes a setting may look at, and sealed ones, with which numbers are reported.
+//! Seeds are of two kinds, separated at [`FIRST_SEALED`]. You may look at open
+//! seeds while you tune a setting. Sealed seeds are for reported numbers.
 //!
 //! ```
 //! use brakecheck::seed::{FIRST_SEALED, Seeds};
@@ -25,10 +26,10 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-/// What a stream of starts is for.
+/// Purpose of a stream of starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Purpose {
-    /// Starts a learner may see.
+    /// Starts that a learner may see.
     Train,
     /// Starts used to estimate ε and thresholds (Theorem 3, a priori).
     Calibration,
@@ -36,27 +37,26 @@ pub enum Purpose {
     Test,
 }
 
-/// The first sealed seed, of trainings and of streams of test starts alike.
+/// First sealed seed, of trainings and of streams of test starts alike.
 ///
-/// A number that a setting was chosen by is no evidence for that setting. So
-/// settings are chosen by looking at seeds below this one, as many as it takes,
-/// and reported with seeds from this one on. docs/intervals.md says which were
-/// looked at so far.
+/// A number used to choose a setting is no evidence for that setting. Settings
+/// are therefore chosen on seeds below this value and reported on seeds from
+/// this value on. docs/intervals.md lists the seeds looked at so far.
 pub const FIRST_SEALED: u64 = 100;
 
-/// The trainings and the test starts that a reported number is made of.
+/// Trainings and test starts behind a reported number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seeds {
-    /// Seed of the first training; the others follow it.
+    /// Seed of the first training. The others follow it.
     pub first: u64,
-    /// How many trainings.
+    /// Number of trainings.
     pub count: u64,
     /// Seed of the stream of test starts.
     pub starts: u64,
 }
 
 impl Seeds {
-    /// The first `count` sealed trainings, on sealed test starts.
+    /// Returns the first `count` sealed trainings, on sealed test starts.
     pub fn sealed(count: u64) -> Seeds {
         Seeds {
             first: FIRST_SEALED,
@@ -65,12 +65,13 @@ impl Seeds {
         }
     }
 
-    /// The training seeds, in rising order; those beyond `u64` are left out.
+    /// Returns the training seeds in rising order, without those beyond `u64`.
     pub fn trainings(&self) -> Range<u64> {
+        // Saturating, so that a first seed near the end of `u64` does not overflow.
         self.first..self.first.saturating_add(self.count)
     }
 
-    /// Whether nobody who tuned a setting may have seen any of it.
+    /// Returns true if no tuning of a setting may have seen any of these seeds.
     pub fn is_sealed(&self) -> bool {
         FIRST_SEALED <= self.first && FIRST_SEALED <= self.starts
     }
@@ -78,6 +79,7 @@ impl Seeds {
 
 impl fmt::Display for Seeds {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Zero trainings print the first seed instead of an empty range.
         let last = self.trainings().last().unwrap_or(self.first);
         match last == self.first {
             true => write!(f, "training seed {last}")?,
@@ -88,36 +90,40 @@ impl fmt::Display for Seeds {
     }
 }
 
-/// Names one start, and with it the noise of its episode.
+/// Key of one start and of the noise of its episode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct StartKey {
-    /// The stream's purpose.
+    /// Purpose of the stream.
     pub purpose: Purpose,
-    /// The stream's seed.
+    /// Seed of the stream.
     pub seed: u64,
     /// Position in the stream.
     pub index: u64,
 }
 
-/// The generator of a key: equal keys give equal streams, on any machine.
+/// Returns the generator of a key, with equal streams on any machine.
 pub fn generator(name: &str, key: &[u64]) -> ChaCha8Rng {
+    // "brakeche" in ASCII, an arbitrary but fixed initial state.
     let mut state = Mixer(0x6272_616b_6563_6865);
     for byte in name.bytes() {
         state.absorb(u64::from(byte) + 1);
     }
     for part in key {
+        // + 256 keeps the numbers apart from the bytes of the name.
         state.absorb(part.wrapping_add(0x0100));
     }
     let mut seed = [0u8; 32];
     for chunk in seed.chunks_exact_mut(8) {
         chunk.copy_from_slice(&state.next().to_le_bytes());
     }
+    // ChaCha8 is specified, while rand's default generator may change with its version.
     ChaCha8Rng::from_seed(seed)
 }
 
 impl StartKey {
-    /// The generator for `what` (start, noise, …) of this key in a world.
+    /// Returns the generator of `what` (start, noise, …) for this key in a world.
     pub fn generator(&self, world: &str, what: &str) -> ChaCha8Rng {
+        // Explicit numbers, so that reordering the enum never moves a stream.
         let purpose = match self.purpose {
             Purpose::Train => 1,
             Purpose::Calibration => 2,
@@ -130,7 +136,7 @@ impl StartKey {
     }
 }
 
-/// SplitMix64 (Steele, Lea, Flood 2014) as a sponge over the key.
+/// SplitMix64 (Steele, Lea, Flood 2014), used as a sponge over the key.
 struct Mixer(u64);
 
 impl Mixer {

@@ -1,18 +1,17 @@
-//! How severe a contact is for the ego: its kind, speeds, Δv and injury risk.
+//! Severity of a contact for the ego: kind, speeds, Δv and injury risk.
 //!
-//! Pure functions of two bodies' states at the instant of the contact. The
-//! contact normal says which side of each body is touched, the masses say how
-//! much either velocity changes:
+//! The functions are pure and read two bodies' states at the instant of the
+//! contact. The contact normal gives the side of each body that is touched, and
+//! the masses give the change of either velocity:
 //!
 //! Δv_ego = m_other / (m_ego + m_other) · (1 + e) · closing speed, with e = 0.
 //!
-//! That is the plastic, central impact along the normal (no friction, no
-//! rotation); crashes above walking pace have e ≈ 0 … 0.2, so Δv is rather too
-//! small than too large.
+//! That is the plastic, central impact along the normal, without friction or
+//! rotation. Crashes above walking pace have e ≈ 0 … 0.2, so Δv is
+//! underestimated rather than overestimated.
 //!
-//! Risks are published curves and nothing else ([`RiskCurve`]); where none fits,
-//! there is no risk rather than a guess. What the words mean to users is in
-//! `docs/crashes.md`.
+//! Risks come from published curves only ([`RiskCurve`]). If no curve applies,
+//! no risk is reported. `docs/crashes.md` explains the terms to users.
 //!
 //! ```
 //! use brakecheck::severity::{CrashKind, Impact, Party};
@@ -31,8 +30,8 @@
 //! assert_eq!(impact.ego_delta_v_mps, 4.0);
 //! ```
 //!
-//! Architecture Invariant: knows bodies, no scene, no rule and no role but "the
-//! ego and the other one".
+//! Architecture Invariant: knows bodies, but no scene, no rule and no role
+//! except "ego" and "other".
 
 use core::f64::consts::{FRAC_PI_4, TAU};
 use std::fmt::{self, Display, Formatter};
@@ -42,54 +41,56 @@ use strum::IntoStaticStr;
 
 use crate::sim::{Body, BodyState};
 
-/// Masses of the cars from whose crashes the curves were made.
+/// Mass range of the cars behind the published curves, in kilograms.
 const LIGHT_KG: std::ops::RangeInclusive<f64> = 500.0..=4000.0;
-/// A quarter turn and a half: from here on two headings are opposed.
+/// Turn of 135°, beyond which two headings are opposed.
 const OPPOSED_RAD: f64 = 3.0 * FRAC_PI_4;
 
-/// How two bodies meet.
+/// Geometry of a collision between two bodies.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
 )]
 #[strum(serialize_all = "kebab-case")]
 pub enum CrashKind {
-    /// The front of one against the rear of the other.
+    /// Front of one body against the rear of the other.
     RearEnd,
-    /// Front against front, headings opposed by more than 135°.
+    /// Front against front, with headings opposed by more than 135°.
     HeadOn,
-    /// Flank along flank, in either direction.
+    /// Flank along flank, in either direction of travel.
     SideSwipe,
-    /// Whatever meets at an angle: a front in a flank, most of all.
+    /// Contact at an angle, most often a front against a flank.
     Crossing,
-    /// The other one is on foot.
+    /// Contact with a pedestrian.
     Pedestrian,
 }
 
 impl CrashKind {
-    /// The word in tables.
+    /// Returns the word used in tables.
     pub fn word(self) -> &'static str {
         self.into()
     }
 }
 
-/// Which side of a body is touched: the one the contact normal points out of.
+/// Side of a body out of which the contact normal points.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, IntoStaticStr,
 )]
 #[strum(serialize_all = "lowercase")]
 pub enum Side {
-    /// Within 45° of its heading.
+    /// Front, within 45° of the heading.
     Front,
-    /// The flank to the left.
+    /// Left flank.
     Left,
-    /// The flank to the right.
+    /// Right flank.
     Right,
-    /// Within 45° of straight back.
+    /// Rear, within 45° of the direction opposite to the heading.
     Rear,
 }
 
 impl Side {
-    /// The side out of which a direction points, itself relative to the heading.
+    /// Returns the side out of which a direction points.
+    ///
+    /// `direction_rad` is relative to the body's heading.
     fn towards(direction_rad: f64) -> Side {
         match direction_rad.abs() {
             off if off < FRAC_PI_4 => Side::Front,
@@ -103,7 +104,7 @@ impl Side {
         matches!(self, Side::Left | Side::Right)
     }
 
-    /// The word in tables.
+    /// Returns the word used in tables.
     pub fn word(self) -> &'static str {
         self.into()
     }
@@ -115,29 +116,34 @@ impl Side {
 )]
 #[strum(serialize_all = "kebab-case")]
 pub enum RiskCurve {
-    /// That an occupant of the ego is injured seriously or worse (MAIS 3+), by
-    /// the ego's Δv and the side that is hit.
+    /// Risk that an occupant of the ego is seriously injured (MAIS 3+).
+    ///
+    /// It depends on the ego's Δv and on the side that is hit:
     ///
     /// P = 1 / (1 + exp(4.457 − 0.177 Δv − side)), Δv in m/s, side 0 for the
-    /// front, 0.244 for a flank, −0.431 for the rear: the logistic regression
-    /// over four symmetric areas of Geisslinger, Poszler and Lienkamp, "An
-    /// ethical trajectory planning algorithm for autonomous vehicles", Nature
-    /// Machine Intelligence 5 (2023) 137–144, coefficients from its code
-    /// (TUMFTM/EthicalTrajectoryPlanning, `harm_parameters.json`,
-    /// `reduced_sym_angle_areas`). It is fitted to reported crashes, so it is
-    /// 1 % at Δv 0: read differences, not small values.
-    OccupantMais3,
-    /// That an adult on foot who is hit by the ego's front dies, by the ego's
-    /// speed.
+    /// front, 0.244 for a flank, −0.431 for the rear.
     ///
-    /// P = 1 / (1 + exp(6.9 − 0.090 v)), v in km/h: Rosén and Sander, "Pedestrian
-    /// fatality risk as a function of car impact speed", Accident Analysis and
-    /// Prevention 41 (2009) 536–542.
+    /// Source: the logistic regression over four symmetric areas of Geisslinger,
+    /// Poszler and Lienkamp, "An ethical trajectory planning algorithm for
+    /// autonomous vehicles", Nature Machine Intelligence 5 (2023) 137–144. The
+    /// coefficients are from its code (TUMFTM/EthicalTrajectoryPlanning,
+    /// `harm_parameters.json`, `reduced_sym_angle_areas`). The curve is fitted to
+    /// reported crashes and gives 1 % at Δv 0, so compare differences and do not
+    /// read small values as absolute.
+    OccupantMais3,
+    /// Risk that an adult pedestrian hit by the ego's front dies.
+    ///
+    /// It depends on the ego's speed:
+    ///
+    /// P = 1 / (1 + exp(6.9 − 0.090 v)), v in km/h.
+    ///
+    /// Source: Rosén and Sander, "Pedestrian fatality risk as a function of car
+    /// impact speed", Accident Analysis and Prevention 41 (2009) 536–542.
     PedestrianFatality,
 }
 
 impl RiskCurve {
-    /// What it tells the probability of, in words.
+    /// Returns the injury whose probability the curve gives, in words.
     pub fn about(self) -> &'static str {
         match self {
             RiskCurve::OccupantMais3 => "MAIS 3+ of the ego's occupants",
@@ -146,12 +152,12 @@ impl RiskCurve {
     }
 }
 
-/// A probability of injury, and the curve it is from.
+/// Probability of an injury and the curve behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct InjuryRisk {
-    /// Whose injury, by which curve.
+    /// Curve that gives the probability.
     pub curve: RiskCurve,
-    /// 0 to 1.
+    /// Probability, 0 to 1.
     pub probability: f64,
 }
 
@@ -162,17 +168,17 @@ impl Display for InjuryRisk {
     }
 }
 
-/// One of two bodies that touch.
+/// One of two touching bodies.
 #[derive(Clone, Copy, Debug)]
 pub struct Party<'a> {
-    /// Its size and mass.
+    /// Size and mass of the body.
     pub body: &'a Body,
-    /// Its state at the instant of the contact.
+    /// State at the instant of the contact.
     pub state: BodyState,
 }
 
 impl Party<'_> {
-    /// Speed over ground of its front.
+    /// Returns the speed over ground of the front bumper.
     fn speed_mps(&self) -> f64 {
         let (ahead, left) = (self.state.speed_mps, self.state.lateral_mps);
         (ahead * ahead + left * left).sqrt()
@@ -182,10 +188,12 @@ impl Party<'_> {
         !self.body.is_on_foot() && LIGHT_KG.contains(&self.body.mass_kg)
     }
 
-    /// Middle of its front or rear, in the frame of `heading_rad` at `origin`,
-    /// to the left; with half the width that this face has there.
+    /// Returns the lateral position and half width of a front or rear face.
+    ///
+    /// Both are measured to the left in the frame of `frame`'s heading and position.
     fn face(&self, side: Side, frame: &Party<'_>) -> (f64, f64) {
         let (own, other) = (&self.state.pose, &frame.state.pose);
+        // Poses are of the front bumper, so only the rear face lies a length behind.
         let back_m = if side == Side::Rear {
             self.body.length_m
         } else {
@@ -197,54 +205,57 @@ impl Party<'_> {
             own.y_m - back_m * sin - other.y_m,
         );
         let (frame_sin, frame_cos) = libm::sincos(other.heading_rad);
+        // Cosine of the relative heading: the face's width projected across the frame.
         let turned = cos * frame_cos + sin * frame_sin;
         let left_m = dy_m * frame_cos - dx_m * frame_sin;
         (left_m, 0.5 * self.body.width_m * turned.abs())
     }
 }
 
-/// What a contact does to the ego.
+/// Effect of a contact on the ego.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Impact {
-    /// How they meet.
+    /// Geometry of the collision.
     pub kind: CrashKind,
-    /// Where the ego is touched.
+    /// Side of the ego that is touched.
     pub ego_side: Side,
-    /// Where the other one is touched.
+    /// Side of the other body that is touched.
     pub other_side: Side,
-    /// Of fronts and rears: the share of the narrower width that overlaps,
-    /// across the ego's heading; 0 to 1.
+    /// Overlap of fronts and rears, 0 to 1.
+    ///
+    /// Share of the narrower width in common, measured across the ego's heading.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlap: Option<f64>,
-    /// Speed over ground of the ego's front.
+    /// Speed over ground of the ego's front bumper.
     pub ego_speed_mps: f64,
-    /// Speed over ground of the other one.
+    /// Speed over ground of the other body's front bumper.
     pub other_speed_mps: f64,
-    /// Heading of the other one relative to the ego's, counter-clockwise, in −π to π.
+    /// Heading relative to the ego's, counter-clockwise, in −π to π.
     pub turned_rad: f64,
-    /// How much the ego's velocity changes.
+    /// Change of the ego's velocity.
     pub ego_delta_v_mps: f64,
-    /// How much that of the other one changes.
+    /// Change of the other body's velocity.
     pub other_delta_v_mps: f64,
-    /// The curve that applies, if one does.
+    /// Applicable risk curve, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curve: Option<RiskCurve>,
 }
 
-/// Speed at or below which the ego stands, and is to blame for no contact.
+/// Speed up to which the ego counts as stationary and not at fault.
 pub const STANDING_MPS: f64 = 0.5;
 
 impl Impact {
-    /// Whether the ego can be asked about it at all: it moved, and was not
-    /// struck from behind.
+    /// Returns true if the contact can be attributed to the ego.
+    ///
+    /// The ego must move and must not be struck from behind.
     pub fn concerns_ego(&self) -> bool {
         STANDING_MPS < self.ego_speed_mps && self.ego_side != Side::Rear
     }
 
-    /// What the contact does to `ego`.
+    /// Computes the effect of a contact on `ego`.
     ///
-    /// `normal` is the contact normal from the ego to the other one, a unit
-    /// vector in the world frame; along it they close by `closing_speed_mps`.
+    /// `normal` is the contact normal from the ego to the other body, a unit vector
+    /// in the world frame. `closing_speed_mps` is the approach speed along it.
     pub fn of(
         ego: Party<'_>,
         other: Party<'_>,
@@ -254,7 +265,7 @@ impl Impact {
         let (own, its) = (ego.state.pose.heading_rad, other.state.pose.heading_rad);
         let out_rad = libm::atan2(normal[1], normal[0]);
         let ego_side = Side::towards(wrapped(out_rad - own));
-        // The other one is touched from the opposite direction.
+        // The same normal points into the other body, so its direction is reversed.
         let other_side = Side::towards(wrapped(libm::atan2(-normal[1], -normal[0]) - its));
         let turned_rad = wrapped(its - own);
         let kind = match other.body.is_on_foot() {
@@ -262,6 +273,7 @@ impl Impact {
             false => kind_of(ego_side, other_side, turned_rad),
         };
         let (ego_kg, other_kg) = (ego.body.mass_kg, other.body.mass_kg);
+        // An overlap across the heading has no meaning for flanks and pedestrians.
         let lengthwise = matches!(kind, CrashKind::RearEnd | CrashKind::HeadOn);
         Impact {
             kind,
@@ -271,9 +283,13 @@ impl Impact {
             ego_speed_mps: ego.speed_mps(),
             other_speed_mps: other.speed_mps(),
             turned_rad,
+            // Conservation of momentum in a plastic impact: each body takes the share of
+            // the closing speed that the other body's mass imposes.
             ego_delta_v_mps: other_kg / (ego_kg + other_kg) * closing_speed_mps,
             other_delta_v_mps: ego_kg / (ego_kg + other_kg) * closing_speed_mps,
             curve: match kind {
+                // The curves were fitted to light vehicles and do not apply to a truck or a
+                // motorcycle as the ego.
                 _ if !ego.is_light_vehicle() => None,
                 CrashKind::Pedestrian => {
                     (ego_side == Side::Front).then_some(RiskCurve::PedestrianFatality)
@@ -283,7 +299,7 @@ impl Impact {
         }
     }
 
-    /// The risk by the curve that applies; `None`: not computed, as none does.
+    /// Returns the risk by the applicable curve, `None` if no curve applies.
     pub fn injury_risk(&self) -> Option<InjuryRisk> {
         let curve = self.curve?;
         let exponent = match curve {
@@ -295,6 +311,7 @@ impl Impact {
                 };
                 4.457 - 0.177 * self.ego_delta_v_mps - side
             }
+            // The published coefficient is per km/h.
             RiskCurve::PedestrianFatality => 6.9 - 0.090 * 3.6 * self.ego_speed_mps,
         };
         Some(InjuryRisk {
@@ -303,14 +320,14 @@ impl Impact {
         })
     }
 
-    /// Whether somebody ran into the ego's rear.
+    /// Returns true if another body ran into the ego's rear.
     pub fn is_struck_from_behind(&self) -> bool {
         self.kind == CrashKind::RearEnd && self.ego_side == Side::Rear
     }
 }
 
 impl Display for Impact {
-    /// Kind, sides, overlap, speeds and Δv in one line.
+    /// Formats kind, sides, overlap, speeds and Δv in one line.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (own, its) = (self.ego_side.word(), self.other_side.word());
         write!(f, "{}: the ego's {own} against ", self.kind.word())?;
@@ -327,9 +344,11 @@ impl Display for Impact {
     }
 }
 
-/// By the sides that touch, and by how much one is turned from the other.
+/// Returns the kind by the touching sides and the relative heading.
 fn kind_of(ego: Side, other: Side, turned_rad: f64) -> CrashKind {
     let turned_rad = turned_rad.abs();
+    // Flanks count as side-swipe in either direction, so only crossing headings
+    // are excluded.
     let aligned = !(FRAC_PI_4..=OPPOSED_RAD).contains(&turned_rad);
     match (ego, other) {
         (Side::Front, Side::Rear) | (Side::Rear, Side::Front | Side::Rear) => CrashKind::RearEnd,
@@ -339,8 +358,9 @@ fn kind_of(ego: Side, other: Side, turned_rad: f64) -> CrashKind {
     }
 }
 
-/// Share of the narrower width that two faces have in common, seen along the
-/// ego's heading.
+/// Returns the share of the narrower width that two faces have in common.
+///
+/// The faces are seen along the ego's heading.
 fn overlap((ego, ego_side): (&Party<'_>, Side), (other, other_side): (&Party<'_>, Side)) -> f64 {
     let (own_m, own_half_m) = ego.face(ego_side, ego);
     let (its_m, its_half_m) = other.face(other_side, ego);
@@ -349,7 +369,7 @@ fn overlap((ego, ego_side): (&Party<'_>, Side), (other, other_side): (&Party<'_>
     (common_m / ego.body.width_m.min(other.body.width_m)).clamp(0.0, 1.0)
 }
 
-/// The same angle in −π to π.
+/// Wraps an angle to −π to π.
 fn wrapped(angle_rad: f64) -> f64 {
     libm::remainder(angle_rad, TAU)
 }

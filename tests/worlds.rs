@@ -16,6 +16,8 @@ mod driving;
 mod errors;
 #[path = "worlds/families.rs"]
 mod families;
+#[path = "worlds/goals.rs"]
+mod goals;
 #[path = "worlds/imports.rs"]
 mod imports;
 #[path = "worlds/judging.rs"]

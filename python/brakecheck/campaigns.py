@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from brakecheck import _brakecheck as raw
@@ -33,6 +33,7 @@ def train(
     seed: int = 0,
     decisions: int | None = None,
     learner: str | None = None,
+    goals: Sequence[str] | None = None,
     against: str = "nominal",
     leave_out: str | None = None,
     plant: str | None = None,
@@ -54,6 +55,7 @@ def train(
         seed: of the training, and of its test starts.
         decisions: how long to train, instead of the world's number.
         learner: one of the world's `learners`.
+        goals: `"severe"` and `"distinct"` failures to look for, instead of the world's.
         against: `"nominal"`, or the world's family: `"wide"`, `"conditional"`.
         leave_out: a structure of the family that a wide ado never meets.
         plant: the physics to train in.
@@ -80,6 +82,7 @@ def train(
         "seed": seed,
         "decisions": decisions,
         "learner": learner,
+        "goals": None if goals is None else list(goals),
         "against": against,
         "leave_out": leave_out,
         "plant": plant,

@@ -7,6 +7,7 @@ use brakecheck::adversary::{Ado, AdoKind, best_constant, eval};
 use brakecheck::crashes::{Choice, Form, KeepSettings, Keeper};
 use brakecheck::evaluation::{Evaluation, GivenRows, ReportRequest, SearchCampaign, untrained};
 use brakecheck::experiment::{EgoUnderTest, TestStarts, Watch, consent, on_plant, test_starts};
+use brakecheck::rulebook::TrainingGoal;
 use brakecheck::run_dir::{Row, RunDir};
 use brakecheck::search::{BUDGET, Method, MethodSettings, SearchRequest, Switches, search};
 use brakecheck::sysid::{ContextSource, IdentifyRequest, identify};
@@ -52,6 +53,8 @@ pub(crate) struct TrainAsked {
     seed: u64,
     decisions: Option<u64>,
     learner: Option<String>,
+    /// `None`: as the world says.
+    goals: Option<Vec<String>>,
     against: String,
     leave_out: Option<String>,
     plant: Option<String>,
@@ -87,6 +90,16 @@ pub(crate) fn train_ado<'py>(
         let what = format!("`against={:?}` is not known", asked.against);
         wrong(what, "known: nominal, wide, conditional")
     })?;
+    let goals = asked.goals.as_ref().map(|goals| {
+        let goal = |word: &String| {
+            word.to_lowercase().parse::<TrainingGoal>().map_err(|_| {
+                let what = format!("unknown training goal {word:?}");
+                wrong(what, "known: severe, distinct")
+            })
+        };
+        goals.iter().map(goal).collect::<PyResult<Vec<_>>>()
+    });
+    let goals = goals.transpose()?;
     let from = asked.from_run.as_deref().map(RunDir::open).transpose();
     let from = from.map_err(failed)?;
     let found = running.watched(py, move |watch| {
@@ -94,6 +107,7 @@ pub(crate) fn train_ado<'py>(
             seed: asked.seed,
             decisions: asked.decisions,
             learner: asked.learner.as_deref(),
+            goals: goals.as_deref(),
             against,
             leave_out: asked.leave_out.as_deref(),
             ego: name.as_deref(),

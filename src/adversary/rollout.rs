@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::nearest_replay::{NearestReplay, replay_nearest};
 use super::threshold_rule::Heuristic;
 use crate::ego::{Command, Fault};
-use crate::experiment::{EgoUnderTest, TestStarts, Watch, leaf};
+use crate::experiment::{EgoUnderTest, TestStarts, Watch};
+use crate::experiment::{Shape, badness, clusters, descending};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
 use crate::run_dir::{
@@ -136,26 +137,26 @@ pub struct Outcome {
 pub(crate) struct Played {
     pub(crate) outcome: Outcome,
     /// In which way the ego failed, if it did and counts.
-    pub(super) failure: Option<Failure>,
+    pub(super) failure: Option<RecordedFailure>,
     pub(super) fault: Option<Fault>,
     pub(super) repeated: Option<StartRepeated>,
     /// What an ego that nobody here wrote commanded in a success.
     pub(super) commands: Option<Arc<[Command]>>,
 }
 
-/// In which way an ego failed: the leaf of ψ_ego, and who touched.
-#[derive(Clone, Debug)]
-pub(super) struct Failure {
-    leaf: String,
-    contact: Option<(String, String)>,
+/// In which way an ego failed, and how bad that was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedFailure {
+    pub(super) shape: Shape,
+    pub(super) badness: [f64; 4],
 }
 
-impl Failure {
+impl RecordedFailure {
     /// That of an episode, if it is a success of the ados.
-    pub(super) fn of(scenario: &Scenario, episode: &Episode) -> Option<Failure> {
-        episode.verdict.is_success().then(|| Failure {
-            leaf: leaf(scenario, episode),
-            contact: episode.contact.as_ref().map(|touch| touch.between.clone()),
+    pub(crate) fn of(scenario: &Scenario, episode: &Episode) -> Option<RecordedFailure> {
+        episode.verdict.is_success().then(|| RecordedFailure {
+            shape: Shape::of(scenario, episode),
+            badness: badness(episode),
         })
     }
 }
@@ -267,7 +268,7 @@ impl Attempt {
     /// What rows count of it.
     pub(crate) fn played(self, scenario: &Scenario, cpu_s: f64) -> Played {
         let episode = self.episode;
-        let failure = Failure::of(scenario, &episode);
+        let failure = RecordedFailure::of(scenario, &episode);
         let repeatable = episode.verdict.is_success() && !episode.commands.is_empty();
         Played {
             outcome: Outcome {
@@ -373,10 +374,26 @@ impl EvalRequest<'_> {
         row.contact_rate = share(contacts.len(), row.starts);
         row.closing_speed_mps = ClosingSpeed::of(contacts);
         row.severity = ContactSeverity::of(&impacts);
-        let failures = played.iter().flatten().filter_map(|p| p.failure.clone());
-        row.kinds = FailureKind::counted(failures.map(|one| (one.leaf, one.contact)));
+        let solved = played.iter().flatten();
+        let solved = solved.filter(|played| played.outcome.verdict.is_success());
+        let closing = solved.clone().filter_map(|p| p.outcome.closing_speed_mps);
+        row.success_closing_mps = ClosingSpeed::of(closing.collect());
+        let failures: Vec<Option<&RecordedFailure>> = solved.map(|p| p.failure.as_ref()).collect();
+        row.distinct = groups(&failures);
+        let stories = failures.iter().flatten().map(|one| one.shape.story.told());
+        row.kinds = FailureKind::counted(stories);
         row
     }
+}
+
+/// Groups of alike failures, each led by its worst; `None`: one of them was not
+/// recorded, or there are none.
+pub(crate) fn groups(failures: &[Option<&RecordedFailure>]) -> Option<usize> {
+    let all: Option<Vec<&RecordedFailure>> = failures.iter().copied().collect();
+    let mut all = all.filter(|all| !all.is_empty())?;
+    all.sort_by(|a, b| descending(&a.badness, &b.badness));
+    let shapes: Vec<Shape> = all.iter().map(|one| one.shape.clone()).collect();
+    Some(clusters(&shapes).len())
 }
 
 /// A row of which only the headings are filled in.
@@ -404,9 +421,11 @@ pub(crate) fn blank_row(scenario: &Scenario, ego: &str, starts: &TestStarts) -> 
         foul_rate: 0.0,
         uncounted: None,
         kinds: Vec::new(),
+        distinct: None,
         foul_before_contact_rate: None,
         contact_rate: 0.0,
         closing_speed_mps: None,
+        success_closing_mps: None,
         severity: None,
         invalid: 0,
         faults: Vec::new(),

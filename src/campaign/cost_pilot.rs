@@ -1,4 +1,4 @@
-//! From a campaign file to a plan that is cut into pieces of about a size.
+//! Plan of a campaign that is cut into pieces of similar cost.
 
 use std::path::Path;
 
@@ -7,63 +7,68 @@ use super::dir::PLAN;
 use super::error::CampaignError;
 use super::plan::{Plan, PlannedAdo, Unit};
 use super::play::Stage;
+use super::row::RowOutcome;
 use super::{estimate, workflow_files};
 use crate::experiment::{EgoUnderTest, Watch, consent, on_plant};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::testbench::FaultLog;
 use crate::world::Scenario;
+use crate::world::file_text;
 
-/// How long a piece takes, unless told otherwise.
+/// Default duration of a piece, s.
 pub const PIECE_S: f64 = 10.0;
-/// Starts that a pilot plays of a kind of unit, at most, and for how long.
+/// Largest number of starts that a pilot plays per kind of unit, and its duration, s.
 const PILOT_STARTS: usize = 32;
 const PILOT_S: f64 = 1.0;
-/// Bytes of a row, on average.
+/// Share of invalid episodes up to which a pilot reports no fault.
+const MOST_FAULTY: f64 = 0.99;
+/// Mean size of a row in bytes.
 const ROW_BYTES: f64 = 420.0;
 
-/// What a campaign will take.
+/// Estimated cost of a campaign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanCost {
-    /// Pieces.
+    /// Number of pieces.
     pub pieces: usize,
-    /// Trainings among them.
+    /// Number of trainings among them.
     pub trainings: usize,
-    /// Starts in all.
+    /// Number of starts.
     pub starts: u64,
-    /// Processor time in all.
+    /// Total processor time, s.
     pub cpu_s: f64,
-    /// Bytes on the disk: pieces and the merged file.
+    /// Bytes on disk for the pieces and the merged file.
     pub bytes: f64,
-    /// Whether it was measured; else guessed from the worlds.
+    /// Whether the cost was measured instead of estimated from the worlds.
     pub measured: bool,
 }
 
-/// Units whose starts take about as long: one of them is measured.
+/// Kind of units with similar cost, of which a single unit is measured.
 #[derive(PartialEq)]
 struct Kind {
     world: usize,
     ado: PlannedAdo,
-    /// A program may be far slower than any other ego.
+    /// Command of a program, which may be far slower than any other ego.
     program: Option<Vec<String>>,
 }
 
-/// A campaign that is cut into pieces, before it is written.
+/// Campaign that is cut into pieces, before it is written.
 pub struct Cut {
     checked: Checked,
-    /// What it will take.
+    /// Estimated cost.
     pub cost: PlanCost,
 }
 
 impl Plan {
     /// Reads a campaign file and cuts it into pieces of about `piece_s` seconds.
     ///
-    /// Without `piece_s` a pilot measures what a start takes, on a few starts of
-    /// every world, ado and program as an ego, and pieces take [`PIECE_S`]. With it nothing is
-    /// played: the plan follows from the file alone, and is the same anywhere.
+    /// Without `piece_s` a pilot measures the cost of a start. It plays a few starts per world,
+    /// ado and program as an ego, and pieces take [`PIECE_S`].
+    /// With `piece_s` no start is played, so the plan follows from the file alone.
     /// `None`: stopped.
     ///
     /// # Errors
-    /// The file, or something that it names, is wrong.
+    /// Returns an error if the file or a file that it names is invalid, or if an
+    /// ego never runs in the pilot.
     pub fn make(
         path: &Path,
         piece_s: Option<f64>,
@@ -87,6 +92,7 @@ impl Plan {
                 ado: unit.ado.clone(),
                 program: ego.scenario().program().map(|it| it.command.clone()),
             };
+            // Estimates are cheap and differ by ego, so only measurements are reused.
             let known_s = known.iter().find(|(other, _)| measured && *other == kind);
             let start_s = match known_s {
                 Some((_, start_s)) => *start_s,
@@ -99,6 +105,7 @@ impl Plan {
                 }
             };
             let fits = (piece_s.unwrap_or(PIECE_S) / start_s).ceil();
+            // Every piece has a start at least and no more starts than its unit.
             unit.each = (fits.max(1.0) as usize).min(unit.starts.max(1));
             cpu_s += start_s * unit.starts as f64;
         }
@@ -114,6 +121,7 @@ impl Plan {
             trainings: plan.trainings.len(),
             starts,
             cpu_s,
+            // Rows are stored twice: in the pieces and in the merged file.
             bytes: 2.0 * ROW_BYTES * starts as f64,
             measured,
         };
@@ -133,7 +141,7 @@ impl Checked {
         Ok(EgoUnderTest::changed(&played, name, change, help)?)
     }
 
-    /// What a start of a unit takes. `None`: stopped.
+    /// Returns the cost of a start of a unit, s. `None`: stopped.
     fn start_s(
         &self,
         unit: &Unit,
@@ -146,7 +154,7 @@ impl Checked {
         }
         let world: &Scenario = &self.worlds[unit.world];
         consent(world, std::slice::from_ref(&ego))?;
-        // An ado that is not trained yet takes as long as any that plays an episode.
+        // An untrained ado costs about as much as any other ado that plays a whole episode.
         let as_played = match &unit.ado {
             PlannedAdo::Trained { .. } | PlannedAdo::Training { .. } => PlannedAdo::Held,
             other => other.clone(),
@@ -164,42 +172,57 @@ impl Checked {
         };
         watch.detail(&format!("{}, {}", world.name(), unit.ado.word()));
         let (mut spent_s, mut starts) = (0.0, 0);
+        // One fault among the starts is a matter of the piece that has it. An ego
+        // that never runs makes no piece at all.
+        let faults = FaultLog::allowing(MOST_FAULTY);
+        let mut ran = false;
         while starts < PILOT_STARTS.min(unit.starts) && spent_s < PILOT_S {
-            // Spread over the starts: those of a grid are not all alike.
+            // Spread over the starts, because those of a grid differ.
             let next = starts * unit.starts / PILOT_STARTS.min(unit.starts);
             let began = std::time::Instant::now();
+            // Faults are accepted here, because the pieces themselves report them.
             let quiet = Watch {
-                faults: FaultLog::allowing(1.0),
+                faults: faults.clone(),
                 ..watch.quiet()
             };
-            if stage.play(next..next + 1, &quiet)?.is_none() && watch.interrupted() {
+            let played = stage.play(next..next + 1, &quiet)?;
+            if played.is_none() && watch.interrupted() {
                 return Ok(None);
             }
+            let rows = played.iter().flat_map(|played| &played.rows);
+            ran |= rows
+                .into_iter()
+                .any(|row| row.outcome != RowOutcome::Invalid);
             spent_s += began.elapsed().as_secs_f64();
             starts += 1;
         }
+        if let Some(complaint) = faults.complaint().filter(|_| !ran) {
+            let piece = None;
+            return Err(CampaignError::Faults { piece, complaint });
+        }
+        // The floor bounds the number of starts per piece.
         Ok(Some((spent_s / f64::from(starts.max(1) as u32)).max(1e-6)))
     }
 }
 
 impl Cut {
-    /// The plan.
+    /// Returns the plan.
     pub fn plan(&self) -> &Plan {
         &self.checked.plan
     }
 
-    /// Writes the plan, its worlds, its ados and the files of engines into a
-    /// directory. The plan itself comes last: without it there is none.
+    /// Writes the plan, its worlds, its ados and the engine files to a directory.
     ///
     /// # Errors
-    /// Another campaign is there, or the disk refuses.
+    /// Returns an error if the directory holds another plan or a file cannot be written.
     pub fn write(&self, dir: &Path) -> Result<(), CampaignError> {
         let plan = &self.checked.plan;
         let text = plan
             .text()
             .map_err(|error| CampaignError::Fault(error.to_string()))?;
         let path = dir.join(PLAN);
-        if let Ok(there) = std::fs::read_to_string(&path) {
+        // Writing the same plan again changes nothing, so the command can be repeated.
+        if let Ok(there) = file_text(&path) {
             return match there == text {
                 true => Ok(()),
                 false => Err(CampaignError::OtherPlan { dir: dir.into() }),
@@ -221,6 +244,7 @@ impl Cut {
         }
         write("Snakefile", workflow_files::snakefile(plan).as_bytes())?;
         write("slurm.sh", workflow_files::slurm(plan).as_bytes())?;
+        // The plan comes last, so an interrupted write leaves no plan.
         write(PLAN, text.as_bytes())?;
         Ok(())
     }

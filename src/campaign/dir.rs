@@ -1,4 +1,4 @@
-//! The directory of a plan, and running its pieces.
+//! Directory of a plan, and execution of its pieces.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -21,58 +21,58 @@ use crate::experiment::{EgoUnderTest, Watch, on_plant};
 use crate::run_dir::{RunDir, RunError, write_file};
 use crate::testbench::FaultLog;
 use crate::world::Scenario;
+use crate::world::file_text;
 
-/// The plan's own file.
+/// Name of the plan's file.
 pub(super) const PLAN: &str = "plan.json";
 
-/// A planned campaign on the disk.
+/// Planned campaign on disk.
 pub struct PlanDir {
     pub(super) dir: PathBuf,
     pub(super) plan: Plan,
-    /// As their files have them.
+    /// Worlds on the plants of their files.
     worlds: Vec<Scenario>,
-    /// The same on the plants that are asked for.
+    /// Worlds on the requested plants.
     played: Vec<Scenario>,
-    /// Largest share of invalid episodes in a piece that is no fault.
+    /// Largest accepted share of invalid episodes in a piece.
     allowed: f64,
 }
 
-/// What running a piece came to.
+/// Result of running a piece.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PieceDone {
-    /// It was there already, whole.
+    /// The piece existed already, complete and valid.
     Before,
-    /// It is there now.
+    /// The piece was made by this call.
     Now,
-    /// Somebody asked to stop.
+    /// The run was stopped.
     Stopped,
 }
 
-/// What running all pieces came to.
+/// Result of running all pieces.
 #[derive(Debug, Default)]
 pub struct Ran {
-    /// Pieces that are there.
+    /// Number of existing pieces.
     pub done: usize,
-    /// Pieces of the plan.
+    /// Number of pieces in the plan.
     pub all: usize,
-    /// Pieces that could not be made, and why.
+    /// Pieces that could not be made, with their errors.
     pub failed: Vec<(usize, CampaignError)>,
 }
 
 impl PlanDir {
-    /// Opens the directory of a plan and verifies what is in it.
+    /// Opens the directory of a plan and verifies its files.
     ///
-    /// `allow_programs` consents to start the programs that the campaign names
-    /// as egos; `allowed` is the largest share of invalid episodes in a piece
-    /// that is no fault.
+    /// `allow_programs` is the consent to start programs that the campaign names as egos.
+    /// `allowed` is the largest accepted share of invalid episodes in a piece.
     ///
     /// # Errors
-    /// There is no plan, it or a world of it was changed, or another version
-    /// made it.
+    /// Returns an error if there is no plan, if the plan or a world was changed, or if
+    /// another version made the plan.
     pub fn open(dir: &Path, allow_programs: bool, allowed: f64) -> Result<PlanDir, CampaignError> {
         let path = dir.join(PLAN);
         let read = |path: &Path| {
-            fs::read_to_string(path).map_err(|source| RunError::Io {
+            file_text(path).map_err(|source| RunError::Io {
                 verb: "reading",
                 path: path.into(),
                 source,
@@ -88,8 +88,10 @@ impl PlanDir {
         };
         let plan: Plan =
             serde_json::from_str(&text).map_err(|error| damaged(&path, error.to_string()))?;
+        // The seal is verified before anything in the plan is used.
         check(&text, &plan.sha256).map_err(|why| damaged(&path, why))?;
         let version = env!("CARGO_PKG_VERSION");
+        // Another version may play differently, and its rows must not be mixed with these.
         if plan.brakecheck != version || plan.format != FORMAT {
             return Err(CampaignError::OtherVersion {
                 dir: dir.into(),
@@ -105,6 +107,7 @@ impl PlanDir {
                 let why = "it is another world than was planned: restore it, or plan again";
                 return Err(damaged(&path, why.to_owned()).into());
             }
+            // Consent is never stored in the plan, so each run must give it.
             let world = Scenario::load(&path)?.allow_programs(allow_programs);
             played.push(match planned.plant {
                 Some(plant) => on_plant(&world, plant)?,
@@ -121,24 +124,25 @@ impl PlanDir {
         })
     }
 
-    /// What is planned.
+    /// Returns the plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Where it is.
+    /// Returns the path of the directory.
     pub fn path(&self) -> &Path {
         &self.dir
     }
 
-    /// The pieces that are not there yet, or are no use as they are.
+    /// Returns the pieces that are missing or unusable.
     ///
     /// # Errors
-    /// The disk refuses.
+    /// Returns an error if a file cannot be read.
     pub fn left(&self) -> Result<Vec<CampaignPiece>, CampaignError> {
         let pieces: Vec<CampaignPiece> = self.plan.pieces().collect();
         let missing =
             |piece: &CampaignPiece| -> Result<bool, RunError> { Ok(self.read(piece)?.is_err()) };
+        // Reading includes the hash of each file, so it is done in parallel.
         let missing: Result<Vec<bool>, RunError> = pieces.par_iter().map(missing).collect();
         let pairs = pieces.into_iter().zip(missing?);
         Ok(pairs
@@ -146,7 +150,7 @@ impl PlanDir {
             .collect())
     }
 
-    /// The file of a piece, if it is there and what it should be.
+    /// Reads the file of a piece, if it exists and is valid.
     pub(super) fn read(
         &self,
         piece: &CampaignPiece,
@@ -156,17 +160,17 @@ impl PlanDir {
         Ok(
             read.and_then(|text| match text.heading.piece == piece.number {
                 true => Ok(text),
-                // A file of the same question under another's name.
+                // A file may answer the same question under another piece's name.
                 false => Err(Unusable::Foreign),
             }),
         )
     }
 
-    /// Makes a piece, unless it is there.
+    /// Makes a piece unless it exists.
     ///
     /// # Errors
-    /// There is no such piece, the training it needs has not finished, its ego
-    /// does not run, or the disk refuses.
+    /// Returns an error if the number is unknown, if a required training is unfinished, if
+    /// the ego does not run, or if a file cannot be written.
     pub fn run_piece(&self, number: usize, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {
         let Some(piece) = self
             .plan
@@ -178,18 +182,19 @@ impl PlanDir {
                 pieces: self.plan.len(),
             });
         };
+        // An existing piece is never made again, so retries of an engine are harmless.
         if self.read(&piece)?.is_ok() {
             return Ok(PieceDone::Before);
         }
         self.make(&piece, watch)
     }
 
-    /// Makes every piece that is not there, trainings first, on all threads.
+    /// Makes every missing piece on all threads, trainings first.
     ///
-    /// A piece that cannot be made does not keep the others from it.
+    /// A piece that cannot be made does not stop the remaining pieces.
     ///
     /// # Errors
-    /// The disk refuses to tell what is there.
+    /// Returns an error if the existing pieces cannot be read.
     pub fn run(&self, watch: &Watch<'_>) -> Result<Ran, CampaignError> {
         let left = self.left()?;
         let all = self.plan.len();
@@ -199,6 +204,7 @@ impl PlanDir {
             .iter()
             .partition(|piece| matches!(piece.work, Work::Training(_)));
         (watch.progress)(done.load(Ordering::Relaxed), all as u64);
+        // Pieces of a trained ado need its training, so all trainings come first.
         for (phase, pieces) in [("training", trainings), ("playing", starts)] {
             if !pieces.is_empty() {
                 watch.phase(phase);
@@ -208,6 +214,7 @@ impl PlanDir {
                 if watch.interrupted() {
                     return;
                 }
+                // The progress counts pieces, so the episodes within a piece stay silent.
                 match self.make(piece, &watch.quiet()) {
                     Ok(PieceDone::Stopped) => {}
                     Ok(_) => {
@@ -223,6 +230,7 @@ impl PlanDir {
         }
         self.note_warnings(watch);
         let mut failed = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
+        // Threads finish in any order, so failures are sorted by piece.
         failed.sort_by_key(|(number, _)| *number);
         Ok(Ran {
             done: done.into_inner() as usize,
@@ -236,7 +244,7 @@ impl PlanDir {
         let given = self.plan.ados.iter().map(|run| self.dir.join(&run.dir));
         let own = self.plan.trainings.iter();
         let own = own.map(|planned| training::dir_of(&self.dir, &self.plan, planned));
-        // The pieces of a run that cannot be opened have failed already.
+        // A run that cannot be opened has already failed in its pieces.
         for run in given
             .chain(own)
             .filter_map(|path| training::finished(&path).ok())
@@ -253,7 +261,7 @@ impl PlanDir {
 
     fn make(&self, piece: &CampaignPiece, watch: &Watch<'_>) -> Result<PieceDone, CampaignError> {
         let began = Instant::now();
-        // One ego that does not run is no reason to give up the others.
+        // Faults are counted per piece, so an ego that does not run spoils only its own pieces.
         let own = Watch {
             faults: FaultLog::allowing(self.allowed),
             ..watch.quiet()
@@ -272,9 +280,10 @@ impl PlanDir {
                 let stage = self.stage(*unit)?;
                 let played = stage.play(starts.clone(), &own)?;
                 let hash = stage.ado.map(|ado| ado.sha256);
+                // The fault check comes before the rows, so a faulty piece leaves no file.
                 if let Some(complaint) = own.faults.complaint() {
                     return Err(CampaignError::Faults {
-                        piece: piece.number,
+                        piece: Some(piece.number),
                         complaint,
                     });
                 }
@@ -294,8 +303,9 @@ impl PlanDir {
         Ok(PieceDone::Now)
     }
 
-    /// Writes beside a piece who made it and what it took: nothing that the
-    /// merge reads.
+    /// Writes machine and cost of a piece to a file beside it.
+    ///
+    /// The merge does not read this file.
     fn note_cost(&self, piece: &CampaignPiece, began: Instant, cpu_s: f64) -> Result<(), RunError> {
         let path = piece::path_of(&self.dir, piece.number).with_extension("cost.json");
         let machine = fs::read_to_string("/proc/sys/kernel/hostname");
@@ -314,7 +324,7 @@ impl PlanDir {
         training::train(&path, &self.played[planned.world], planned, watch)
     }
 
-    /// A unit with its ego and its ado.
+    /// Assembles a unit with its ego and its ado.
     fn stage(&self, unit: usize) -> Result<Stage<'_>, CampaignError> {
         let unit = &self.plan.units[unit];
         Ok(Stage {
@@ -337,17 +347,17 @@ impl PlanDir {
         )?)
     }
 
-    /// The world of a unit as its file has it.
+    /// Returns the world of a unit on the plant of its file.
     pub(super) fn world(&self, unit: &Unit) -> &Scenario {
         &self.worlds[unit.world]
     }
 
-    /// The same on the plant that is asked for.
+    /// Returns the world of a unit on the requested plant.
     pub(super) fn played(&self, unit: &Unit) -> &Scenario {
         &self.played[unit.world]
     }
 
-    /// The trained ado of a unit, if it has one.
+    /// Loads the trained ado of a unit, if any.
     fn ado(&self, unit: &Unit) -> Result<Option<TrainedAdo>, CampaignError> {
         let (run, planned) = match &unit.ado {
             PlannedAdo::Trained { run } => {
@@ -359,6 +369,7 @@ impl PlanDir {
             _ => return Ok(None),
         };
         let sha256 = run.manifest().policy_sha256.clone().unwrap_or_default();
+        // The copy in the plan's directory may have been replaced since.
         if planned.is_some_and(|planned| *planned != sha256) {
             return Err(RunError::Damaged {
                 path: run.path().into(),
@@ -373,7 +384,7 @@ impl PlanDir {
         }))
     }
 
-    /// A training of the campaign that others wait for.
+    /// Opens the finished training that a piece depends on.
     fn trained(&self, training: usize) -> Result<RunDir, CampaignError> {
         let planned = &self.plan.trainings[training];
         let path = training::dir_of(&self.dir, &self.plan, planned);
@@ -386,16 +397,15 @@ impl PlanDir {
     }
 }
 
-/// Does something to every item, from the first to the last, on as many threads
-/// as there are.
+/// Processes every item in order, on all threads.
 ///
-/// Each item is done on a pool of its own, so that nobody who waits for the end
-/// of one begins with another: of what is under way when a campaign is killed
-/// there is never more than one piece per thread.
+/// Each worker has its own pool. A thread that waits inside an item therefore cannot begin
+/// another item. When a campaign is killed, at most one piece per thread is unfinished.
 fn in_turn<T: Sync>(items: &[T], work: impl Fn(&T) + Sync) -> Result<(), CampaignError> {
     let threads = rayon::current_num_threads();
     let workers = threads.min(items.len()).max(1);
     let pool = || {
+        // With fewer items than threads the spare threads work within the items.
         let pool = rayon::ThreadPoolBuilder::new().num_threads((threads / workers).max(1));
         pool.build()
             .map_err(|error| CampaignError::Fault(error.to_string()))

@@ -80,8 +80,8 @@ pub enum CampaignError {
     /// More episodes of a piece are invalid than allowed: it was not kept.
     #[error("{complaint}")]
     Faults {
-        /// The number of the piece.
-        piece: usize,
+        /// The number of the piece; `None`: the pilot, in which an ego never ran.
+        piece: Option<usize>,
         /// What failed.
         complaint: Complaint,
     },

@@ -1,31 +1,32 @@
-//! What a start costs, guessed from the world alone: for plans without a pilot.
+//! Estimated cost of a start without a pilot.
 //!
-//! The numbers are of one machine and right within a factor of three or so:
-//! pieces come out a little longer or shorter, no result changes.
+//! The numbers come from a single machine and are right within a factor of about three.
+//! They change the length of pieces but no result.
 
 use super::plan::{PlannedAdo, PlannedTraining};
 use crate::experiment::EgoUnderTest;
 use crate::scene::Dynamics;
 
-/// Processor time of a physics step.
+/// Processor time of a physics step, s.
 const KINEMATIC_STEP_S: f64 = 0.3e-6;
 const RIGID_STEP_S: f64 = 5e-6;
 const CELLS_STEP_S: f64 = 1e-6;
-/// What an episode takes besides its steps.
+/// Processor time of an episode besides its steps, s.
 const EPISODE_S: f64 = 0.1e-3;
-/// A decision of a training, its share of the learner's updates included.
+/// Processor time of a training decision, including updates of the learner, s.
 const DECISION_S: f64 = 0.25e-3;
-/// Episodes of a search with no switch; one more takes so many times as many.
+/// Episodes of a search without switches, and their factor per additional switch.
 const FIRST_SEQUENCES: f64 = 15.0;
 const PER_SWITCH: f64 = 12.0;
 
-/// Processor time of one start.
+/// Estimates the processor time of a start, s.
 pub(super) fn start_s(ego: &EgoUnderTest, ado: &PlannedAdo) -> f64 {
     let scenario = ego.scenario();
     let clock = scenario.world().clock();
     let samples = (clock.horizon_s / clock.sample_s).ceil();
     let steps = samples * f64::from(clock.substeps.max(1));
     let (step_s, searched_step_s) = match scenario.plant() {
+        // A search on the rigid plant is pre-screened on the kinematic plant.
         Dynamics::Rigid => (RIGID_STEP_S, KINEMATIC_STEP_S),
         Dynamics::Kinematic => (KINEMATIC_STEP_S, KINEMATIC_STEP_S),
         Dynamics::Cells => (CELLS_STEP_S, CELLS_STEP_S),
@@ -43,12 +44,12 @@ pub(super) fn start_s(ego: &EgoUnderTest, ado: &PlannedAdo) -> f64 {
             }
             _ => *budget as f64 * episode_s,
         },
-        // Its own and the nominal ego's, by which it is told what is trivial.
+        // The start itself, and the nominal ego's episode that detects trivial starts.
         _ => 2.0 * episode_s,
     }
 }
 
-/// Processor time of a training.
+/// Estimates the processor time of a training, s.
 pub(super) fn training_s(training: &PlannedTraining, decisions: u64) -> f64 {
     training.decisions.unwrap_or(decisions) as f64 * DECISION_S
 }

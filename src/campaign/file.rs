@@ -1,4 +1,4 @@
-//! What a campaign file says, before it is checked.
+//! Content of a campaign file before the check.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use crate::seed::FIRST_SEALED;
 use crate::sim::PlantKind;
 use crate::world::{Change, Ordered};
 
-/// A campaign file.
+/// Campaign file.
 #[derive(Deserialize)]
 #[serde(rename = "Campaign", deny_unknown_fields)]
 pub(super) struct CampaignFile {
@@ -22,7 +22,7 @@ pub(super) struct CampaignFile {
     pub preventability: bool,
     #[serde(default)]
     pub gate: Option<GateEntry>,
-    /// Where a regulation asks the ego to hold, for the maps of a grid of starts.
+    /// Region in which a regulation requires the ego to hold, for maps of a grid.
     #[serde(default)]
     pub boundary: Option<BoundaryEntry>,
 }
@@ -35,15 +35,15 @@ fn first_sealed() -> u64 {
     FIRST_SEALED
 }
 
-/// A world, by its file or the name of a shipped one.
+/// World, by its file or the name of a shipped world.
 #[derive(Deserialize)]
 #[serde(rename = "World", deny_unknown_fields)]
 pub(super) struct WorldEntry {
     pub file: String,
-    /// The physics to test in, instead of the world's.
+    /// Plant to test on, instead of the world's own.
     #[serde(default)]
     pub plant: Option<PlantKind>,
-    /// Ados of this world only, before those of the campaign.
+    /// Ados of this world only, played before those of the campaign.
     #[serde(default)]
     pub ados: Vec<AdoEntry>,
 }
@@ -54,7 +54,7 @@ pub(super) struct WorldEntry {
 pub(super) enum EgoEntry {
     /// `nominal`, `all`, a name under `reuse`, or a RON file with a `Change`.
     Ego(String),
-    /// One parameter over a range: `ego.time_gap_s=0.5..1.5:5`.
+    /// Parameter over a range: `ego.time_gap_s=0.5..1.5:5`.
     Sweep(String),
     /// Members drawn from the world's family.
     Family {
@@ -62,23 +62,23 @@ pub(super) enum EgoEntry {
         #[serde(default)]
         seed: u64,
     },
-    /// A change that is written here.
+    /// Change that is written in the campaign file.
     Changed { name: String, change: Box<Change> },
 }
 
-/// Who plays the ados.
+/// Ado of a campaign.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) enum AdoEntry {
-    /// The neutral action all the time.
+    /// Neutral action all the time.
     Neutral,
     /// Random actions, each held for five decisions.
     Held,
-    /// A random action at each decision.
+    /// Random action at each decision.
     Random,
-    /// One action all the time, as `check` lists it.
+    /// Constant action, by its label in `check`.
     Constant(String),
-    /// Actions as `check` lists them, each until a moment; the last one is held.
+    /// Actions by their labels in `check`, each until a time, the last action held.
     Script {
         name: String,
         steps: Vec<(String, f64)>,
@@ -93,7 +93,7 @@ pub(super) enum AdoEntry {
         #[serde(default)]
         budget: Option<u64>,
     },
-    /// The ado of a run directory.
+    /// Trained ado of a run directory.
     Trained(String),
     /// Ados that are trained as pieces of the campaign.
     Training {
@@ -105,17 +105,17 @@ pub(super) enum AdoEntry {
     },
 }
 
-/// Which starts are played.
+/// Starts of a campaign.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) enum StartsEntry {
-    /// Test starts, drawn as `eval` and `search` draw them.
+    /// Test starts, drawn as by `eval` and `search`.
     Drawn {
         count: usize,
         #[serde(default)]
         seed: u64,
     },
-    /// A grid over some of the ranges, the others at their middle.
+    /// Grid over some ranges. Every other range is at its middle.
     Grid {
         axes: Ordered<(f64, f64, usize)>,
         #[serde(default)]
@@ -123,51 +123,51 @@ pub(super) enum StartsEntry {
     },
 }
 
-/// Where a regulation asks the ego to hold.
+/// Region in which a regulation requires the ego to hold.
 #[derive(Deserialize)]
 #[serde(rename = "Boundary", deny_unknown_fields)]
 pub(super) struct BoundaryEntry {
     pub name: String,
-    /// A formula on the first sample of a start.
+    /// Formula on the first sample of a start.
     pub stl: String,
 }
 
-/// What decides the exit code of the merge.
+/// Rule that decides the exit code of the merge.
 #[derive(Deserialize)]
 #[serde(rename = "Gate", deny_unknown_fields)]
 pub(super) struct GateEntry {
-    /// The ego that the others are compared with.
+    /// Ego that every other ego is compared with.
     pub baseline: String,
     #[serde(default)]
     pub on: GateOn,
 }
 
-/// Which newly failing starts hold a change up.
+/// Newly failing starts that block a change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GateOn {
-    /// Those that CC_LATCHED or FSM would have survived.
+    /// Starts that CC_LATCHED or FSM would have survived.
     #[default]
     Preventable,
-    /// Any.
+    /// Any newly failing start.
     Any,
-    /// None: it is only told.
+    /// No start. The comparison is only reported.
     Never,
 }
 
-/// Which starts a plan plays.
+/// Starts of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum StartsAsked {
-    /// So many test starts of a stream.
+    /// Test starts of a stream.
     Drawn {
-        /// How many.
+        /// Number of starts.
         count: usize,
         /// Seed of the stream.
         seed: u64,
     },
-    /// Every combination of some values; what is not named is at its middle.
+    /// Every combination of some values. Other axes are at their middle.
     Grid {
-        /// Axes of X_init and the values along them; the last one varies fastest.
+        /// Axes of X_init with their values. The last axis varies fastest.
         axes: Vec<(String, Vec<f64>)>,
         /// Seed of the noise.
         seed: u64,
@@ -175,7 +175,7 @@ pub enum StartsAsked {
 }
 
 impl StartsAsked {
-    /// Seed of the stream of starts, or of their noise.
+    /// Returns the seed of the stream of starts, or of their noise.
     pub fn seed(&self) -> u64 {
         match self {
             StartsAsked::Drawn { seed, .. } | StartsAsked::Grid { seed, .. } => *seed,

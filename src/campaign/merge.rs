@@ -1,4 +1,4 @@
-//! From pieces to one file: nothing is believed, everything is checked.
+//! Merge of pieces to a file, with a check of every piece.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,31 +17,30 @@ use super::summary::{CampaignSummary, Tally};
 use crate::experiment::Watch;
 use crate::run_dir::{RunError, WholeFile, make_dir, write_file};
 
-/// Where the merged file and what is said of it are.
+/// Directory of the merged file and its summary.
 const MERGED: &str = "merged";
-/// The merged file: a line of JSON per start.
+/// Name of the merged file, with a line of JSON per start.
 const ROWS: &str = "rows.jsonl";
-/// Pieces that are looked at side by side, at most, and so many rows: that is
-/// what bounds the memory of a merge.
+/// Largest number of pieces and of rows in memory at a time.
 const BATCH: usize = 256;
 const BATCH_ROWS: usize = 200_000;
-/// Pieces that an error names, at most.
+/// Largest number of pieces named in an error.
 const NAMED: usize = 10;
 
-/// A merged campaign.
+/// Merged campaign.
 #[derive(Debug)]
 pub struct Merged {
-    /// The merged file.
+    /// Path of the merged file.
     pub path: PathBuf,
-    /// Of that file: what two machines compare.
+    /// SHA-256 of that file, for a comparison between machines.
     pub sha256: String,
-    /// Rows in it.
+    /// Number of rows.
     pub rows: u64,
     /// Rates, gates and maps.
     pub summary: CampaignSummary,
 }
 
-/// What the summary takes of a row.
+/// Fields of a row that the summary uses.
 #[derive(Deserialize)]
 struct Told {
     start: u64,
@@ -56,19 +55,19 @@ struct Told {
 impl PlanDir {
     /// Checks all pieces and writes them as one file, with a summary.
     ///
-    /// The pieces may also lie in other directories of the same plan, copied
-    /// from other machines; one that is in several must be the same in each. The
-    /// file is the same bytes whatever the order in which pieces were made, how
-    /// the campaign was cut, and on how many machines.
+    /// Pieces may also lie in other directories of the same plan, copied from other machines.
+    /// Copies of a piece must be identical.
+    /// The bytes of the file do not depend on the order, the cut or the number of machines.
     ///
     /// # Errors
-    /// Pieces are missing, damaged, of another plan, or twice and different:
-    /// all are named, and nothing is written.
+    /// Returns an error that names all missing, damaged, foreign or contradictory pieces.
+    /// No file is written then.
     pub fn merge(&self, others: &[PathBuf], watch: &Watch<'_>) -> Result<Merged, CampaignError> {
         self.refuse_strangers()?;
         let dir = self.dir.join(MERGED);
         make_dir(&dir)?;
         let path = dir.join(ROWS);
+        // The file appears under its name only after `finish`, so a failed merge leaves none.
         let mut file = WholeFile::begin(&path)?;
         let mut tallies: Vec<Tally> = self.plan.units.iter().map(Tally::of).collect();
         let mut policies: Vec<Option<String>> = vec![None; self.plan.trainings.len()];
@@ -96,6 +95,8 @@ impl PlanDir {
                 if let Some(why) = self.other_policy(piece, &text, &mut policies) {
                     wrong.push((piece.number, why));
                 }
+                // After the first error the remaining pieces are only checked, so that
+                // all mistakes are named.
                 if !wrong.is_empty() {
                     continue;
                 }
@@ -117,6 +118,7 @@ impl PlanDir {
         if !wrong.is_empty() {
             return Err(self.refused(&wrong));
         }
+        // The hash covers the rows in plan order, which no machine or cut changes.
         let sha256 = file.finish()?;
         let summary = CampaignSummary::of(self, tallies);
         let told = json!({
@@ -136,7 +138,7 @@ impl PlanDir {
         })
     }
 
-    /// Whether a piece is there and right, in every place that has it.
+    /// Reads a piece from every place that has it and checks the copies.
     fn checked(
         &self,
         piece: &CampaignPiece,
@@ -159,6 +161,7 @@ impl PlanDir {
                     )));
                 }
             };
+            // A file may be renamed, and its heading then has another number.
             if text.heading.piece != piece.number {
                 let is = text.heading.piece;
                 return Ok(Err(format!("foreign: its file holds piece {is}")));
@@ -174,17 +177,19 @@ impl PlanDir {
                 None => found = Some(text),
             }
         }
+        // Missing is reported only if no place has the piece.
         let Some(text) = found else {
             return Ok(Err("missing".to_owned()));
         };
         Ok(self.rows_of(piece, &text.rows).map(|told| (text, told)))
     }
 
-    /// The rows of a piece, if they are those of its starts in order.
+    /// Parses the rows of a piece and checks that they are its starts in order.
     fn rows_of(&self, piece: &CampaignPiece, rows: &str) -> Result<Vec<Told>, String> {
         let told: Result<Vec<Told>, _> = rows.lines().map(serde_json::from_str).collect();
         let told: Vec<Told> = told.map_err(|error| format!("damaged: {error}"))?;
         let asked = match &piece.work {
+            // A training has no rows.
             Work::Training(_) => 0..0,
             Work::Starts { starts, .. } => starts.clone(),
         };
@@ -198,7 +203,7 @@ impl PlanDir {
         }
     }
 
-    /// Whether a piece was played with another ado than the training's piece made.
+    /// Checks that a piece was played with the policy that its training made.
     fn other_policy(
         &self,
         piece: &CampaignPiece,
@@ -208,6 +213,7 @@ impl PlanDir {
         let hash = &text.heading.policy_sha256;
         match &piece.work {
             Work::Training(training) => {
+                // Trainings have the lowest numbers, so their hashes are known before use.
                 policies[*training].clone_from(hash);
                 None
             }
@@ -223,7 +229,7 @@ impl PlanDir {
         }
     }
 
-    /// Files among the pieces that are none of this plan.
+    /// Refuses files among the pieces that do not belong to this plan.
     fn refuse_strangers(&self) -> Result<(), CampaignError> {
         let mut strangers = Vec::new();
         let dirs = fs::read_dir(self.dir.join(PIECES))
@@ -239,11 +245,13 @@ impl PlanDir {
                 };
                 let number = stem.parse::<usize>().ok();
                 let known = number.filter(|number| *number < self.plan.len());
+                // The path is compared too, since a piece may lie in the wrong subdirectory.
                 if known.map(|number| piece::path_of(&self.dir, number)) != Some(path.clone()) {
                     strangers.push(path.display().to_string());
                 }
             }
         }
+        // Directory order depends on the file system, so the list is sorted.
         strangers.sort();
         match strangers.is_empty() {
             true => Ok(()),
@@ -267,12 +275,14 @@ impl PlanDir {
     }
 }
 
-/// Pieces in order, a few at a time.
+/// Splits the pieces, in order, into batches.
 fn batches(mut pieces: &[CampaignPiece]) -> impl Iterator<Item = &[CampaignPiece]> {
     std::iter::from_fn(move || {
         let mut rows = 0;
         let fits = |piece: &&CampaignPiece| {
+            // A piece larger than the limit forms a batch of its own.
             let is_first = rows == 0;
+            // Trainings have no rows but cost a file each.
             rows += piece.rows().max(1);
             is_first || rows <= BATCH_ROWS
         };
@@ -283,7 +293,7 @@ fn batches(mut pieces: &[CampaignPiece]) -> impl Iterator<Item = &[CampaignPiece
     })
 }
 
-/// The first of many, and how many more there are.
+/// Lists the first items and the number of further items.
 fn listed(all: &[String]) -> String {
     let mut lines: Vec<String> = all.iter().take(NAMED).cloned().collect();
     if NAMED < all.len() {
@@ -292,7 +302,7 @@ fn listed(all: &[String]) -> String {
     lines.join("\n")
 }
 
-/// Where the page of a merged campaign is.
+/// Returns the path of the page of a merged campaign.
 pub(super) fn page_of(dir: &Path) -> PathBuf {
     dir.join(MERGED).join("report.html")
 }

@@ -1,14 +1,14 @@
-//! Campaigns cut into pieces that can die: planned, run and merged.
+//! Campaigns in resumable pieces: planned, run and merged.
 //!
-//! A campaign plays worlds × egos × ados × starts. [`Plan::make`] cuts it into
-//! pieces; each is a function of the plan alone, writes one file, and may run
-//! anywhere, any number of times ([`PlanDir::run_piece`]). [`PlanDir::merge`]
-//! believes no engine: it reads every piece, checks it against the plan and its
-//! own hash, and writes the same bytes whatever the pieces, their order and the
-//! machines were. `docs/campaigns.md` is the guide.
+//! A campaign plays worlds × egos × ados × starts. [`Plan::make`] cuts it into pieces.
+//! Each piece is a function of the plan alone and writes a single file. It may run
+//! anywhere, any number of times ([`PlanDir::run_piece`]).
+//! [`PlanDir::merge`] trusts no engine. It reads every piece and checks it against the plan
+//! and its own hash. The merged bytes do not depend on cut, order or machines.
+//! `docs/campaigns.md` is the guide.
 //!
-//! Architecture Invariant: a row holds nothing of the machine, the time or the
-//! way the campaign was cut.
+//! Architecture Invariant: a row holds nothing of the machine, the time or the cut of the
+//! campaign.
 
 mod check;
 mod cost_pilot;

@@ -1,4 +1,4 @@
-//! The page of a merged campaign.
+//! Page of a merged campaign.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use super::summary::{CellMap, GateVerdict, SummaryRow};
 use crate::report::{CampaignPage, CellState, MapCell, StartMap};
 use crate::run_dir::write_file;
 
-/// What the columns of [`SummaryRow::cells`] are.
+/// Headings of the columns of [`SummaryRow::cells`].
 pub const COLUMNS: [&str; 10] = [
     "ego", "ado", "starts", "fails %", "95 %", "recall", "fouls", "contact", "prev.", "closing",
 ];
@@ -21,7 +21,7 @@ impl PlanDir {
     /// Writes a page about a merged campaign beside the merged file.
     ///
     /// # Errors
-    /// The disk refuses.
+    /// Returns an error if the page cannot be written.
     pub fn write_page(&self, merged: &Merged) -> Result<PathBuf, CampaignError> {
         let plan = self.plan();
         let summary = &merged.summary;
@@ -66,6 +66,7 @@ impl PlanDir {
             false => format!("{name} [{unit}]"),
         };
         let values = |(_, _, values): &(String, String, Vec<f64>)| values.clone();
+        // An empty axis must not divide by zero.
         let columns = map.x.2.len().max(1);
         let cell = |nth: usize| {
             let (x, y) = (map.x.2[nth % columns], map.y.2[nth / columns]);
@@ -74,6 +75,7 @@ impl PlanDir {
             let said: Vec<String> = said.collect();
             MapCell {
                 state: state(map, nth),
+                // The first ado plays the protocol's own point, and later ados vary it.
                 protocol: 1 < map.ados.len() && map.outcomes[0][nth] == RowOutcome::Fails,
                 inside: inside.as_ref().map(|inside| inside[nth]),
                 about: format!("{x}, {y}: {}", said.join("; ")),
@@ -92,12 +94,13 @@ impl PlanDir {
         })
     }
 
-    /// Which cells lie where the regulation asks the ego to hold.
+    /// Returns, per cell, whether the regulation requires the ego to hold there.
     fn inside(&self, map: &CellMap) -> Result<Option<Vec<bool>>, CampaignError> {
         let plan = self.plan();
         let Some((_, formula)) = &plan.boundary else {
             return Ok(None);
         };
+        // The formula reads the starts, which are the same for every ado.
         let is_of = |unit: &&Unit| self.world(unit).name() == map.world && unit.ego.name == map.ego;
         let Some(unit) = plan.units.iter().find(is_of) else {
             return Ok(None);
@@ -106,12 +109,13 @@ impl PlanDir {
         let monitor = regulation_boundary::monitor(world, formula);
         let monitor = monitor.map_err(|error| CampaignError::Fault(error.to_string()))?;
         let cells = map.x.2.len() * map.y.2.len();
+        // The starts of a map are consecutive, because the last two axes vary fastest.
         let starts = plan.starts.of(world, map.first..map.first + cells);
         Ok(Some(regulation_boundary::holds(world, &monitor, &starts)))
     }
 }
 
-/// A row of the page's table.
+/// Formats a row of the page's table.
 fn cells(row: &SummaryRow) -> Vec<String> {
     let world = format!("{}, {}", row.world, row.plant);
     let others = [row.trivial, row.invalid].map(|count| count.to_string());
@@ -121,9 +125,10 @@ fn cells(row: &SummaryRow) -> Vec<String> {
         .collect()
 }
 
-/// What is known of a cell over all ados.
+/// Combines the outcomes of all ados to the state of a cell.
 fn state(map: &CellMap, nth: usize) -> CellState {
     let outcomes = || map.outcomes.iter().map(|of_ado| of_ado[nth]);
+    // A failure under any ado is a failure of the cell.
     let fails = outcomes().any(|outcome| outcome == RowOutcome::Fails);
     let preventable = map
         .preventable
@@ -138,6 +143,7 @@ fn state(map: &CellMap, nth: usize) -> CellState {
     if outcomes().all(|outcome| outcome == RowOutcome::Trivial) {
         return CellState::Trivial;
     }
+    // A cell without any valid episode is unknown and not held.
     match outcomes().all(|outcome| outcome == RowOutcome::Invalid) {
         true => CellState::Unknown,
         false => CellState::Holds,
@@ -145,7 +151,7 @@ fn state(map: &CellMap, nth: usize) -> CellState {
 }
 
 impl SummaryRow {
-    /// The row as the cells of a table, in the order of [`COLUMNS`].
+    /// Returns the cells of the row, in the order of [`COLUMNS`].
     pub fn cells(&self) -> [String; 10] {
         let who = match (self.train_seed, self.trainings) {
             (Some(seed), _) => format!("{} {seed}", self.ado),

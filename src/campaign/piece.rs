@@ -1,6 +1,5 @@
-//! The file of a piece: what it answers, its rows, its hash.
+//! File of a piece: its question, its rows and its hash.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -10,54 +9,55 @@ use serde_json::json;
 use super::row::StartRow;
 use crate::content_hash::sha256;
 use crate::run_dir::{RunError, make_dir, write_file};
+use crate::world::file_bytes;
 
-/// Pieces of one directory, so that none gets too many names.
+/// Pieces per directory, which keeps directories small.
 const PER_DIR: usize = 1000;
-/// Where the files of the pieces are.
+/// Directory of the pieces' files.
 pub(super) const PIECES: &str = "pieces";
 
-/// The first line of a piece.
+/// First line of a piece.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Heading {
-    /// Its number in the plan that it was made by.
+    /// Number in the plan that made it.
     pub piece: usize,
-    /// The hash of what it answers.
+    /// Hash of the question that it answers.
     pub question: String,
-    /// Of the policy that was trained, or of the trained one that played.
+    /// Hash of the policy that was trained, or of the trained policy that played.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policy_sha256: Option<String>,
 }
 
-/// A piece that was read and is what it says.
+/// Piece that was read and verified.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct PieceText {
     pub heading: Heading,
-    /// Its rows, a line each.
+    /// Rows, a line each.
     pub rows: String,
 }
 
-/// Why the file of a piece is not used.
+/// Reason that the file of a piece is not used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Unusable {
     Missing,
-    /// It was changed, or cut off.
+    /// The file was changed or truncated.
     Damaged(String),
-    /// It answers another question: of another plan, world or version.
+    /// The file answers another question: of another plan, world or version.
     Foreign,
 }
 
-/// Where a piece is, in the directory of its plan.
+/// Returns the path of a piece in the directory of its plan.
 pub(super) fn path_of(dir: &Path, number: usize) -> PathBuf {
     dir.join(name_of(number))
 }
 
-/// The same as a name, with `/`.
+/// Returns the relative name of a piece, with `/` as separator.
 pub(super) fn name_of(number: usize) -> String {
     format!("{PIECES}/{:03}/{number:06}.jsonl", number / PER_DIR)
 }
 
-/// Writes a piece, whole or not at all.
+/// Writes a piece atomically.
 pub(super) fn write(dir: &Path, heading: &Heading, rows: &[StartRow]) -> Result<(), RunError> {
     let path = path_of(dir, heading.piece);
     let damaged = |error: serde_json::Error| RunError::Damaged {
@@ -70,6 +70,7 @@ pub(super) fn write(dir: &Path, heading: &Heading, rows: &[StartRow]) -> Result<
         text.push_str(&serde_json::to_string(row).map_err(damaged)?);
         text.push('\n');
     }
+    // The hash comes last, so it also detects a truncated file.
     let hash = sha256(text.as_bytes());
     text.push_str(&format!("{}\n", json!({ "sha256": hash })));
     if let Some(dir) = path.parent() {
@@ -78,14 +79,14 @@ pub(super) fn write(dir: &Path, heading: &Heading, rows: &[StartRow]) -> Result<
     write_file(&path, text.as_bytes())
 }
 
-/// Reads the piece of a number, if it is there, whole, and answers `question`.
+/// Reads a piece by number, if it exists, is complete, and answers `question`.
 pub(super) fn read(
     dir: &Path,
     number: usize,
     question: &str,
 ) -> Result<Result<PieceText, Unusable>, RunError> {
     let path = path_of(dir, number);
-    let bytes = match fs::read(&path) {
+    let bytes = match file_bytes(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             return Ok(Err(Unusable::Missing));
         }
@@ -110,12 +111,14 @@ fn parsed(bytes: Vec<u8>) -> Result<PieceText, Unusable> {
     let damaged = |why: &str| Unusable::Damaged(why.to_owned());
     let mut text = String::from_utf8(bytes).map_err(|_| damaged("it is not UTF-8"))?;
     let cut_off = || damaged("it is cut off");
+    // A complete file ends with a line break after its hash.
     let body = text.strip_suffix('\n').ok_or_else(cut_off)?;
     let last = body.rfind('\n').ok_or_else(cut_off)? + 1;
     let hash = sha256(&text.as_bytes()[..last]);
     if text[last..] != format!("{}\n", json!({ "sha256": hash })) {
         return Err(damaged("it is not as it was written: its hash is another"));
     }
+    // The hash line is removed, so equal rows compare equal.
     text.truncate(last);
     let first = text.find('\n').ok_or_else(cut_off)? + 1;
     let heading = serde_json::from_str(&text[..first]);
@@ -129,6 +132,8 @@ fn parsed(bytes: Vec<u8>) -> Result<PieceText, Unusable> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]

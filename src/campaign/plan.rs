@@ -1,4 +1,4 @@
-//! The plan of a campaign: what is played, and how it is cut into pieces.
+//! Plan of a campaign: what is played, and its cut into pieces.
 
 use std::ops::Range;
 
@@ -13,136 +13,137 @@ use crate::sim::PlantKind;
 /// Version of the layout of plans and pieces.
 pub(super) const FORMAT: u32 = 1;
 
-/// A campaign, cut into pieces: all that a piece is a function of.
+/// Campaign in pieces, which depend on nothing else.
 ///
-/// Pieces are numbered: first the trainings, then the starts of unit after unit.
+/// Pieces are numbered: first the trainings, then the starts, unit by unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
     /// Version of the layout.
     pub(super) format: u32,
-    /// Of this file.
+    /// SHA-256 of this file.
     pub(super) sha256: String,
-    /// The version that planned it; another one does not run it.
+    /// Version that made the plan. Other versions do not run it.
     pub brakecheck: String,
-    /// What the campaign is called.
+    /// Name of the campaign.
     pub name: String,
-    /// The worlds, beside the plan.
+    /// Worlds, stored beside the plan.
     pub worlds: Vec<PlannedWorld>,
     /// Run directories of trained ados, copied beside the plan.
     pub ados: Vec<PlannedRun>,
     /// Ados that the campaign trains.
     pub trainings: Vec<PlannedTraining>,
-    /// Which starts are played in each world.
+    /// Starts that are played in each world.
     pub starts: StartsAsked,
     /// Whether counterexamples are judged by the reference drivers.
     pub preventability: bool,
-    /// The ego that others are compared with, and what decides.
+    /// Ego that every other ego is compared with, and the rule that decides.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<(String, GateOn)>,
-    /// Where a regulation asks the ego to hold: its name, and a formula on the
-    /// first sample of a start.
+    /// Region in which a regulation requires the ego to hold.
+    ///
+    /// It has a name and a formula on the first sample of a start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boundary: Option<(String, String)>,
-    /// What meets what.
+    /// Pairs of an ego and an ado that are played.
     pub units: Vec<Unit>,
 }
 
-/// A world of a plan.
+/// World of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWorld {
-    /// Its name.
+    /// Name of the world.
     pub name: String,
-    /// Its file, in the directory of the plan.
+    /// File in the directory of the plan.
     pub file: String,
-    /// Of that file.
+    /// SHA-256 of that file.
     pub sha256: String,
-    /// The physics to test in; `None`: the world's own.
+    /// Plant to test on. `None`: the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plant: Option<PlantKind>,
 }
 
-/// A run directory of a plan.
+/// Run directory of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedRun {
-    /// Where it is, in the directory of the plan.
+    /// Path in the directory of the plan.
     pub dir: String,
-    /// Of its policy.
+    /// SHA-256 of its policy.
     pub policy_sha256: String,
     /// Seed of its training.
     pub seed: u64,
 }
 
-/// A training that is a piece of the campaign.
+/// Training that is a piece of the campaign.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedTraining {
     /// Position of its world.
     pub world: usize,
-    /// Its seed.
+    /// Seed of the training.
     pub seed: u64,
-    /// Decisions; `None`: as the world says.
+    /// Number of decisions. `None`: the world's own number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decisions: Option<u64>,
 }
 
-/// One ego and one ado in one world, on all starts.
+/// Pair of an ego and an ado in a world, on all starts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unit {
     /// Position of the world.
     pub world: usize,
-    /// The ego: what rows call it, and how it differs from the world's own.
+    /// Ego, with its name in rows and its difference from the world's own.
     pub ego: ChangedEgo,
-    /// Who plays the ado.
+    /// Ado of the unit.
     pub ado: PlannedAdo,
-    /// How many starts there are.
+    /// Number of starts.
     pub starts: usize,
-    /// How many of them are a piece; the last one may have fewer.
+    /// Number of starts per piece. The last piece may have fewer.
     pub each: usize,
 }
 
-/// Who plays the ado of a unit.
+/// Ado of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub enum PlannedAdo {
-    /// The neutral action all the time.
+    /// Neutral action all the time.
     Neutral,
     /// Random actions, each held for five decisions.
     Held,
-    /// A random action at each decision.
+    /// Random action at each decision.
     Random,
-    /// One action all the time.
+    /// Constant action.
     Constant {
-        /// Its number.
+        /// Number of the action.
         action: usize,
-        /// Its label.
+        /// Label of the action.
         label: String,
     },
-    /// Actions as given, one per decision; the last one is held.
+    /// Given actions, one per decision, the last action held.
     Script {
-        /// What rows call it.
+        /// Name in rows.
         name: String,
-        /// Their numbers.
+        /// Numbers of the actions.
         actions: Vec<usize>,
     },
     /// Sequences of actions, searched per start.
     Search {
-        /// As `--method` has it.
+        /// Name, as given to `--method`.
         method: String,
-        /// Most switches of action.
+        /// Largest number of action switches.
         switches: usize,
         /// Simulations per start.
         budget: u64,
     },
-    /// The ado of a run directory of the plan.
+    /// Trained ado of a run directory of the plan.
     Trained {
         /// Position of the run.
         run: usize,
     },
-    /// An ado that the campaign trains.
+    /// Ado that the campaign trains.
     Training {
         /// Position of the training.
         training: usize,
@@ -150,7 +151,7 @@ pub enum PlannedAdo {
 }
 
 impl PlannedAdo {
-    /// What rows call it.
+    /// Returns the name in rows.
     pub fn word(&self) -> String {
         match self {
             PlannedAdo::Neutral => "neutral".to_owned(),
@@ -164,31 +165,31 @@ impl PlannedAdo {
     }
 }
 
-/// A piece of a campaign.
+/// Piece of a campaign.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CampaignPiece {
-    /// Its number.
+    /// Number of the piece.
     pub number: usize,
-    /// What is done in it.
+    /// Work of the piece.
     pub work: Work,
 }
 
-/// What is done in a piece.
+/// Work of a piece.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Work {
-    /// A training of the plan.
+    /// Training of the plan.
     Training(usize),
-    /// Some starts of a unit of the plan.
+    /// Starts of a unit of the plan.
     Starts {
         /// Position of the unit.
         unit: usize,
-        /// Which of its starts.
+        /// Range of its starts.
         starts: Range<usize>,
     },
 }
 
 impl CampaignPiece {
-    /// How many rows it has.
+    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         match &self.work {
             Work::Training(_) => 0,
@@ -198,14 +199,14 @@ impl CampaignPiece {
 }
 
 impl Unit {
-    /// How many pieces it is cut into.
+    /// Returns the number of pieces of the unit.
     pub fn pieces(&self) -> usize {
         self.starts.div_ceil(self.each.max(1))
     }
 }
 
 impl Plan {
-    /// Every piece, in order.
+    /// Returns every piece in order.
     pub fn pieces(&self) -> impl Iterator<Item = CampaignPiece> + '_ {
         let trainings = (0..self.trainings.len()).map(Work::Training);
         let units = self.units.iter().enumerate();
@@ -219,23 +220,24 @@ impl Plan {
         all.map(|(number, work)| CampaignPiece { number, work })
     }
 
-    /// How many pieces there are.
+    /// Returns the number of pieces.
     pub fn len(&self) -> usize {
         self.trainings.len() + self.units.iter().map(Unit::pieces).sum::<usize>()
     }
 
-    /// Whether there is nothing to do.
+    /// Returns whether the plan has no pieces.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// On which plant a unit's ego is tested, if not on the world's own.
+    /// Returns the plant on which a unit's ego is tested, if not the world's own.
     pub(super) fn plant(&self, unit: &Unit) -> Option<PlantKind> {
         self.worlds.get(unit.world)?.plant
     }
 
-    /// The piece of a number.
+    /// Returns the piece of a number.
     pub fn piece(&self, number: usize) -> Option<CampaignPiece> {
+        // Trainings have the first numbers.
         let Some(mut nth) = number.checked_sub(self.trainings.len()) else {
             let work = Work::Training(number);
             return Some(CampaignPiece { number, work });
@@ -252,8 +254,9 @@ impl Plan {
         None
     }
 
-    /// All that the result of a piece is a function of, as a hash: a file of
-    /// another question is foreign, whatever its name.
+    /// Returns the hash of everything that the result of a piece depends on.
+    ///
+    /// A file with another question is foreign, whatever its name.
     pub(super) fn question(&self, work: &Work) -> String {
         let world = |position: usize| self.worlds.get(position);
         let asked = match work {
@@ -271,6 +274,8 @@ impl Plan {
                     PlannedAdo::Training { training } => self.trainings.get(training),
                     _ => None,
                 });
+                // The gate and the boundary are read by the merge only, so they are
+                // not part of the question.
                 json!({
                     "world": planned.and_then(|planned| world(planned.world)),
                     "ego": planned.map(|planned| &planned.ego),
@@ -284,13 +289,15 @@ impl Plan {
                 })
             }
         };
+        // The version is part of the question, since another version may play differently.
         let asked = json!({ "format": FORMAT, "brakecheck": self.brakecheck, "asked": asked });
         sha256(asked.to_string().as_bytes())
     }
 
-    /// The plan as the text of its file, with its hash.
+    /// Returns the text of the plan's file, with its hash.
     pub(super) fn text(&self) -> Result<String, serde_json::Error> {
         let unsealed = Plan {
+            // The hash is computed over the text with a blank in its place.
             sha256: BLANK.to_owned(),
             ..self.clone()
         };
@@ -376,7 +383,7 @@ mod tests {
             starts: 0..2,
         };
         assert_ne!(plan.question(&other), asked);
-        // What is compared later is no part of what is played.
+        // Settings of the comparison are not part of what is played.
         let mut same = plan.clone();
         same.gate = Some(("nominal".to_owned(), GateOn::Any));
         same.units[0].each = 2;

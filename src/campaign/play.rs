@@ -1,4 +1,4 @@
-//! Playing some starts of a unit: a row each.
+//! Play of some starts of a unit, with a row per start.
 
 use std::ops::Range;
 
@@ -9,39 +9,39 @@ use crate::adversary::{Ado, EvalRequest, eval};
 use crate::experiment::{EgoUnderTest, EpisodeLoop, TestStarts, Watch, consent, leaf};
 use crate::rl::Policy;
 use crate::rulebook::Verdict;
-use crate::scene::Dynamics;
+use crate::scene::{Dynamics, Start};
 use crate::search::{Method, MethodSettings, SearchRequest, search};
 use crate::severity::Impact;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// A unit, ready to be played.
+/// Unit with everything needed to play it.
 pub(super) struct Stage<'a> {
     pub plan: &'a Plan,
     pub unit: &'a Unit,
-    /// The world as its file has it, by whose ego it is told what is trivial.
+    /// World of the file. Its own ego decides which starts are trivial.
     pub world: &'a Scenario,
     pub ego: EgoUnderTest,
-    /// The trained ado, if the unit has one.
+    /// Trained ado of the unit, if any.
     pub ado: Option<TrainedAdo>,
 }
 
-/// A trained ado, read.
+/// Trained ado that was read.
 pub(super) struct TrainedAdo {
     pub policy: Box<dyn Policy>,
     /// Seed of its training.
     pub seed: u64,
-    /// Of its file.
+    /// SHA-256 of its file.
     pub sha256: String,
 }
 
-/// The rows of some starts, and what they took.
+/// Rows of some starts, with their processor time.
 pub(super) struct Played {
     pub rows: Vec<StartRow>,
     pub cpu_s: f64,
 }
 
-/// What is known of a start before its success, if it is one, is looked at.
+/// Outcome of a start, before a success is played again.
 struct Ended {
     outcome: RowOutcome,
     verdict: Option<Verdict>,
@@ -51,7 +51,7 @@ struct Ended {
 }
 
 impl Stage<'_> {
-    /// Plays starts. `None`: stopped before the last one.
+    /// Plays some starts. `None`: stopped before the last of them.
     pub fn play(
         &self,
         which: Range<usize>,
@@ -60,7 +60,7 @@ impl Stage<'_> {
         consent(self.world, std::slice::from_ref(&self.ego))?;
         let seed = self.plan.starts.seed();
         let points = self.plan.starts.of(self.world, which.clone());
-        let Some(starts) = TestStarts::tried(self.world, seed, points, watch) else {
+        let Some(starts) = self.judged(seed, points, watch) else {
             return Ok(None);
         };
         let (ended, episodes, cpu_s) = match &self.unit.ado {
@@ -78,6 +78,7 @@ impl Stage<'_> {
             }
             _ => self.evaluated(&starts, watch)?,
         };
+        // A piece is complete or absent, so rows of a stopped run are dropped.
         if watch.stopped() {
             return Ok(None);
         }
@@ -85,12 +86,34 @@ impl Stage<'_> {
         let rows = rows.map(|(nth, (start, (point, _)))| {
             let blank = self.blank(start, &point.0);
             match ended.get(nth).and_then(Option::as_ref) {
+                // A trivial start has a row too, so every start of the plan appears once.
                 None => blank,
                 Some(ended) => self.told(blank, ended, episodes[nth].as_ref()),
             }
         });
         let rows = rows.collect();
         Ok(Some(Played { rows, cpu_s }))
+    }
+
+    /// Starts, with those left out at which the world's own ego fails by itself.
+    ///
+    /// Where that ego says nothing of others, as in imported scenes, each start is
+    /// a question to the unit's ego, and none is left out. `None`: stopped.
+    fn judged(
+        &self,
+        seed: u64,
+        starts: Vec<(Start, u64)>,
+        watch: &Watch<'_>,
+    ) -> Option<TestStarts> {
+        if !self.world.judges_each_ego() {
+            return TestStarts::tried(self.world, seed, starts, watch);
+        }
+        let trivial = vec![false; starts.len()];
+        Some(TestStarts {
+            seed,
+            starts,
+            trivial,
+        })
     }
 
     fn evaluated(&self, starts: &TestStarts, watch: &Watch<'_>) -> Result<Outcomes, CampaignError> {
@@ -147,6 +170,8 @@ impl Stage<'_> {
                         (None, true) => RowOutcome::Invalid,
                         (None, false) => RowOutcome::Held,
                     },
+                    // A search has no verdict of its own, so robustness comes from the
+                    // repeated run.
                     verdict: None,
                     contact: found.closing_speed_mps,
                     simulations: found.simulations,
@@ -165,7 +190,7 @@ impl Stage<'_> {
         (ended, episodes, searched.row.cpu_s)
     }
 
-    /// Every success once more, for what is told of it.
+    /// Plays every success again to record its details.
     fn again(
         &self,
         ended: &[Option<Ended>],
@@ -173,7 +198,7 @@ impl Stage<'_> {
         watch: &Watch<'_>,
     ) -> Vec<Option<Success>> {
         let scenario = self.ego.scenario();
-        // Of an episode little is kept: a piece may have many thousands.
+        // Only a few values are kept, because a piece may have many thousand episodes.
         EpisodeLoop::uncounted(watch).run(
             ended,
             || scenario.bench(),
@@ -183,6 +208,7 @@ impl Stage<'_> {
                     return None;
                 }
                 let episode = again(bench, turn.index);
+                // The reference drivers can judge only an episode that ends in contact.
                 let judged = self.plan.preventability && episode.contact.is_some();
                 let known = judged.then(|| scenario.preventability(&episode));
                 Some(Success {
@@ -198,6 +224,7 @@ impl Stage<'_> {
 
     fn ado(&self) -> Result<Ado<'_>, CampaignError> {
         Ok(match &self.unit.ado {
+            // The neutral action depends on the world, so it is resolved here.
             PlannedAdo::Neutral => Ado::Constant(self.ego.scenario().world().spaces().neutral),
             PlannedAdo::Held => Ado::Held,
             PlannedAdo::Random => Ado::Random,
@@ -213,7 +240,7 @@ impl Stage<'_> {
         })
     }
 
-    /// A row of a start that is trivial.
+    /// Returns the row of a trivial start.
     fn blank(&self, start: usize, x: &[f64]) -> StartRow {
         StartRow {
             world: self.world.name().to_owned(),
@@ -252,6 +279,7 @@ impl Stage<'_> {
         match ended.verdict {
             Some(Verdict::Held { margin }) => row.robustness = Some(margin),
             Some(Verdict::Counterexample { by } | Verdict::Uncounted { by }) => {
+                // The sign turns the depth of a violation into a robustness.
                 row.robustness = Some(-by);
             }
             Some(Verdict::Foul { rule, .. }) => {
@@ -276,7 +304,7 @@ impl Stage<'_> {
     }
 }
 
-/// What is told of a success.
+/// Details of a success.
 struct Success {
     robustness: f64,
     leaf: String,
@@ -287,7 +315,7 @@ struct Success {
 
 type Outcomes = (Vec<Option<Ended>>, Vec<Option<Success>>, f64);
 
-/// The plant as rows of other verbs have it.
+/// Returns the name of the plant as in rows of other verbs.
 fn plant_word(plant: Dynamics) -> String {
     format!("{plant:?}")
 }

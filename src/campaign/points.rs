@@ -1,4 +1,4 @@
-//! The starts of a unit: drawn ones, or a grid over X_init.
+//! Starts of a unit: drawn, or a grid over X_init.
 
 use std::ops::Range;
 
@@ -8,10 +8,11 @@ use crate::scene::Start;
 use crate::world::Scenario;
 
 impl StartsAsked {
-    /// How many starts a world has.
+    /// Returns the number of starts in a world.
     pub(super) fn count(&self, world: &Scenario) -> usize {
         match self {
             StartsAsked::Drawn { count, .. } => match world.starts() {
+                // A world with a list of starts cannot have more than that list.
                 Some(all) => all.len().min(*count),
                 None => *count,
             },
@@ -19,10 +20,11 @@ impl StartsAsked {
         }
     }
 
-    /// Some of them, each with the seed of its noise.
+    /// Returns a range of the starts, each with the seed of its noise.
     pub(super) fn of(&self, world: &Scenario, which: Range<usize>) -> Vec<(Start, u64)> {
         match self {
             StartsAsked::Drawn { count, seed } => {
+                // A list that fits is played completely and in order, as `eval` does.
                 match world.starts().filter(|all| all.len() <= *count) {
                     None => drawn_starts(world, *seed, which),
                     Some(all) => {
@@ -42,11 +44,13 @@ impl StartsAsked {
     }
 }
 
-/// A point of a grid; the last axis varies fastest.
+/// Returns a point of a grid, where the last axis varies fastest.
 fn point(world: &Scenario, axes: &[(String, Vec<f64>)], index: usize) -> Start {
     let axis = |axis: crate::scene::Axis| {
         let mut left = index;
+        // Axes that the grid does not name stay at their middle.
         let mut value = (axis.lo + axis.hi) / 2.0;
+        // The index is a mixed-radix number with the last axis as its lowest digit.
         for (name, values) in axes.iter().rev() {
             let nth = left % values.len().max(1);
             left /= values.len().max(1);

@@ -1,4 +1,4 @@
-//! One start of a campaign, as a line of JSON.
+//! Start of a campaign as a line of JSON.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,26 +6,26 @@ use crate::rulebook::Verdict;
 use crate::severity::CrashKind;
 use crate::stats::StartOutcome;
 
-/// How a start of a campaign ended.
+/// Outcome of a start of a campaign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RowOutcome {
-    /// The ego was made to fail, every rule kept.
+    /// The ego failed and the ado kept every rule.
     Fails,
-    /// It kept its specification.
+    /// The ego kept its specification.
     Held,
     /// The ado broke a rule first.
     Foul,
     /// The ego violated its specification, but not in a way that counts.
     Uncounted,
-    /// Left out: the nominal ego fails there without an adversary.
+    /// Left out, because the nominal ego fails there without an adversary.
     Trivial,
     /// The ego or the physics failed to run.
     Invalid,
 }
 
 impl RowOutcome {
-    /// That of a verdict.
+    /// Returns the outcome of a verdict.
     pub(super) fn of(verdict: &Verdict) -> RowOutcome {
         match verdict {
             Verdict::Counterexample { .. } => RowOutcome::Fails,
@@ -36,7 +36,7 @@ impl RowOutcome {
         }
     }
 
-    /// The word in files.
+    /// Returns the word in files.
     pub fn word(self) -> &'static str {
         match self {
             RowOutcome::Fails => "fails",
@@ -48,7 +48,7 @@ impl RowOutcome {
         }
     }
 
-    /// What rates make of it.
+    /// Returns the outcome that rates use.
     pub fn start(self) -> StartOutcome {
         match self {
             RowOutcome::Fails => StartOutcome::Solved,
@@ -59,52 +59,54 @@ impl RowOutcome {
     }
 }
 
-/// One start of a campaign: every line of the merged file has all of these keys.
+/// Start of a campaign. Every line of the merged file has all of these keys.
 ///
-/// It holds nothing of the machine, of times, or of how the campaign was cut.
+/// It holds nothing of the machine, of times, or of the cut of the campaign.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartRow {
     /// Name of the world.
     pub world: String,
-    /// Which physics.
+    /// Name of the plant.
     pub plant: String,
-    /// Which ego.
+    /// Name of the ego.
     pub ego: String,
-    /// Who played the ado.
+    /// Name of the ado.
     pub ado: String,
     /// Seed of the ado's training, if it was trained.
     pub train_seed: Option<u64>,
     /// Position among the starts.
     pub start: u64,
-    /// The start: a value per axis of X_init, in the order of `check`.
+    /// Value per axis of X_init, in the order of `check`.
     pub x: Vec<f64>,
-    /// How it ended.
+    /// Outcome of the start.
     pub outcome: RowOutcome,
-    /// ρ(ψ_ego) of what was judged, below 0 where the ego fails; `None`: a search
-    /// found nothing, a rule was broken first, or it was not played.
+    /// ρ(ψ_ego) of the judged samples, below 0 where the ego fails.
+    ///
+    /// `None`: a search found no solution, a rule was broken first, or the start was not played.
     pub robustness: Option<f64>,
-    /// The first rule that was broken, if one was.
+    /// First broken rule, if any.
     pub rule: Option<String>,
-    /// Where the ego fails: the part of ψ_ego that decides.
+    /// Part of ψ_ego that decides, if the ego fails.
     pub leaf: Option<String>,
-    /// Whether it ended in contact.
+    /// Whether the episode ended in contact.
     pub contact: bool,
-    /// Approach speed of the contact.
+    /// Closing speed at the contact.
     pub closing_mps: Option<f64>,
-    /// How they met, if the ego had part in it.
+    /// Kind of the contact, if the ego took part.
     pub kind: Option<CrashKind>,
-    /// How much the contact changes the ego's velocity.
+    /// Change of the ego's velocity by the contact.
     pub ego_delta_v_mps: Option<f64>,
-    /// The injury risk, where a published curve applies.
+    /// Injury risk, where a published curve applies.
     pub injury_risk: Option<f64>,
-    /// Whether CC_LATCHED or FSM would have avoided it; `None`: nobody judged it,
-    /// or nobody can.
+    /// Whether CC_LATCHED or FSM would have avoided the contact.
+    ///
+    /// `None`: it was not judged or cannot be.
     pub preventable: Option<bool>,
-    /// Episodes that it took.
+    /// Number of episodes.
     pub simulations: u64,
-    /// Physics steps that it took.
+    /// Number of physics steps.
     pub physics_steps: u64,
-    /// The ados' joint actions, one per decision, where the ego fails.
+    /// Joint actions of the ados, one per decision, if the ego fails.
     pub actions: Vec<usize>,
 }

@@ -1,4 +1,4 @@
-//! What a merged campaign comes to: rates, gates, maps.
+//! Summary of a merged campaign: rates, gates and maps.
 
 use serde::Serialize;
 
@@ -10,14 +10,14 @@ use crate::run_dir::ClosingSpeed;
 use crate::stats::mcnemar;
 use crate::stats::{Outcomes, StartOutcome, at_most, seeds_interval, wilson};
 
-/// Starts that a verdict names, at most.
+/// Largest number of starts named in a gate.
 const NAMED: usize = 100;
 
-/// What is kept of the rows of a unit.
+/// Counts over the rows of a unit.
 pub(super) struct Tally {
-    /// Per start; `None`: not counted yet.
+    /// Outcome per start. `None`: not counted yet.
     outcomes: Vec<Option<RowOutcome>>,
-    /// Per start, whether CC_LATCHED or FSM would have avoided it.
+    /// Per start, whether CC_LATCHED or FSM would have avoided the failure.
     preventable: Vec<Option<bool>>,
     /// Closing speeds of the successes.
     closing_mps: Vec<f64>,
@@ -27,7 +27,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    /// Nothing counted yet.
+    /// Returns an empty tally.
     pub fn of(unit: &Unit) -> Tally {
         Tally {
             outcomes: vec![None; unit.starts],
@@ -54,6 +54,7 @@ impl Tally {
         if let Some(one) = self.preventable.get_mut(start) {
             *one = preventable;
         }
+        // Contacts without a success, such as those of a foul, have no part in the statistics.
         if outcome == RowOutcome::Fails {
             self.closing_mps.extend(closing_mps);
         }
@@ -67,7 +68,7 @@ impl Tally {
         outcomes.filter(|one| **one == Some(kind)).count()
     }
 
-    /// As rows of other verbs have them.
+    /// Returns the outcomes in the form of rows of other verbs.
     fn marks(&self) -> Outcomes {
         let outcomes = self.outcomes.iter();
         let mark = |one: &Option<RowOutcome>| match one {
@@ -78,35 +79,38 @@ impl Tally {
     }
 }
 
-/// One ego and one ado in one world, or the mean over its trainings.
+/// Pair of an ego and an ado in a world, or the mean over its trainings.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SummaryRow {
     /// Name of the world.
     pub world: String,
-    /// Which physics.
+    /// Name of the plant.
     pub plant: String,
-    /// Which ego.
+    /// Name of the ego.
     pub ego: String,
-    /// Who played the ado.
+    /// Name of the ado.
     pub ado: String,
-    /// Seed of the training; `None`: none, or several ([`SummaryRow::trainings`]).
+    /// Seed of the training.
+    ///
+    /// `None`: no training, or several ([`SummaryRow::trainings`]).
     pub train_seed: Option<u64>,
-    /// How many trainings the row is the mean of.
+    /// Number of trainings that the row averages.
     pub trainings: usize,
-    /// Starts that tell something.
+    /// Valid starts that are not trivial.
     pub starts: usize,
-    /// Starts left out, since the nominal ego fails there by itself.
+    /// Starts left out, because the nominal ego fails there by itself.
     pub trivial: usize,
     /// Starts from which the ego fails.
     pub fails: usize,
     /// fails / starts.
     pub success_rate: f64,
-    /// 95 % interval of it.
+    /// 95 % interval of the rate.
     pub ci95: [f64; 2],
-    /// Where none fails: the exact 95 % upper bound of the rate.
+    /// Exact 95 % upper bound of the rate, if no start fails.
     pub at_most: Option<f64>,
-    /// Of the starts that the unit's search solves, the share that fails here
-    /// too; `None`: no search met this ego, or it solves none.
+    /// Share of the starts solved by the unit's search that fail here too.
+    ///
+    /// `None`: no search played this ego, or it solves no start.
     pub recall: Option<f64>,
     /// Starts on which the ado broke a rule.
     pub fouls: usize,
@@ -114,82 +118,82 @@ pub struct SummaryRow {
     pub uncounted: usize,
     /// Starts that ended in contact.
     pub contacts: usize,
-    /// Successes that CC_LATCHED or FSM would have avoided; `None`: nobody judged.
+    /// Successes that CC_LATCHED or FSM would have avoided. `None`: not judged.
     pub preventable: Option<usize>,
     /// Closing speed of the successes that end in contact.
     pub closing_mps: Option<ClosingSpeed>,
-    /// Starts on which the ego or the physics failed to run.
+    /// Starts with a fault of the ego or the physics.
     pub invalid: usize,
-    /// Episodes in all.
+    /// Number of episodes.
     pub simulations: u64,
-    /// Physics steps in all.
+    /// Number of physics steps.
     pub physics_steps: u64,
 }
 
-/// A changed ego against the baseline, start by start.
+/// Comparison of a changed ego with the baseline, start by start.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GateVerdict {
     /// Name of the world.
     pub world: String,
-    /// Which physics.
+    /// Name of the plant.
     pub plant: String,
-    /// Who played the ado.
+    /// Name of the ado.
     pub ado: String,
     /// Seed of its training.
     pub train_seed: Option<u64>,
-    /// The ego.
+    /// Name of the changed ego.
     pub ego: String,
-    /// The ego it is compared with.
+    /// Name of the baseline ego.
     pub baseline: String,
-    /// Starts that tell something of both.
+    /// Starts that are valid and not trivial for both.
     pub compared: usize,
-    /// From which the ego fails and the baseline does not.
+    /// Starts from which the ego fails and the baseline does not.
     pub newly_failing: usize,
-    /// Those of them that CC_LATCHED or FSM would have survived.
+    /// Such starts that CC_LATCHED or FSM would have survived.
     pub newly_preventable: usize,
-    /// The first of them.
+    /// First newly failing starts.
     pub first: Vec<usize>,
-    /// From which the baseline fails and the ego does not.
+    /// Starts from which the baseline fails and the ego does not.
     pub newly_fixed: usize,
     /// Exact two-sided p-value of McNemar's test.
     pub p_value: f64,
-    /// Whether it is held up.
+    /// Whether the gate blocks the change.
     pub held_up: bool,
 }
 
-/// A grid of starts, cell by cell, over its first two axes.
+/// Grid of starts, cell by cell, over its last two axes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CellMap {
     /// Name of the world.
     pub world: String,
-    /// Which physics.
+    /// Name of the plant.
     pub plant: String,
-    /// Which ego.
+    /// Name of the ego.
     pub ego: String,
-    /// What is along x: name, unit, values.
+    /// Axis x: name, unit, values.
     pub x: (String, String, Vec<f64>),
-    /// What is along y.
+    /// Axis y: name, unit, values.
     pub y: (String, String, Vec<f64>),
-    /// What a map is of, if the grid has more than two axes: name and value.
+    /// Name and value of each further axis, if the grid has more than two.
     pub at: Vec<(String, f64)>,
     /// Position of its first cell among the starts.
     pub first: usize,
-    /// The ados, in order.
+    /// Names of the ados, in order.
     pub ados: Vec<String>,
-    /// Per ado and cell, row by row from the least y: how it ended.
+    /// Outcome per ado and cell, row by row from the smallest y.
     pub outcomes: Vec<Vec<RowOutcome>>,
-    /// The same: whether CC_LATCHED or FSM would have avoided it.
+    /// Per ado and cell, whether CC_LATCHED or FSM would have avoided the failure.
     pub preventable: Vec<Vec<Option<bool>>>,
 }
 
-/// What a merged campaign comes to.
+/// Summary of a merged campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CampaignSummary {
-    /// A row per unit, and one per ado with several trainings.
+    /// Row per unit, and a row per ado with several trainings.
     pub rows: Vec<SummaryRow>,
-    /// A verdict per ego that is not the baseline; empty: none was asked for.
+    /// Comparison per changed ego. Empty: the campaign has no gate.
     pub gates: Vec<GateVerdict>,
-    /// Maps of a grid of starts; not in the JSON, where the rows are.
+    /// Maps of a grid of starts. They are not in the JSON, because the rows are.
     #[serde(skip)]
     pub maps: Vec<CellMap>,
 }
@@ -209,6 +213,7 @@ impl CampaignSummary {
                     && matches!(other.0.ado, PlannedAdo::Training { .. })
             };
             let mates: Vec<&(&Unit, &Tally)> = units.iter().filter(is_mate).collect();
+            // The mean follows the last training of its group, so rows stay in plan order.
             let is_last = units[nth + 1..].iter().all(|other| !is_mate(&other));
             if 1 < mates.len() && is_last {
                 let of: Vec<SummaryRow> =
@@ -228,12 +233,12 @@ impl CampaignSummary {
         }
     }
 
-    /// Whether a gate of the campaign is closed.
+    /// Returns whether a gate of the campaign blocks a change.
     pub fn is_held_up(&self) -> bool {
         self.gates.iter().any(|gate| gate.held_up)
     }
 
-    /// The largest share of invalid starts in a row.
+    /// Returns the largest share of invalid starts in a row.
     pub fn invalid_share(&self) -> f64 {
         let share = |row: &SummaryRow| {
             let all = row.starts + row.invalid;
@@ -251,16 +256,17 @@ fn train_seed(plan: &Plan, unit: &Unit) -> Option<u64> {
     }
 }
 
-/// The physics of a unit, as rows have it.
+/// Returns the plant of a unit, as in rows.
 fn plant(dir: &PlanDir, unit: &Unit) -> String {
     let plant = match unit.ego.change.plant {
+        // A changed ego may name its own plant.
         Some(plant) => plant.into(),
         None => dir.played(unit).plant(),
     };
     format!("{plant:?}")
 }
 
-/// Of the starts that a search solves, the share that an ado solves too.
+/// Returns the share of the starts solved by a search that an ado solves too.
 fn recall(units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> Option<f64> {
     let is_search = |(other, _): &&(&Unit, &Tally)| {
         (other.world, &other.ego) == (unit.world, &unit.ego)
@@ -313,7 +319,7 @@ fn row(dir: &PlanDir, units: &[(&Unit, &Tally)], unit: &Unit, tally: &Tally) -> 
     }
 }
 
-/// The mean over trainings that met the same starts.
+/// Returns the mean over trainings on the same starts.
 fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
     let sum = |of: fn(&SummaryRow) -> usize| rows.iter().map(of).sum::<usize>();
     let marks: Vec<&Outcomes> = marks.iter().collect();
@@ -323,12 +329,15 @@ fn mean(rows: &[SummaryRow], marks: &[Outcomes]) -> SummaryRow {
         train_seed: None,
         trainings: rows.len(),
         starts,
+        // Trivial starts depend on the world only, so they are equal in all rows.
         trivial: rows[0].trivial,
         fails,
         success_rate: rates.sum::<f64>() / rows.len().max(1) as f64,
+        // The interval covers both the starts and the seeds of the trainings.
         ci95: seeds_interval(&marks),
         at_most: None,
         recall: {
+            // A mean over some trainings only would compare different ados.
             let all: Option<Vec<f64>> = rows.iter().map(|row| row.recall).collect();
             all.map(|all| all.iter().sum::<f64>() / all.len().max(1) as f64)
         },
@@ -372,6 +381,7 @@ fn gates(dir: &PlanDir, units: &[(&Unit, &Tally)], baseline: &str, on: GateOn) -
         };
         let pairs = tally.outcomes.iter().zip(&before.outcomes).enumerate();
         for (start, (new, old)) in pairs {
+            // Starts without a row on both sides cannot be compared.
             let (Some(new), Some(old)) = (new, old) else {
                 continue;
             };
@@ -388,6 +398,7 @@ fn gates(dir: &PlanDir, units: &[(&Unit, &Tally)], baseline: &str, on: GateOn) -
                 }
                 (Unsolved, Solved) => gate.newly_fixed += 1,
                 (Solved, Solved) | (Unsolved, Unsolved) => {}
+                // Trivial and invalid starts show no difference between the egos.
                 _ => continue,
             }
             gate.compared += 1;
@@ -407,6 +418,7 @@ fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
     let StartsAsked::Grid { axes, .. } = &dir.plan().starts else {
         return Vec::new();
     };
+    // A grid with fewer than two axes has no map.
     let [others @ .., y, x] = &axes[..] else {
         return Vec::new();
     };
@@ -431,6 +443,7 @@ fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
         for slice in 0..slices {
             let mut left = slice;
             let mut at = Vec::new();
+            // The last of these axes varies fastest between slices, as in `point`.
             for (name, values) in others.iter().rev() {
                 at.push((name.clone(), values[left % values.len()]));
                 left /= values.len();
@@ -439,6 +452,7 @@ fn maps(dir: &PlanDir, units: &[(&Unit, &Tally)]) -> Vec<CellMap> {
             let cut = |nth: usize| slice * cells + nth;
             let outcome = |tally: &Tally, nth| {
                 let outcome = tally.outcomes.get(cut(nth)).copied().flatten();
+                // A missing outcome is shown as unknown.
                 outcome.unwrap_or(RowOutcome::Invalid)
             };
             let outcomes = |(_, tally): &&(&Unit, &Tally)| -> Vec<RowOutcome> {

@@ -1,4 +1,4 @@
-//! A training as a piece: its run directory is its checkpoint.
+//! Training as a piece, with its run directory as its checkpoint.
 
 use std::path::{Path, PathBuf};
 
@@ -9,7 +9,7 @@ use crate::run_dir::{RunDir, RunError, file_name};
 use crate::training::{TrainRequest, TrainSession};
 use crate::world::Scenario;
 
-/// Where a training is, in the directory of its plan.
+/// Returns the path of a training in the directory of its plan.
 pub(super) fn dir_of(dir: &Path, plan: &Plan, training: &PlannedTraining) -> PathBuf {
     let world = plan.worlds.get(training.world);
     let name = world.map_or("", |world| &world.name);
@@ -18,7 +18,7 @@ pub(super) fn dir_of(dir: &Path, plan: &Plan, training: &PlannedTraining) -> Pat
     dir.join("trainings").join(named)
 }
 
-/// Trains, or goes on where it was left. `None`: stopped.
+/// Trains from the start or from the last checkpoint. `None`: stopped.
 pub(super) fn train(
     path: &Path,
     world: &Scenario,
@@ -36,21 +36,24 @@ pub(super) fn train(
         true => TrainSession::resume(world, path, &request)?,
         false => TrainSession::begin(world, path, &request)?,
     };
+    // A training may have finished just before its piece could be written.
     if !session.run().manifest().is_finished() {
         session.train(watch)?;
     }
     match session.run().manifest().is_finished() {
+        // It is opened again from disk, as the pieces that depend on it do.
         true => Ok(Some(finished(path)?)),
         false => Ok(None),
     }
 }
 
-/// A finished training.
+/// Opens a finished training.
 ///
 /// # Errors
-/// It has not finished, or is damaged.
+/// Returns an error if the training is unfinished or damaged.
 pub(super) fn finished(path: &Path) -> Result<RunDir, RunError> {
     let run = RunDir::open(path)?;
+    // Loading the policy verifies it.
     run.policy_bundle()?;
     Ok(run)
 }

@@ -1,9 +1,9 @@
-//! Files for engines that others keep: Snakemake, and a plain Slurm array.
+//! Files for external engines: Snakemake and a plain Slurm array.
 
 use super::piece::name_of;
 use super::plan::{Plan, PlannedAdo, Work};
 
-/// Runs, retries and merges the pieces with Snakemake 8 or later.
+/// Writes a Snakefile for Snakemake 8 or later that runs, retries and merges the pieces.
 pub(super) fn snakefile(plan: &Plan) -> String {
     let (trainings, pieces) = (plan.trainings.len(), plan.len());
     let mut needs = String::new();
@@ -60,7 +60,7 @@ rule piece:
     )
 }
 
-/// Which pieces wait for which training: from, to, training.
+/// Returns the dependencies of pieces on trainings: from, to, training.
 fn needs_of(plan: &Plan) -> Vec<(usize, usize, usize)> {
     let mut needs: Vec<(usize, usize, usize)> = Vec::new();
     for piece in plan.pieces() {
@@ -71,6 +71,7 @@ fn needs_of(plan: &Plan) -> Vec<(usize, usize, usize)> {
             continue;
         };
         match needs.last_mut() {
+            // Consecutive pieces with the same training are joined, so the list stays short.
             Some((_, last, known)) if (*last, *known) == (piece.number, training) => *last += 1,
             _ => needs.push((piece.number, piece.number + 1, training)),
         }
@@ -78,12 +79,13 @@ fn needs_of(plan: &Plan) -> Vec<(usize, usize, usize)> {
     needs
 }
 
-/// A plain Slurm array: a task per piece.
+/// Writes a Slurm array script with a task per piece.
 pub(super) fn slurm(plan: &Plan) -> String {
     let (trainings, pieces) = (plan.trainings.len(), plan.len());
     let (last, first) = (pieces.saturating_sub(1), trainings);
     let submit = match trainings {
         0 => format!("#   pieces=$(sbatch --parsable --array=0-{last} slurm.sh)\n"),
+        // Pieces with trained ados must wait for all trainings.
         some => format!(
             "#   trainings=$(sbatch --parsable --array=0-{} slurm.sh)\n\
              #   pieces=$(sbatch --parsable --dependency=afterok:$trainings --array={first}-{last} slurm.sh)\n",

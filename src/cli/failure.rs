@@ -196,12 +196,24 @@ impl From<&ScenarioError> for Failure {
     }
 }
 
-/// A warning as text, for `check`.
-pub fn warning(file: &str, text: &str, problem: &Problem) -> Note {
-    Note {
-        is_warning: true,
-        ..placed(file, text, problem)
+/// Warnings as text, for `check`; of very many the first ones.
+pub(super) fn warnings(file: &str, text: &str, all: &[Problem]) -> Vec<Note> {
+    let first = all.iter().take(MOST_NOTES);
+    let mut notes: Vec<Note> = first
+        .map(|problem| Note {
+            is_warning: true,
+            ..placed(file, text, problem)
+        })
+        .collect();
+    if let more @ 1.. = all.len() - notes.len() {
+        let what = format!("{more} more warnings are not shown");
+        let help = "`check --json` lists all of them";
+        notes.push(Note {
+            is_warning: true,
+            ..Note::new(&what, Some(help))
+        });
     }
+    notes
 }
 
 impl From<&LoadError> for Failure {

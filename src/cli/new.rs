@@ -9,7 +9,7 @@ use serde_json::json;
 use super::{Common, Exit, Failure, print_json, talk};
 use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
 use crate::run_dir::write_file;
-use crate::world::Scenario;
+use crate::world::{Scenario, file_text};
 
 /// The world that is written; its name is put in.
 const WORLD: &str = include_str!("new_world.ron");
@@ -96,7 +96,7 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         worlds,
         broken,
         dropped,
-    } = asked.read(&|path| std::fs::read_to_string(path))?;
+    } = asked.read(&file_text)?;
     let mut files = Vec::new();
     for world in &worlds {
         let path = named.with_file_name(format!("{}.ron", world.name));

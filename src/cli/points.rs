@@ -16,7 +16,7 @@ passed         points at which the ego meets its specification
 failed         points at which it does not; in m/s: the closing speed of its contact
 did not run    points at which the ego or the physics failed: neither passed nor failed
 varied         passed points at which a lawful variation makes the ego fail: an `!` at the point
-preventable    of those, points at which a careful driver in its place would not have failed";
+preventable    of those, points at which a human model of UN R157 (CC_LATCHED or FSM) avoids it";
 
 /// Lets every ego meet every point, and shows, keeps and gates what came of it.
 pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {

@@ -11,6 +11,7 @@ use crate::stl::{
     Constants, Explanation, Formula, Monitor, Names, Scratch, Settings, StlError, TraceEnd, Until,
 };
 use crate::trace::Trace;
+use crate::world::file_text;
 use crate::world::{Problem, ScenarioError};
 
 #[derive(Args, Debug)]
@@ -199,7 +200,7 @@ fn read(args: &StlArgs) -> Result<Trace, Failure> {
     if args.trace == "-" {
         std::io::stdin().read_to_string(&mut text).map_err(failed)?;
     } else {
-        text = std::fs::read_to_string(&args.trace).map_err(failed)?;
+        text = file_text(std::path::Path::new(&args.trace)).map_err(failed)?;
     }
     if args.dt.is_some_and(|dt_s| !dt_s.is_finite() || dt_s <= 0.0) {
         return Err(Failure::input(

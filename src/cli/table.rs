@@ -17,7 +17,8 @@ recall         of the starts that search solves, the share solved here too; –:
 sims/start     simulations spent per start, on average
 fouls          starts on which a rule was broken first: no success; search: sequences it tried
 fouls before   starts that were solved, a rule being broken between failure and contact
-contact        starts that end in a contact; closing: its speed, median and 90 % quantile; –: none
+contact        starts that end in a contact; closing: its speed after a failure, median and 90 %
+groups         of failures that are alike, as docs/crashes.md compares them; –: none, or not compared
 cpu s          processor time spent on all of the starts";
 
 /// What the columns of a block's egos and of its summary mean.
@@ -184,6 +185,7 @@ fn lines(rows: &[Row]) -> String {
         "fouls before\ncontact",
         "contact",
         "closing m/s,\nmedian / 90 %",
+        "groups",
         "cpu s",
     ]);
     for row in rows {
@@ -192,7 +194,8 @@ fn lines(rows: &[Row]) -> String {
             starts => format!("{} ({}/{starts})", percent(row.success_rate), row.successes),
         };
         let recall = row.recall.map_or("–".to_owned(), |r| format!("{r:.3}"));
-        let closing = row.closing_speed_mps.map_or("–".to_owned(), |c| {
+        let closing = row.success_closing_mps.or(row.closing_speed_mps);
+        let closing = closing.map_or("–".to_owned(), |c| {
             format!("{:.1} / {:.1}", c.median, c.p90)
         });
         let numbers = [
@@ -208,6 +211,8 @@ fn lines(rows: &[Row]) -> String {
             row.foul_before_contact_rate.map_or("–".to_owned(), percent),
             percent(row.contact_rate),
             closing,
+            row.distinct
+                .map_or("–".to_owned(), |groups| groups.to_string()),
             format!("{:.1}", row.cpu_s),
         ];
         let words = [&row.ego, &row.ado].map(Cell::new);

@@ -10,6 +10,7 @@ use super::{
     Common, Exit, Failure, finished, interrupted_early, load_world, one_of, open_run, print_json,
     progress, table, talk,
 };
+use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Ended, Row};
 use crate::sim::PlantKind;
 use crate::training::{TrainRequest, TrainSession, TrainingOutcome};
@@ -28,6 +29,9 @@ pub(super) struct TrainArgs {
     /// Which of the world's `learners` to train with, instead of its `learner`.
     #[arg(long, value_name = "NAME")]
     learner: Option<String>,
+    /// Look for severe or for distinct failures, instead of the world's `goals`.
+    #[arg(long = "goal", value_parser = one_of::<TrainingGoal>(), value_name = "GOAL")]
+    goals: Vec<TrainingGoal>,
     /// What to train against: the world's ego, or its family under `train_against`.
     #[arg(long, value_parser = one_of::<Against>(), default_value = "nominal", value_name = "WHOM")]
     against: Against,
@@ -98,6 +102,7 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
         seed,
         decisions: args.decisions,
         learner: args.learner.as_deref(),
+        goals: (!args.goals.is_empty()).then_some(&*args.goals),
         against: args.against,
         leave_out: args.leave_out.as_deref(),
         ego: args.ego.as_deref(),

@@ -1,21 +1,22 @@
-//! Promises of a controller.
+//! Conformance check of a controller.
 
 use super::recorded::{Row, Subject, examine};
 use super::{Nonconformities, Promise};
 use crate::ego::{Briefing, Controller, Own, Percept, Phase, RoadGeometry, Seen, SeenLight};
 
-/// Samples of an episode: 6 s, of 0.05 s each.
+/// Samples of an episode, 6 s in total.
 const SAMPLES: usize = 120;
 const SAMPLE_S: f64 = 0.05;
 
-/// Checks that a controller answers finitely and within what a car can do,
-/// forgets at `reset`, follows from its seed, and copies itself in `fork`.
+/// Checks the promises of a controller.
 ///
-/// `make` makes one that has played nothing. It follows a car that brakes,
-/// beside another one, before a light that turns, with somebody crossing.
+/// Its commands must be finite and within the limits of cars. It must forget at
+/// `reset`, depend on its seed only, and copy itself in `fork`. `make` must
+/// return an unused controller. The percepts contain a braking leader, a car
+/// beside the ego, a changing light and a crossing pedestrian.
 ///
 /// # Errors
-/// The promises it does not keep, each with the first step that shows it.
+/// The broken promises, each with the first step that shows it.
 pub fn check_controller(
     make: &(dyn Fn() -> Box<dyn Controller> + Sync),
 ) -> Result<(), Nonconformities> {
@@ -49,6 +50,8 @@ impl Driven {
         let flaw = answer.as_ref().ok().and_then(|command| command.flaw());
         self.fault = match (&answer, flaw) {
             (Err(fault), _) => Some((Promise::Finite, format!("answers with a fault: {fault}"))),
+            // An infinite acceleration is reported as `Finite` by the check of
+            // numbers.
             (Ok(command), Some(flaw)) if command.accel_mps2.is_finite() => {
                 Some((Promise::Spaces, flaw.to_string()))
             }
@@ -65,12 +68,14 @@ impl Subject for Driven {
     }
 
     fn begin(&mut self, episode: u64) -> Row {
+        // An arbitrary offset, so that no episode has the seed 0.
         self.controller.reset(17 + episode);
         self.answer(episode, 0)
     }
 
     fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
         if SAMPLES <= step {
+            // Programs wait for the next sample until the episode is finished.
             self.controller.finish();
             return None;
         }
@@ -89,7 +94,9 @@ impl Subject for Driven {
     }
 }
 
-/// What is seen, whatever was commanded: the nearer the later.
+/// Returns the percept of a step, independent of the commands.
+///
+/// Distances shrink with time, so that every reaction is triggered.
 fn percept(episode: u64, step: usize) -> Percept {
     let time_s = step as f64 * SAMPLE_S;
     let speed_mps = 18.0 - time_s;

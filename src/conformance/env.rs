@@ -1,21 +1,21 @@
-//! Promises of an environment.
+//! Conformance check of an environment.
 
 use super::recorded::{Row, Subject, action, examine};
 use super::{Nonconformities, Promise};
 use crate::rl::{End, Env, Spaces};
 
-/// Longest episode that is still believed to end.
+/// Length beyond which an episode counts as endless.
 const MOST_STEPS: usize = 10_000;
-/// Observations beyond this are not scaled: learners expect about ±1.
+/// Bound on scaled observations. Learners expect about ±1.
 const WIDEST: f64 = 100.0;
 
-/// Checks that an environment keeps its spaces and that its episodes are pure
-/// functions of their index and the actions, and end.
+/// Checks the promises of an environment.
 ///
-/// `make` makes one that has played nothing.
+/// It must respect its spaces. Its episodes must end and be pure functions of
+/// their index and the actions. `make` must return an unused environment.
 ///
 /// # Errors
-/// The promises it does not keep, each with the first step that shows it.
+/// The broken promises, each with the first step that shows it.
 pub fn check_env(make: &(dyn Fn() -> Box<dyn Env> + Sync)) -> Result<(), Nonconformities> {
     examine(|| {
         let env = make();
@@ -35,7 +35,7 @@ struct Stepped {
     endless: bool,
 }
 
-/// What is wrong with the shapes of a decision problem.
+/// Returns a problem with the shapes of a decision problem.
 pub(super) fn shapes(spaces: &Spaces) -> Option<String> {
     if spaces.observation == 0 || spaces.actions == 0 {
         return Some("nothing to observe, or nothing to do".to_owned());
@@ -44,12 +44,12 @@ pub(super) fn shapes(spaces: &Spaces) -> Option<String> {
     (actions <= neutral).then(|| format!("the neutral action {neutral} is none of {actions}"))
 }
 
-/// The names of an observation's numbers.
+/// Returns the names of an observation's numbers.
 pub(super) fn observed(spaces: &Spaces) -> impl Iterator<Item = String> {
     (0..spaces.observation).map(|i| format!("observation[{i}]"))
 }
 
-/// What is wrong with a number of an observation.
+/// Returns a problem with a number of an observation.
 pub(super) fn unscaled(value: f64) -> Option<String> {
     (WIDEST < value.abs()).then(|| format!("is {value}, beyond ±{WIDEST}"))
 }
@@ -66,7 +66,7 @@ impl Subject for Stepped {
 
     fn begin(&mut self, episode: u64) -> Row {
         (self.over, self.endless) = (false, false);
-        // What is not written stays no number.
+        // Numbers that `reset` does not write remain NaN and are reported.
         let mut obs = vec![f32::NAN; self.spaces.observation];
         self.env.reset(episode, &mut obs);
         let obs = obs.iter().map(|value| f64::from(*value));
@@ -77,11 +77,13 @@ impl Subject for Stepped {
         if self.over || self.endless {
             return None;
         }
+        // As in `begin`, numbers that are not written remain NaN.
         let mut obs = vec![f32::NAN; self.spaces.observation];
         let action = action(episode, step, self.spaces.actions);
         let taken = self.env.step(action, &mut obs);
         self.over = taken.end.is_some();
         self.endless = !self.over && MOST_STEPS <= step;
+        // Encoded as a number, so that rows compare ends as well.
         let end = match taken.end {
             None => 0.0,
             Some(End::Terminated) => 1.0,

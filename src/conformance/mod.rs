@@ -1,4 +1,6 @@
-//! Does what you wrote keep the promises of its trait? One line in a test:
+//! Checks that your implementation keeps the promises of its trait.
+//!
+//! A line in a test suffices:
 //!
 //! ```
 //! use brakecheck::conformance::check_controller;
@@ -23,20 +25,20 @@
 //! assert!(error.to_string().starts_with("`reset` forgets what was before: "));
 //! ```
 //!
-//! The promises, in the order in which they are looked at:
+//! The promises, in the order in which they are checked:
 //!
 //! | promise | controller | env | policy | scene |
 //! | --- | --- | --- | --- | --- |
 //! | spaces: shapes, bounds, everything written | ±20 m/s², ±20 m/s | yes | actions | yes |
 //! | finite: no NaN, no infinity, no fault | yes | yes | yes | yes |
 //! | episodes end | | yes | | yes |
-//! | equal inputs give equal bits | yes | yes | whatever was asked before | yes |
+//! | equal inputs give equal bits | yes | yes | in any order | yes |
 //! | `reset` forgets what was before | yes | yes | | yes |
 //! | a fork goes on bit for bit, and shares nothing | yes | | | yes |
 //! | threads change nothing | yes | yes | yes | yes |
 //!
-//! Everybody is played open loop through the same few episodes, so a check
-//! costs about twenty short episodes and gives the same answer each time.
+//! All subjects run open loop through the same few episodes. A check thus costs
+//! about twenty short episodes and gives the same result each time.
 
 mod controller;
 mod env;
@@ -51,7 +53,7 @@ pub use env::check_env;
 pub use policy::check_policy;
 pub use scene::check_scene;
 
-/// What the traits promise.
+/// Promise of the traits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Promise {
     /// Shapes and bounds are as stated, and every number is written.
@@ -62,16 +64,16 @@ pub enum Promise {
     Ends,
     /// Equal seeds, percepts, actions and observations give equal bits.
     Deterministic,
-    /// What was played before a reset changes nothing.
+    /// Earlier episodes have no effect after a reset.
     PureReset,
-    /// A copy goes on bit for bit, and neither notices the other.
+    /// A copy continues bit for bit, and neither affects the other.
     Fork,
-    /// Others that play at the same time change nothing.
+    /// Instances that run at the same time have no effect.
     Parallel,
 }
 
 impl Promise {
-    /// What to look for in the code that broke it.
+    /// Returns advice on how to mend the code that broke it.
     pub fn cure(self) -> &'static str {
         match self {
             Promise::Spaces => "state the shapes that are used, write all of them, and scale them",
@@ -101,24 +103,24 @@ impl fmt::Display for Promise {
     }
 }
 
-/// A promise that is not kept: which, where, and what was seen there.
+/// A broken promise with its place and the observation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{promise}: {place}{what}; {}", .promise.cure())]
 pub struct Nonconformity {
-    /// Which promise of the trait is not kept.
+    /// The broken promise.
     pub promise: Promise,
     /// Episode, step and signal, where they are known.
     pub place: Place,
-    /// What was seen.
+    /// Observation.
     pub what: String,
 }
 
-/// Where a promise is broken; steps count from the reset, which is step 0.
+/// Place of a broken promise. Steps count from the reset, which is step 0.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
-    /// The episode and the step in it.
+    /// Episode and step.
     pub step: Option<(u64, usize)>,
-    /// Name of the signal or number that is wrong there.
+    /// Name of the wrong signal or number.
     pub signal: Option<String>,
 }
 
@@ -134,9 +136,9 @@ impl fmt::Display for Place {
     }
 }
 
-/// All promises that are not kept, each with the first place.
+/// All broken promises, each with the first place.
 ///
-/// `Debug` is `Display`, so that `unwrap` in a test shows one line for each.
+/// `Debug` is `Display`, so that `unwrap` in a test prints a line for each.
 #[derive(Clone, PartialEq, Eq, thiserror::Error)]
 pub struct Nonconformities(pub Vec<Nonconformity>);
 

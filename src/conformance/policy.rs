@@ -1,18 +1,20 @@
-//! Promises of a policy.
+//! Conformance check of a policy.
 
 use super::Nonconformities;
 use super::env::shapes;
 use super::recorded::{Row, Subject, examine};
 use crate::rl::{Dice, Policy, Spaces};
 
-/// Observations of an episode.
+/// Number of observations of an episode.
 const OBSERVATIONS: usize = 100;
 
-/// Checks that a policy is a pure function of the observation: an action that
-/// there is, a finite value, the same in any order and on any thread.
+/// Checks that a policy is a pure function of the observation.
+///
+/// Its actions must exist and its values must be finite. Both must be equal in
+/// any order of calls and on any thread.
 ///
 /// # Errors
-/// The promises it does not keep, each with the first step that shows it.
+/// The broken promises, each with the first step that shows it.
 pub fn check_policy(policy: &dyn Policy, spaces: &Spaces) -> Result<(), Nonconformities> {
     examine(|| Asked { policy, spaces })
 }
@@ -24,8 +26,10 @@ struct Asked<'a> {
 
 impl Asked<'_> {
     fn answer(&self, episode: u64, step: usize) -> Row {
+        // Derived from episode and step alone, so the order of calls has no
+        // effect.
         let mut dice = Dice::new(1000 * episode + step as u64);
-        // The middle, what learners see, and what is far outside of it.
+        // The middle, the usual range, and values far outside of it.
         let wide = [0.0, 1.0, 1.0, 1.0, 50.0][step % 5];
         let mut draw = |_| (wide * (2.0 * dice.unit() - 1.0)) as f32;
         let obs: Vec<f32> = (0..self.spaces.observation).map(&mut draw).collect();

@@ -1,23 +1,23 @@
-//! The one examination: whoever can be recorded is played in every order.
+//! The common examination: a recordable subject is played in every order.
 
 use std::thread;
 
 use super::{Nonconformities, Nonconformity, Place, Promise};
 
-/// Episodes that everybody plays.
+/// Number of episodes of each run.
 const EPISODES: u64 = 2;
 /// Steps after which a copy is taken.
 const FORKS_AT: [usize; 2] = [0, 7];
 
-/// Numbers of one step: the reset, or what an action brought.
+/// Numbers of a step: of the reset or of an action.
 pub(super) type Row = Vec<f64>;
 
-/// Somebody who can be recorded.
+/// A subject whose episodes can be recorded.
 pub(super) trait Subject: Sized {
-    /// What a row holds.
+    /// Returns the names of the numbers in a row.
     fn names(&self) -> Vec<String>;
 
-    /// What is wrong before anything is played.
+    /// Returns a problem that is known before any episode.
     fn shapes(&self) -> Option<String> {
         None
     }
@@ -25,31 +25,32 @@ pub(super) trait Subject: Sized {
     /// Begins an episode.
     fn begin(&mut self, episode: u64) -> Row;
 
-    /// Takes step number `step`, from 1 on; `None`: the episode is over.
+    /// Takes step number `step`, from 1 on, or returns `None` after the end.
     fn step(&mut self, episode: u64, step: usize) -> Option<Row>;
 
-    /// What is wrong with a number, by its position in the row.
+    /// Returns a problem with a number, by its position in the row.
     fn flaw(&self, _at: usize, _value: f64) -> Option<String> {
         None
     }
 
-    /// What went wrong in the last step, other than its numbers.
+    /// Returns a problem of the last step that its numbers do not show.
     fn fault(&self) -> Option<(Promise, String)> {
         None
     }
 
-    /// A copy, if there can be one.
+    /// Returns a copy, if possible.
     fn fork(&self) -> Option<Self> {
         None
     }
 }
 
-/// A deterministic action: all of them come up, in no plain order.
+/// Returns a deterministic action. All actions occur, in no simple order.
 pub(super) fn action(episode: u64, step: usize, actions: usize) -> usize {
+    // The guard avoids a division by zero for a subject without actions.
     (step * 7 + step / 3 + episode as usize) % actions.max(1)
 }
 
-/// Plays the rest of an episode that stands at `step`.
+/// Plays the rest of an episode from `step` on.
 fn rest<S: Subject>(subject: &mut S, episode: u64, step: usize) -> Vec<Row> {
     (step + 1..)
         .map_while(|step| subject.step(episode, step))
@@ -62,9 +63,9 @@ fn whole<S: Subject>(subject: &mut S, episode: u64) -> Vec<Row> {
     rows
 }
 
-/// Looks for the first broken promise of each kind.
+/// Finds the first broken promise of each kind.
 ///
-/// `make` makes one who has played nothing; equals in every respect.
+/// `make` must return unused subjects that are equal in every respect.
 pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Nonconformities> {
     let mut found = Findings {
         names: make().names(),
@@ -72,6 +73,7 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
     };
     if let Some(what) = make().shapes() {
         found.add(Promise::Spaces, None, None, what);
+        // Without valid shapes no episode can be played.
         return Err(Nonconformities(found.list));
     }
     let reference: Vec<Vec<Row>> = (0..EPISODES)
@@ -83,7 +85,7 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
         let again = whole(&mut make(), episode);
         found.same(Promise::Deterministic, (episode, 0), &again, expected);
     }
-    // Whoever rolls dice fails in every other respect as well.
+    // A subject that is not deterministic breaks every further promise as well.
     if found.has(Promise::Deterministic) {
         return Err(Nonconformities(found.list));
     }
@@ -92,12 +94,14 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
     for (episode, expected) in episodes().chain(episodes()) {
         let again = whole(&mut veteran, episode);
         found.same(Promise::PureReset, (episode, 0), &again, expected);
-        // The next reset comes in the middle of an episode.
+        // The next reset interrupts an episode.
         veteran.begin(episode);
         veteran.step(episode, 1);
     }
 
     for (episode, expected) in episodes() {
+        // Step 0 tests a copy right after a reset, and step 7 a copy with
+        // history.
         for at in FORKS_AT.into_iter().filter(|at| at + 1 < expected.len()) {
             let mut original = make();
             original.begin(episode);
@@ -105,7 +109,7 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
             let (Some(mut copy), Some(mut other)) = (original.fork(), original.fork()) else {
                 continue;
             };
-            // Played to the end, and elsewhere, before the original goes on.
+            // Copies are played first, so that shared state would change the original.
             let copied = rest(&mut copy, episode, at);
             whole(&mut other, (episode + 1) % EPISODES);
             let went_on = rest(&mut original, episode, at);
@@ -118,6 +122,7 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
     let play = &|episode| whole(&mut make(), episode);
     let together: Vec<Vec<Row>> = thread::scope(|scope| {
         let threads: Vec<_> = (0..EPISODES)
+            // Every episode runs twice at once, so equal seeds run side by side.
             .chain(0..EPISODES)
             .map(|episode| scope.spawn(move || play(episode)))
             .collect();
@@ -145,7 +150,7 @@ impl Findings {
         self.list.iter().any(|one| one.promise == promise)
     }
 
-    /// Only the first of a kind: the others follow from it.
+    /// Records the first finding of a kind, because later ones often follow from it.
     fn add(
         &mut self,
         promise: Promise,
@@ -163,7 +168,7 @@ impl Findings {
         }
     }
 
-    /// Plays an episode and looks at every number.
+    /// Plays an episode and checks every number.
     fn sound<S: Subject>(&mut self, subject: &mut S, episode: u64) -> Vec<Row> {
         let mut rows = Vec::new();
         let mut next = Some(subject.begin(episode));
@@ -186,11 +191,12 @@ impl Findings {
         rows
     }
 
-    /// Compares bit for bit; the first row is that of step `from.1`.
+    /// Compares bit for bit. The first row is that of step `from.1`.
     fn same(&mut self, promise: Promise, from: (u64, usize), found: &[Row], expected: &[Row]) {
         let (episode, first) = from;
         for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
             let pairs = found.iter().zip(expected);
+            // Bits and not values: NaN equals itself, and 0 differs from −0.
             let differs = |(a, b): (&f64, &f64)| a.to_bits() != b.to_bits();
             if let Some(at) = pairs.clone().position(differs) {
                 let what = format!("is {:?}, and was {:?} before", found[at], expected[at]);

@@ -1,4 +1,4 @@
-//! Promises of a scene.
+//! Conformance check of a scene.
 
 use super::env::{observed, shapes, unscaled};
 use super::recorded::{Row, Subject, action, examine};
@@ -6,17 +6,18 @@ use super::{Nonconformities, Promise};
 use crate::scene::{Flow, Scene, Start};
 use crate::seed::{Purpose, StartKey};
 
-/// Samples of an episode that are played, if it is as long.
+/// Largest number of samples of an episode that is played.
 const MOST_SAMPLES: usize = 60;
 
-/// Checks that a scene draws its starts within its axes, publishes and
-/// observes what it states, follows from start, noise and actions, and copies
-/// itself in `fork`.
+/// Checks the promises of a scene.
 ///
-/// `make` makes one that has played nothing. The first 60 samples are played.
+/// Its starts must lie within its axes. It must publish and observe as stated.
+/// It must depend on start, noise and actions only, and copy itself in `fork`.
+/// `make` must return an unused scene, of which the first 60 samples are
+/// played.
 ///
 /// # Errors
-/// The promises it does not keep, each with the first sample that shows it.
+/// The broken promises, each with the first sample that shows it.
 pub fn check_scene(make: &(dyn Fn() -> Box<dyn Scene> + Sync)) -> Result<(), Nonconformities> {
     examine(|| Played {
         scene: make(),
@@ -41,7 +42,7 @@ impl Played {
     }
 
     fn row(&mut self) -> Row {
-        // What is not written stays no number.
+        // Numbers that the scene does not write remain NaN and are reported.
         let mut row = vec![f64::NAN; self.scene.schema().len()];
         let mut obs = vec![f32::NAN; self.scene.spaces().observation];
         self.scene.publish(&mut row);
@@ -50,7 +51,7 @@ impl Played {
         row.into_iter().chain(obs).collect()
     }
 
-    /// What is wrong with a start, if anything is.
+    /// Returns a problem with a start.
     fn misplaced(&self, start: &Start) -> Option<String> {
         let axes = self.scene.axes();
         if start.0.len() != axes.len() {
@@ -91,10 +92,13 @@ impl Subject for Played {
 
     fn step(&mut self, episode: u64, step: usize) -> Option<Row> {
         let clock = self.scene.clock();
+        // External egos wait for the next sample until the episode is finished.
         if self.over || clock.samples().min(MOST_SAMPLES) <= step {
             self.scene.finish();
             return None;
         }
+        // Step 1 is the first advance, so decisions are due at steps 1, 1 + n,
+        // and so on.
         if (step - 1).is_multiple_of(clock.samples_per_decision()) {
             let actions = self.scene.spaces().actions;
             self.scene.decide(action(episode, step, actions));
@@ -109,6 +113,7 @@ impl Subject for Played {
     }
 
     fn flaw(&self, at: usize, value: f64) -> Option<String> {
+        // Only the observation has a scale. Signals have units and any size.
         unscaled(value).filter(|_| self.scene.schema().len() <= at)
     }
 

@@ -1,6 +1,5 @@
 //! Crashes: saved, minimized, explained, replayed, exported and drawn.
 
-mod clustering;
 mod export;
 mod highlights;
 mod minimize;
@@ -12,7 +11,6 @@ mod root_cause;
 mod save_crashes;
 mod view_kind;
 
-pub use clustering::{NEAR, POINTS, Shape, clusters};
 pub use export::{ExportRefusal, Exports, NotExported, export, openx, write_openx};
 pub use highlights::{Telling, telling};
 pub use minimize::{CLOSING, effort, shrink};
@@ -25,7 +23,6 @@ pub use replay::{RegressionError, Regressions, Replayed, replay};
 pub use reruns::KEEP_RUNS;
 pub(crate) use reruns::copies;
 pub use root_cause::{Driver, decisive, last_chance, why};
-pub(crate) use save_crashes::worse_first;
 pub use save_crashes::{
     Again, Choice, Form, KeepSettings, Keeper, KeptFiles, PERSISTENT, about, file_stem, keep,
 };

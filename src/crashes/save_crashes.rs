@@ -5,19 +5,18 @@
 //! and persist, each made as small as it gets and labelled with what is known of
 //! it ([`About`]).
 
-use std::cmp;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::clustering::{Shape, clusters};
 use super::minimize::shrink_within;
 use super::perturbation_robustness::{persistence_within, variations};
 use super::reruns::{KEEP_RUNS, Reruns};
 use super::root_cause::{spans_asked, why, why_within};
 use crate::adversary::{EvalRequest, Evaluated};
 use crate::experiment::{EpisodeLoop, Watch};
+use crate::experiment::{Shape, badness, clusters, descending, worse_first};
 use crate::rulebook::Verdict;
 use crate::run_dir::{About, Counterexample, KeptError, Severity, file_name, make_dir};
 use crate::testbench::{Episode, Testbench};
@@ -392,35 +391,6 @@ fn everybody(clusters: &[Vec<usize>]) -> Vec<(usize, usize)> {
     let mut all: Vec<_> = all.collect();
     all.sort_unstable();
     all
-}
-
-/// What makes one worse than another, first things first.
-fn badness(episode: &Episode) -> [f64; 4] {
-    let severity = Severity::of(episode);
-    let risk = severity.and_then(|severity| severity.injury_risk);
-    let depth = match episode.verdict {
-        Verdict::Counterexample { by } => by,
-        _ => 0.0,
-    };
-    [
-        f64::from(u8::from(severity.is_some())),
-        risk.map_or(0.0, |risk| risk.probability),
-        severity.map_or(0.0, |severity| severity.closing_speed_mps),
-        depth,
-    ]
-}
-
-/// Of two lists the one that is larger where they first differ comes first.
-fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
-    let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
-    let differing = pairs.find(|order| order.is_ne());
-    differing.unwrap_or(cmp::Ordering::Equal)
-}
-
-/// The worse of two comes first: a contact before none, then by injury risk,
-/// closing speed, and depth of the violation.
-pub(crate) fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
-    descending(&badness(a), &badness(b))
 }
 
 /// Writes the first `most` counterexamples of an evaluation into a directory, as

@@ -1,8 +1,8 @@
 //! Adaptive cruise control (Sec. V-B): a proportional-derivative follower.
 //!
-//! u = Kp (d − d_ref) + Kd (v_lead − v_ego), saturated to [−brake, accel], with
-//! d front bumper to front bumper and d_ref = standstill + time gap · v_ego.
-//! With no car ahead it keeps its speed.
+//! u = Kp (d − d_ref) + Kd (v_lead − v_ego), saturated to [−brake, accel]. The
+//! headway d is front bumper to front bumper, and d_ref = standstill + time gap
+//! · v_ego. Without a leader the ego keeps its speed.
 
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Percept};
@@ -18,15 +18,15 @@ parameters! {
         standstill_headway_m, at_least 0.0;
         /// Reference headway per speed, s.
         time_gap_s, at_least 0.0;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
-        /// Hardest acceleration it asks for, m/s².
+        /// Hardest commanded acceleration, m/s².
         max_accel_mps2, at_least 0.0;
     }
 }
 
 impl Acc {
-    /// The law u before saturation; 0 with nobody ahead.
+    /// Returns the law u before saturation, 0 without a leader.
     fn wish_mps2(&self, percept: &Percept) -> f64 {
         let Some(lead) = percept.leader() else {
             return 0.0;
@@ -37,14 +37,15 @@ impl Acc {
             + self.kd_per_s * (lead.speed_mps - speed_mps)
     }
 
-    /// What it asks for, shared by all followers.
+    /// Returns the commanded acceleration, shared by all followers.
     pub(super) fn accel_mps2(&self, percept: &Percept) -> f64 {
         let wish_mps2 = self.wish_mps2(percept);
+        // Both limits are checked to be at least 0, as `clamp` requires.
         wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2)
     }
 }
 
-/// The follower in a controller whose parameters include those of [`Acc`].
+/// Extracts the follower from a controller with the parameters of [`Acc`].
 macro_rules! acc_in {
     ($it:expr) => {
         $crate::ego::Acc {

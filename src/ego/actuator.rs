@@ -1,20 +1,20 @@
 //! The actuator between a command and the vehicle: a first-order lag.
 //!
-//! It belongs to the car, not to whoever drives it: another controller in the
-//! same car, a Rust type of the user's included, meets the same lag. World
-//! files write it as `lag_s` among the controller's parameters.
+//! It belongs to the car and not to its driver. Every controller in the same
+//! car has the same lag, including a user's own Rust type. World files write it
+//! as `lag_s` among the controller's parameters.
 
-/// A controller, and the lag of the actuator behind it.
+/// A controller with the lag of the actuator behind it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuated<C> {
     /// Controller whose command the actuator follows.
     pub controller: C,
-    /// Time constant of the first-order lag behind the command; 0 is none.
+    /// Time constant of the first-order lag behind the command, 0 for none.
     pub lag_s: f64,
 }
 
 impl<C> Actuated<C> {
-    /// The same actuator behind another form of the controller.
+    /// Returns the same actuator behind a different form of the controller.
     pub fn map<D>(self, form: impl FnOnce(C) -> D) -> Actuated<D> {
         Actuated {
             controller: form(self.controller),
@@ -23,8 +23,9 @@ impl<C> Actuated<C> {
     }
 }
 
-/// Reads and writes `Actuated<$of>` in the form `$file`, which holds the lag
-/// among the controller's own fields.
+/// Reads and writes `Actuated<$of>` in the form `$file`.
+///
+/// The form holds the lag among the controller's own fields.
 macro_rules! written_as {
     ($of:ty, $file:ty) => {
         impl serde::Serialize for $crate::ego::Actuated<$of> {
@@ -51,7 +52,7 @@ pub struct Actuator {
 }
 
 impl Actuator {
-    /// A lag of time constant `lag_s` (0 is none), stepped every `sample_s`.
+    /// Creates a lag of time constant `lag_s` (0 for none), stepped every `sample_s`.
     pub fn new(lag_s: f64, sample_s: f64) -> Actuator {
         let decay = if 0.0 < lag_s {
             libm::exp(-sample_s / lag_s)
@@ -61,18 +62,20 @@ impl Actuator {
         Actuator { decay, value: 0.0 }
     }
 
-    /// The same with `value` arriving already.
+    /// Returns the same lag with the initial output `value`.
     pub fn from(self, value: f64) -> Actuator {
         Actuator { value, ..self }
     }
 
-    /// Begins at rest.
+    /// Returns to rest.
     pub fn reset(&mut self) {
         self.value = 0.0;
     }
 
-    /// What arrives at the vehicle when `wish` is asked for over the sample.
+    /// Returns the vehicle's acceleration while `wish` is commanded for a sample.
     pub fn step(&mut self, wish: f64) -> f64 {
+        // A convex combination: with decay 0 the output equals the wish, bit
+        // for bit.
         self.value = wish + (self.value - wish) * self.decay;
         self.value
     }

@@ -1,17 +1,17 @@
 //! Cruise control with automatic emergency braking.
 //!
-//! It cruises at its initial speed and predicts, at constant lateral speed,
-//! where everybody ahead will be when it gets there, but no later than its
-//! look-ahead. Whoever will then be in its corridor must be stopped for: when
-//! that takes more than the trigger's deceleration, it brakes with all it has.
-//! Of those across or against the road it counts what their bodies take up, for
-//! the time in which both would be there.
+//! It cruises at its initial speed. At constant lateral speed it predicts where
+//! each agent ahead will be when the ego arrives, up to its look-ahead. The ego
+//! must stop for an agent that will then be in its corridor. If that takes more
+//! than the trigger's deceleration, the ego brakes fully. For agents across or
+//! against the road it uses the space that their bodies occupy and the time in
+//! which both would be there.
 
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Own, Percept, Seen};
 
 parameters! {
-    /// Cruises, and brakes hard for whoever crosses its path.
+    /// Cruises, and brakes hard for agents that cross its path.
     pub struct Aeb {
         /// Gain on the cruising speed's error, 1/s.
         cruise_gain_per_s, at_least 0.0;
@@ -25,13 +25,13 @@ parameters! {
         margin_m, at_least 0.0;
         /// Free width it wants at either side, m.
         side_m, at_least 0.0;
-        /// How far ahead lateral motion is predicted, s.
+        /// Time ahead for which lateral motion is predicted, s.
         look_ahead_s, at_least 0.0;
     }
 }
 
 impl Aeb {
-    /// Deceleration it takes not to hit somebody; 0 if they will be elsewhere.
+    /// Returns the deceleration that avoids an agent, 0 if it will be elsewhere.
     pub(super) fn needed_mps2(&self, own: &Own, seen: &Seen) -> f64 {
         let clearance_m = seen.clearance_m() - self.margin_m;
         let closing_mps = own.speed_mps - seen.speed_mps;
@@ -41,13 +41,14 @@ impl Aeb {
         if !self.meets(own, seen, clearance_m, closing_mps) {
             return 0.0;
         }
+        // Inside the margin no finite deceleration restores the clearance.
         if clearance_m <= 0.0 {
             return f64::INFINITY;
         }
         closing_mps * closing_mps / (2.0 * clearance_m)
     }
 
-    /// Whether somebody is in its corridor when it gets there.
+    /// Returns whether an agent is in the corridor when the ego arrives.
     fn meets(&self, own: &Own, seen: &Seen, clearance_m: f64, closing_mps: f64) -> bool {
         if !seen.is_along() {
             return seen.crosses_path(own, self.side_m, self.look_ahead_s);
@@ -58,13 +59,15 @@ impl Aeb {
         let reach_s = (clearance_m.max(0.0) / closing_mps).min(self.look_ahead_s);
         let half_m = 0.5 * (own.width_m + seen.width_m) + self.side_m;
         let then_m = seen.lateral_m + seen.lateral_mps * reach_s;
+        // An agent may pass the whole corridor between now and then, so a
+        // change of sides counts even if both ends are outside.
         let crosses = seen.lateral_m * then_m <= 0.0 && 0.0 < reach_s;
         seen.lateral_m.abs() < half_m || then_m.abs() < half_m || crosses
     }
 }
 
 impl Aeb {
-    /// What it asks for: its brake, or what the cruising speed takes.
+    /// Returns the emergency braking or the cruise control's acceleration.
     pub(super) fn accel_mps2(&self, percept: &Percept, cruise_mps: f64) -> f64 {
         let needed = percept.others.iter();
         let needed = needed.map(|seen| self.needed_mps2(&percept.own, seen));
@@ -77,7 +80,7 @@ impl Aeb {
     }
 }
 
-/// The controller with the speed it cruises at.
+/// The controller with its cruising speed.
 #[derive(Clone, Debug)]
 pub(super) struct Guarding {
     spec: Aeb,
@@ -99,6 +102,8 @@ impl Controller for Guarding {
     }
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        // The speed of the first percept is the initial speed, which `reset`
+        // does not know.
         let cruise_mps = *self.cruise_mps.get_or_insert(percept.own.speed_mps);
         Ok(Command::accelerate(
             self.spec.accel_mps2(percept, cruise_mps),

@@ -1,15 +1,16 @@
-//! The ego that test protocols assume: it does nothing at all.
+//! The ego assumed by test protocols, which does nothing.
 //!
-//! At a point of a protocol everybody is set so that an ego at constant speed is
-//! hit in the prescribed way. With it a world shows whether that is so.
+//! In a test case of a protocol, all agents are placed so that an ego at
+//! constant speed is hit in the prescribed way. This controller shows whether a
+//! world does so.
 
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Percept};
 
 parameters! {
-    /// Keeps its acceleration, whatever it sees.
+    /// Keeps its acceleration, whatever it perceives.
     pub struct Coast {
-        /// The acceleration, m/s²; 0 keeps its speed.
+        /// The acceleration, 0 to keep the speed, m/s².
         accel_mps2, at_least 0.0;
     }
 }

@@ -1,13 +1,13 @@
 #![cfg(test)]
-//! An ego that only tests have.
+//! An ego that exists in tests only.
 
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Percept};
 
 parameters! {
-    /// Brakes, whatever it sees.
+    /// Brakes, whatever it perceives.
     pub struct Dummy {
-        /// Deceleration it asks for, m/s².
+        /// Commanded deceleration, m/s².
         brake_mps2, at_least 0.0;
     }
 }

@@ -1,30 +1,30 @@
-//! Faults: the ego or the physics failed, which is nobody's success.
+//! Faults of the ego or of the physics, which count as success of neither side.
 
 use serde::{Deserialize, Serialize};
 
-/// Largest acceleration that is believed, of either sign.
+/// Largest plausible acceleration, of either sign.
 ///
-/// Tyres on dry asphalt give about 10 m/s²; twice that is no command but a
-/// mistake, such as another unit or a controller that diverged.
+/// Tyres on dry asphalt give about 10 m/s². Twice that value indicates a
+/// mistake, such as a wrong unit or a controller that diverged.
 pub const PLAUSIBLE_ACCEL_MPS2: f64 = 20.0;
-/// Largest speed across the road that is believed, of either sign.
+/// Largest plausible speed across the road, of either sign.
 pub const PLAUSIBLE_LATERAL_MPS: f64 = 20.0;
 
-/// What kind of fault; tables, JSON and JUnit use its word.
+/// Kind of a fault, with the word that tables, JSON and JUnit use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// A program could not be started, or nobody consented to start it.
+    /// A program could not be started, or its start was not allowed.
     CannotStart,
-    /// A program ended, or closed its output, before it was told to.
+    /// A program ended, or closed its output, before it was asked to.
     Ended,
     /// A program neither read nor answered in time.
     Timeout,
-    /// A program answered something that is not the protocol.
+    /// A program gave an answer that violates the protocol.
     Protocol,
-    /// A command beyond what any car can do.
+    /// A command beyond the limits of any car.
     Implausible,
-    /// A command that is no finite number.
+    /// A command that is not a finite number.
     NotFinite,
     /// The controller reported an error of its own.
     Error,
@@ -33,7 +33,7 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// The word used in tables and files.
+    /// Returns the word used in tables and files.
     pub fn word(self) -> &'static str {
         match self {
             FaultKind::CannotStart => "cannot_start",
@@ -48,21 +48,23 @@ impl FaultKind {
     }
 }
 
-/// The ego or the physics failed: the episode is neither success nor held.
+/// Fault of the ego or the physics, which makes the episode invalid.
+///
+/// The episode counts neither as success nor as held.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 #[error("{message}")]
 pub struct Fault {
-    /// What kind.
+    /// Kind of the fault.
     pub kind: FaultKind,
-    /// What happened, in one line.
+    /// Description in a line.
     pub message: String,
-    /// The last of what the program wrote to stderr; empty where it wrote none.
+    /// Last part of the program's stderr, or empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub stderr: String,
 }
 
 impl Fault {
-    /// A fault of a kind, without stderr.
+    /// Creates a fault of a kind, without stderr.
     pub fn new(kind: FaultKind, message: impl Into<String>) -> Fault {
         Fault {
             kind,
@@ -71,12 +73,12 @@ impl Fault {
         }
     }
 
-    /// What a controller reports of itself.
+    /// Creates the fault for an error that a controller reports.
     pub fn error(message: impl Into<String>) -> Fault {
         Fault::new(FaultKind::Error, message)
     }
 
-    /// The same with the end of a program's stderr.
+    /// Returns the same fault with the last part of a program's stderr.
     #[must_use]
     pub fn with_stderr(self, stderr: String) -> Fault {
         Fault { stderr, ..self }

@@ -1,7 +1,9 @@
-//! Car-following models: an acceleration from the own speed and the leader alone.
+//! Car-following models: acceleration from the own speed and the leader alone.
 
-/// Makes a model with `accel_mps2(speed_mps, leader)`, the leader as its clearance
-/// and its speed, a controller.
+/// Implements `Controller` for a car-following model.
+///
+/// The model needs `accel_mps2(speed_mps, leader)`, with the clearance and the
+/// speed of the leader.
 macro_rules! car_following {
     ($model:ty) => {
         impl $crate::ego::Controller for $model {
@@ -26,11 +28,12 @@ macro_rules! car_following {
 
 pub(super) use car_following;
 
-/// No car rolls back faster while it settles: who does comes towards the ego.
+/// Largest speed at which a settling car rolls back. Faster cars are oncoming.
 const ROLLS_BACK_MPS: f64 = 1.0;
 
-/// A leader's speed as far as it carries it away from the ego before it stands:
-/// an oncoming one leaves no room by braking.
+/// Returns the leader's speed as far as it leads away from the ego.
+///
+/// An oncoming leader leaves no additional room by braking.
 pub(super) fn away_mps(leader_mps: f64) -> f64 {
     match leader_mps < -ROLLS_BACK_MPS {
         true => 0.0,
@@ -42,7 +45,7 @@ pub(super) fn away_mps(leader_mps: f64) -> f64 {
 mod tests {
     use crate::ego::{Fvdm, Gipps, Idm, Krauss};
 
-    /// The least clearance of a follower that comes to one that stands.
+    /// Returns the least clearance of a follower that approaches a standing leader.
     fn least_m(model: impl Fn(f64, f64) -> f64, speed_mps: f64, clearance_m: f64) -> f64 {
         const DT_S: f64 = 0.05;
         const LAG_S: f64 = 0.2;
@@ -96,7 +99,7 @@ mod tests {
             max_brake_mps2: 9.0,
         };
         for speed in [5.0, 10.0, 16.67, 25.0] {
-            // Three seconds away, and what full braking takes besides.
+            // Three seconds away, plus the distance of full braking.
             let clearance = 3.0 * speed + speed * speed / 16.0;
             let standing = |gap: f64| Some((gap, 0.0));
             for (name, least) in [

@@ -1,14 +1,15 @@
-//! The full velocity difference model (Jiang, Wu, Zhu 2001), an optimal velocity
-//! model (Bando 1995) that also answers the closing speed.
+//! The full velocity difference model (Jiang, Wu, Zhu 2001).
 //!
-//! u = κ (V(s) − v) − λ Δv with V(s) = V₀ (tanh(s/L − β) + tanh β) / (1 + tanh β),
-//! s the clearance beyond the smallest one and Δv the closing speed.
+//! An optimal velocity model (Bando 1995) with a term for the closing speed: u
+//! = κ (V(s) − v) − λ Δv with V(s) = V₀ (tanh(s/L − β) + tanh β) / (1 + tanh
+//! β). Here s is the clearance beyond the smallest clearance and Δv the closing
+//! speed.
 
 use super::following::car_following;
 use super::parameters::parameters;
 
 parameters! {
-    /// A follower that drives at the speed that suits its clearance.
+    /// A follower at the speed that suits its clearance.
     pub struct Fvdm {
         /// Speed it drives at on a free road, V₀, m/s.
         desired_speed_mps, at_least 0.1;
@@ -16,24 +17,26 @@ parameters! {
         transition_m, at_least 0.1;
         /// Form of that rise, β.
         form, at_least 0.0;
-        /// How fast it adapts its speed, κ, 1/s.
+        /// Rate of adaptation of its speed, κ, 1/s.
         sensitivity_per_s, at_least 0.0;
-        /// How strongly it answers the closing speed, λ, 1/s.
+        /// Gain on the closing speed, λ, 1/s.
         closing_gain_per_s, at_least 0.0;
-        /// Clearance at which it wants to stand, m.
+        /// Clearance at standstill, m.
         min_gap_m, at_least 0.0;
         /// Greatest acceleration, m/s².
         max_accel_mps2, at_least 0.01;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
     }
 }
 
 impl Fvdm {
-    /// The model's acceleration; `leader` is its clearance and its speed.
+    /// Returns the model's acceleration for a leader's clearance and speed.
     pub fn accel_mps2(&self, speed_mps: f64, leader: Option<(f64, f64)>) -> f64 {
         let suits = |clearance_m: f64| {
             let shift = libm::tanh(self.form);
+            // Below the smallest clearance V would be negative: the car would
+            // reverse.
             let beyond_m = (clearance_m - self.min_gap_m).max(0.0);
             let rise = libm::tanh(beyond_m / self.transition_m - self.form) + shift;
             self.desired_speed_mps * rise / (1.0 + shift)

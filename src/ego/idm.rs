@@ -1,7 +1,7 @@
 //! The intelligent driver model (Treiber, Hennecke, Helbing 2000).
 //!
-//! u = a (1 − (v/v₀)⁴ − (s*/s)²) with s* = s₀ + max(0, v T + v Δv / (2 √(a b))),
-//! s the clearance to the car ahead and Δv the closing speed.
+//! u = a (1 − (v/v₀)⁴ − (s*/s)²) with s* = s₀ + max(0, v T + v Δv / (2 √(a
+//! b))). Here s is the clearance to the leader and Δv the closing speed.
 
 use super::following::car_following;
 use super::parameters::parameters;
@@ -19,13 +19,13 @@ parameters! {
         max_accel_mps2, at_least 0.01;
         /// Comfortable deceleration b, m/s².
         comfort_brake_mps2, at_least 0.01;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
     }
 }
 
 impl Idm {
-    /// The model's acceleration; `leader` is its clearance and its speed.
+    /// Returns the model's acceleration for a leader's clearance and speed.
     pub fn accel_mps2(&self, speed_mps: f64, leader: Option<(f64, f64)>) -> f64 {
         let free = speed_mps / self.desired_speed_mps;
         let free = 1.0 - free * free * free * free;
@@ -34,7 +34,7 @@ impl Idm {
             let dynamic_m =
                 speed_mps * self.time_gap_s + speed_mps * (speed_mps - leader_mps) / (2.0 * root);
             let wanted_m = self.min_gap_m + dynamic_m.max(0.0);
-            // Bumpers that nearly touch ask for all there is, not for infinity.
+            // Bumpers that nearly touch ask for full braking, and not for infinity.
             let ratio = wanted_m / clearance_m.max(0.01);
             ratio * ratio
         });

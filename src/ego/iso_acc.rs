@@ -1,20 +1,21 @@
-//! A follower within the limits of ISO 15622, with an emergency brake if wanted.
+//! A follower within the limits of ISO 15622, with an optional emergency brake.
 //!
-//! ISO 15622:2018 (full speed range adaptive cruise control) asks for a time gap
-//! of at least 0.8 s and bounds what the system may do by itself, at 5 m/s and
-//! below, at 20 m/s and above, and linearly between: deceleration 5 and 3.5
-//! m/s², acceleration 4 and 2 m/s², negative jerk 5 and 2.5 m/s³. Within these
-//! it follows by the law of `Acc`.
+//! ISO 15622:2018 (full speed range adaptive cruise control) requires a time
+//! gap of at least 0.8 s and limits the system's own actions. Limits apply at 5
+//! m/s and below, at 20 m/s and above, and linearly between: deceleration 5 and
+//! 3.5 m/s², acceleration 4 and 2 m/s², negative jerk 5 and 2.5 m/s³. Within
+//! these limits it follows by the law of `Acc`.
 //!
-//! The emergency brake is one like UN R152 asks for (at least 5 m/s²): when not
-//! hitting the leader takes the trigger's deceleration or more, it brakes with
-//! all it has, without a limit of jerk, until it is no faster than the leader.
+//! The emergency brake resembles that of UN R152 (at least 5 m/s²). It acts
+//! when avoiding the leader takes the trigger's deceleration or more. It then
+//! brakes fully and without a limit of jerk until it is no faster than the
+//! leader.
 
 use super::parameters::parameters;
 use super::{Acc, Command, Controller, Fault, Percept};
 
 parameters! {
-    /// Follows within the limits of ISO 15622; may brake in an emergency.
+    /// Follows within the limits of ISO 15622 and may brake in an emergency.
     pub struct IsoAcc {
         /// Gain on the headway error, 1/s².
         kp_per_s2, at_least 0.0;
@@ -22,11 +23,11 @@ parameters! {
         kd_per_s, at_least 0.0;
         /// Reference headway at standstill, front to front, m.
         standstill_headway_m, at_least 0.0;
-        /// Reference headway per speed; the standard asks for 0.8 or more, s.
+        /// Reference headway per speed, at least 0.8 in the standard, s.
         time_gap_s, at_least 0.0;
         /// Deceleration needed at or above which the emergency brake acts, m/s².
         aeb_trigger_mps2, at_least 0.0;
-        /// Deceleration of the emergency brake; 0 for none, m/s².
+        /// Deceleration of the emergency brake, 0 for none, m/s².
         aeb_brake_mps2, at_least 0.0;
     }
 }
@@ -37,7 +38,7 @@ fn limit(speed_mps: f64, slow: f64, fast: f64) -> f64 {
     slow + share * (fast - slow)
 }
 
-/// The controller with what it asked for last.
+/// The controller with its last command.
 #[derive(Clone, Debug)]
 pub(super) struct Following {
     spec: IsoAcc,
@@ -54,7 +55,7 @@ impl IsoAcc {
         }
     }
 
-    /// What ISO 15622 lets it ask for now.
+    /// Returns the command that ISO 15622 permits now.
     fn follow_mps2(&self, percept: &Percept, last_mps2: f64) -> f64 {
         let speed_mps = percept.own.speed_mps;
         let law = Acc {
@@ -66,12 +67,14 @@ impl IsoAcc {
             max_accel_mps2: limit(speed_mps, 4.0, 2.0),
         };
         let fall_mps2 = limit(speed_mps, 5.0, 2.5) * percept.sample_s;
+        // The jerk limit applies downwards only: releasing the brake is not
+        // limited.
         law.accel_mps2(percept).max(last_mps2 - fall_mps2)
     }
 }
 
 impl Following {
-    /// Whether the emergency brake acts: begun when it must, kept up to the end.
+    /// Returns whether the emergency brake acts, once begun until the danger ends.
     fn brakes_hard(&self, percept: &Percept) -> bool {
         let Some(lead) = percept.leader() else {
             return false;
@@ -111,7 +114,7 @@ mod tests {
     use super::*;
     use crate::ego::{Own, Seen};
 
-    /// At `speed_mps`, `clearance_m` behind a leader at `lead_mps`.
+    /// Returns a percept at `speed_mps`, `clearance_m` behind a leader.
     fn behind(speed_mps: f64, clearance_m: f64, lead_mps: f64) -> Percept {
         let lead = Seen {
             headway_m: clearance_m + 4.0,

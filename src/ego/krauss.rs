@@ -1,18 +1,18 @@
-//! Krauss' car-following model without its dawdling (Krauss 1998), the default
-//! of SUMO.
+//! Krauss' car-following model without dawdling (Krauss 1998), as in SUMO.
 //!
-//! The safe speed −b τ + √(b² τ² + v_l² + 2 b s) is the one from which the car
-//! can stop behind its leader if both brake with b; it drives at that speed, at
-//! its desired one, or at what it can reach.
+//! The safe speed is −b τ + √(b² τ² + v_l² + 2 b s).
 //!
-//! The model's steps last τ and end at that speed. A controller that is asked all
-//! the time and took τ for it would swing through its distance (damping ½) and
-//! run into whoever stands; in a quarter of τ it just does not swing.
+//! From it the car can stop behind its leader if both brake with b. It drives
+//! at the least of that speed, its desired speed and the speed it can reach.
+//!
+//! The steps of the published model last τ and end at that speed. A controller
+//! that runs every sample and spread the change over τ would oscillate (damping
+//! ½) and hit standing vehicles. With a quarter of τ it is critically damped.
 
 use super::following::{away_mps, car_following};
 use super::parameters::parameters;
 
-/// Share of τ in which it comes to its safe speed.
+/// Share of τ in which it adopts its safe speed.
 const SETTLES: f64 = 0.25;
 
 parameters! {
@@ -20,21 +20,21 @@ parameters! {
     pub struct Krauss {
         /// Speed it drives at on a free road, m/s.
         desired_speed_mps, at_least 0.1;
-        /// Time until it reacts, τ, s.
+        /// Reaction time τ, s.
         reaction_s, at_least 0.05;
         /// Greatest acceleration, m/s².
         max_accel_mps2, at_least 0.01;
-        /// Braking it plans with for both, b, m/s².
+        /// Braking in its plans for both cars, b, m/s².
         plan_brake_mps2, at_least 0.01;
         /// Clearance at standstill, m.
         min_gap_m, at_least 0.0;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
     }
 }
 
 impl Krauss {
-    /// The model's acceleration; `leader` is its clearance and its speed.
+    /// Returns the model's acceleration for a leader's clearance and speed.
     pub fn accel_mps2(&self, speed_mps: f64, leader: Option<(f64, f64)>) -> f64 {
         let safe_mps = leader.map_or(f64::INFINITY, |(clearance_m, leader_mps)| {
             let step_mps = self.plan_brake_mps2 * self.reaction_s;
@@ -43,6 +43,8 @@ impl Krauss {
             let squares = step_mps * step_mps + away_mps * away_mps;
             (squares + 2.0 * self.plan_brake_mps2 * room_m).sqrt() - step_mps
         });
+        // Paper: steps of τ; here: a quarter of τ, because a sampled controller
+        // would oscillate (see the module's documentation).
         let within_s = SETTLES * self.reaction_s;
         let wish_mps2 = (safe_mps.min(self.desired_speed_mps) - speed_mps) / within_s;
         wish_mps2.clamp(-self.max_brake_mps2, self.max_accel_mps2)

@@ -1,18 +1,19 @@
 //! The switching merge controller (Sec. V-B).
 //!
-//! d_lka = d_lat − v_ado,lat · t_lka says how far beside the ego another road
-//! user will be t_lka from now. While somebody ahead has d_lka at or below the
-//! threshold the ego brakes hard; otherwise it cruises at its initial speed.
+//! d_lka = d_lat − v_ado,lat · t_lka is the predicted lateral distance of a
+//! road user from the ego, t_lka from now. The ego brakes hard while an agent
+//! ahead has d_lka at or below the threshold. Otherwise it cruises at its
+//! initial speed.
 
 use super::parameters::parameters;
 use super::{Command, Controller, Fault, Percept, Seen};
 
 parameters! {
-    /// Cruises, and brakes hard while somebody ahead merges.
+    /// Cruises, and brakes hard while an agent ahead merges.
     pub struct Merge {
         /// Predicted lateral distance at or below which it brakes, m.
         threshold_m, at_least 0.0;
-        /// How far ahead the lateral distance is predicted, s.
+        /// Time ahead for which the lateral distance is predicted, s.
         t_lka_s, at_least 0.0;
         /// Gain on the cruising speed's error, 1/s.
         cruise_gain_per_s, at_least 0.0;
@@ -24,14 +25,14 @@ parameters! {
 }
 
 impl Merge {
-    /// Predicted lateral distance d_lka; negative when the other will have crossed over.
+    /// Predicted lateral distance d_lka, negative if the agent will have crossed.
     fn d_lka_m(&self, seen: &Seen) -> f64 {
         let towards_mps = -seen.lateral_mps * seen.lateral_m.signum();
         seen.lateral_m.abs() - towards_mps * self.t_lka_s
     }
 }
 
-/// The controller with the speed it cruises at.
+/// The controller with its cruising speed.
 #[derive(Clone, Debug)]
 pub(super) struct Merging {
     spec: Merge,
@@ -55,6 +56,7 @@ impl Controller for Merging {
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
         let speed_mps = percept.own.speed_mps;
         let cruise_mps = *self.cruise_mps.get_or_insert(speed_mps);
+        // Every agent ahead counts, at any headway: the law has no range.
         let merging =
             |seen: &Seen| 0.0 < seen.headway_m && self.spec.d_lka_m(seen) <= self.spec.threshold_m;
         if percept.others.iter().any(merging) {

@@ -1,9 +1,10 @@
 //! Systems under test: the controllers that drive the ego.
 //!
-//! A [`Controller`] sees a [`Percept`] once per sample and answers with a
-//! [`Command`]. It never sees the ado's mind: percepts hold what sensors could
-//! measure. To test your own, implement the trait and hand it to the test bench:
-//! its commands pass the actuator of the car it drives ([`Actuated`]).
+//! A [`Controller`] receives a [`Percept`] once per sample and returns a
+//! [`Command`]. Percepts hold quantities that sensors could measure, and no
+//! internal state of an ado. To test your own controller, implement the trait
+//! and pass it to the test bench. Its commands go through the actuator of its
+//! car ([`Actuated`]).
 //!
 //! ```
 //! use brakecheck::ego::{Command, Controller, Fault, Percept};
@@ -66,7 +67,7 @@ pub use room::Room;
 pub use stock::*;
 pub use takeover::{FullBrake, Takeover};
 
-/// The ego's own state, as it knows it.
+/// State of the ego, as known to itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Own {
     /// Speed along its heading.
@@ -81,11 +82,12 @@ pub struct Own {
     pub lane: usize,
     /// Heading relative to the road's, counter-clockwise.
     pub heading_rad: f64,
-    /// Speed of its front bumper to the left of its heading; programs are not
-    /// told.
+    /// Speed of its front bumper to the left of its heading.
+    ///
+    /// Not sent to programs.
     #[serde(skip)]
     pub lateral_mps: f64,
-    /// Turning rate, counter-clockwise; programs are not told.
+    /// Turning rate, counter-clockwise. Not sent to programs.
     #[serde(skip)]
     pub yaw_rate_rad_per_s: f64,
     /// Length of the own body.
@@ -94,16 +96,16 @@ pub struct Own {
     pub width_m: f64,
 }
 
-/// Another road user, as the ego's sensors see it.
+/// A road user, as perceived by the ego's sensors.
 ///
-/// Once along the road, where the road's curves are straightened out, and once
-/// in the ego's frame: origin in the middle of its front bumper, x along its
-/// heading, y to the left (ISO 8855).
+/// Given along the road, with its curves straightened out, and in the ego's
+/// frame. The origin of that frame is the middle of the ego's front bumper,
+/// with x along its heading and y to the left (ISO 8855).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
     /// Name in the world file.
     pub name: String,
-    /// Distance along the road, front bumper to front bumper; positive is ahead.
+    /// Distance along the road, front bumper to front bumper, positive ahead.
     pub headway_m: f64,
     /// Lateral offset relative to the ego, positive to the left.
     pub lateral_m: f64,
@@ -111,28 +113,27 @@ pub struct Seen {
     pub speed_mps: f64,
     /// Its speed across the road, positive to the left.
     pub lateral_mps: f64,
-    /// Lane of its front bumper; 0 is the rightmost.
+    /// Lane of its front bumper, 0 for the rightmost.
     pub lane: usize,
     /// Position of the middle of its front, ahead in the ego's frame.
     pub x_m: f64,
-    /// The same, to the left.
+    /// Position of the middle of its front, to the left in the ego's frame.
     pub y_m: f64,
     /// Its heading relative to the ego's, counter-clockwise.
     pub heading_rad: f64,
-    /// Its heading relative to the road's beside it, −π to π; programs are not
-    /// told.
+    /// Heading relative to the road's beside it, −π to π. Not sent to programs.
     #[serde(skip)]
     pub road_heading_rad: f64,
-    /// Its turning rate, counter-clockwise; programs are not told.
+    /// Turning rate, counter-clockwise. Not sent to programs.
     #[serde(skip)]
     pub yaw_rate_rad_per_s: f64,
     /// Its velocity over ground, along the ego's x.
     pub vx_mps: f64,
-    /// The same, along the ego's y.
+    /// Its velocity over ground, along the ego's y.
     pub vy_mps: f64,
     /// Its acceleration along its own heading, along the ego's x.
     pub ax_mps2: f64,
-    /// The same, along the ego's y.
+    /// Its acceleration along its own heading, along the ego's y.
     pub ay_mps2: f64,
     /// Its length.
     pub length_m: f64,
@@ -140,7 +141,7 @@ pub struct Seen {
     pub width_m: f64,
 }
 
-/// What a traffic light shows.
+/// Phase of a traffic light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// Go.
@@ -153,7 +154,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// The phase that follows.
+    /// Returns the phase that follows.
     pub fn next(self) -> Phase {
         match self {
             Phase::Green => Phase::Yellow,
@@ -163,30 +164,31 @@ impl Phase {
     }
 }
 
-/// A traffic light, as the ego sees it.
+/// A traffic light, as perceived by the ego.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeenLight {
     /// Name in the world file.
     pub name: String,
-    /// Distance along the road from the front bumper to its stop line;
-    /// positive before it.
+    /// Distance along the road from the front bumper to its stop line.
+    ///
+    /// Positive before the line.
     pub line_m: f64,
-    /// What it shows.
+    /// Current phase.
     pub phase: Phase,
-    /// For how long it has shown it.
+    /// Time since the phase began.
     pub phase_s: f64,
 }
 
-/// What the ego perceives at one sample.
+/// Percept of the ego at a sample.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Percept {
     /// Time since the start of the episode.
     pub time_s: f64,
     /// Time to the next percept.
     pub sample_s: f64,
-    /// The ego itself.
+    /// State of the ego itself.
     pub own: Own,
-    /// Everybody else, in the order of the world file.
+    /// All other road users, in the order of the world file.
     pub others: Vec<Seen>,
     /// All traffic lights, in the order of the world file.
     #[serde(default)]
@@ -194,22 +196,25 @@ pub struct Percept {
 }
 
 impl Percept {
-    /// The nearest road user ahead whose body overlaps the ego's path laterally.
+    /// Returns the nearest road user whose body is in the ego's path.
     ///
-    /// So does one that stands across the path or comes along it; and one that
-    /// crosses it, if it will be there within 2 s and when the ego is. Where its
-    /// nearest face is says [`Seen::clearance_m`], whichever way it faces.
+    /// This includes agents that stand across the path or come along it. An
+    /// agent that crosses the path counts if it will be there within 2 s and at
+    /// the same time as the ego. [`Seen::clearance_m`] returns the distance to
+    /// its nearest face, whatever its heading.
     pub fn leader(&self) -> Option<&Seen> {
         self.others
             .iter()
             .filter(|seen| seen.is_ahead_of(&self.own))
             .min_by(|a, b| {
+                // Headways of equal clearance compare agents of any heading
+                // fairly.
                 let headway_m = Seen::following_headway_m;
                 headway_m(a).total_cmp(&headway_m(b))
             })
     }
 
-    /// The nearest road user behind whose body overlaps the ego's path laterally.
+    /// Returns the nearest road user behind that overlaps the ego's path laterally.
     pub fn follower(&self) -> Option<&Seen> {
         self.others
             .iter()
@@ -218,7 +223,7 @@ impl Percept {
             .max_by(|a, b| a.headway_m.total_cmp(&b.headway_m))
     }
 
-    /// The nearest light whose stop line is less than `past_m` behind.
+    /// Returns the nearest light whose stop line is less than `past_m` behind.
     pub fn light(&self, past_m: f64) -> Option<&SeenLight> {
         self.lights
             .iter()
@@ -227,36 +232,35 @@ impl Percept {
     }
 }
 
-/// What does not change during an episode, as the ego may know it.
+/// Constant data of an episode that the ego may know.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Briefing {
     /// Time between two percepts.
     pub sample_s: f64,
-    /// Time constant of the lag behind its commands; programs are not told.
+    /// Time constant of the lag behind its commands. Not sent to programs.
     #[serde(skip)]
     pub lag_s: f64,
-    /// The law's limit on this road, where the world file names one.
+    /// Legal speed limit on this road, if the world file has one.
     pub speed_limit_mps: Option<f64>,
     /// The road.
     pub road: RoadGeometry,
 }
 
-/// Lanes along a course, as a map would have them.
+/// Lanes along a course, as in a map.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoadGeometry {
-    /// Number of lanes; lane 0 is the rightmost, its middle is the course.
+    /// Number of lanes. Lane 0 is the rightmost, and its middle is the course.
     pub lanes: usize,
     /// Width of a lane.
     pub lane_width_m: f64,
-    /// The course piece by piece; before, behind and without them it is
-    /// straight.
+    /// The course in pieces. Around the pieces, or without any, it is straight.
     pub pieces: Vec<RoadPiece>,
 }
 
-/// A stretch of the course with one curvature.
+/// A part of the course with constant curvature.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoadPiece {
-    /// Where it begins, along the course.
+    /// Start along the course.
     pub from_s_m: f64,
     /// Its length.
     pub length_m: f64,
@@ -264,18 +268,18 @@ pub struct RoadPiece {
     pub curvature_per_m: f64,
 }
 
-/// What the ego asks its vehicle to do until the next sample.
+/// Command of the ego to its vehicle until the next sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Command {
     /// Net acceleration along the heading.
     pub accel_mps2: f64,
-    /// Speed across the road, positive to the left; 0 keeps the lateral position.
+    /// Speed across the road, positive to the left, 0 to keep the lateral position.
     #[serde(default)]
     pub lateral_mps: f64,
 }
 
 impl Command {
-    /// Accelerate (or brake, below 0) and keep the lane.
+    /// Creates a command that accelerates or brakes, and keeps the lane.
     pub fn accelerate(accel_mps2: f64) -> Command {
         Command {
             accel_mps2,
@@ -283,12 +287,13 @@ impl Command {
         }
     }
 
-    /// What makes it no command that any car could follow.
+    /// Returns the fault of a command that no car could follow.
     pub fn flaw(&self) -> Option<Fault> {
         let Command {
             accel_mps2,
             lateral_mps,
         } = *self;
+        // Checked first, because NaN would pass the comparisons below.
         if !(accel_mps2.is_finite() && lateral_mps.is_finite()) {
             return Some(Fault::new(
                 FaultKind::NotFinite,
@@ -311,25 +316,26 @@ impl Command {
 
 /// A system under test.
 ///
-/// `control` is called once per sample; between calls the command holds.
+/// `control` is called once per sample, and its command holds until the next
+/// call.
 pub trait Controller: Send {
-    /// Learns of the road, once before the first episode on it.
+    /// Receives the road data, once before the first episode on a road.
     fn brief(&mut self, _briefing: &Briefing) {}
 
-    /// Begins an episode; `seed` feeds whatever randomness it has.
+    /// Begins an episode. All randomness must derive from `seed`.
     fn reset(&mut self, seed: u64);
 
-    /// Answers a percept with a command.
+    /// Returns the command for a percept.
     ///
     /// # Errors
-    /// A [`Fault`] makes the episode invalid: neither side's success.
+    /// A [`Fault`] makes the episode invalid, a success of neither side.
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault>;
 
-    /// The episode is over; until the next `reset` nothing more is asked.
+    /// Ends the episode. No further call precedes the next `reset`.
     fn finish(&mut self) {}
 
-    /// An independent copy in the same state, where that is possible.
+    /// Returns an independent copy in the same state, if possible.
     ///
-    /// `None` (an external process) makes searches re-run from the start.
+    /// With `None` (an external process), searches run again from the start.
     fn fork(&self) -> Option<Box<dyn Controller>>;
 }

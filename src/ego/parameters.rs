@@ -1,35 +1,35 @@
-//! Named numeric parameters of controllers: what `reuse` changes and what
-//! families of egos range over.
+//! Named numeric parameters of controllers, for `reuse` and families of egos.
 
-/// One numeric parameter and its present value.
+/// A numeric parameter with its current value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Field name in the world file.
     pub name: &'static str,
-    /// What it means.
+    /// Meaning and unit.
     pub about: &'static str,
-    /// Its value.
+    /// Current value.
     pub value: f64,
-    /// Least value that makes sense (inclusive).
+    /// Least valid value (inclusive).
     pub at_least: f64,
 }
 
-/// A change named a parameter that the controller does not have.
+/// Error: a change names a parameter that the controller does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("this controller has no parameter `{name}`")]
 pub struct UnknownParameter {
-    /// The name asked for.
+    /// Requested name.
     pub name: String,
-    /// The names there are.
+    /// Known names.
     pub known: Vec<&'static str>,
 }
 
 /// Declares a controller's parameter struct together with its table.
 ///
-/// Where every field is written as `name = value` a file may leave any of them
-/// out, and the lag, which then is 0.
+/// If every field is written as `name = value`, a file may omit any of them and
+/// the lag, which is 0 by default.
 macro_rules! parameters {
     (
+        // Without defaults: a file must give every field.
         $(#[$meta:meta])*
         pub struct $name:ident {
             $( $(#[doc = $about:literal])+ $field:ident, at_least $least:expr; )*
@@ -44,6 +44,7 @@ macro_rules! parameters {
         }
     };
     (
+        // With defaults: a file may omit fields, and the lag is then 0.
         $(#[$meta:meta])*
         pub struct $name:ident {
             $( $(#[doc = $about:literal])+ $field:ident = $default:expr, at_least $least:expr; )*
@@ -71,6 +72,7 @@ macro_rules! parameters {
         }
     };
     (
+        // The definition that both forms share.
         @define [$($form:tt)*] [$($beside:item)*]
         $(#[$meta:meta])*
         pub struct $name:ident {
@@ -83,7 +85,7 @@ macro_rules! parameters {
             $( $(#[doc = $about])+ pub $field: f64, )*
         }
 
-        // A block of its own: the form in files has the name of the type.
+        // A block of its own, because the form in files has the name of the type.
         const _: () = {
             use $crate::ego::Actuated;
             type Law = self::$name;
@@ -113,10 +115,10 @@ macro_rules! parameters {
         };
 
         impl $name {
-            /// The names of its numeric parameters.
+            /// Names of its numeric parameters.
             pub const PARAMETERS: &[&str] = &[$( stringify!($field) ),*];
 
-            /// Its numeric parameters with their present values.
+            /// Returns its numeric parameters with their current values.
             pub fn parameters(&self) -> Vec<$crate::ego::Parameter> {
                 vec![$( $crate::ego::Parameter {
                     name: stringify!($field),
@@ -126,10 +128,10 @@ macro_rules! parameters {
                 } ),*]
             }
 
-            /// Sets one parameter by name.
+            /// Sets a parameter by name.
             ///
             /// # Errors
-            /// The name is none of the fields.
+            /// No field has the name.
             pub fn set(
                 &mut self,
                 name: &str,

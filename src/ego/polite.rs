@@ -1,7 +1,7 @@
 //! Adaptive cruise control that spares the car behind.
 //!
-//! While somebody follows closer than a time gap it brakes only softly, so as
-//! not to be hit from behind; alone, it brakes with all it has.
+//! While a follower is closer than a time gap it brakes only softly, to avoid a
+//! rear-end collision. Without such a follower it brakes fully.
 
 use super::acc::acc_in;
 use super::parameters::parameters;
@@ -18,13 +18,13 @@ parameters! {
         standstill_headway_m, at_least 0.0;
         /// Reference headway per speed, s.
         time_gap_s, at_least 0.0;
-        /// Hardest braking it asks for, m/s².
+        /// Hardest commanded braking, m/s².
         max_brake_mps2, at_least 0.0;
-        /// Hardest acceleration it asks for, m/s².
+        /// Hardest commanded acceleration, m/s².
         max_accel_mps2, at_least 0.0;
-        /// Hardest braking while somebody follows closely, m/s².
+        /// Hardest braking while a follower is close, m/s².
         soft_brake_mps2, at_least 0.0;
-        /// Time gap below which somebody follows closely, s.
+        /// Time gap below which a follower is close, s.
         rear_gap_s, at_least 0.0;
     }
 }
@@ -32,6 +32,8 @@ parameters! {
 impl PoliteAcc {
     fn is_tailgated(&self, percept: &Percept) -> bool {
         percept.follower().is_some_and(|behind| {
+            // Headways are front to front, so the ego's own length lies between
+            // them.
             let clearance_m = -behind.headway_m - percept.own.length_m;
             clearance_m < self.rear_gap_s * behind.speed_mps
         })
@@ -43,6 +45,7 @@ impl Controller for PoliteAcc {
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
         let max_brake_mps2 = match self.is_tailgated(percept) {
+            // A soft limit above the hard limit must not strengthen the brakes.
             true => self.soft_brake_mps2.min(self.max_brake_mps2),
             false => self.max_brake_mps2,
         };

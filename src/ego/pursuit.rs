@@ -1,28 +1,29 @@
-//! Cruise control, emergency braking, and steering around what braking leaves.
+//! Cruise control, emergency braking, and steering where braking is not enough.
 //!
-//! It brakes as [`Aeb`] does. When not hitting somebody takes more than braking
-//! is good for, it also leaves its place in the lane: to the nearer side of them
-//! that is free and on the road, and back when its lane is free again. While it
-//! steers around somebody it brakes no harder than while cruising: tyres have one
-//! grip for both, and who stands cannot steer.
+//! It brakes like [`Aeb`]. If avoiding an agent takes too much braking, it also
+//! leaves its place in the lane. It passes the agent on the nearer side that is
+//! free and on the road, and returns when its lane is free again. While it
+//! steers around an agent it brakes no harder than while cruising: tyres share
+//! their grip between both, and a standing car cannot steer.
 //!
-//! Steering is pure pursuit (Coulter 1992): towards the point of the wanted line
-//! a look-ahead distance l away, the arc through it that leaves along the own
-//! heading has the curvature κ = 2 sin α / l, α the angle to the point. The law
-//! turns a heading ψ, ψ' = κ v, and what is commanded is the speed v sin ψ across
-//! the road. In curves the road is straightened; the car adds its curvature.
+//! Steering is pure pursuit (Coulter 1992). It aims at the point of the wanted
+//! line at a look-ahead distance l. The arc through that point that leaves
+//! along the own heading has the curvature κ = 2 sin α / l, with α the angle to
+//! the point. The law turns a heading ψ by ψ' = κ v, and the commanded speed
+//! across the road is v sin ψ. In curves the road counts as straightened, and
+//! the car adds its curvature.
 
 use super::aeb::Aeb;
 use super::parameters::parameters;
 use super::{Briefing, Command, Controller, Fault, Own, Percept, Seen};
 
-/// Largest angle to the road; no car moves sideways faster than 0.4 of its speed.
+/// Largest angle to the road: cars move sideways at most at 0.4 of their speed.
 const MAX_ANGLE_RAD: f64 = 0.38;
-/// Somebody on the other side matters for so long ahead.
+/// Time ahead for which agents on the other side matter.
 const FREE_S: f64 = 3.0;
 
 parameters! {
-    /// Keeps its lane by pure pursuit, brakes, and steers around what braking leaves.
+    /// Keeps its lane by pure pursuit, brakes, and steers where braking is not enough.
     pub struct PurePursuit {
         /// Gain on the cruising speed's error, 1/s.
         cruise_gain_per_s, at_least 0.0;
@@ -32,24 +33,24 @@ parameters! {
         trigger_mps2, at_least 0.0;
         /// Deceleration of the emergency brake, m/s².
         max_brake_mps2, at_least 0.0;
-        /// Clearance it wants to keep when it has stopped, m.
+        /// Clearance to be kept after stopping, m.
         margin_m, at_least 0.0;
-        /// Free width it wants at either side, m.
+        /// Free width to be kept at either side, m.
         side_m, at_least 0.0;
-        /// How far ahead lateral motion is predicted, s.
+        /// Time ahead for which lateral motion is predicted, s.
         look_ahead_s, at_least 0.0;
         /// Deceleration needed at or above which it steers as well, m/s².
         evade_mps2, at_least 0.0;
-        /// Time to the point it steers for, s.
+        /// Time to the point that it aims at, s.
         preview_s, at_least 0.1;
         /// Least distance of that point, m.
         preview_min_m, at_least 1.0;
-        /// Hardest acceleration to the side that it steers with, m/s².
+        /// Hardest lateral acceleration of its steering, m/s².
         side_limit_mps2, at_least 0.0;
     }
 }
 
-/// The controller with the road it knows, its lane, and where it steers.
+/// The controller with its road data, its lane and its steering state.
 #[derive(Clone, Debug)]
 pub(super) struct Pursuing {
     spec: PurePursuit,
@@ -57,11 +58,11 @@ pub(super) struct Pursuing {
     /// Lateral positions of the road's right and left edge.
     edges_m: (f64, f64),
     cruise_mps: Option<f64>,
-    /// The line that it keeps when nothing is in the way.
+    /// Lateral position that it keeps while nothing is in the way.
     home_m: f64,
-    /// Where it passes somebody.
+    /// Lateral position at which it passes an agent.
     evades_to_m: Option<f64>,
-    /// ψ: the angle to the road that it steers.
+    /// Heading ψ relative to the road.
     angle_rad: f64,
 }
 
@@ -86,19 +87,21 @@ impl PurePursuit {
         }
     }
 
-    /// κ = 2 sin α / l towards a line `aside_m` to the left, as far as tyres go.
+    /// Returns κ = 2 sin α / l towards a line to the left, within tyre limits.
     fn curvature_per_m(&self, aside_m: f64, angle_rad: f64, speed_mps: f64) -> f64 {
         let ahead_m = self.preview_min_m.max(self.preview_s * speed_mps);
         let point_rad = libm::asin((aside_m / ahead_m).clamp(-1.0, 1.0));
         let curvature_per_m = 2.0 * libm::sin(point_rad - angle_rad) / ahead_m;
+        // Below 1 m/s the quotient would grow without bound.
         let most_per_m = self.side_limit_mps2 / (speed_mps * speed_mps).max(1.0);
         curvature_per_m.clamp(-most_per_m, most_per_m)
     }
 }
 
 impl Pursuing {
-    /// Whether the ego could drive `aside_m` to the left of where it is for a
-    /// while, as far as somebody goes.
+    /// Returns whether an agent leaves the position `aside_m` to the left free.
+    ///
+    /// The position must stay free for as long as the ego needs to pass.
     fn is_free(&self, own: &Own, seen: &Seen, aside_m: f64) -> bool {
         let room = seen.room();
         let half_m = 0.5 * own.width_m + self.spec.side_m;
@@ -112,14 +115,15 @@ impl Pursuing {
         !(is_beside && reaches && inside)
     }
 
-    /// The nearer free side of somebody, as a lateral position on the road.
+    /// Returns the nearer free side of an agent, as a lateral position on the road.
     fn way_around(&self, percept: &Percept, threat: &Seen) -> Option<f64> {
         let own = &percept.own;
+        // At almost equal speeds the time to the agent would diverge.
         let closing_mps = (own.speed_mps - threat.speed_mps).max(0.1);
         let room = threat.room();
         let then_m = threat.lateral_mps * (room.near_m.max(0.0) / closing_mps);
         let half_m = 0.5 * own.width_m + self.spec.side_m.max(0.3);
-        // Behind somebody who moves, before the other edge of where they will be.
+        // Behind a moving agent, or before the far edge of its future place.
         let left_m = room.left_m.max(room.left_m + then_m) + half_m;
         let right_m = room.right_m.min(room.right_m + then_m) - half_m;
         let fits = |aside_m: &f64| {
@@ -139,9 +143,11 @@ impl Pursuing {
         nearer.map(|aside_m| own.lateral_m + aside_m)
     }
 
-    /// Where across the road it wants to be.
+    /// Returns the wanted lateral position.
     fn wanted_m(&mut self, percept: &Percept) -> f64 {
         let own = &percept.own;
+        // A started evasion ends only when the own lane is free: a new choice
+        // at every sample could alternate between the sides.
         if let Some(evades_to_m) = self.evades_to_m {
             let aside_m = self.home_m - own.lateral_m;
             let mut others = percept.others.iter();
@@ -175,6 +181,7 @@ impl Controller for Pursuing {
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
         let own = &percept.own;
+        // Distinguishes the first percept. `reset` does not know the position.
         if self.cruise_mps.is_none() {
             self.home_m = own.lateral_m;
         }
@@ -184,6 +191,7 @@ impl Controller for Pursuing {
             .spec
             .curvature_per_m(aside_m, self.angle_rad, own.speed_mps);
         let turned_rad = self.angle_rad + curvature_per_m * own.speed_mps * percept.sample_s;
+        // The angle is the controller's own state and not the car's heading.
         self.angle_rad = turned_rad.clamp(-MAX_ANGLE_RAD, MAX_ANGLE_RAD);
         let braking_mps2 = self.brakes.accel_mps2(percept, cruise_mps);
         Ok(Command {

@@ -1,28 +1,30 @@
-//! What of the ego's road somebody takes up, whichever way they face.
+//! Space that bodies occupy on the ego's road, for any heading.
 //!
-//! A follower reads of the one ahead where its rear is and how fast it drives.
-//! That says nothing of a car that stands across the lane or comes towards the
-//! ego: of those the nearest face is another, and the front bumper's middle may
-//! lie in a lane of which the rest of the body takes nothing, or the other way
-//! round. Here a body is its box in road coordinates, and a way that crosses
-//! the ego's is two spans of time that overlap.
+//! A follower uses the rear of its leader and its speed. This does not suit a
+//! car that stands across the lane or approaches the ego. The nearest face of
+//! such a car is a different side. The middle of its front bumper may lie in a
+//! lane that the rest of its body does not occupy, or the reverse. Here a body
+//! is its box in road coordinates, and a crossing is an overlap of two time
+//! intervals.
 
 use super::{Own, Seen};
 
 /// Angle to the road up to which a body counts as along it.
 const ALONG_RAD: f64 = core::f64::consts::FRAC_PI_6;
-/// A body that is not longer than this many widths takes up about the same
-/// whichever way it faces, as people do: it is taken to be along the road.
+/// Ratio of length to width below which a body counts as along the road.
+///
+/// Such a body, for example a pedestrian, occupies similar space at any
+/// heading.
 const COMPACT: f64 = 1.5;
-/// How far ahead followers expect those who cross their way to go on, s.
+/// Time ahead for which followers extrapolate crossing agents, s.
 const EXPECTED_S: f64 = 2.0;
 
-/// A rectangle on the straightened road, from the middle of the ego's front.
+/// A rectangle on the straightened road, relative to the middle of the ego's front.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Room {
-    /// Nearest and farthest face along the road.
+    /// Nearest face along the road.
     pub near_m: f64,
-    /// The farthest of it.
+    /// Farthest face along the road.
     pub far_m: f64,
     /// Its right edge, positive to the left.
     pub right_m: f64,
@@ -30,12 +32,13 @@ pub struct Room {
     pub left_m: f64,
 }
 
-/// A stretch of time from now on; empty where the end is before the beginning.
+/// A time interval from now on, empty if the end precedes the beginning.
 type Span = (f64, f64);
 
 impl Room {
-    /// The box of a body whose front's middle is (`ahead_m`, `left_m`), turned
-    /// counter-clockwise from the road.
+    /// Returns the box of a body from the middle of its front and its heading.
+    ///
+    /// The heading is counter-clockwise from the road.
     pub fn of(front_m: (f64, f64), heading_rad: f64, size_m: (f64, f64)) -> Room {
         let (sin, cos) = libm::sincos(heading_rad);
         let (half_length_m, half_width_m) = (0.5 * size_m.0, 0.5 * size_m.1);
@@ -53,14 +56,15 @@ impl Room {
         }
     }
 
-    /// Whether it reaches into a corridor around the ego's middle.
+    /// Returns whether it reaches into a corridor around the ego's middle.
     pub fn is_within(&self, half_m: f64) -> bool {
         self.right_m < half_m && -half_m < self.left_m
     }
 
-    /// When it is in the corridor, at a constant speed to the left.
+    /// Returns its time inside the corridor, at a constant speed to the left.
     fn inside_s(&self, half_m: f64, lateral_mps: f64) -> Span {
         match lateral_mps == 0.0 {
+            // A body without lateral motion is inside for ever or never.
             true if self.is_within(half_m) => (0.0, f64::INFINITY),
             true => (0.0, -1.0),
             false => {
@@ -73,7 +77,7 @@ impl Room {
         }
     }
 
-    /// When the ego is beside it, closing in at a constant speed above 0.
+    /// Returns the time of the ego beside it, at a constant closing speed above 0.
     fn beside_s(&self, own: &Own, closing_mps: f64) -> Span {
         let (first_m, last_m) = (self.near_m, self.far_m + own.length_m);
         (first_m / closing_mps, last_m / closing_mps)
@@ -81,13 +85,15 @@ impl Room {
 }
 
 impl Seen {
-    /// Whether it is along the road, as those are whom one follows; people are.
+    /// Returns whether it is along the road, like a leader. Pedestrians are.
     pub fn is_along(&self) -> bool {
         self.road_heading_rad.abs() <= ALONG_RAD || self.length_m <= COMPACT * self.width_m
     }
 
-    /// What it takes up of the road.
+    /// Returns the space that it occupies on the road.
     pub fn room(&self) -> Room {
+        // Headings near the road's count as 0, so leaders have the same
+        // clearance as in the car-following models.
         match self.is_along() {
             true => Room {
                 near_m: self.headway_m - self.length_m,
@@ -103,13 +109,12 @@ impl Seen {
         }
     }
 
-    /// Clear way from the ego's front to its nearest face.
+    /// Returns the clearance from the ego's front to its nearest face.
     pub fn clearance_m(&self) -> f64 {
         self.room().near_m
     }
 
-    /// The headway at which a body of its length along the road would leave as
-    /// much clear way.
+    /// Returns the headway of a leader with the same length and clearance.
     pub fn following_headway_m(&self) -> f64 {
         match self.is_along() {
             true => self.headway_m,
@@ -117,9 +122,10 @@ impl Seen {
         }
     }
 
-    /// Whether it is in the ego's path, or will be within `look_ahead_s` when
-    /// the ego gets there, if both go on as they do. Of those across or against
-    /// the road only: where others will be is a matter of each controller.
+    /// Returns whether it is in the ego's path, or will be when the ego arrives.
+    ///
+    /// Both are extrapolated for at most `look_ahead_s`. Only for agents across
+    /// or against the road: each controller predicts the rest itself.
     pub(super) fn crosses_path(&self, own: &Own, side_m: f64, look_ahead_s: f64) -> bool {
         let room = self.room();
         let half_m = 0.5 * own.width_m + side_m;
@@ -129,6 +135,7 @@ impl Seen {
         if room.is_within(half_m) {
             return true;
         }
+        // An agent that is no slower than the ego is never reached.
         let closing_mps = own.speed_mps - self.speed_mps;
         if closing_mps <= 0.0 {
             return false;
@@ -136,10 +143,12 @@ impl Seen {
         let (enters_s, leaves_s) = room.inside_s(half_m, self.lateral_mps);
         let (first_s, last_s) = room.beside_s(own, closing_mps);
         let (begins_s, ends_s) = (enters_s.max(first_s).max(0.0), leaves_s.min(last_s));
+        // Both intervals must overlap, and the agent must enter soon enough to
+        // be predictable.
         enters_s <= leaves_s && begins_s <= ends_s && enters_s <= look_ahead_s
     }
 
-    /// Whether a follower has it ahead: in its path, or about to cross it.
+    /// Returns whether it is ahead of a follower: in its path or about to cross.
     pub(crate) fn is_ahead_of(&self, own: &Own) -> bool {
         match self.is_along() {
             true => {
@@ -213,9 +222,9 @@ mod tests {
 
     #[test]
     fn who_crosses_is_ahead_if_both_would_be_there_at_one_time() {
-        // The ego is beside a car 15 m ahead from 1.4 to 2.1 s on; a body of
-        // 4.5 m that moves at 5 m/s is in its path for 1.3 s. Who is in it now is
-        // ahead, however soon he will have left.
+        // The ego is beside a car 15 m ahead from 1.4 to 2.1 s on. A body of 4.5 m
+        // that moves at 5 m/s is in its path for 1.3 s. A body that is in the path
+        // now is ahead, however soon it will have left.
         for (front_m, lateral_mps, ahead) in [
             (-6.0, 5.0, true),
             (-2.0, 5.0, true),

@@ -1,5 +1,7 @@
-//! The list of stock controllers: worlds name them, and `check`, families and
-//! the table in `docs/egos.md` follow from it.
+//! The list of stock controllers, from which names, checks and tables follow.
+//!
+//! Worlds name them. `check`, families and the table in `docs/egos.md` use the
+//! list.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,8 +9,9 @@ use super::actuator::written_as;
 use super::reference::DriverModel;
 use super::{Actuated, Controller, Parameter, UnknownParameter};
 
-/// Declares the enum of stock controllers and passes every call on: a line is
-/// the file and the type in it, and the method that makes a controller of it.
+/// Declares the enum of stock controllers, which forwards every call.
+///
+/// A line names the file, its type and the method that builds a controller.
 macro_rules! egos {
     ($(
         $(#[doc = $about:literal])+
@@ -17,7 +20,7 @@ macro_rules! egos {
     )*) => {
         $( $(#[cfg($when)])? pub use super::$file::$kind; )*
 
-        /// The names of all kinds and of their parameters.
+        /// Names of all kinds and of their parameters.
         pub(crate) const KINDS: &[(&str, &[&str])] = &[$( $(#[cfg($when)])? (stringify!($kind), $kind::PARAMETERS) ),*];
 
         /// A controller as named in a world file, with its parameters.
@@ -51,31 +54,31 @@ macro_rules! egos {
         }
 
         impl ControllerSpec {
-            /// The controller itself, ready for `reset`.
+            /// Returns the controller itself, ready for `reset`.
             pub fn build(&self) -> Box<dyn Controller> {
                 match self {
                     $( $(#[cfg($when)])? ControllerSpec::$kind(it) => Box::new(it.$make()), )*
                 }
             }
 
-            /// Name of the kind, as written in the world file.
+            /// Returns the name of the kind, as written in the world file.
             pub fn kind(&self) -> &'static str {
                 match self {
                     $( $(#[cfg($when)])? ControllerSpec::$kind(_) => stringify!($kind), )*
                 }
             }
 
-            /// Its numeric parameters: name, unit, meaning and value.
+            /// Returns its numeric parameters: name, unit, meaning and value.
             pub fn parameters(&self) -> Vec<Parameter> {
                 match self {
                     $( $(#[cfg($when)])? ControllerSpec::$kind(it) => it.parameters(), )*
                 }
             }
 
-            /// Sets one parameter by name.
+            /// Sets a parameter by name.
             ///
             /// # Errors
-            /// The name is none of this controller's parameters.
+            /// The controller has no such parameter.
             pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
                 match self {
                     $( $(#[cfg($when)])? ControllerSpec::$kind(it) => it.set(name, value), )*
@@ -88,7 +91,7 @@ macro_rules! egos {
 written_as!(ControllerSpec, InFile);
 
 impl Actuated<ControllerSpec> {
-    /// The controller's numeric parameters, and the lag.
+    /// Returns the controller's numeric parameters and the lag.
     pub fn parameters(&self) -> Vec<Parameter> {
         let mut parameters = self.controller.parameters();
         parameters.push(Parameter {
@@ -100,10 +103,10 @@ impl Actuated<ControllerSpec> {
         parameters
     }
 
-    /// Sets one of them by name.
+    /// Sets a parameter or the lag by name.
     ///
     /// # Errors
-    /// The name is none of them.
+    /// Neither has the name.
     pub fn set(&mut self, name: &str, value: f64) -> Result<(), UnknownParameter> {
         if name == "lag_s" {
             self.lag_s = value;
@@ -111,6 +114,8 @@ impl Actuated<ControllerSpec> {
         }
         let set = self.controller.set(name, value);
         set.map_err(|mut error| {
+            // The lag belongs to the actuator, so the controller's names lack
+            // it.
             error.known.push("lag_s");
             error
         })
@@ -118,12 +123,15 @@ impl Actuated<ControllerSpec> {
 }
 
 impl Actuated<ControllerSpec> {
-    /// A controller of a kind, all of its parameters given by name, the lag among
-    /// them. `None`: there is no such kind, or not with these.
+    /// Returns a controller of a kind from all its parameters, including the lag.
+    ///
+    /// `None` if the kind is unknown or the parameters do not match.
     pub(crate) fn of_kind(kind: &str, values: &[(&str, f64)]) -> Option<Actuated<ControllerSpec>> {
         let values = values
             .iter()
             .map(|&(name, value)| (name.to_owned(), value.into()));
+        // Parsed through serde, so a kind accepts here what it accepts in a
+        // file.
         let values = serde_json::Value::Object(values.collect());
         let file: serde_json::Map<_, _> = [(kind.to_owned(), values)].into_iter().collect();
         serde_json::from_value(file.into()).ok()
@@ -131,7 +139,7 @@ impl Actuated<ControllerSpec> {
 }
 
 impl From<Process> for Actuated<ControllerSpec> {
-    /// A program as the ego of a car whose actuator does not lag.
+    /// Returns a program as the ego of a car whose actuator does not lag.
     fn from(process: Process) -> Actuated<ControllerSpec> {
         Actuated {
             controller: ControllerSpec::Process(process),
@@ -141,7 +149,7 @@ impl From<Process> for Actuated<ControllerSpec> {
 }
 
 impl ControllerSpec {
-    /// The program that it is, if it is one.
+    /// Returns the program, if it is one.
     pub fn program(&self) -> Option<&Process> {
         match self {
             ControllerSpec::Process(process) => Some(process),
@@ -149,7 +157,7 @@ impl ControllerSpec {
         }
     }
 
-    /// Gives or takes back the consent to start a program, if it is one.
+    /// Gives or withdraws the consent to start a program, if it is one.
     pub fn allow_programs(&mut self, allowed: bool) {
         if let ControllerSpec::Process(process) = self {
             process.allow(allowed);
@@ -160,9 +168,9 @@ impl ControllerSpec {
 egos! {
     /// Follows the car ahead, Sec. V-B.
     acc::Acc by clone;
-    /// The same under a braking safety filter.
+    /// The follower of `Acc` under a braking safety filter.
     filtered::FilteredAcc by clone;
-    /// The same, but brakes softly when tailgated.
+    /// The follower of `Acc`, braking softly when tailgated.
     polite::PoliteAcc by clone;
     /// The intelligent driver model.
     idm::Idm by clone;
@@ -172,37 +180,37 @@ egos! {
     fvdm::Fvdm by clone;
     /// Krauss' model: drives at the safe speed.
     krauss::Krauss by clone;
-    /// Follows within the limits of ISO 15622; may brake in an emergency.
+    /// Follows within the limits of ISO 15622 and may brake in an emergency.
     iso_acc::IsoAcc by build;
-    /// Cruises, and brakes for whoever crosses its path.
+    /// Cruises, and brakes for agents that cross its path.
     aeb::Aeb by build;
-    /// The same, keeps its lane by pure pursuit and steers around what braking leaves.
+    /// Brakes like `Aeb`, keeps its lane and steers where braking is not enough.
     pursuit::PurePursuit by build;
     /// The switching merge controller, Sec. V-B.
     merge::Merge by build;
     /// Follows, and stops for lights by the d(t) of the paper's appendix.
     yellow::YellowLight by build;
-    /// The same by the stopping distance.
+    /// Follows, and stops for lights by the stopping distance.
     yellow::YellowLightFixed by build;
     /// Competent and careful, answers overlapping paths (UN R157).
     reference::CcDriver by at_the_wheel;
-    /// The same, answers whoever leaves the next lane.
+    /// Competent and careful, answers agents that leave the next lane.
     reference::CcLaneDriver by at_the_wheel;
-    /// The same, and brakes until it is the slower one.
+    /// Like `CcLaneDriver`, and brakes until it is no faster than the agent.
     reference::CcLatchedDriver by at_the_wheel;
-    /// Brakes for cut-ins as UN R157's formula demands at the latest.
+    /// Brakes for cut-ins at the latest time of UN R157's formula.
     reference::RegDriver by at_the_wheel;
     /// Responsibility-sensitive safety, answered by braking.
     reference::RssDriver by at_the_wheel;
     /// The fuzzy safety model.
     reference::FsmDriver by at_the_wheel;
-    /// Brakes at once and with everything for what must end in contact.
+    /// Brakes at once and fully for an unavoidable contact.
     reference::IdealDriver by at_the_wheel;
-    /// Keeps its speed, whatever it sees: what test protocols assume.
+    /// Keeps its speed, whatever it perceives, as assumed by test protocols.
     coast::Coast by clone;
-    /// Another program, on its stdin and stdout.
+    /// A separate program, on its stdin and stdout.
     process::Process by controller;
-    /// What tests add, to show that a file and a line are all it takes.
+    /// Added by tests, to show that a file and a line suffice.
     #[cfg(test)]
     dummy::Dummy by clone;
 }

@@ -1,21 +1,21 @@
-//! Another driver takes over at some sample: for asking what would have helped.
+//! Change of the driver at a sample, to find the actions that would have helped.
 
 use super::{Briefing, Command, Controller, Fault, Percept};
 
-/// One controller up to a sample, another one from it on.
+/// A controller up to a sample, and a second controller from then on.
 ///
-/// Both perceive everything from the beginning, so that the second one knows
-/// what it would have seen; only one of them is obeyed.
+/// Both perceive everything from the beginning, so the second knows the past
+/// when it takes over. Only the commands of the active controller apply.
 pub struct Takeover {
     first: Box<dyn Controller>,
     second: Box<dyn Controller>,
-    /// Commands of the first one that are obeyed.
+    /// Number of samples in which the first controller is active.
     after: usize,
     next: usize,
 }
 
 impl Takeover {
-    /// Obeys `first` for `after` samples, then `second`.
+    /// Applies the commands of `first` for `after` samples, then those of `second`.
     pub fn new(first: Box<dyn Controller>, second: Box<dyn Controller>, after: usize) -> Takeover {
         Takeover {
             first,
@@ -39,6 +39,8 @@ impl Controller for Takeover {
     }
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
+        // The second runs in every sample to build up its state. The first is
+        // not needed any more after the takeover.
         let second = self.second.control(percept)?;
         let own = self.next < self.after;
         self.next += 1;
@@ -62,11 +64,12 @@ impl Controller for Takeover {
     }
 }
 
-/// Brakes with all the road gives, without delay: only the car's own lag is
-/// between its wish and the deceleration.
+/// Brakes fully and without delay.
+///
+/// Only the car's own lag lies between its command and the deceleration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FullBrake {
-    /// Deceleration that is asked for.
+    /// Commanded deceleration.
     pub brake_mps2: f64,
 }
 

@@ -1,22 +1,24 @@
 //! Followers that stop for traffic lights (the paper's appendix).
 //!
-//! On yellow the paper's ego cruises while d(t) + δ < d_l, with d_l the
-//! distance to the line and d(t) = v (τ − t) + ½ a_max (τ − t)², and brakes
-//! with a_max otherwise; only a_max < 0 makes sense of both. d(t) is what it
-//! covers *until red* under full braking, not what it takes to stop: that is the
-//! flaw an ado exploits.
-//! [`YellowLightFixed`] has v²/2|a_max| + v·lag in its place.
+//! On yellow the paper's ego cruises while d(t) + δ < d_l, where d_l is the
+//! distance to the line. Otherwise it brakes with a_max. The paper defines
+//! d(t) = v (τ − t) + ½ a_max (τ − t)².
+//!
+//! Only a_max < 0 is consistent with both. d(t) is the
+//! distance covered *until red* under full braking, and not the stopping
+//! distance. This is the flaw that an ado exploits. [`YellowLightFixed`] uses
+//! v²/2|a_max| + v·lag instead.
 //!
 //! Paper: silent on three points. Here: d(t) is clamped at standstill, because
-//! the printed formula would reverse the car; on red it brakes while it is
-//! before the line's far side and stops braking once past −δ; on green it
-//! follows. τ − t is the yellow time it believes in less the time it has seen.
+//! the printed formula would reverse the car. On red it brakes while it is
+//! before the line's far side and stops braking once past −δ. On green it
+//! follows. τ − t is the assumed yellow time minus the time seen.
 
 use super::acc::acc_in;
 use super::parameters::parameters;
 use super::{Acc, Briefing, Command, Controller, Fault, Percept, Phase, SeenLight};
 
-/// Declares a controller that stops for lights; both have the same parameters.
+/// Declares a controller that stops for lights. Both have the same parameters.
 macro_rules! stops_for_lights {
     ($(#[doc = $about:literal])+ $name:ident by $reach:expr) => {
         parameters! {
@@ -30,15 +32,15 @@ macro_rules! stops_for_lights {
                 standstill_headway_m, at_least 0.0;
                 /// Reference headway per speed, s.
                 time_gap_s, at_least 0.0;
-                /// Hardest braking it asks for, m/s².
+                /// Hardest commanded braking, m/s².
                 max_brake_mps2, at_least 0.0;
-                /// Hardest acceleration it asks for, m/s².
+                /// Hardest commanded acceleration, m/s².
                 max_accel_mps2, at_least 0.0;
-                /// Deceleration it stops with, |a_max|, m/s².
+                /// Deceleration of its stops, |a_max|, m/s².
                 stop_brake_mps2, at_least 0.1;
                 /// Length of the junction behind the stop line, δ, m.
                 junction_m, at_least 0.0;
-                /// How long it takes a light to turn from yellow to red, τ, s.
+                /// Assumed time of a light from yellow to red, τ, s.
                 yellow_s, at_least 0.0;
             }
         }
@@ -68,16 +70,16 @@ stops_for_lights! {
     YellowLightFixed by Reach::Stopping
 }
 
-/// What it compares with the distance to the line.
+/// Distance compared with the distance to the line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Reach {
-    /// d(t): what full braking covers until red.
+    /// d(t): the distance under full braking until red.
     UntilRed,
-    /// v²/2a, and the way that the lag of the brakes costs.
+    /// v²/2a plus the distance lost by the lag of the brakes.
     Stopping,
 }
 
-/// The controller, and the lag of its actuator, of which it is told.
+/// The controller with the lag of its actuator, known from its briefing.
 #[derive(Clone, Debug)]
 pub(super) struct Stopping {
     follow: Acc,
@@ -93,6 +95,8 @@ impl Stopping {
         match self.reach {
             Reach::UntilRed => {
                 let left_s = (self.yellow_s - light.phase_s).max(0.0);
+                // Braking ends at standstill, where the printed formula would
+                // reverse the car.
                 let braking_s = left_s.min(speed_mps.max(0.0) / self.stop_brake_mps2);
                 speed_mps * braking_s - 0.5 * self.stop_brake_mps2 * braking_s * braking_s
             }

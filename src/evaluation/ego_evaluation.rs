@@ -1,4 +1,4 @@
-//! One ego, met by all ados in turn.
+//! Evaluation of all ados against an ego.
 
 use super::evaluation_plan::{Evaluation, ExplainedCounterexample, FoundBy};
 use crate::adversary::{
@@ -13,7 +13,7 @@ use crate::surrogate::{AdaptedTo, LearnEgoRequest, learned};
 use crate::sysid::ConditionedAdo;
 use crate::training::retrained;
 
-/// One ego, met by all ados in turn.
+/// Evaluation of all ados against an ego, row by row.
 pub(super) struct Meeting<'a> {
     pub asked: Evaluation<'a>,
     pub ego: &'a EgoUnderTest,
@@ -35,6 +35,7 @@ impl<'a> Meeting<'a> {
             }
             let row = self.one_ado(kind)?;
             self.rows.extend(row);
+            // A fair baseline for a learned ego gets as many runs as learning takes.
             if kind == AdoKind::Hold && 0 < self.asked.runs {
                 let row = self.held_for_as_much();
                 self.rows.push(row);
@@ -44,6 +45,7 @@ impl<'a> Meeting<'a> {
             let row = self.adapted()?;
             self.rows.extend(row);
         }
+        // The search comes last, because every row is compared with it.
         if let Some(switches) = self.asked.search {
             let request = SearchRequest {
                 scenario: self.ego.scenario(),
@@ -61,7 +63,7 @@ impl<'a> Meeting<'a> {
         Ok(())
     }
 
-    /// `None`: it does not apply, or has rows of its own.
+    /// Plays an ado. `None`: it does not apply or has added its rows itself.
     fn one_ado(&mut self, kind: AdoKind) -> Result<Option<Row>, EvaluationError> {
         Ok(match kind {
             AdoKind::Heuristic | AdoKind::Replays => None,
@@ -86,7 +88,7 @@ impl<'a> Meeting<'a> {
             AdoKind::Optimal => {
                 let evaluated = self.by_rule(ByRule::Optimal)?;
                 let row = evaluated.row.clone();
-                // Files are named after world and ego: the trained ado's go first.
+                // Files are named after world and ego, so those of the trained ado take precedence.
                 if !self.baselines.ados.contains(&AdoKind::Trained) {
                     self.found = Some(FoundBy::Optimal(evaluated));
                 }
@@ -95,9 +97,11 @@ impl<'a> Meeting<'a> {
         })
     }
 
-    /// Random actions, held, with as many runs of the ego as it takes to learn it and
-    /// to play every start then.
+    /// Plays held random actions with the same number of runs of the ego.
+    ///
+    /// It is the number that learning the ego and playing every start takes.
     fn held_for_as_much(&self) -> Row {
+        // Trivial starts are not played, so they take no runs.
         let trivial = &self.starts.trivial;
         let starts = trivial.iter().filter(|trivial| !**trivial).count() as u64;
         let spent = self.asked.runs + starts * self.asked.tries;
@@ -105,6 +109,7 @@ impl<'a> Meeting<'a> {
             scenario: self.ego.scenario(),
             ego: self.ego.name(),
             method: Hold.into(),
+            // Rounded up, so the baseline never gets fewer runs.
             budget: spent.div_ceil(starts.max(1)),
             starts: self.starts,
         };
@@ -121,7 +126,7 @@ impl<'a> Meeting<'a> {
         eval(&self.ego.met_by(ado, self.starts), self.watch)
     }
 
-    /// An ado that was told who this ego is, as it plays without a run of it.
+    /// Plays a conditional ado with nominal parameters, without a run of the ego.
     fn untold(&self) -> Option<Row> {
         let policy = self.ado.untold.as_deref()?;
         let mut row = self
@@ -132,7 +137,7 @@ impl<'a> Meeting<'a> {
         Some(row)
     }
 
-    /// The trained ado, with several tries per start where they are asked for.
+    /// Plays the trained ado, with several tries per start if requested.
     fn trained(&mut self) -> Row {
         let request = self.asked.trained(self.ego, self.ado, self.starts);
         let (found, mut row) = if 1 < self.asked.tries {
@@ -141,6 +146,7 @@ impl<'a> Meeting<'a> {
             (FoundBy::Tries(tried), row)
         } else {
             let evaluated = eval(&request, self.watch);
+            // The explanation is made for the plain evaluation only, without tries.
             let explained = explain_first(&request, &evaluated);
             self.reason = explained.map(|(start, explanation)| ExplainedCounterexample {
                 ego: self.ego.name().to_owned(),
@@ -157,11 +163,11 @@ impl<'a> Meeting<'a> {
         row
     }
 
-    /// The ado that plans in a surrogate of this ego. `None`: stopped.
+    /// Plays the ado that plans in a surrogate of this ego. `None`: stopped.
     fn adapted(&mut self) -> Result<Option<Row>, EvaluationError> {
         let asked = self.asked;
         let policy = &*self.ado.policy;
-        // Runs with which the ado was told what it meets are runs of the ego too.
+        // Runs that identified the ego's parameters are runs of the ego too.
         let identified_from = asked.identified_from();
         let kept = asked.run.policy_bundle()?;
         let request = LearnEgoRequest {
@@ -174,6 +180,7 @@ impl<'a> Meeting<'a> {
             seed: self.starts.seed,
         };
         self.watch.phase(&format!("learning {}", self.ego.name()));
+        // Learning has phases of its own, which would hide the progress of the evaluation.
         let quiet = self.watch.quiet();
         let Some(ego) = learned(asked.run, self.ego, &request, &quiet)? else {
             return Ok(None);
@@ -190,7 +197,7 @@ impl<'a> Meeting<'a> {
         Ok(Some(row))
     }
 
-    /// One trained for this very ego; the nominal one has the trained ado.
+    /// Plays an ado trained for this ego. The nominal ego has the trained ado already.
     fn retrained(&self) -> Result<Option<Row>, EvaluationError> {
         let Some(changed) = self.ego.as_changed() else {
             return Ok(None);
@@ -210,6 +217,7 @@ impl<'a> Meeting<'a> {
     }
 
     fn by_rule(&self, rule: ByRule) -> Result<Evaluated, EvaluationError> {
+        // These ados use both positions, so they play in the fully observed world.
         let (whole, policy) = rule.policy(self.ego)?;
         let request = EvalRequest {
             scenario: &whole,

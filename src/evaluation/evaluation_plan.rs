@@ -1,4 +1,4 @@
-//! What is asked of an evaluation, and what is found for it.
+//! Request of an evaluation, with parts of its results.
 
 use crate::adversary::{Ado, AdoKind, EvalRequest, Evaluated, Tried, Tries};
 use crate::evaluation::error::EvaluationError;
@@ -9,47 +9,47 @@ use crate::surrogate::AdaptedRow;
 use crate::sysid::{ConditionedAdo, ContextSource, LEAST_RUNS};
 use crate::world::Scenario;
 
-/// What to evaluate.
+/// Request of an evaluation.
 #[derive(Clone, Copy)]
 pub struct Evaluation<'a> {
-    /// The run of the trained ado.
+    /// Run of the trained ado.
     pub run: &'a RunDir,
-    /// Its world, on the plant to test on.
+    /// World of the run, on the plant to test on.
     pub nominal: &'a Scenario,
-    /// The egos that are met.
+    /// Egos under test.
     pub egos: &'a [EgoUnderTest],
-    /// Who plays the ado.
+    /// Ados to evaluate.
     pub ados: &'a [AdoKind],
-    /// Whence a conditional ado knows the egos; `None` for any other.
+    /// Source of the egos' parameters for a conditional ado. `None`: any other ado.
     pub context: Option<&'a ContextSource>,
-    /// Test starts to draw, and the seed of their stream.
+    /// Number of test starts and seed of their stream.
     pub starts: (usize, u64),
-    /// Most switches of a search to compare with, if any.
+    /// Largest number of switches of a search for comparison, if any.
     pub search: Option<usize>,
-    /// Runs of the trained ado per start: the greedy one, then explored ones.
+    /// Runs of the trained ado per start: the greedy run, then exploring runs.
     pub tries: u64,
-    /// Runs of each ego from which a surrogate of it is learned; 0: none is.
+    /// Runs of each ego from which a surrogate is learned. 0: no surrogate.
     pub runs: u64,
-    /// Kinds of stock controllers that an ego may not be likened to.
+    /// Kinds of stock controllers that are not compared with an ego.
     pub unknown: &'a [&'a str],
-    /// Whether [`super::table::EvaluationTable::keep`] is to follow: what it needs of every ego
-    /// is held in memory then.
+    /// True if the results are kept in memory for [`super::table::EvaluationTable::keep`].
     pub keeps: bool,
 }
 
 impl Evaluation<'_> {
-    /// Runs of an ego that go into identifying it.
+    /// Returns the number of runs that identify an ego.
     pub(super) fn identified_from(&self) -> u64 {
         self.context.map_or(0, ContextSource::runs)
     }
 
-    /// Whether more than who it is is learned of every ego.
+    /// Returns whether runs remain for learning an ego after its identification.
     pub(super) fn learns(&self) -> bool {
         self.identified_from() < self.runs
     }
 
-    /// Refuses more to be learned than the runs are enough for.
+    /// Checks that the remaining runs are enough for learning.
     pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
+        // Runs for identification are not recorded for the surrogate.
         match self.learns() && self.runs < LEAST_RUNS + self.identified_from() {
             false => Ok(()),
             true => Err(EvaluationError::TooFewRuns { runs: self.runs }),
@@ -79,34 +79,34 @@ impl Evaluation<'_> {
     }
 }
 
-/// Why the first counterexample of an ego is one.
+/// Explanation of the first counterexample of an ego.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct ExplainedCounterexample {
-    /// Name of the ego that fails, as rows call it.
+    /// Name of the failing ego in rows.
     pub ego: String,
     /// Position of the start among the test starts.
     pub start: usize,
-    /// The requirement that ψ_ego stands for, if the world names one.
+    /// Requirement behind ψ_ego, if the world names it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub requirement: Option<String>,
-    /// Which leaf decides, when, and with which value.
+    /// Deciding leaf, with its time and value.
     #[serde(rename = "explain")]
     pub explanation: Explanation,
 }
 
-/// Whose counterexamples they are.
+/// Ado that found the counterexamples, with its results.
 pub(crate) enum FoundBy {
     Trained(Evaluated),
-    /// The trained ado's, with several tries per start.
+    /// Trained ado with several tries per start.
     Tries(Tried),
-    /// The ado's that plans in a surrogate of the ego.
+    /// Ado that plans in a surrogate of the ego.
     Adapted(AdaptedRow),
-    /// The best ado's of a grid world.
+    /// Optimal ado of a grid world.
     Optimal(Evaluated),
 }
 
 impl FoundBy {
-    /// What was played.
+    /// Returns the evaluation.
     pub fn evaluated(&self) -> &Evaluated {
         match self {
             FoundBy::Trained(evaluated) | FoundBy::Optimal(evaluated) => evaluated,

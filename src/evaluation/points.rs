@@ -99,7 +99,7 @@ pub struct VariedPoint {
     /// Closing speed of its contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_mps: Option<f64>,
-    /// Whether a careful driver in its place would not have failed; `None`:
+    /// Whether a human model of UN R157, `CC_LATCHED` or `FSM`, avoids it; `None`:
     /// nothing fails, or the encounter is not judged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preventable: Option<bool>,

@@ -1,4 +1,4 @@
-//! One ado on an ego and on the one before it: what fails newly, what is mended.
+//! Comparison of an ego with its predecessor under the same ado.
 
 use serde::Serialize;
 
@@ -12,26 +12,27 @@ use crate::stats::StartOutcome;
 use crate::stats::mcnemar;
 use crate::testbench::Testbench;
 
-/// A start whose outcome is another on the new ego.
+/// Start with another outcome on the new ego.
 #[derive(Clone, Debug, Serialize)]
 pub struct Flipped {
     /// Position of the start.
     pub start: usize,
-    /// Closing speed on the ego that fails there, if it ends in contact.
+    /// Closing speed on the ego that fails, if it ends in contact.
     pub closing_mps: Option<f64>,
-    /// Whether CC_LATCHED or FSM in that ego's place would have avoided it;
-    /// `None`: nobody judges such an encounter.
+    /// True if CC_LATCHED or FSM in that ego's place would have avoided the failure.
+    ///
+    /// `None`: such an encounter cannot be judged.
     pub preventable: Option<bool>,
 }
 
-/// The trained ado on a new ego against a baseline, start by start.
+/// Comparison of a new ego with a baseline under the trained ado, start by start.
 #[derive(Clone, Debug, Serialize)]
 pub struct Gate {
-    /// The new ego.
+    /// Name of the new ego.
     pub ego: String,
-    /// The one it is compared with.
+    /// Name of the baseline ego.
     pub baseline: String,
-    /// Starts that tell something of both.
+    /// Starts that are valid and not trivial for both.
     pub compared: usize,
     /// Starts from which the new ego fails and the baseline does not.
     pub newly_failing: Vec<Flipped>,
@@ -39,10 +40,10 @@ pub struct Gate {
     pub newly_fixed: Vec<Flipped>,
     /// Starts from which both fail.
     pub both_fail: usize,
-    /// Where both fail in contact: closing speeds of the baseline.
+    /// Closing speeds of the baseline where both fail in contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_before_mps: Option<ClosingSpeed>,
-    /// The same of the new ego.
+    /// Closing speeds of the new ego on the same starts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_after_mps: Option<ClosingSpeed>,
     /// Exact two-sided p-value of McNemar's test on the flipped starts.
@@ -50,13 +51,13 @@ pub struct Gate {
 }
 
 impl Gate {
-    /// Whether a start fails newly that CC_LATCHED or FSM would have survived.
+    /// Returns whether a newly failing start was avoidable for CC_LATCHED or FSM.
     pub fn is_newly_preventable(&self) -> bool {
         let mut starts = self.newly_failing.iter();
         starts.any(|start| start.preventable == Some(true))
     }
 
-    /// Compares two evaluations of one ado over the same starts.
+    /// Compares two evaluations of the same ado over the same starts.
     fn of((ego, new): (&str, &Evaluated), (baseline, old): (&str, &Evaluated)) -> Gate {
         let mut gate = Gate {
             ego: ego.to_owned(),
@@ -86,13 +87,16 @@ impl Gate {
                 (Solved, Unsolved) => gate.newly_failing.push(flipped(new)),
                 (Unsolved, Solved) => gate.newly_fixed.push(flipped(old)),
                 (Solved, Solved) => {
+                    // Only pairs of contacts are counted, so both lists describe the same starts.
                     gate.both_fail += 1;
                     if let (Some(was), Some(is)) = (closing(old, start), closing(new, start)) {
                         before.push(was);
+                        // Preventability is labelled later, because it needs the episode again.
                         after.push(is);
                     }
                 }
                 (Unsolved, Unsolved) => {}
+                // Trivial and invalid starts show no difference between the egos.
                 _ => continue,
             }
             gate.compared += 1;
@@ -105,11 +109,12 @@ impl Gate {
 }
 
 impl EvaluationTable<'_> {
-    /// Compares every other ego with `baseline`, by what the trained ado did to
-    /// them; needs [`super::evaluation_plan::Evaluation::keeps`].
+    /// Compares every other ego with `baseline` under the trained ado.
+    ///
+    /// Requires [`super::evaluation_plan::Evaluation::keeps`].
     ///
     /// # Errors
-    /// Two egos do not start alike, so that nothing pairs their starts.
+    /// Returns an error if two egos have different starts, which cannot be paired.
     pub fn gates(&self, baseline: &str, watch: &Watch<'_>) -> Result<Vec<Gate>, EvaluationError> {
         let mut gates = self.compared(baseline)?;
         for gate in &mut gates {
@@ -124,12 +129,12 @@ impl EvaluationTable<'_> {
         self.found.iter().find(|found| found.ego.name() == ego)
     }
 
-    /// The starts from which an ego was met.
+    /// Returns the starts on which an ego was played.
     fn starts_of<'s>(&'s self, found: &'s Found<'_>) -> &'s TestStarts {
         found.starts.as_ref().unwrap_or(&self.starts)
     }
 
-    /// Says of every newly failing start whether it was preventable.
+    /// Labels every newly failing start as preventable or not.
     fn label(&self, gate: &mut Gate, found: &Found<'_>, watch: &Watch<'_>) {
         let scenario = found.ego.scenario();
         let starts = self.starts_of(found);
@@ -137,10 +142,11 @@ impl EvaluationTable<'_> {
         let play = |bench: &mut Testbench, start: usize| match &found.by {
             FoundBy::Tries(Tried { winners, .. }) => {
                 let tries = self.asked.several(trained, &found.ado);
+                // The winning try is repeated, because earlier tries from this start did not succeed.
                 tries.play(bench, start, winners[start].unwrap_or(0))
             }
             FoundBy::Adapted(adapted) => adapted.play(bench, starts, start),
-            // On a map of cells nothing is preventable, whoever plays.
+            // On a map of cells no failure is preventable, whatever ado plays.
             FoundBy::Trained(_) | FoundBy::Optimal(_) => trained.play(bench, start),
         };
         let labels = EpisodeLoop::uncounted(watch).run(
@@ -153,6 +159,7 @@ impl EvaluationTable<'_> {
                 scenario.preventability(&episode).human_model_avoids()
             },
         );
+        // The loop returns its results in the order of the starts.
         for (flipped, label) in gate.newly_failing.iter_mut().zip(labels) {
             flipped.preventable = label;
         }

@@ -7,12 +7,14 @@ use serde::Deserialize;
 use super::break_even::BreakEven;
 use super::error::EvaluationError;
 use crate::adversary::{Ado, EvalRequest, eval, explain_first};
-use crate::crashes::{about, telling, worse_first};
+use crate::crashes::{about, telling};
+use crate::experiment::worse_first;
 use crate::experiment::{Cost, EgoUnderTest, TestStarts, Watch, consent, test_starts};
 use crate::report::{Example, Nominal, Report, Tested, TestingCost, Training};
 use crate::run_dir::{Row, RunDir, RunError};
 use crate::sysid::{ContextSource, conditioned};
 use crate::testbench::film;
+use crate::world::file_text;
 use crate::world::{Against, Scenario};
 
 /// Episodes that changed egos are tried on, unless told otherwise, and the
@@ -65,7 +67,7 @@ impl GivenRows {
         if size.is_ok_and(|size| MAX_ROWS_BYTES < size) {
             return Err(wrong("it is too large".to_owned()));
         }
-        let text = std::fs::read_to_string(file).map_err(|source| RunError::Io {
+        let text = file_text(file).map_err(|source| RunError::Io {
             verb: "reading",
             path: file.into(),
             source,

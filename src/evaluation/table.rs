@@ -13,6 +13,7 @@ use crate::crashes::{Again, KeepSettings, Keeper, KeptFiles};
 use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, consent, note_if_unrepeatable, test_starts,
 };
+use crate::run_dir::FailsAlone;
 use crate::run_dir::Row;
 use crate::surrogate::AdaptedTo;
 use crate::sysid::{ConditionedAdo, IdentifiedAs, conditioned};
@@ -158,11 +159,14 @@ impl<'a> EvaluationTable<'a> {
         let relation = ego.relation(asked.run, asked.nominal);
         let named = (ego.name(), relation);
         let mut reused = reused_on(ego.scenario(), named, starts, rows, watch);
-        let mut alone = reused
-            .rows
-            .iter_mut()
-            .filter_map(|row| row.fails_alone.as_mut());
-        alone.by_ref().for_each(|alone| alone.left_out = left_out);
+        for row in &mut reused.rows {
+            // Of the nominal ego it says nothing that `trivial` does not, unless it
+            // is tested on another plant.
+            let is_trivial =
+                |it: &FailsAlone| ego.is_nominal() && !left_out && it.starts == row.trivial;
+            let alone = row.fails_alone.filter(|it| !is_trivial(it));
+            row.fails_alone = alone.map(|it| FailsAlone { left_out, ..it });
+        }
         self.egos.push(reused);
         self.reasons.extend(reason);
         self.found

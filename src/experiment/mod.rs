@@ -3,6 +3,7 @@
 //! Everything here runs in parallel per episode and gives the same rows for any
 //! number of threads: starts, noise and actors are pure functions of their keys.
 
+mod clustering;
 mod cost;
 mod determinism_check;
 mod ego_under_test;
@@ -12,6 +13,8 @@ mod failed_leaf;
 mod progress;
 mod test_starts;
 
+pub use clustering::{NEAR, POINTS, Shape, clusters};
+pub(crate) use clustering::{Story, badness, descending, worse_first};
 pub use cost::Cost;
 pub use determinism_check::{answers_differ, note_if_unrepeatable};
 pub(crate) use ego_under_test::consent_to_family;

@@ -1,30 +1,30 @@
-//! Bodies as entities: boxes, axles and limits.
+//! Entities of a scenario file: bounding boxes, axles and performance limits.
 
 use super::path::reference_behind_front_m;
 use super::xml::Element;
 use crate::scene::drive::{Agent, Drive};
 use crate::sim::{Body, GRAVITY_MPS2, Vehicle};
 
-/// The greatest speed of a vehicle as files state it, unless it goes faster.
+/// Lower bound of the `maxSpeed` that files state, in m/s.
 const TOP_MPS: f64 = 70.0;
-/// From this mass on a vehicle is a lorry (the European class N2).
+/// Mass in kg from which a vehicle is a truck (European class N2).
 const LORRY_KG: f64 = 3500.0;
-/// Up to this width it has two wheels.
+/// Width in metres up to which a vehicle has two wheels.
 const TWO_WHEELED_M: f64 = 1.1;
-/// Up to this power, and on two wheels, it is a bicycle.
+/// Power in watts up to which a two-wheeler is a bicycle.
 const PEDALLED_W: f64 = 1000.0;
-/// From this height on a car is a van.
+/// Height in metres above which a car is a van.
 const VAN_M: f64 = 1.8;
 
-/// What vehicles are said to be able to do.
+/// Performance limits that apply to every vehicle of a scenario.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub friction: f64,
-    /// The greatest speed that anybody has.
+    /// Greatest speed that any agent reaches, in m/s.
     pub fastest_mps: f64,
 }
 
-/// An agent as an entity of its name.
+/// Returns the `ScenarioObject` of an agent, under the agent's name.
 pub(super) fn entity(agent: &Agent, limits: Limits) -> Element {
     let entity = Element::new("ScenarioObject").text("name", &agent.name);
     entity.child(match agent.body.vehicle() {
@@ -33,12 +33,14 @@ pub(super) fn entity(agent: &Agent, limits: Limits) -> Element {
     })
 }
 
-/// Whether an agent is the system under test.
+/// Returns true for the system under test.
 pub(super) fn is_ego(agent: &Agent) -> bool {
     matches!(agent.drive, Drive::Ego)
 }
 
 fn car(body: &Body, vehicle: &Vehicle, limits: Limits) -> Element {
+    // Grip is the upper bound in both directions. Engine power may bound
+    // acceleration further.
     let grip_mps2 = limits.friction * vehicle.grip * GRAVITY_MPS2;
     let performance = Element::new("Performance")
         .number("maxSpeed", limits.fastest_mps.max(TOP_MPS).ceil())
@@ -61,7 +63,7 @@ fn pedestrian(body: &Body) -> Element {
         .child(bounding_box(body))
 }
 
-/// The box, its middle seen from the reference point.
+/// Bounding box, with its centre relative to the reference point.
 fn bounding_box(body: &Body) -> Element {
     let ahead_m = reference_behind_front_m(body) - body.half_length_m();
     let centre = Element::new("Center")
@@ -77,6 +79,7 @@ fn bounding_box(body: &Body) -> Element {
 }
 
 fn axles(vehicle: &Vehicle) -> Element {
+    // Positions of axles are relative to the rear axle.
     let axle = |name, max_steer_rad, ahead_m| {
         Element::new(name)
             .number("maxSteering", max_steer_rad)
@@ -94,8 +97,11 @@ fn axles(vehicle: &Vehicle) -> Element {
         .child(axle("RearAxle", 0.0, 0.0))
 }
 
-/// Worlds name bodies as they like; players want to know a kind.
+/// Vehicle category that players know, derived from size, mass and power.
+///
+/// Worlds name bodies freely, so the name carries no category.
 fn category(body: &Body, vehicle: &Vehicle) -> &'static str {
+    // Width decides first: a heavy motorcycle is still no car.
     if body.width_m <= TWO_WHEELED_M {
         return match vehicle.power_w <= PEDALLED_W {
             true => "bicycle",

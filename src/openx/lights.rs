@@ -1,4 +1,4 @@
-//! Traffic lights: signals beside the road, and controllers that turn them.
+//! Traffic lights: signals beside the road and the controllers that switch them.
 
 use super::path::sample_time_s;
 use super::stretch::Stretch;
@@ -7,18 +7,21 @@ use crate::ego::Phase;
 use crate::scene::Passage;
 use crate::scene::drive::DriveSpec;
 
-/// How much longer than the episode the last phase lasts.
+/// Extra duration of the last phase beyond the episode, in seconds.
 const LAST_LONGER_S: f64 = 1000.0;
-/// Right of the rightmost lane.
+/// Distance of a post from the right edge of the rightmost lane, in metres.
 const BESIDE_M: f64 = 1.0;
 
-/// What OpenDRIVE and OpenSCENARIO both call a light, by its number.
+/// Identifier of a light, shared by the OpenDRIVE and OpenSCENARIO files.
+// Identifiers count from 1, like those of the roads.
 fn id(light: usize) -> String {
     (light + 1).to_string()
 }
 
-/// A post at each stop line, for the lanes of the road.
+/// Signal posts at every stop line of the world's own road.
 pub(super) fn signals(spec: &DriveSpec, stretch: Stretch) -> Element {
+    // The reference line is the course of lane 0, so its right edge lies half a
+    // lane to the right (negative t).
     let beside_m = -0.5 * spec.road.lane_width_m() - BESIDE_M;
     let posts = spec.lights.iter().enumerate().map(|(number, light)| {
         Element::new("signal")
@@ -39,10 +42,12 @@ pub(super) fn signals(spec: &DriveSpec, stretch: Stretch) -> Element {
     Element::new("signals").children(posts)
 }
 
-/// One controller per light: the phases that it went through.
+/// Signal controllers, each with the recorded phases of its light.
 pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> Element {
     let lights = spec.lights.iter().enumerate();
     let controllers = lights.map(|(number, light)| {
+        // Recorded phases and not the cycle of the light: a replay shows what
+        // was recorded.
         let shown: Vec<Phase> = passage.phases.iter().map(|row| row[number]).collect();
         let phases = phases(&shown, spec.clock.sample_s).into_iter();
         let phases = phases.enumerate().map(|(i, (phase, duration_s))| {
@@ -60,7 +65,7 @@ pub(super) fn controllers(spec: &DriveSpec, passage: &Passage) -> Element {
     Element::new("TrafficSignals").children(controllers)
 }
 
-/// Phases with their durations, from one phase per sample.
+/// Phases with their durations in seconds, from the phase shown at every sample.
 fn phases(shown: &[Phase], sample_s: f64) -> Vec<(Phase, f64)> {
     let mut begun: Vec<(Phase, usize)> = Vec::new();
     for (sample, &phase) in shown.iter().enumerate() {
@@ -68,18 +73,22 @@ fn phases(shown: &[Phase], sample_s: f64) -> Vec<(Phase, f64)> {
             begun.push((phase, sample));
         }
     }
+    // A phase ends at the first sample of the next phase, the last phase at the
+    // final sample.
     let ends = begun.iter().skip(1).map(|(_, sample)| *sample);
     let ends: Vec<usize> = ends.chain([shown.len().saturating_sub(1)]).collect();
     let last = begun.len().saturating_sub(1);
     let spans = begun.iter().zip(ends).enumerate();
     let spans = spans.map(|(number, ((phase, from), to))| {
+        // Players repeat the cycle of a controller. A long last phase keeps
+        // them from starting it again before the scenario ends.
         let longer_s = if number == last { LAST_LONGER_S } else { 0.0 };
         (*phase, sample_time_s(to - from, sample_s) + longer_s)
     });
     spans.collect()
 }
 
-/// The bulbs from top to bottom: red, yellow, green.
+/// State of the bulbs from top to bottom: red, yellow, green.
 fn bulbs(phase: Phase) -> &'static str {
     match phase {
         Phase::Red => "on;off;off",

@@ -1,16 +1,17 @@
-//! Crashes for other tools: OpenSCENARIO XML 1.3 and OpenDRIVE 1.7.
+//! Crashes as files of other tools: OpenSCENARIO XML 1.3 and OpenDRIVE 1.7.
 //!
-//! A counterexample is three files: the road; a replay, in which everybody
-//! follows the recorded way up to the contact; and a scenario for an ego of
-//! your own, in which the others follow theirs to the horizon. What they hold,
-//! how to play them, and what they are not is in `docs/export.md`.
+//! A counterexample becomes three files. The first is the road. The second is a
+//! replay, in which all agents follow their recorded paths up to the contact.
+//! The third is a scenario for an ego of your own, in which the other agents
+//! follow their paths to the horizon. `docs/export.md` describes their content,
+//! their use and their limits.
 //!
-//! Equal crashes give equal bytes. Lengths are in metres, angles in radians;
-//! positions are those of the trace, bit for bit but for the step from the
-//! front bumper to the point that OpenSCENARIO moves.
+//! Equal crashes give equal bytes. Lengths are in metres and angles in radians.
+//! Positions are those of the trace, bit for bit, except for the offset from
+//! the front bumper to the reference point of OpenSCENARIO.
 //!
-//! Architecture Invariant: nothing is played and nothing is written to disk
-//! here; text follows from what somebody else played.
+//! Architecture Invariant: this module plays no episode and writes nothing to
+//! disk. It converts passages that the caller recorded.
 
 mod entity;
 pub mod import;
@@ -35,62 +36,65 @@ use storyboard::{Driver, Part};
 use stretch::Stretch;
 use xml::{Element, number};
 
-/// A counterexample, played again.
+/// Recorded counterexample to export.
 #[derive(Clone, Copy, Debug)]
 pub struct Crash<'a> {
-    /// What its files are called, without an ending.
+    /// Name of the files, without an extension.
     pub name: &'a str,
-    /// The world in which it happened, its ego as it was.
+    /// World of the crash, with the ego that crashed.
     pub scenario: &'a Scenario,
-    /// What the ego is called: `nominal`, or the name of a change.
+    /// Name of the ego: `nominal`, or the name of a change.
     pub ego: &'a str,
-    /// The episode.
+    /// Episode of the crash.
     pub episode: &'a Episode,
-    /// What happened up to the contact, or to the episode's end.
+    /// Passage up to the contact, or to the end of the episode.
     pub recorded: &'a Passage,
-    /// What would have happened to the horizon without contact
-    /// ([`DriveWorld::ghostly`]).
+    /// Passage to the horizon, simulated without contact ([`DriveWorld::ghostly`]).
     pub ghostly: &'a Passage,
 }
 
-/// The three files of a crash, as texts.
+/// Texts of the three files of a crash.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OpenX {
-    /// `NAME.xodr`: the road, which both scenarios name.
+    /// `NAME.xodr`: the road, to which both scenarios refer.
     pub road: String,
-    /// `NAME.xosc`: the crash again.
+    /// `NAME.xosc`: the replay of the crash.
     pub replay: String,
-    /// `NAME.external.xosc`: the others, for an ego of your own.
+    /// `NAME.external.xosc`: the other agents, for an ego of your own.
     pub external: String,
 }
 
-/// Why a crash cannot be written as OpenSCENARIO.
+/// Reason why a crash has no OpenSCENARIO form.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenXError {
-    /// It happened on a map of cells.
+    /// The crash happened in a grid world.
     #[error("it happens in the grid world `{world}`, and OpenSCENARIO has roads, not cells")]
     Grid {
         /// Name of the world.
         world: String,
     },
-    /// A trajectory takes two instants.
+    /// The passage has a single instant, and a trajectory takes two.
     #[error("it begins in contact, so nobody moves in it")]
     NobodyMoves,
-    /// The text could not be made; not expected.
+    /// The XML writer failed, which is not expected in memory.
     #[error("writing XML failed: {0}")]
     Xml(#[from] io::Error),
 }
 
 impl Crash<'_> {
-    /// Its three files.
+    /// Returns the three files of the crash.
     ///
     /// # Errors
-    /// It happened in a grid world, or before anybody moved.
+    ///
+    /// Returns an error for a grid world, and for a contact before any agent
+    /// moved.
     pub fn files(&self) -> Result<OpenX, OpenXError> {
         let World::Drive(world) = self.scenario.world() else {
             let world = self.scenario.name().to_owned();
             return Err(OpenXError::Grid { world });
         };
+        // Both passages fit on the written road, since both scenarios refer to
+        // it.
         let stretch = |road| Stretch::around(world, road, &[self.recorded, self.ghostly]);
         let road = road::document(self.name, world, stretch);
         Ok(OpenX {
@@ -125,7 +129,7 @@ impl Crash<'_> {
         self.scenario_of(world, self.ghostly, &drivers, header)
     }
 
-    /// A scenario of what happened in a passage.
+    /// Returns the scenario of a passage, with a driver for every agent.
     fn scenario_of(
         &self,
         world: &DriveWorld,
@@ -139,6 +143,8 @@ impl Crash<'_> {
             .map(|(number, ((agent, way), &driver))| Part {
                 agent,
                 way,
+                // Speeds are written once, for the first instant. Later speeds
+                // follow from the times of the vertices.
                 speed_mps: passage.motion.at(0)[number].state.speed_mps,
                 driver,
             })
@@ -161,6 +167,8 @@ impl Crash<'_> {
             network = network.child(lights::controllers(spec, passage));
         }
         let ends = ways.iter().flat_map(|way| way.last());
+        // The scenario runs to the end of the longest trajectory, so none is
+        // cut.
         let stop_s = ends.fold(0.0, |last: f64, vertex| last.max(vertex.time_s));
         Ok(Element::new("OpenSCENARIO")
             .child(header)
@@ -170,7 +178,7 @@ impl Crash<'_> {
             .child(storyboard::storyboard(&parts, friction, stop_s)))
     }
 
-    /// What other tools do not read, but people do.
+    /// Properties for human readers. Other tools ignore them.
     fn properties(&self, world: &DriveWorld) -> Vec<(String, String)> {
         let (scenario, spec) = (self.scenario, world.spec());
         let contact = match &self.episode.contact {
@@ -208,7 +216,11 @@ impl Crash<'_> {
     }
 }
 
-/// Everybody's way in a passage.
+/// Trajectories of all agents in a passage.
+///
+/// # Errors
+///
+/// Returns an error for a trajectory of fewer than two vertices.
 fn ways(world: &DriveWorld, passage: &Passage) -> Result<Vec<Vec<Vertex>>, OpenXError> {
     let spec = world.spec();
     let agents = spec.agents.iter().enumerate();
@@ -216,6 +228,8 @@ fn ways(world: &DriveWorld, passage: &Passage) -> Result<Vec<Vec<Vertex>>, OpenX
         path::vertices(&passage.motion, number, &agent.body, spec.clock.sample_s)
     });
     let ways: Vec<Vec<Vertex>> = ways.collect();
+    // Agents share their samples, so one short trajectory means that all are
+    // short.
     match ways.iter().all(|way| 2 <= way.len()) {
         true => Ok(ways),
         false => Err(OpenXError::NobodyMoves),
@@ -230,6 +244,7 @@ fn fastest_mps(passage: &Passage) -> f64 {
 
 fn header(title: &str, properties: Vec<(String, String)>) -> Element {
     let properties = properties.into_iter().map(|(name, value)| {
+        // The prefix keeps the names apart from those of other tools.
         let name = format!("{AUTHOR}.{name}");
         Element::new("Property")
             .text("name", name)

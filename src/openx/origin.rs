@@ -1,6 +1,6 @@
-//! What every file says of where it comes from.
+//! Origin that every file states.
 
-/// Who wrote it; the properties of a scenario begin with it, too.
+/// Author of the files, and prefix of the properties of a scenario.
 pub(super) const AUTHOR: &str = "brakecheck";
-/// Files are not dated, so that equal crashes give equal bytes.
+/// Date of every file, constant so that equal crashes give equal bytes.
 pub(super) const DATE: &str = "2020-01-01T00:00:00";

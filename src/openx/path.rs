@@ -1,4 +1,4 @@
-//! From recorded motions to the vertices of a trajectory.
+//! Vertices of a trajectory, computed from recorded motions.
 
 use core::f64::consts::PI;
 
@@ -6,10 +6,10 @@ use super::xml::Element;
 use crate::scene::Motion;
 use crate::sim::{Body, BodyState};
 
-/// Two instants closer than this are one: no player steps so finely.
+/// Smallest distance of two instants in seconds, below the step of every player.
 const ONE_INSTANT_S: f64 = 1e-6;
 
-/// Where the reference point of a body is at one instant.
+/// Pose of the reference point of a body at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Vertex {
     pub time_s: f64,
@@ -18,8 +18,10 @@ pub(super) struct Vertex {
     pub heading_rad: f64,
 }
 
-/// From the front bumper back to the point that OpenSCENARIO moves: the rear
-/// axle of a vehicle, the middle of somebody on foot.
+/// Distance in metres from the front bumper back to the reference point.
+///
+/// OpenSCENARIO moves the rear axle of a vehicle and the middle of a
+/// pedestrian.
 pub(super) fn reference_behind_front_m(body: &Body) -> f64 {
     match body.vehicle() {
         Some(vehicle) => vehicle.wheelbase_m + vehicle.front_overhang_m,
@@ -27,12 +29,12 @@ pub(super) fn reference_behind_front_m(body: &Body) -> f64 {
     }
 }
 
-/// The vertices of one agent's trajectory: one per sample, the last at the
-/// contact where there is one.
+/// Vertices of one agent's trajectory, one per sample.
 ///
-/// A motion that ends in a contact shows its instant in the last sample, which
-/// is not at a multiple of the sampling time. Headings are not cut at ±π, so
-/// that whoever interpolates them does not turn the long way round.
+/// A motion that ends in a contact has the instant of the contact in its last
+/// sample, which is no multiple of the sampling time. Headings are not wrapped
+/// at ±π. A player that interpolates them would otherwise turn the long way
+/// round.
 pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64) -> Vec<Vertex> {
     let behind_m = reference_behind_front_m(body);
     let mut vertices: Vec<Vertex> = Vec::with_capacity(motion.len());
@@ -42,7 +44,7 @@ pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64
             true => motion.end_s,
             false => sample_time_s(sample, sample_s),
         };
-        // A contact right behind a sample takes its place.
+        // A contact right after a sample replaces the vertex of that sample.
         if vertices
             .last()
             .is_some_and(|last| time_s < last.time_s + ONE_INSTANT_S)
@@ -51,6 +53,8 @@ pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64
         }
         let mut vertex = vertex(&motion.at(sample)[agent].state, time_s, behind_m);
         if let Some(last) = vertices.last() {
+            // The nearest equivalent heading to the previous vertex: it may
+            // exceed ±π.
             let turns = (last.heading_rad - vertex.heading_rad) / (2.0 * PI);
             vertex.heading_rad += 2.0 * PI * libm::round(turns);
         }
@@ -70,17 +74,21 @@ fn vertex(state: &BodyState, time_s: f64, behind_m: f64) -> Vertex {
     }
 }
 
-/// The time of a sample: i · dt; rounding hides the dust of binary fractions.
+/// Time of a sample in seconds: i · dt, rounded to 1 ns.
+///
+/// Rounding removes the digits that binary fractions add, such as
+/// 0.15000000000000002.
 pub(super) fn sample_time_s(sample: usize, sample_s: f64) -> f64 {
     (sample as f64 * sample_s * 1e9).round() / 1e9
 }
 
 impl Vertex {
-    /// Its place as a `Position`.
+    /// Returns the place as a `Position`.
     pub fn position(&self) -> Element {
         let place = Element::new("WorldPosition")
             .number("x", self.x_m)
             .number("y", self.y_m)
+            // The height is 0 on every road: brakecheck's roads are flat.
             .number("z", 0.0)
             .number("h", self.heading_rad)
             .number("p", 0.0)
@@ -88,7 +96,7 @@ impl Vertex {
         Element::new("Position").child(place)
     }
 
-    /// Itself, in a line of its own.
+    /// Returns the vertex on a line of its own.
     pub fn element(&self) -> Element {
         let vertex = Element::new("Vertex").number("time", self.time_s);
         vertex.child(self.position()).on_one_line()
@@ -153,6 +161,7 @@ mod tests {
 
     #[test]
     fn headings_go_on_beyond_a_half_turn() {
+        // The headings cross ±π twice, once each way.
         let turned = turning(&[3.1, -3.1, -2.9, 3.0], None);
         let headings = turned.iter().map(|vertex| vertex.heading_rad);
         let steps: Vec<f64> = headings.collect();
@@ -167,7 +176,7 @@ mod tests {
         };
         assert_eq!(times(Some(0.0625)), [0.0, 0.05, 0.0625]);
         assert_eq!(times(None), [0.0, 0.05, 0.1]);
-        // At the sample itself there is one vertex, not two.
+        // At the sample itself, the contact gives no second vertex.
         assert_eq!(times(Some(0.05)), [0.0, 0.05]);
     }
 }

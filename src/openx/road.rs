@@ -1,10 +1,11 @@
-//! The roads as OpenDRIVE, each as long as the episode needs it.
+//! Roads as OpenDRIVE, each as long as the episode needs it.
 //!
-//! Its reference line is the course of lane 0, which is the world frame of the
-//! trace on a straight road: so t is `lateral`, and s is `s` plus a constant.
-//! OpenDRIVE numbers lanes from the reference line to the right, so the line is
-//! shifted to the left edge: brakecheck's lane k of n is lane −(n − k). Roads
-//! that cross do so without a junction: nobody turns from one into another.
+//! The reference line is the course of lane 0, which is the world frame of the
+//! trace on a straight road. So t is `lateral`, and s is `s` plus a constant.
+//! OpenDRIVE numbers lanes from the reference line to the right, so the lane
+//! offset moves the line to the left edge. brakecheck's lane k of n is lane −(n
+//! − k). Crossing roads have no junction, because no agent changes from road to
+//! road.
 
 use super::lights;
 use super::origin::{AUTHOR, DATE};
@@ -13,7 +14,7 @@ use super::xml::Element;
 use crate::ego::RoadPiece;
 use crate::scene::drive::{Course, DriveWorld, Road};
 
-/// The whole file.
+/// Returns the complete OpenDRIVE document of a world.
 pub(super) fn document(
     name: &str,
     world: &DriveWorld,
@@ -27,11 +28,14 @@ pub(super) fn document(
         .text("version", "1.00")
         .text("date", DATE)
         .text("vendor", AUTHOR);
+    // The order is that of `courses`: the world's own road first, then the
+    // named ones.
     let own = std::iter::once((&spec.world, &spec.road));
     let named = spec.roads.iter().map(|(name, placed)| (name, &placed.road));
     let roads = own.chain(named).zip(world.courses()).enumerate();
     let roads = roads.map(|(number, ((name, road), course))| {
         let laid = element((number, name), road, course, stretch(number));
+        // Only the world's own road has lights.
         match number == 0 && !spec.lights.is_empty() {
             true => laid.child(lights::signals(spec, stretch(number))),
             false => laid,
@@ -40,7 +44,7 @@ pub(super) fn document(
     Element::new("OpenDRIVE").child(header).children(roads)
 }
 
-/// One road; the world's own has number 0.
+/// Element of one road. The world's own road has number 0.
 fn element(
     (number, name): (usize, &str),
     lanes_of: &Road,
@@ -70,9 +74,11 @@ fn speed_limit(limit_mps: f64) -> Element {
     kind.child(speed)
 }
 
-/// The course, piece by piece.
+/// Reference line of a road, with one geometry per piece.
 fn plan_view(course: &Course, stretch: Stretch) -> Element {
     let geometries = geometries(course, stretch).into_iter().map(|piece| {
+        // Every geometry states its own start, computed from the course, so
+        // errors do not add up along the road.
         let begin = course.pose(piece.from_s_m, 0.0);
         let shape = match piece.curvature_per_m == 0.0 {
             true => Element::new("line"),
@@ -89,8 +95,10 @@ fn plan_view(course: &Course, stretch: Stretch) -> Element {
     Element::new("planView").children(geometries)
 }
 
-/// The pieces of the course between straight ends; neighbours of one curvature
-/// are one, as tangents agree where pieces meet.
+/// Pieces of the course between straight ends.
+///
+/// Neighbours of equal curvature are merged, because tangents agree at every
+/// joint.
 fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
     let line = |from_s_m: f64, to_s_m: f64| RoadPiece {
         from_s_m,
@@ -99,6 +107,8 @@ fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
     };
     let pieces = course.pieces();
     let end_m = |piece: &RoadPiece| piece.from_s_m + piece.length_m;
+    // Without pieces the road is a single line, and the second end has no
+    // length.
     let begin_s_m = pieces
         .first()
         .map_or(stretch.to_s_m, |first| first.from_s_m);
@@ -110,6 +120,7 @@ fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
     let mut merged: Vec<RoadPiece> = Vec::with_capacity(all.len());
     for piece in all {
         match merged.last_mut() {
+            // Curvatures are copied from the same pieces, so equality is exact.
             Some(last) if last.curvature_per_m == piece.curvature_per_m => {
                 last.length_m = end_m(&piece) - last.from_s_m;
             }
@@ -121,6 +132,8 @@ fn geometries(course: &Course, stretch: Stretch) -> Vec<RoadPiece> {
 
 fn lanes(road: &Road) -> Element {
     let (count, width_m) = (road.lanes(), road.lane_width_m());
+    // The reference line is the middle of lane 0, the rightmost lane. The left
+    // edge of all lanes is half a lane less than their number away.
     let offset = polynomial(Element::new("laneOffset").number("s", 0.0), {
         (count as f64 - 0.5) * width_m
     });
@@ -146,8 +159,9 @@ fn lane(id: i64, kind: &str) -> Element {
     lane.text("type", kind).text("level", "false")
 }
 
-/// A cubic that is constant.
+/// Constant cubic polynomial: `a` is the value, `b`, `c` and `d` are 0.
 fn polynomial(element: Element, value: f64) -> Element {
+    // The schema requires all four coefficients.
     let constant = element.number("a", value);
     ["b", "c", "d"]
         .into_iter()

@@ -1,25 +1,27 @@
-//! Who is there, where they begin, and the trajectories they follow.
+//! Storyboard: entities, their initial states and their trajectories.
 
 use super::entity::is_ego;
 use super::path::Vertex;
 use super::xml::Element;
 use crate::scene::drive::Agent;
 
-/// An agent in the scenario.
+/// Agent of the scenario, with its trajectory and its driver.
 pub(super) struct Part<'a> {
     pub agent: &'a Agent,
-    /// Its recorded way: all of it is followed, or only its begin is taken.
+    /// Recorded vertices of the trajectory.
+    ///
+    /// With an external driver, only the first vertex is used, as the start.
     pub way: &'a [Vertex],
     pub speed_mps: f64,
     pub driver: Driver,
 }
 
-/// Who moves an entity.
+/// Source of an entity's motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Driver {
-    /// Its trajectory.
+    /// Recorded trajectory.
     Trajectory,
-    /// A controller outside of the player.
+    /// Controller outside of the player.
     External,
 }
 
@@ -29,7 +31,7 @@ impl Part<'_> {
     }
 }
 
-/// The storyboard: it stops at the first step after `stop_s`.
+/// Returns the storyboard, which stops at the first step after `stop_s`.
 pub(super) fn storyboard(parts: &[Part], friction: f64, stop_s: f64) -> Element {
     let begins = parts.iter().map(begin);
     let actions = Element::new("Actions")
@@ -41,7 +43,7 @@ pub(super) fn storyboard(parts: &[Part], friction: f64, stop_s: f64) -> Element 
         .filter(|part| part.driver == Driver::Trajectory);
     let groups: Vec<Element> = driven.map(maneuver_group).collect();
     let mut storyboard = Element::new("Storyboard").child(init);
-    // A story without anybody in it would not be one.
+    // The schema requires an act in every story, so an ego alone gets no story.
     if !groups.is_empty() {
         let act = Element::new("Act")
             .text("name", "as recorded")
@@ -49,10 +51,12 @@ pub(super) fn storyboard(parts: &[Part], friction: f64, stop_s: f64) -> Element 
             .child(trigger("StartTrigger", "at once", 0.0, "greaterOrEqual"));
         storyboard = storyboard.child(Element::new("Story").text("name", "crash").child(act));
     }
+    // "Greater than" and not "or equal": the last vertex is reached before the
+    // end.
     storyboard.child(trigger("StopTrigger", "end", stop_s, "greaterThan"))
 }
 
-/// The road's surface for all of the episode.
+/// Surface of the road, constant over the episode.
 fn surface(friction: f64) -> Element {
     let condition = Element::new("RoadCondition").number("frictionScaleFactor", friction);
     let environment = Element::new("Environment").text("name", "recorded");
@@ -60,9 +64,10 @@ fn surface(friction: f64) -> Element {
     Element::new("GlobalAction").child(action)
 }
 
-/// Where somebody is at first, and how fast.
+/// Initial place and speed of one agent.
 fn begin(part: &Part) -> Element {
     let private = Element::new("Private").text("entityRef", part.name());
+    // At most one vertex: the initial place.
     let place = part.way.iter().take(1).map(Vertex::position);
     let teleport = Element::new("TeleportAction").children(place);
     let private = private
@@ -75,6 +80,7 @@ fn begin(part: &Part) -> Element {
 }
 
 fn speed(speed_mps: f64) -> Element {
+    // A step of zero seconds sets the speed at once.
     let dynamics = Element::new("SpeedActionDynamics")
         .text("dynamicsShape", "step")
         .number("value", 0.0)
@@ -87,7 +93,7 @@ fn speed(speed_mps: f64) -> Element {
     Element::new("PrivateAction").child(longitudinal)
 }
 
-/// Lets the controller that was assigned act, along and across the lane.
+/// Activates the assigned controller, along and across the lane.
 fn hand_over() -> Element {
     let activate = Element::new("ActivateControllerAction")
         .text("lateral", "true")
@@ -96,8 +102,9 @@ fn hand_over() -> Element {
     Element::new("PrivateAction").child(action)
 }
 
-/// A controller outside of the player, under the names that esmini and CARLA's
-/// ScenarioRunner look for.
+/// Controller outside of the player.
+///
+/// The names are those that esmini and CARLA's ScenarioRunner look for.
 pub(super) fn external_controller(agent: &Agent) -> Element {
     let property = |name: &'static str, value: &str| {
         let property = Element::new("Property").text("name", name);
@@ -131,8 +138,10 @@ fn maneuver_group(part: &Part) -> Element {
         .child(maneuver.child(event))
 }
 
-/// A timed polyline. Every vertex has its instant, so that the speed in between
-/// follows from it; the position is imposed, not steered for.
+/// Timed polyline of one agent.
+///
+/// Every vertex has its instant, so the speed between vertices follows from the
+/// times. The position is imposed, not steered for.
 fn follow(part: &Part) -> Element {
     let name = part.name();
     let polyline = Element::new("Polyline").children(part.way.iter().map(Vertex::element));
@@ -140,6 +149,8 @@ fn follow(part: &Part) -> Element {
         .text("name", name)
         .text("closed", "false")
         .child(Element::new("Shape").child(polyline));
+    // Times of the vertices are simulation times: absolute, neither scaled nor
+    // shifted.
     let timing = Element::new("Timing")
         .text("domainAbsoluteRelative", "absolute")
         .number("scale", 1.0)
@@ -154,7 +165,7 @@ fn follow(part: &Part) -> Element {
     Element::new("Action").text("name", name).child(private)
 }
 
-/// A trigger of one condition on the time.
+/// Trigger with one condition on the simulation time.
 fn trigger(kind: &'static str, name: &str, time_s: f64, rule: &str) -> Element {
     let time = Element::new("SimulationTimeCondition")
         .number("value", time_s)
@@ -162,12 +173,14 @@ fn trigger(kind: &'static str, name: &str, time_s: f64, rule: &str) -> Element {
     let condition = Element::new("Condition")
         .text("name", name)
         .number("delay", 0.0)
+        // No edge: the condition also holds if it is true from the first step
+        // on.
         .text("conditionEdge", "none")
         .child(Element::new("ByValueCondition").child(time));
     Element::new(kind).child(Element::new("ConditionGroup").child(condition))
 }
 
-/// Who somebody is driven by, where the ego is somebody else's.
+/// Driver of an agent beside an external ego.
 pub(super) fn driver_beside_an_own_ego(agent: &Agent) -> Driver {
     match is_ego(agent) {
         true => Driver::External,

@@ -1,11 +1,13 @@
-//! Elements as text: a tree in memory, written by quick-xml.
+//! XML elements: a tree in memory, written by quick-xml.
 
 use std::io;
 
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, BytesEnd, BytesStart, BytesText, Event};
 
-/// An element with its attributes and children, in the order they were added.
+use crate::visible::visible_markup;
+
+/// Element with its attributes and children, in the order of insertion.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     name: &'static str,
@@ -15,7 +17,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// An element that holds nothing yet.
+    /// Returns an element without attributes and children.
     pub fn new(name: &'static str) -> Element {
         Element {
             name,
@@ -25,37 +27,45 @@ impl Element {
         }
     }
 
-    /// With a text as an attribute; XML has no control characters.
+    /// Adds a text attribute, with a space for every control character.
+    ///
+    /// Marks without width, or that turn the direction of writing, are shown escaped.
     pub fn text(mut self, name: &'static str, value: impl AsRef<str>) -> Element {
+        // XML 1.0 forbids most control characters, even escaped.
         let value = value.as_ref().replace(char::is_control, " ");
+        let value = visible_markup(&value).into_owned();
         self.attributes.push((name, value));
         self
     }
 
-    /// With a number as an attribute.
+    /// Adds a number as an attribute.
     pub fn number(self, name: &'static str, value: f64) -> Element {
         self.text(name, number(value))
     }
 
-    /// With a child behind those that are there.
+    /// Appends a child.
     pub fn child(mut self, child: Element) -> Element {
         self.children.push(child);
         self
     }
 
-    /// With children behind those that are there.
+    /// Appends children.
     pub fn children(mut self, children: impl IntoIterator<Item = Element>) -> Element {
         self.children.extend(children);
         self
     }
 
-    /// With all that is in it on its own line.
+    /// Keeps the element and its content on one line.
     pub fn on_one_line(mut self) -> Element {
         self.on_one_line = true;
         self
     }
 
-    /// The document of which this is the root.
+    /// Returns the document whose root is this element.
+    ///
+    /// # Errors
+    ///
+    /// Returns the error of the writer.
     pub fn document(&self) -> io::Result<String> {
         let mut writer = Writer::new(Vec::new());
         writer.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
@@ -64,7 +74,7 @@ impl Element {
         String::from_utf8(writer.into_inner()).map_err(io::Error::other)
     }
 
-    /// `depth`: how far its line is indented; none: it goes on with the line.
+    /// Writes the element, indented by `depth`. Without a depth it continues the line.
     fn write(&self, writer: &mut Writer<Vec<u8>>, depth: Option<usize>) -> io::Result<()> {
         begin_line(writer, depth)?;
         let mut start = BytesStart::new(self.name);
@@ -75,6 +85,7 @@ impl Element {
             return writer.write_event(Event::Empty(start));
         }
         writer.write_event(Event::Start(start))?;
+        // Below an element on one line, no descendant starts a line.
         let within = depth.filter(|_| !self.on_one_line);
         for child in &self.children {
             child.write(writer, within.map(|depth| depth + 1))?;
@@ -90,9 +101,9 @@ fn begin_line(writer: &mut Writer<Vec<u8>>, depth: Option<usize>) -> io::Result<
     writer.write_event(Event::Text(BytesText::new(&indent)))
 }
 
-/// A number in its shortest form that reads back bit for bit, never with an
-/// exponent; 0 has no sign.
+/// Shortest decimal that reads back bit for bit, without an exponent or −0.
 pub(super) fn number(value: f64) -> String {
+    // −0 + 0 is 0, which drops the sign.
     (value + 0.0).to_string()
 }
 
@@ -102,11 +113,11 @@ mod tests {
 
     #[test]
     fn what_would_disturb_a_document_is_escaped() {
-        let rule = Element::new("Rule").text("name", "a < b & \"c\"\nd");
+        let rule = Element::new("Rule").text("name", "a < b & \"c\"\nd\u{202e}");
         let root = Element::new("Root").child(rule);
         let text = root.document().expect("in memory");
         let expected = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<Root>\n  \
-            <Rule name=\"a &lt; b &amp; &quot;c&quot; d\"/>\n</Root>\n";
+            <Rule name=\"a &lt; b &amp; &quot;c&quot; d\\u{202e}\"/>\n</Root>\n";
         assert_eq!(text, expected);
     }
 

@@ -1,4 +1,4 @@
-//! The page of a merged campaign: rates, gates, maps.
+//! Page of a merged campaign: rates, gates and maps.
 
 use maud::{DOCTYPE, Markup, html};
 
@@ -6,31 +6,31 @@ use super::page::head;
 use super::start_map::{StartMap, legend, start_map};
 use crate::visible::visible_markup;
 
-/// Maps of a page, at most: what is more is in the rows.
+/// Greatest number of maps on a page. The merged file contains all of them.
 const MAX_MAPS: usize = 120;
 
-/// Everything the page of a campaign shows.
+/// Content of a campaign's page.
 pub struct CampaignPage {
-    /// The campaign's name.
+    /// Name of the campaign.
     pub name: String,
-    /// What it consists of, in a sentence.
+    /// Content of the campaign, in one sentence.
     pub about: String,
-    /// What the columns of the table are.
+    /// Headings of the table's columns.
     pub columns: Vec<String>,
-    /// The rates: who meets whom, then numbers.
+    /// Rates: ego and ado, then numbers.
     pub rows: Vec<Vec<String>>,
-    /// A sentence per gate, and whether it is held up.
+    /// One sentence per gate, and true if the gate blocks.
     pub gates: Vec<(String, bool)>,
     /// Maps of a grid of starts.
     pub maps: Vec<StartMap>,
-    /// What the boundary in the maps is.
+    /// Meaning of the boundary in the maps.
     pub boundary: Option<String>,
-    /// Commands that make it again, and hashes.
+    /// Commands that reproduce the campaign, and hashes.
     pub again: Vec<String>,
 }
 
 impl CampaignPage {
-    /// The page as HTML; it needs no network and no script.
+    /// Returns the page as HTML, without network access or scripts.
     pub fn html(&self) -> String {
         let page = html! {
             (DOCTYPE)

@@ -1,4 +1,4 @@
-//! Counterexamples: what came of each, as a picture that moves and as curves.
+//! Counterexamples: an outcome, an animated picture and curves for each.
 
 use maud::{Markup, html};
 
@@ -10,8 +10,10 @@ use crate::testbench::Episode;
 use crate::trace::{SignalKind, Trace};
 use crate::world::Scenario;
 
-/// One counterexample: what came of it, the animated picture, what is known of
-/// it, and curves; it is number `nth` of `all`.
+/// Returns one counterexample, which is number `nth` of `all`.
+///
+/// It consists of the outcome, the animated picture, the known facts and the
+/// curves.
 pub(super) fn example(
     scenario: &Scenario,
     example: &Example,
@@ -19,6 +21,7 @@ pub(super) fn example(
 ) -> Markup {
     let episode = &example.episode;
     let mut judged = episode.trace.clone();
+    // The explanation must not read samples after the verdict.
     judged.truncate(episode.judged);
     let why = scenario.rulebook().spec.explain(&judged);
     let verdict = VerdictWords::of(scenario, example);
@@ -59,7 +62,7 @@ pub(super) fn example(
     }
 }
 
-/// What is known of a counterexample, fact by fact.
+/// Known facts of a counterexample.
 fn known(scenario: &Scenario, example: &Example) -> Markup {
     let (about, episode) = (&example.about, &example.episode);
     let told: [(&str, Option<String>); 6] = [
@@ -81,9 +84,10 @@ fn known(scenario: &Scenario, example: &Example) -> Markup {
     }
 }
 
-/// A text in which backticks mark code.
+/// Text in which backticks mark code.
 fn marked(text: &str) -> Markup {
     html! {
+        // Every second part lies between two backticks.
         @for (nth, part) in text.split('`').enumerate() {
             @if nth % 2 == 0 { (part) } @else { code { (part) } }
         }
@@ -97,7 +101,7 @@ fn start_in_words(scenario: &Scenario, episode: &Episode) -> String {
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Joint actions, each with how long it was held.
+/// Joint actions with their durations.
 fn actions_in_words(scenario: &Scenario, episode: &Episode) -> String {
     let clock = *scenario.bench().clock();
     let mut runs: Vec<(usize, usize)> = Vec::new();
@@ -114,7 +118,7 @@ fn actions_in_words(scenario: &Scenario, episode: &Episode) -> String {
     words.collect::<Vec<_>>().join("; ")
 }
 
-/// The speeds of all agents.
+/// Speeds of all agents.
 fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     let cast = scenario.bench().stage().cast;
     let curves = cast.iter().enumerate().filter_map(|(nth, who)| {
@@ -137,7 +141,7 @@ fn speeds(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     })
 }
 
-/// The signals that ψ_ego reads, with its bound where it has one.
+/// Signals that ψ_ego reads, with its bound, if any.
 fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     let trace = &episode.trace;
     let spec = &scenario.rulebook().spec;
@@ -148,11 +152,14 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
         .filter(|i| signals[*i].kind == SignalKind::Real)
         .collect();
     let first = &signals[*read.first()?];
+    // Only signals of the first unit share an axis.
     let shown: Vec<usize> = read
         .iter()
         .copied()
         .filter(|i| signals[*i].unit == first.unit)
         .collect();
+    // A bound is drawn if the margin is the signal less a constant. With
+    // several signals no single bound exists.
     let bound = match shown[..] {
         [only] => spec.invariant(trace).and_then(|margin| {
             let column = trace.column(only);
@@ -171,7 +178,7 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
             1 => String::new(),
             _ => signals[*i].name.clone(),
         },
-        // Not the colours of the ego and the ados.
+        // The colours of the ego and the ados stay reserved.
         class: format!("c-{}", 2 + (nth + 1) % 4),
         points: over_time(trace, trace.column(*i)),
         dots: Vec::new(),
@@ -197,6 +204,7 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
 }
 
 fn instants(episode: &Episode) -> Vec<Mark> {
+    // The last judged sample decides the episode.
     let decided_s = episode.judged.saturating_sub(1) as f64 * episode.trace.dt_s();
     let violated = Mark {
         at: decided_s,

@@ -1,6 +1,7 @@
-//! Whose fault a counterexample is, in a few words, as far as the data say: how
-//! many reference drivers avoid it where they apply, else who had to give way,
-//! whose lane it was, and what braking could do.
+//! Fault of a counterexample in a few words, as far as the data show it.
+//!
+//! Where reference drivers apply, the words state the number that avoids it.
+//! Otherwise they state the right of way, the lane, or the effect of braking.
 
 use super::Example;
 use crate::preventability::{Label, NotApplicable};
@@ -10,10 +11,10 @@ use crate::scene::drive::{Direction, DriveWorld};
 use crate::sim::Pose;
 use crate::world::Scenario;
 
-/// The words, and the class that colours them.
+/// Words, and the CSS class of their colour.
 pub(super) type Fault = (String, &'static str);
 
-/// Whose fault an example is.
+/// Returns the fault of an example.
 pub(super) fn fault(scenario: &Scenario, example: &Example) -> Fault {
     let said = |words: &str, class| (words.to_owned(), class);
     let Some(known) = &example.about.preventability else {
@@ -22,6 +23,7 @@ pub(super) fn fault(scenario: &Scenario, example: &Example) -> Fault {
     let [avoid, _] = known.drivers();
     let (some, all) = (avoid.len(), known.handover.len());
     let drivers = format!("avoided by {some} of {all} drivers");
+    // Exoneration comes first: it holds whatever the reference drivers do.
     match (known.exonerated, known.label, known.not_applicable) {
         (Some(_), ..) => said("not the ego's fault", "b-not"),
         (None, Label::AvoidedByAll, _) => said(&drivers, "b-ego"),
@@ -36,7 +38,7 @@ pub(super) fn fault(scenario: &Scenario, example: &Example) -> Fault {
     }
 }
 
-/// Who had to give way, or whose lane it was, if their roads say so.
+/// Fault by right of way or lane, if the roads of both agents decide it.
 fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<Fault> {
     let World::Drive(world) = scenario.world() else {
         return None;
@@ -52,7 +54,7 @@ fn by_right_of_way(scenario: &Scenario, example: &Example) -> Option<Fault> {
     }
 }
 
-/// Who was in the other's lane, of two on one road in opposite directions.
+/// Fault by lane, of two agents on one road in opposite directions.
 fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> Option<Fault> {
     let agents = &world.spec().agents;
     let of = |name: &str| agents.iter().position(|agent| agent.name == name);
@@ -61,13 +63,16 @@ fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> O
     if !is_oncoming {
         return None;
     }
+    // The last frame is that of the contact.
     let place = example.frames.last()?.placements.get(own)?;
     let at = world.course().locate(&Pose {
+        // The lane of a position does not depend on the heading.
         x_m: place.centre_m[0],
         y_m: place.centre_m[1],
         heading_rad: 0.0,
     });
     let road = &world.spec().road;
+    // The ego's own lane is that of its start.
     let lane = road.lane_at(agents[own].lateral_m.lo);
     let off_m = (at.lateral_m - road.lane_middle_m(lane)).abs();
     Some(match off_m < 0.5 * road.lane_width_m() {
@@ -76,7 +81,7 @@ fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> O
     })
 }
 
-/// What full braking would have done: no more than that is known.
+/// Fault by braking, which states no more than is known.
 fn by_braking(chance: Option<&LastChance>) -> Fault {
     let words = match chance.map(|chance| chance.at_s) {
         Some(Some(_)) => "avoidable by braking",
@@ -91,17 +96,18 @@ mod tests {
     use super::*;
     use crate::report::animation::tests::{crash, world};
 
-    /// The text from `from` up to `to` is `by`.
+    /// Replaces the text from `from` up to `to` by `by`.
     fn put(text: &str, (from, to): (&str, &str), by: &str) -> String {
         let at = text.find(from).expect("where it begins");
         let end = at + text[at..].find(to).expect("where it ends");
         format!("{}{by}{}", &text[..at], &text[end..])
     }
 
-    /// What is said of the first crash that an action, held, leads to.
+    /// Words for the first crash that a constant action causes.
     fn said(text: &str) -> Option<String> {
         let lawless = put(text, ("rulebook: [", "\n                ]"), "rulebook: [");
-        // Nobody brakes, and what changes who would goes with it.
+        // The ego coasts, so the contact happens. Variants that change its
+        // controller are removed too.
         let blind = "Ego(Coast(accel_mps2: 0.0, lag_s: 0.0)),\n        ),\n";
         let lawless = put(&lawless, ("Ego(", "        Vehicle("), blind);
         let lawless = put(&lawless, ("    reuse: {", "\n)\n"), "");

@@ -1,4 +1,4 @@
-//! The paper's figures, redrawn from our own runs, as SVG files of their own.
+//! Figures of the paper, redrawn from brakecheck's runs, as SVG files.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -6,17 +6,17 @@ use super::page::STYLE;
 use super::plot::{Chart, Curve, Mark, Region, chart};
 use crate::visible::visible_markup;
 
-/// What a caption takes, per line, and how many letters fit.
+/// Height of a caption's line, and the number of letters that fit.
 const LINE: f64 = 13.0;
 const LETTERS: usize = 78;
-/// Distances are shown to this many junctions beyond the line.
+/// Distances are shown up to this many junction lengths after the line.
 const BEYOND: f64 = 2.5;
-/// Size of one panel; `plot` draws it in the same units.
+/// Size of one panel in the units of `plot`.
 const PANEL: (f64, f64) = (420.0, 264.0);
 
-/// One behaviour of an ado, over time.
+/// Behaviour of an ado over time.
 pub struct Behaviour {
-    /// What it does, in a few words.
+    /// Description in a few words.
     pub name: String,
     /// Time and speed of the ego.
     pub ego_speed_mps: Vec<(f64, f64)>,
@@ -24,30 +24,31 @@ pub struct Behaviour {
     pub ado_speed_mps: Vec<(f64, f64)>,
     /// Time and distance between them.
     pub distance_m: Vec<(f64, f64)>,
-    /// Ways of the two over the ground, x and y, from start to verdict; empty:
-    /// they are in one lane, and there is nothing to see.
+    /// Paths of ego and ado over the ground, x and y, from start to verdict.
+    ///
+    /// Empty if both drive in one lane, where a path shows nothing.
     pub paths_m: [Vec<(f64, f64)>; 2],
-    /// Points of each way per second.
+    /// Points of each path per second.
     pub per_second: usize,
-    /// When ψ_ego was violated or a rule broken, and which.
+    /// Time of the violation of ψ_ego or of a rule, and its name.
     pub decided: (f64, String),
 }
 
 /// Fig. 2: two behaviours from one start of the adaptive cruise control.
 ///
-/// `safe_m` is d_safe; `caption` says where the runs come from.
+/// `safe_m` is d_safe, and `caption` states the origin of the runs.
 pub fn figure_2(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
     of_behaviours(behaviours, safe_m, caption)
 }
 
-/// Fig. 3: a merge from far away, one that breaks the rule, one that keeps it.
+/// Fig. 3: three merges, from far away, against the rule and within it.
 ///
-/// A row each: the ways over the ground, the speeds, the distance.
+/// Each row has the paths over the ground, the speeds and the distance.
 pub fn figure_3(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
     of_behaviours(behaviours, safe_m, caption)
 }
 
-/// A row of panels per behaviour.
+/// Figure with a row of panels per behaviour.
 fn of_behaviours(behaviours: &[Behaviour], safe_m: f64, caption: &str) -> String {
     let rows: Vec<Vec<Chart>> = behaviours.iter().map(|it| panels_of(it, safe_m)).collect();
     let columns = rows.iter().map(Vec::len).max().unwrap_or(1);
@@ -87,7 +88,7 @@ fn panels_of(one: &Behaviour, safe_m: f64) -> Vec<Chart> {
     paths(one).into_iter().chain([speeds, distance]).collect()
 }
 
-/// The ways over the ground, with a dot per second: equal dots, equal times.
+/// Paths over the ground, with one dot per second. Equal dots are equal times.
 fn paths(one: &Behaviour) -> Option<Chart> {
     let [ego, ado] = &one.paths_m;
     let way = |name: &str, class: &str, points: &[(f64, f64)]| Curve {
@@ -118,22 +119,24 @@ fn curve(name: &str, class: &str, points: &[(f64, f64)]) -> Curve {
 
 /// Distances to a stop line over time.
 pub struct Distances {
-    /// What the ado does, in a few words.
+    /// Behaviour of the ado in a few words.
     pub name: String,
     /// Time and distance of the ego, positive before the line.
     pub ego_m: Vec<(f64, f64)>,
     /// Time and distance of the ado.
     pub ado_m: Vec<(f64, f64)>,
-    /// From when on the light is red, and how long the run may last.
+    /// Start of the red phase, and the greatest duration of the run, in seconds.
     pub red_s: (f64, f64),
-    /// Length of the junction behind the line.
+    /// Length in metres of the junction behind the line.
     pub junction_m: f64,
 }
 
-/// Fig. 5: distance to the line of ego and ado, and where the red is run.
+/// Fig. 5: distances of ego and ado to the line, with the red-light zone.
 ///
-/// What happens far beyond the junction is left out.
+/// Points far beyond the junction are left out.
 pub fn figure_5(runs: &[Distances], caption: &str) -> String {
+    // The curve ends at the first point beyond the shown distance: a later
+    // return would be joined by a wrong line.
     let near = |points: &[(f64, f64)], junction_m: f64| -> Vec<(f64, f64)> {
         let all = points.iter().copied();
         all.take_while(|(_, m)| -BEYOND * junction_m < *m).collect()
@@ -161,11 +164,12 @@ pub fn figure_5(runs: &[Distances], caption: &str) -> String {
     figure(&panels.collect::<Vec<_>>(), 2, caption)
 }
 
-/// A value of a parameter, the share of starts that fail at it, and the ends of
-/// that share's interval; shares are 0 to 1.
+/// Value of a parameter, share of failing starts, and its interval.
+///
+/// Shares are within 0 ..= 1.
 pub type SweptShare = (f64, f64, [f64; 2]);
 
-/// Share of starts that fail over a parameter of the ego.
+/// Share of failing starts over a parameter of the ego.
 pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> String {
     let of = |name: &str, class: &str, share: fn(&SweptShare) -> f64| {
         let shares = points.iter().map(|point| (point.0, 100.0 * share(point)));
@@ -186,7 +190,7 @@ pub fn sweep_curve(parameter: &str, points: &[SweptShare], caption: &str) -> Str
     figure(&[panel], 1, caption)
 }
 
-/// Panels in columns over a caption, which is plain text: no code, no marks.
+/// Panels in columns over a caption in plain text.
 fn figure(panels: &[Chart], columns: usize, caption: &str) -> String {
     let rows = panels.len().div_ceil(columns);
     let lines = wrapped(&caption.replace('`', ""), LETTERS * columns);
@@ -214,7 +218,7 @@ fn figure(panels: &[Chart], columns: usize, caption: &str) -> String {
     visible_markup(&picture.into_string()).into_owned()
 }
 
-/// A chart in a place of fixed size.
+/// Chart in a place of fixed size.
 fn sized(panel: &Chart) -> Markup {
     html! {
         svg width=(PANEL.0) height=(PANEL.1) { (chart(panel)) }
@@ -225,6 +229,7 @@ fn wrapped(text: &str, letters: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
         match lines.last_mut() {
+            // One letter fewer than the limit, for the space before the word.
             Some(line) if line.chars().count() + word.chars().count() < letters => {
                 line.push(' ');
                 line.push_str(word);

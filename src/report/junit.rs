@@ -1,4 +1,4 @@
-//! The rows as JUnit XML, for continuous integration.
+//! Rows as JUnit XML, for continuous integration.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -8,11 +8,13 @@ use crate::stats::StartOutcome;
 use crate::testbench::FaultCount;
 use crate::visible::visible_markup;
 
-/// One test case per counterexample of the adversaries that are tested with;
-/// an ego that none of them makes fail has one that passes. Baselines say how
-/// hard that was and are no cases.
+/// Test cases: one per counterexample of the tested adversaries.
+///
+/// An ego without a counterexample has one case that passes. Baselines show the
+/// difficulty and are no cases.
 pub(super) fn xml(report: &Report<'_>) -> String {
     let tested: Vec<&Tested> = report.tested.iter().filter(is_adversary).collect();
+    // An ego that failed to run is one more error, so that CI cannot pass.
     let not_run = usize::from(!report.faults.is_empty());
     let rows = || tested.iter().map(|tested| &tested.row);
     let errors = rows().filter(|row| errs(row)).count() + not_run;
@@ -20,7 +22,7 @@ pub(super) fn xml(report: &Report<'_>) -> String {
     let skipped = rows().filter(|row| row.starts + row.invalid == 0).count();
     let cases = |row: &Row| row.successes + usize::from(errs(row) || row.successes == 0);
     let tests = rows().map(cases).sum::<usize>() + not_run;
-    // Not `sum`, which is -0.0 of nothing.
+    // `sum` of no values is −0.0.
     let seconds: f64 = rows().fold(0.0, |sum, row| sum + row.cpu_s);
     let time = format!("{seconds:.3}");
     let name = &report.scenario.name;
@@ -36,12 +38,12 @@ pub(super) fn xml(report: &Report<'_>) -> String {
     visible_markup(&page.into_string()).into_owned()
 }
 
-/// Whether a row is of a trained ado or a search, not of a baseline.
+/// Returns true for a trained ado or a search, and false for a baseline.
 fn is_adversary(tested: &&Tested) -> bool {
     tested.row.train_seed.is_some() || tested.row.ado == "search"
 }
 
-/// Whether the ego or the physics failed somewhere.
+/// Returns true if the ego or the physics failed on a start.
 fn errs(row: &Row) -> bool {
     0 < row.invalid
 }
@@ -53,6 +55,7 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
     let starts: Vec<usize> = solved.map(|(start, _)| start).collect();
     let class = format!("{}.{:?}", row.world, row.plant);
     let name = format!("ego {} against ado {}", row.ego, row.ado);
+    // A row with faults has no case that passes, even without counterexamples.
     html! {
         @if errs(row) {
             testcase classname=(class) name=(format!("{name} runs")) time="0.000" {
@@ -76,7 +79,7 @@ fn cases_of(report: &Report<'_>, tested: &Tested) -> Markup {
     }
 }
 
-/// The requirement that ψ_ego stands for.
+/// Requirement that ψ_ego expresses.
 fn requirement(report: &Report<'_>) -> Markup {
     html! {
         @if let Some(requirement) = &report.scenario.requirement {
@@ -87,6 +90,7 @@ fn requirement(report: &Report<'_>) -> Markup {
 
 fn about(report: &Report<'_>, tested: &Tested, is_first: bool) -> String {
     let row = &tested.row;
+    // The explanation is of the first counterexample only.
     let why = tested.why.as_deref().filter(|_| is_first);
     format!(
         "{}\nego_spec: {}\nmethod: {}\nstarts of seed {}, {} left out because the ego fails by itself\n{}",
@@ -99,7 +103,7 @@ fn about(report: &Report<'_>, tested: &Tested, is_first: bool) -> String {
     )
 }
 
-/// An ego that failed to run, whatever else was found.
+/// Case of an ego that failed to run, regardless of other results.
 fn not_ran(report: &Report<'_>) -> Markup {
     let class = &report.scenario.name;
     let first = report.faults.first();
@@ -114,7 +118,7 @@ fn not_ran(report: &Report<'_>) -> Markup {
     }
 }
 
-/// Every fault of a row, with what the program wrote to stderr.
+/// Faults of a row, with the program's stderr.
 fn faults(row: &Row) -> String {
     let lines: Vec<String> = row.faults.iter().map(in_full).collect();
     lines.join("\n")

@@ -1,10 +1,11 @@
-//! Reports to read and to hand on: one HTML page, JUnit XML, figures as SVG.
+//! Reports: one HTML page, JUnit XML, and figures as SVG.
 //!
-//! Pure functions of results: whoever calls them has played the episodes. The
-//! page needs no network; its one script only moves pictures that are there
-//! without it. Whatever a world file says is escaped.
+//! All functions are pure functions of results, and the caller has played the
+//! episodes. The page needs no network. Its single script animates pictures
+//! that are visible without it. Text of world files is escaped.
 //!
-//! Architecture Invariant: plays no episode, trains nothing, touches no file.
+//! Architecture Invariant: this module plays no episode, trains no policy and
+//! touches no file.
 
 mod animation;
 mod campaign;
@@ -34,103 +35,105 @@ pub use points::{PointCase, PointsPage};
 pub use start_map::{CellState, MapCell, StartMap};
 pub(crate) use verdict::outcome_in_words;
 
-/// Everything a report shows.
+/// Content of a report.
 pub struct Report<'a> {
-    /// The world, with the nominal ego, on the plant of the run.
+    /// World with the nominal ego, on the plant of the run.
     pub scenario: &'a Scenario,
-    /// The run directory, as the reader should write it.
+    /// Run directory as the reader should write it.
     pub run: String,
-    /// What the run was.
+    /// Manifest of the run.
     pub manifest: &'a Manifest,
-    /// This run's training and that of others on the same world.
+    /// Trainings of this run and of other runs on the same world.
     pub trainings: Vec<Training>,
-    /// The nominal ego on test starts; `None` while there is no policy.
+    /// Nominal ego on test starts. `None` until a policy exists.
     pub nominal: Option<Nominal>,
-    /// All egos and ados that were evaluated.
+    /// Evaluated egos and ados.
     pub tested: Vec<Tested>,
-    /// Where `tested` comes from, and over how many starts.
+    /// Origin of `tested`, and its number of starts.
     pub about_tested: String,
-    /// Simulations that ways to find failures cost.
+    /// Simulations that methods of failure search cost.
     pub costs: Vec<TestingCost>,
-    /// What the reader must know first, such as that training is unfinished.
+    /// Notes to show first, such as unfinished training.
     pub notes: Vec<String>,
-    /// Faults of ego or physics, more than were allowed; empty if all is well.
+    /// Faults of ego or physics above the allowed number. Empty if all is well.
     pub faults: Vec<FaultCount>,
-    /// What makes the report again, command by command.
+    /// Commands that reproduce the report.
     pub commands: Vec<String>,
 }
 
-/// How one training went.
+/// Course of one training.
 pub struct Training {
-    /// Its run directory, as the reader should write it.
+    /// Run directory as the reader should write it.
     pub run: String,
-    /// What the run was.
+    /// Manifest of the run.
     pub manifest: Manifest,
-    /// One point per report of the learner.
+    /// Progress, one point per report of the learner.
     pub progress: Vec<Progress>,
-    /// The closing evaluation; empty while training.
+    /// Closing evaluation. Empty during training.
     pub closing: Vec<Row>,
 }
 
-/// The nominal ego and the trained ado on every test start.
+/// Nominal ego and trained ado on every test start.
 pub struct Nominal {
     /// Rates and costs over all starts.
     pub row: Row,
-    /// Every start and what came of it; `None`: trivial, or not reached.
+    /// Starts with their verdicts. `None` is trivial or not reached.
     pub starts: Vec<(Start, Option<Verdict>)>,
-    /// Counterexamples that tell most, the worst first.
+    /// Most informative counterexamples, the worst first.
     pub telling: Vec<Example>,
 }
 
-/// A counterexample to look at.
+/// Counterexample to show.
 pub struct Example {
-    /// What it was chosen for, with the number.
+    /// Criterion of its selection, with the number.
     pub chosen_for: String,
-    /// Its position among the test starts.
+    /// Position among the test starts.
     pub start: usize,
-    /// The episode, to contact or the horizon.
+    /// Episode up to the contact or the horizon.
     pub episode: Episode,
-    /// Where everybody is at each of its samples; empty: it is not shown moving.
+    /// Places of all agents at each sample. Empty if it is not animated.
     pub frames: Vec<Frame>,
-    /// How severe it is, why it fails and whether it persists.
+    /// Severity, cause and persistence.
     pub about: About,
-    /// Its road, its replay and the scenario for an ego of one's own, as links
-    /// from the page; empty: they were not written.
+    /// Links to its road, its replay and its scenario for an external ego.
+    ///
+    /// Empty if these files were not written.
     pub scenarios: Vec<String>,
 }
 
-/// One row, and why the ego fails where it does.
+/// Row, with the explanation of the ego's failure.
 pub struct Tested {
     /// Rates and costs over all starts.
     pub row: Row,
-    /// The first counterexample, explained.
+    /// Explanation of the first counterexample.
     pub why: Option<String>,
 }
 
-/// What testing n new starts costs: `fixed` + n · `per_start` simulations.
+/// Cost of testing n new starts: `fixed` + n · `per_start` simulations.
 pub struct TestingCost {
-    /// The way to find failures.
+    /// Name of the method.
     pub name: String,
     /// Simulations before the first start.
     pub fixed: f64,
     /// Simulations per start.
     pub per_start: f64,
-    /// Share of the starts that it solves so.
+    /// Share of the starts that the method solves at this cost.
     pub solves: f64,
-    /// Whether that is as many as the trained ado solves; if not, equal success
-    /// would cost it more, and the break-even is a bound.
+    /// True if the method solves as many starts as the trained ado.
+    ///
+    /// Otherwise equal success would cost more, and the break-even is a bound.
     pub matched: bool,
-    /// Share that it solves with so many simulations per start; may be empty.
+    /// Share solved with the given simulations per start. May be empty.
     pub anytime: Vec<(f64, f64)>,
 }
 
 impl Report<'_> {
-    /// The report as one HTML page.
+    /// Returns the report as one HTML page.
     pub fn html(&self) -> String {
         page::html(self)
     }
 
-    /// The report as JUnit XML: one test case per counterexample.
+    /// Returns the report as JUnit XML: one test case per counterexample.
     pub fn junit(&self) -> String {
         junit::xml(self)
     }

@@ -1,4 +1,4 @@
-//! The page itself: what stands where.
+//! Page of a report, from top to bottom.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -12,7 +12,7 @@ use crate::world::Scenario;
 pub(super) const STYLE: &str = include_str!("style.css");
 const PAGE_STYLE: &str = include_str!("page.css");
 
-/// The head of a page, with what of style it needs besides.
+/// Head of a page, with additional style.
 pub(super) fn head(title: &str, more_style: &str) -> Markup {
     html! {
         head {

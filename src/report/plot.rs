@@ -1,77 +1,77 @@
 //! Pictures as SVG: curves, heat maps and histograms, coloured by CSS classes.
 //!
-//! All are drawn on a small canvas and scaled, so that letters stay readable on
-//! a phone. Colours come from the page's style, light or dark.
+//! All pictures are drawn on a small canvas and scaled, so that letters stay
+//! readable on a phone. The style of the page sets the colours, light or dark.
 
 use maud::{Markup, html};
 
 use super::words::Words;
 
-/// Size of the canvas, in its own units.
+/// Size of the canvas in its own units.
 pub(super) const WIDTH: f64 = 420.0;
 pub(super) const HEIGHT: f64 = 264.0;
-/// What axes and titles take.
+/// Margins for axes and titles.
 pub(super) const LEFT: f64 = 46.0;
 pub(super) const RIGHT: f64 = 12.0;
 pub(super) const TOP: f64 = 26.0;
 pub(super) const BOTTOM: f64 = 52.0;
 /// Wanted number of ticks on an axis.
 const TICKS: f64 = 5.0;
-/// Points of a curve that are drawn at most.
+/// Greatest number of drawn points of a curve.
 const MAX_POINTS: usize = 400;
 
 /// Points joined by a line, with a name and a colour.
 pub(super) struct Curve {
-    /// Its name in the legend; empty: not named there.
+    /// Name in the legend. Empty for a curve that the legend omits.
     pub name: String,
     /// CSS class of its colour, such as `c-ego` or `c-1`.
     pub class: String,
-    /// Its points, in order.
+    /// Points in order.
     pub points: Vec<(f64, f64)>,
-    /// Points of it with a dot on them, such as one per second.
+    /// Points of it with a dot, such as one per second.
     pub dots: Vec<(f64, f64)>,
 }
 
-/// A line across the picture with a word.
+/// Line across the picture with a word.
 pub(super) struct Mark {
-    /// Position along the axis that it crosses, in the unit of that axis.
+    /// Position on the axis that it crosses, in the unit of that axis.
     pub at: f64,
-    /// What is written beside it.
+    /// Word beside the line.
     pub word: String,
 }
 
-/// A shaded rectangle, in the units of the axes.
+/// Shaded rectangle in the units of the axes.
 pub(super) struct Region {
-    /// From and to, along x.
+    /// Range along x.
     pub x: (f64, f64),
-    /// From and to, along y.
+    /// Range along y.
     pub y: (f64, f64),
-    /// What is written inside.
+    /// Word inside the rectangle.
     pub word: String,
 }
 
-/// Curves over a common axis.
+/// Curves over common axes.
 #[derive(Default)]
 pub(super) struct Chart {
-    /// Above the picture.
+    /// Title above the picture.
     pub title: String,
-    /// Under the picture.
+    /// Label under the picture.
     pub x_label: String,
     /// Quantity and unit of the curves.
     pub y_label: String,
-    /// The curves.
+    /// Curves of the chart.
     pub curves: Vec<Curve>,
-    /// Vertical lines, at moments.
+    /// Vertical lines at instants.
     pub at_x: Vec<Mark>,
     /// Horizontal lines.
     pub at_y: Vec<Mark>,
-    /// Shaded parts.
+    /// Shaded regions.
     pub regions: Vec<Region>,
-    /// The least span of y that is shown.
+    /// Least span of y.
     pub y_span: Option<(f64, f64)>,
 }
 
-/// From numbers to the canvas, along one axis.
+/// Map from numbers to the canvas, along one axis.
 struct Axis {
     lo: f64,
     hi: f64,
@@ -82,16 +82,18 @@ struct Axis {
 impl Axis {
     fn at(&self, value: f64) -> f64 {
         let share = (value - self.lo) / (self.hi - self.lo);
+        // Values outside of the axis stay just beyond the frame.
         self.from + share.clamp(-0.02, 1.02) * (self.to - self.from)
     }
 
-    /// Round numbers within the axis, and the places they need.
+    /// Round numbers within the axis, and their decimal places.
     fn ticks(&self) -> (Vec<f64>, usize) {
         let rough = (self.hi - self.lo) / TICKS;
         let power = libm::pow(10.0, libm::floor(libm::log10(rough)));
         let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power);
         let step = step.into_iter().find(|s| rough <= *s).unwrap_or(rough);
         let places = (-libm::floor(libm::log10(step))).max(0.0) as usize;
+        // The tolerance keeps a tick that rounding puts just outside the axis.
         let first = libm::ceil(self.lo / step - 1e-9) as i64;
         let last = libm::floor(self.hi / step + 1e-9) as i64;
         ((first..=last).map(|i| i as f64 * step).collect(), places)
@@ -105,6 +107,7 @@ fn span(values: impl Iterator<Item = f64>) -> (f64, f64) {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
             (lo.min(v), hi.max(v))
         });
+    // An axis without an extent would divide by 0.
     match lo < hi {
         true => (lo, hi),
         false if lo.is_finite() => (lo - 0.5, lo + 0.5),
@@ -128,13 +131,14 @@ fn frame(x: (f64, f64), y: (f64, f64)) -> (Axis, Axis) {
     (x, y)
 }
 
-/// The picture of a chart.
+/// Picture of a chart.
 pub(super) fn chart(chart: &Chart) -> Markup {
     let points = || chart.curves.iter().flat_map(|curve| &curve.points);
     let xs = points().map(|p| p.0);
     let at_y = chart.at_y.iter().map(|mark| mark.at);
     let wanted = chart.y_span.into_iter().flat_map(|(lo, hi)| [lo, hi]);
     let ys = span(points().map(|p| p.1).chain(at_y).chain(wanted));
+    // A small margin keeps curves off the frame.
     let pad = 0.04 * (ys.1 - ys.0);
     let (x, y) = frame(span(xs), (ys.0 - pad, ys.1 + pad));
     let words = words(chart, &x, &y);
@@ -159,7 +163,7 @@ pub(super) fn chart(chart: &Chart) -> Markup {
     )
 }
 
-/// What is written into the picture, clear of its curves.
+/// Words in the picture, placed clear of its curves.
 fn words(chart: &Chart, x: &Axis, y: &Axis) -> Words {
     let mut words = Words::default();
     for curve in &chart.curves {
@@ -170,6 +174,8 @@ fn words(chart: &Chart, x: &Axis, y: &Axis) -> Words {
         let curve: Vec<(f64, f64)> = finite.map(|(a, b)| (x.at(*a), y.at(*b))).collect();
         words.avoid(&curve);
     }
+    // Earlier words have the first choice of places, and regions have the
+    // fewest.
     for region in &chart.regions {
         words.within(rectangle(region, x, y), &region.word);
     }
@@ -183,6 +189,8 @@ fn words(chart: &Chart, x: &Axis, y: &Axis) -> Words {
 }
 
 fn path(points: &[(f64, f64)], x: &Axis, y: &Axis) -> String {
+    // Long curves are thinned, since the picture has fewer pixels. The last
+    // point always stays.
     let every = points.len().div_ceil(MAX_POINTS).max(1);
     let last = points.len().saturating_sub(1);
     let kept = points
@@ -239,6 +247,8 @@ fn legend(curves: &[Curve]) -> Markup {
         .into_iter()
         .map(|curve| {
             let at = left;
+            // Text has no measured width here: 5.8 units per letter is a
+            // generous estimate.
             left += 26.0 + 5.8 * curve.name.chars().count() as f64;
             (at, curve)
         })
@@ -252,35 +262,35 @@ fn legend(curves: &[Curve]) -> Markup {
     }
 }
 
-/// One cell of a heat map.
+/// Cell of a heat map.
 pub(super) struct Cell {
     /// Column and row, from the lower left.
     pub at: (usize, usize),
-    /// Share that is shown, in 0 ..= 1.
+    /// Share shown by colour, in 0 ..= 1.
     pub share: f64,
-    /// A second share, shown as a dot.
+    /// Second share, shown as a ring.
     pub dot: f64,
-    /// What is said when pointed at.
+    /// Tooltip.
     pub about: String,
 }
 
 /// Shares over two quantities.
 pub(super) struct HeatMap {
-    /// Above the picture.
+    /// Title above the picture.
     pub title: String,
     /// Name, unit and range of the horizontal quantity.
     pub x: (String, f64, f64),
-    /// The same of the vertical one.
+    /// Name, unit and range of the vertical quantity.
     pub y: (String, f64, f64),
-    /// Columns and rows.
+    /// Numbers of columns and rows.
     pub size: (usize, usize),
-    /// Cells that hold something.
+    /// Cells with content.
     pub cells: Vec<Cell>,
-    /// What their colour is the share of, and what a ring of a quarter stands for.
+    /// Meaning of the colour, and of a ring of 25 %.
     pub shares: (String, String),
 }
 
-/// The picture of a heat map.
+/// Picture of a heat map.
 pub(super) fn heat_map(map: &HeatMap) -> Markup {
     let (x, y) = frame((map.x.1, map.x.2), (map.y.1, map.y.2));
     let width = (x.to - x.from) / map.size.0 as f64;
@@ -306,9 +316,11 @@ pub(super) fn heat_map(map: &HeatMap) -> Markup {
     )
 }
 
-/// What the colours and rings of a heat map stand for, with numbers; a ring of
-/// everything has radius `whole`, and its area is the share.
+/// Legend of a heat map's colours and rings.
+///
+/// A ring of 100 % has the radius `whole`, and its area is the share.
 fn scale((hot, ring): &(String, String), whole: f64) -> Markup {
+    // Swatches follow the estimated width of the word before them.
     let y = HEIGHT - 16.0;
     let swatch = |nth: usize| LEFT + 5.4 * hot.chars().count() as f64 + 6.0 + 34.0 * nth as f64;
     let after = swatch(5) + 20.0;
@@ -324,21 +336,21 @@ fn scale((hot, ring): &(String, String), whole: f64) -> Markup {
     }
 }
 
-/// How often values fall where.
+/// Distribution of values.
 pub(super) struct Histogram {
-    /// Above the picture.
+    /// Title above the picture.
     pub title: String,
     /// Quantity and unit.
     pub x_label: String,
-    /// What is counted.
+    /// Name of the counted items.
     pub y_label: String,
-    /// The values.
+    /// Values to count.
     pub values: Vec<f64>,
     /// Wanted number of bars.
     pub bars: usize,
 }
 
-/// The picture of a histogram; what lies below 0 is coloured as a failure.
+/// Picture of a histogram. Values below 0 have the colour of failures.
 pub(super) fn histogram(histogram: &Histogram) -> Markup {
     let finite = || histogram.values.iter().copied().filter(|v| v.is_finite());
     let (lo, hi) = span(finite());
@@ -377,8 +389,9 @@ pub(super) fn svg(title: &str, inside: Markup) -> Markup {
     }
 }
 
-/// A place on the canvas, with one decimal.
+/// Position on the canvas with one decimal.
 pub(super) fn px(value: f64) -> String {
     let rounded = (10.0 * value).round() / 10.0;
+    // −0 + 0 is 0, which drops the sign.
     format!("{}", rounded + 0.0)
 }

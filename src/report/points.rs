@@ -8,46 +8,48 @@ use super::{Example, animation};
 use crate::visible::visible_markup;
 use crate::world::Scenario;
 
-/// One ego at the points of a world.
+/// Page of one ego at the points of a world.
 pub struct PointsPage<'a> {
-    /// The world, with the ego.
+    /// World with the ego.
     pub scenario: &'a Scenario,
     /// Name of the ego.
     pub ego: String,
-    /// How many points are passed, in a sentence.
+    /// Number of passed points, in one sentence.
     pub summary: String,
     /// Names of the start's axes.
     pub axes: Vec<String>,
-    /// Every point.
+    /// Points of the world.
     pub points: Vec<PointCase>,
-    /// What fails, the worst first.
+    /// Failures, the worst first.
     pub examples: Vec<Example>,
-    /// Commands that make it again.
+    /// Commands that reproduce the page.
     pub commands: Vec<String>,
 }
 
-/// One point on the page and in the JUnit file.
+/// Point on the page and in the JUnit file.
 #[derive(Clone, Debug)]
 pub struct PointCase {
-    /// Its number.
+    /// Number of the point.
     pub point: usize,
-    /// Its start, axis by axis.
+    /// Start, axis by axis.
     pub start: Vec<String>,
-    /// How it went, in words.
+    /// Outcome in words.
     pub outcome: String,
-    /// How the ego fails, if it does.
+    /// Failure of the ego, if any.
     pub failure: Option<String>,
-    /// Whether the ego or the physics failed to run.
+    /// True if the ego or the physics failed to run.
     pub invalid: bool,
-    /// Whether it was not reached.
+    /// True if the point was not reached.
     pub skipped: bool,
-    /// How a lawful variation makes the ego fail; `Some("")`: none does; `None`:
-    /// none was searched.
+    /// Failure under a lawful variation.
+    ///
+    /// `Some("")` means that no variation fails, and `None` that none was
+    /// searched.
     pub varied: Option<String>,
 }
 
 impl PointsPage<'_> {
-    /// The page as HTML; it needs no network.
+    /// Returns the page as HTML, without network access.
     pub fn html(&self) -> String {
         let scenario = self.scenario;
         let all = self.examples.len();
@@ -71,7 +73,7 @@ impl PointsPage<'_> {
                 @if 0 < all { script { (PreEscaped(animation::SCRIPT)) } } }
             }
         };
-        page.into_string()
+        visible_markup(&page.into_string()).into_owned()
     }
 
     fn table(&self) -> Markup {
@@ -95,9 +97,10 @@ impl PointsPage<'_> {
         }
     }
 
-    /// The points as JUnit XML: a case each, and one more for its variations.
+    /// Returns the points as JUnit XML: a case each, and one per searched variation.
     pub fn junit(&self) -> String {
         let count = |which: &dyn Fn(&&PointCase) -> bool| self.points.iter().filter(which).count();
+        // A variation is a case of its own, since the point itself may pass.
         let varied = count(&|it| it.varied.is_some());
         let strays = |it: &&PointCase| it.varied.as_ref().is_some_and(|varied| !varied.is_empty());
         let failures = count(&|it| it.failure.is_some()) + count(&strays);

@@ -1,4 +1,4 @@
-//! Results as pictures and tables: training, starts, robustness, rows, costs.
+//! Results as pictures and tables: training, starts, robustness, rows and costs.
 
 use maud::{Markup, html};
 
@@ -8,15 +8,15 @@ use crate::rulebook::Verdict;
 use crate::run_dir::Row;
 use crate::scene::Axis;
 
-/// Columns and rows of a heat map at most.
+/// Greatest number of columns and rows of a heat map.
 const BINS: usize = 10;
-/// Starts per cell that are wanted on average.
+/// Wanted average number of starts per cell.
 const PER_CELL: f64 = 4.0;
-/// Axes of X_init that are paired.
+/// Number of axes of X_init that are paired.
 const PAIRED_AXES: usize = 3;
 /// Bars of a histogram.
 const BARS: usize = 30;
-/// Costs are drawn to this many times the last break-even.
+/// Costs are drawn to this multiple of the last break-even.
 const BEYOND: f64 = 2.0;
 
 pub(super) fn percent(share: f64) -> String {
@@ -83,8 +83,9 @@ pub(super) fn interval(row: &Row) -> String {
     format!("{:.1} – {:.1}", 100.0 * row.ci95[0], 100.0 * row.ci95[1])
 }
 
-/// Success by start, for the first pairs of axes, and the robustness.
+/// Success by start for the first pairs of axes, and the robustness.
 pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
+    // An axis of one value has no second dimension to show.
     let wide: Vec<usize> = (0..axes.len())
         .filter(|i| axes[*i].lo < axes[*i].hi)
         .take(PAIRED_AXES)
@@ -121,6 +122,7 @@ pub(super) fn starts(nominal: &Nominal, axes: &[Axis]) -> Markup {
 
 fn rho(verdict: &Option<Verdict>) -> Option<f64> {
     match verdict {
+        // A counterexample's depth is positive, and its robustness is negative.
         Some(Verdict::Counterexample { by } | Verdict::Uncounted { by }) => Some(-by),
         Some(Verdict::Held { margin }) => Some(*margin),
         _ => None,
@@ -128,10 +130,12 @@ fn rho(verdict: &Option<Verdict>) -> Option<f64> {
 }
 
 fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
+    // Few starts get larger cells, since a share of one start says little.
     let wanted = (nominal.starts.len() as f64 / PER_CELL).sqrt() as usize;
     let bins = wanted.clamp(2, BINS);
     let bin = |axis: &Axis, value: f64| {
         let share = (value - axis.lo) / (axis.hi - axis.lo);
+        // The upper end of the axis belongs to the last cell.
         ((share * bins as f64) as usize).min(bins - 1)
     };
     let mut counts = vec![[0usize; 3]; bins * bins];
@@ -139,7 +143,7 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         let (Some(verdict), Some(a), Some(b)) = (verdict, start.0.get(x), start.0.get(y)) else {
             continue;
         };
-        // Where the ego did not run there is nothing to show.
+        // A start without a run has no outcome to show.
         if *verdict == Verdict::Invalid {
             continue;
         }
@@ -169,17 +173,21 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
     }
 }
 
-/// Simulations for n new starts, and where the trained ado becomes cheaper.
+/// Simulations for n new starts, and the break-even of the trained ado.
 pub(super) fn costs(costs: &[TestingCost]) -> Markup {
     let even: Vec<(f64, &TestingCost)> = costs
         .iter()
         .skip(1)
         .filter_map(|other| Some((break_even(costs.first()?, other)?, other)))
         .collect();
+    // Without a break-even, the picture shows at least 10 starts.
     let furthest = even.iter().map(|(n, _)| *n).fold(10.0, f64::max);
     let end = BEYOND * furthest;
+    // Steep lines end at the top, so that the flat line of the ado remains
+    // readable.
     let top = costs.first().map_or(1.0, |first| 2.0 * first.at(end));
     let curves = costs.iter().enumerate().map(|(nth, cost)| {
+        // The divisor is guarded, since a method may cost nothing per start.
         let until = ((top - cost.fixed) / cost.per_start.max(1e-9)).clamp(0.0, end);
         Curve {
             name: cost.name.clone(),
@@ -234,7 +242,7 @@ pub(super) fn costs(costs: &[TestingCost]) -> Markup {
     }
 }
 
-/// A break-even in words: a bound where the search solves less than the ado.
+/// Break-even in words: a bound if the search solves less than the ado.
 fn in_starts(starts: f64, search: &TestingCost) -> String {
     let bound = if search.matched { "" } else { "at most " };
     format!("{bound}{starts:.0}")
@@ -247,8 +255,9 @@ impl TestingCost {
     }
 }
 
-/// From how many starts on the first way is cheaper than the other.
+/// Number of starts from which the first method is cheaper than the other.
 fn break_even(first: &TestingCost, other: &TestingCost) -> Option<f64> {
     let saved = other.per_start - first.per_start;
+    // A search that is cheaper per start is never overtaken.
     (0.0 < saved).then(|| ((first.fixed - other.fixed) / saved).max(0.0))
 }

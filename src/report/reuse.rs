@@ -1,4 +1,4 @@
-//! The same ado against other egos: the rows in order, what they say in words.
+//! Same ado against other egos: sorted rows, and their summary in words.
 
 use maud::{Markup, html};
 
@@ -7,8 +7,9 @@ use super::{Tested, Training};
 use crate::run_dir::Row;
 use crate::stats::StartOutcome;
 
-/// All rows, sorted: the nominal ego, then the egos that the trained ado fails
-/// most; of one ego the most successful first.
+/// Sorted rows: the nominal ego first, then by falling success of the trained ado.
+///
+/// Rows of one ego are sorted by falling success.
 pub(super) fn rows(tested: &[Tested]) -> Markup {
     let sorted = sorted(tested);
     html! {
@@ -38,9 +39,10 @@ pub(super) fn rows(tested: &[Tested]) -> Markup {
     }
 }
 
-/// Why the closing evaluation of a training says another rate than the page.
+/// Note if the closing evaluation of the training has another rate than the page.
 pub(super) fn which_rate(row: &Row, trainings: &[Training]) -> Markup {
     let closing = trainings.first().and_then(|it| it.closing.first());
+    // Equal seeds and numbers mean equal starts, so both rates would be equal.
     let same = |other: &Row| other.starts == row.starts && other.start_seed == row.start_seed;
     let Some(closing) = closing.filter(|closing| !same(closing)) else {
         return html! {};
@@ -60,6 +62,7 @@ fn sorted(tested: &[Tested]) -> Vec<&Tested> {
         let trained = own
             .filter(|row| is_trained(row))
             .map(|row| row.success_rate);
+        // An ego without a trained row comes last.
         trained.fold(-1.0, f64::max)
     };
     let mut sorted: Vec<&Tested> = tested.iter().collect();
@@ -77,13 +80,14 @@ fn is_trained(row: &Row) -> bool {
     row.ado == "trained"
 }
 
-/// Whether somebody who neither learned nor searched acts.
+/// Returns true for an ado that neither learned nor searched.
 fn is_baseline(row: &Row) -> bool {
     row.train_seed.is_none() && row.ado != "search" && !is_trained(row)
 }
 
-/// Where a baseline is at least as good as the trained ado; on the starts that
-/// both met.
+/// Egos on which a baseline is at least as good as the trained ado.
+///
+/// Only starts on which both were evaluated are compared.
 fn in_words(sorted: &[&Tested]) -> Vec<String> {
     let rows = || sorted.iter().map(|it| &it.row);
     let mut beaten = Vec::new();
@@ -92,9 +96,12 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
         let own = rows().filter(|row| row.ego == trained.ego && is_baseline(row));
         let best = own.max_by(|a, b| a.success_rate.total_cmp(&b.success_rate));
         let Some(best) = best else { continue };
+        // Rows may have different numbers of starts, of which the shorter list
+        // is the common part.
         let both = trained.solved.len().min(best.solved.len());
         let ([ado, starts], [baseline, _]) = (counts(trained, both), counts(best, both));
         compared += 1;
+        // Two zeros are no equality worth mentioning.
         if ado < baseline || (ado == baseline && 0 < ado) {
             let verb = if ado < baseline { "beats" } else { "equals" };
             beaten.push(format!(
@@ -115,7 +122,7 @@ fn in_words(sorted: &[&Tested]) -> Vec<String> {
     beaten
 }
 
-/// Solved and evaluated starts among the first `most`.
+/// Numbers of solved and evaluated starts among the first `most`.
 fn counts(row: &Row, most: usize) -> [usize; 2] {
     let first = || row.solved.iter().take(most);
     let solved = first().filter(|it| **it == StartOutcome::Solved).count();
@@ -150,7 +157,8 @@ mod tests {
             tested("soft", "hold", "0000"),
             tested("soft", "trained", "1110"),
             tested("nominal", "hold", "01"),
-            // Of more starts: compared on those that both met.
+            // The rows differ in their number of starts and are compared on the
+            // common starts.
             tested("nominal", "trained", "1100"),
         ];
         let sorted = sorted(&rows);

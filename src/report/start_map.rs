@@ -1,21 +1,20 @@
-//! A grid of starts as a map: where the ego fails, and beside which boundary.
+//! Grid of starts as a map: failures of the ego, and the boundary of a regulation.
 
 use maud::{Markup, html};
 
 use super::plot::{BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, px, svg};
 
-/// Numbers along an axis, at most.
+/// Greatest number of labels along an axis.
 const MAX_TICKS: usize = 8;
 
-/// What is known of a start of a grid.
+/// Result of a start of a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellState {
-    /// Nothing that was tried makes the ego fail.
+    /// No tried ado makes the ego fail.
     Holds,
-    /// The ego fails, and neither CC_LATCHED nor FSM would have avoided it, or
-    /// nobody judged.
+    /// The ego fails, and neither CC_LATCHED nor FSM avoids it, or no judgement exists.
     Fails,
-    /// It fails where CC_LATCHED or FSM would not have.
+    /// The ego fails where CC_LATCHED or FSM does not.
     FailsPreventably,
     /// The ego fails without an adversary.
     Trivial,
@@ -24,7 +23,7 @@ pub enum CellState {
 }
 
 impl CellState {
-    /// All of them, with the class of their colour and their words.
+    /// All states, with the CSS class of their colour and their legend.
     const ALL: [(CellState, &'static str, &'static str); 5] = [
         (CellState::Holds, "held", "nothing tried makes it fail"),
         (CellState::Fails, "warm", "fails"),
@@ -40,36 +39,35 @@ impl CellState {
     }
 }
 
-/// A start of a grid.
+/// Start of a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapCell {
-    /// What came of it.
+    /// Result of the start.
     pub state: CellState,
-    /// Whether the protocol's own point fails, and not only a variation of it.
+    /// True if the point of the protocol fails itself, and not only a variation of it.
     pub protocol: bool,
-    /// Whether it lies where the regulation asks the ego to hold; `None`: nobody
-    /// said where that is.
+    /// True where the regulation requires the ego to hold. `None` if it is not stated.
     pub inside: Option<bool>,
-    /// What is said when pointed at.
+    /// Tooltip.
     pub about: String,
 }
 
-/// A grid of starts of one ego.
+/// Grid of starts of one ego.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StartMap {
-    /// What maps stand under one heading with it.
+    /// Heading under which the map appears.
     pub group: String,
-    /// Above the picture.
+    /// Title above the picture.
     pub title: String,
-    /// Name and unit of what is along x, and its values.
+    /// Name and unit of the quantity along x, and its values.
     pub x: (String, Vec<f64>),
-    /// The same of y.
+    /// Name and unit of the quantity along y, and its values.
     pub y: (String, Vec<f64>),
-    /// Row by row from the least y.
+    /// Cells row by row, from the least y.
     pub cells: Vec<MapCell>,
 }
 
-/// The picture of a map.
+/// Picture of a map.
 pub(super) fn start_map(map: &StartMap) -> Markup {
     let (columns, rows) = (map.x.1.len().max(1), map.y.1.len().max(1));
     let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
@@ -77,6 +75,8 @@ pub(super) fn start_map(map: &StartMap) -> Markup {
     let height = (bottom - TOP) / rows as f64;
     let left = |column: usize| LEFT + width * column as f64;
     let top = |row: usize| bottom - height * (row + 1) as f64;
+    // One rectangle behind all cells represents the cells that hold, which
+    // keeps the page small.
     let cells = || map.cells.iter().enumerate();
     let at = |nth: usize| (nth % columns, nth / columns);
     svg(
@@ -108,7 +108,9 @@ pub(super) fn start_map(map: &StartMap) -> Markup {
     )
 }
 
-/// What the colours and signs of maps mean; `boundary` is the name of the line.
+/// Legend of the colours and signs of maps.
+///
+/// `boundary` is the name of the line.
 pub(super) fn legend(boundary: Option<&str>) -> Markup {
     let swatch = |inside: Markup| {
         html! { svg class="swatch" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16" { (inside) } }
@@ -126,13 +128,14 @@ pub(super) fn legend(boundary: Option<&str>) -> Markup {
     }
 }
 
-/// A corner of cells, from the lower left: column and row.
+/// Corner of cells, as column and row from the lower left.
 type Corner = (usize, usize);
 
 /// Edges between cells inside and outside of the boundary.
 fn edges(map: &StartMap, columns: usize) -> Vec<(Corner, Corner)> {
     let inside = |column: usize, row: usize| map.cells.get(row * columns + column)?.inside;
     let rows = map.cells.len() / columns;
+    // A cell without a statement has no boundary.
     let differ =
         |one: Option<bool>, other: Option<bool>| one.is_some() && other.is_some() && one != other;
     let mut edges = Vec::new();
@@ -150,12 +153,12 @@ fn edges(map: &StartMap, columns: usize) -> Vec<(Corner, Corner)> {
     edges
 }
 
-/// Which of so many values are written at the axis.
+/// Indices of the values with a label on the axis.
 fn ticks(values: usize) -> impl Iterator<Item = usize> {
     (0..values).step_by(values.div_ceil(MAX_TICKS).max(1))
 }
 
-/// With as many places as it takes, three at most.
+/// Number with as many decimals as needed, three at most.
 fn number(value: f64) -> String {
     let rounded = (1e3 * value).round() / 1e3;
     format!("{}", rounded + 0.0)
@@ -178,7 +181,7 @@ mod tests {
             title: String::new(),
             x: (String::new(), vec![0.0, 1.0, 2.0]),
             y: (String::new(), vec![0.0, 1.0]),
-            // Below: out, in, in. Above: out, out, in.
+            // Lower row: out, in, in. Upper row: out, out, in.
             cells: [false, true, true, false, false, true]
                 .map(|inside| cell(Some(inside)))
                 .to_vec(),

@@ -1,5 +1,7 @@
-//! What came of a counterexample, in one sentence: who hit whom, how fast,
-//! whether the rules were kept, and which reference drivers avoid it.
+//! Outcome of a counterexample in one sentence.
+//!
+//! It states the contact and its speed, the rules, and the reference drivers
+//! that avoid it.
 
 use super::Example;
 use super::fault::{Fault, fault};
@@ -11,20 +13,20 @@ use crate::severity::{CrashKind, Side};
 use crate::testbench::Episode;
 use crate::world::Scenario;
 
-/// The sentence, in parts.
+/// Parts of the sentence.
 pub(super) struct VerdictWords {
-    /// Who hit whom, or what the ego broke.
+    /// Contact, or the requirement that the ego violated.
     pub what: String,
-    /// Whether the ados kept their rules; `None`: what came of it says so.
+    /// Statement about the ados' rules. `None` if the outcome contains it.
     pub rules: Option<String>,
-    /// Which reference drivers avoid it; `None`: nothing is known.
+    /// Reference drivers that avoid it. `None` if nothing is known.
     pub care: Option<String>,
-    /// The blame in two or three words, and the class that colours it.
+    /// Blame in two or three words, and the CSS class of its colour.
     pub blame: Fault,
 }
 
 impl VerdictWords {
-    /// What came of an example.
+    /// Returns the outcome of an example.
     pub fn of(scenario: &Scenario, example: &Example) -> VerdictWords {
         VerdictWords {
             what: what(scenario, example),
@@ -34,7 +36,7 @@ impl VerdictWords {
         }
     }
 
-    /// The whole sentence.
+    /// Returns the whole sentence.
     pub fn sentence(&self) -> String {
         let rules = self.rules.as_ref().map(|rules| format!(", {rules}"));
         let care = self.care.as_ref().map(|care| format!("; {care}"));
@@ -43,7 +45,7 @@ impl VerdictWords {
     }
 }
 
-/// What came of an episode in a few words, such as `held: ρ 0.238, no contact`.
+/// Outcome of an episode in a few words, such as `held: ρ 0.238, no contact`.
 pub(crate) fn outcome_in_words(scenario: &Scenario, episode: &Episode) -> String {
     let rho = format!("ρ {:.3}", episode.robustness);
     let contact = match &episode.contact {
@@ -62,7 +64,7 @@ pub(crate) fn outcome_in_words(scenario: &Scenario, episode: &Episode) -> String
     }
 }
 
-/// Whether the ego failed, and not an ado or nobody.
+/// Returns true if the ego failed, and false for a foul, a success or no run.
 pub(super) fn ego_failed(episode: &Episode) -> bool {
     let verdict = episode.verdict;
     matches!(
@@ -82,6 +84,7 @@ fn what(scenario: &Scenario, example: &Example) -> String {
     let Some(touch) = &example.episode.contact else {
         return without_contact(scenario, example);
     };
+    // On a grid there are no speeds or sides.
     if scenario.grid().is_some() {
         return format!("The ado caught the ego after {:.0} s", touch.time_s);
     }
@@ -95,6 +98,8 @@ fn what(scenario: &Scenario, example: &Example) -> String {
     let (ego, met) = match (is_ego(one), is_ego(other)) {
         (true, _) => (one, other),
         (_, true) => (other, one),
+        // A specification of the ego may be violated by a contact between
+        // others.
         _ => return format!("{one} and {other} touched {speed}"),
     };
     let ego = match ego.as_str() {
@@ -108,9 +113,11 @@ fn what(scenario: &Scenario, example: &Example) -> String {
     format!("{} {speed}", capital(&words))
 }
 
-/// What the ego broke though nobody was hit: a distance, a red light, or
-/// whatever the leaf of ψ_ego says, with its values.
+/// Violation of the ego without a contact.
+///
+/// It is a distance, a red light, or the leaf of ψ_ego with its values.
 fn without_contact(scenario: &Scenario, example: &Example) -> String {
+    // The explanation must not read samples after the verdict.
     let mut judged = example.episode.trace.clone();
     judged.truncate(example.episode.judged);
     let explanation = scenario.rulebook().spec.explain(&judged);
@@ -118,6 +125,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
         return "Nobody was hit, but the ego broke what is asked of it".to_owned();
     };
     let stage = scenario.bench().stage();
+    // Names of agents and lights are parts of dotted signal names.
     let part_of = |signal: &str, name: &str| signal.split('.').any(|part| part == name);
     for (signal, value) in &explanation.signals {
         let mut others = stage.cast.iter().filter(|cast| cast.role != Role::Ego);
@@ -132,9 +140,12 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
             .lights
             .iter()
             .position(|light| part_of(signal, &light.name));
+        // Phases belong to the sample at which the leaf is violated.
         let frame = example.frames.get(leaf.sample);
         let phase = light.and_then(|light| frame.map(|frame| frame.phases[light]));
         if let (Some(light), Some(Phase::Red)) = (light, phase) {
+            // A world with a single light usually calls it `light`, so its name
+            // is omitted.
             return match stage.lights[light].name.as_str() {
                 "light" => "Nobody was hit, but the ego ran the red light".to_owned(),
                 name => format!("Nobody was hit, but the ego ran the red light {name}"),
@@ -149,7 +160,7 @@ fn without_contact(scenario: &Scenario, example: &Example) -> String {
     format!("Nobody was hit, but the ego broke {formula} ({values})")
 }
 
-/// Who hit whom, by the kind of the contact and the sides that touched.
+/// Contact in words, by its kind and the sides that touched.
 fn hit(ego: &str, met: &str, severity: &Severity) -> String {
     let impact = &severity.impact;
     let side = |side: Side| match side {
@@ -160,6 +171,7 @@ fn hit(ego: &str, met: &str, severity: &Severity) -> String {
     };
     let (own, its) = (impact.ego_side, impact.other_side);
     match (impact.kind, own) {
+        // A pedestrian who touches another side of the ego has walked into it.
         (CrashKind::Pedestrian, Side::Front) => format!("{ego} hit {met}"),
         (CrashKind::Pedestrian, _) => format!("{met} ran into the {} of {ego}", side(own)),
         (CrashKind::HeadOn, _) => format!("{ego} and {met} met head-on"),
@@ -181,6 +193,7 @@ fn hit(ego: &str, met: &str, severity: &Severity) -> String {
 }
 
 fn rules(example: &Example) -> Option<String> {
+    // The words for a foul and an invalid episode already mention the rules.
     if let Verdict::Foul { .. } | Verdict::Invalid = example.episode.verdict {
         return None;
     }
@@ -198,6 +211,8 @@ fn care(example: &Example) -> Option<String> {
         .why
         .as_ref()
         .and_then(|why| why.last_chance.as_ref());
+    // Reference drivers take precedence over full braking, which is the last
+    // resort.
     let Some(known) = &example.about.preventability else {
         return chance.map(by_braking);
     };
@@ -225,7 +240,7 @@ fn by_braking(chance: &LastChance) -> String {
     }
 }
 
-/// A text that begins with a capital.
+/// Text with a capital first letter.
 pub(super) fn capital(words: &str) -> String {
     let mut letters = words.chars();
     let first = letters

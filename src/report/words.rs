@@ -1,16 +1,16 @@
-//! Words in a picture, placed where no curve and no other word is.
+//! Words in a picture, placed clear of curves and of each other.
 
 use super::plot::{BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH};
 
-/// Width of a letter and height of a line, on the canvas.
+/// Width of a letter and height of a line on the canvas.
 const LETTER: f64 = 5.3;
 const LINE: f64 = 11.0;
-/// Places along a line that are tried.
+/// Number of positions along a line that are tried.
 const TRIED: usize = 12;
-/// Curves are looked at every so often.
+/// Distance of the samples of a curve.
 const STEP: f64 = 2.0;
 
-/// A word with its left end on the base line.
+/// Word with its left end on the base line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PlacedWord {
     pub word: String,
@@ -19,7 +19,7 @@ pub(super) struct PlacedWord {
     pub class: &'static str,
 }
 
-/// What is in the way: points of curves, and words that are placed.
+/// Obstacles for words: points of curves, and placed words.
 #[derive(Default)]
 pub(super) struct Words {
     points: Vec<(f64, f64)>,
@@ -27,11 +27,12 @@ pub(super) struct Words {
 }
 
 impl Words {
-    /// A curve on the canvas is in the way.
+    /// Adds a curve on the canvas as an obstacle.
     pub fn avoid(&mut self, curve: &[(f64, f64)]) {
         self.points.extend(curve.first());
         for pair in curve.windows(2) {
             let ((x0, y0), (x1, y1)) = (pair[0], pair[1]);
+            // Sampled densely enough that no word fits between two points.
             let steps = (libm::hypot(x1 - x0, y1 - y0) / STEP).ceil().max(1.0);
             let shares = (1..=steps as usize).map(|i| i as f64 / steps);
             self.points
@@ -39,7 +40,7 @@ impl Words {
         }
     }
 
-    /// A word beside an upright line, as high up as there is room.
+    /// Places a word beside a vertical line, as high as possible.
     pub fn beside(&mut self, x: f64, word: &str) {
         let width = width(word);
         let rows = ((HEIGHT - BOTTOM - TOP) / LINE) as usize;
@@ -50,7 +51,7 @@ impl Words {
         self.put(word, places, "word");
     }
 
-    /// A word along a level line, above or below it.
+    /// Places a word along a horizontal line, above or below it.
     pub fn along(&mut self, y: f64, word: &str) {
         let room = WIDTH - RIGHT - 4.0 - width(word) - LEFT - 4.0;
         let places = (0..=TRIED).flat_map(|nth| {
@@ -60,7 +61,7 @@ impl Words {
         self.put(word, places, "word");
     }
 
-    /// A word in a rectangle (left, top, right, bottom), or close to it.
+    /// Places a word in a rectangle (left, top, right, bottom), or close to it.
     pub fn within(&mut self, [left, top, right, bottom]: [f64; 4], word: &str) {
         let width = width(word);
         let rows = ((bottom - top) / LINE).floor().max(0.0) as usize;
@@ -77,7 +78,8 @@ impl Words {
         self.put(word, inside.chain(outside), "word bad");
     }
 
-    /// At the first place that is free; else where the least is in the way.
+    /// Places a word at the first free position, or at the position that covers
+    /// the least.
     fn put(&mut self, word: &str, places: impl Iterator<Item = (f64, f64)>, class: &'static str) {
         let width = width(word);
         let on_canvas = |(x, y): &(f64, f64)| {
@@ -86,6 +88,8 @@ impl Words {
         let costs = places
             .filter(on_canvas)
             .map(|place| (self.in_the_way(place, width), place));
+        // The strict comparison keeps the first of equal positions, so the
+        // layout is stable.
         let best = costs.reduce(|a, b| if b.0 < a.0 { b } else { a });
         if let Some((_, (x, y))) = best {
             self.placed.push(PlacedWord {
@@ -97,7 +101,7 @@ impl Words {
         }
     }
 
-    /// How much a word at a place would cover.
+    /// Cost of a word at a position.
     fn in_the_way(&self, (x, y): (f64, f64), w: f64) -> usize {
         let on = |&&(px, py): &&(f64, f64)| {
             x - 2.0 <= px && px <= x + w + 2.0 && y - 10.0 <= py && py <= y + 4.0
@@ -107,11 +111,12 @@ impl Words {
             x < other.x + width(&other.word) && other.x < x + w && apart.abs() < LINE
         };
         let words = self.placed.iter().filter(covers).count();
+        // Words over words are unreadable, so they count far more than curves.
         self.points.iter().filter(on).count() + 1000 * words
     }
 }
 
-/// How wide a word is drawn, a little more rather than less.
+/// Width of a word, rather over- than underestimated.
 fn width(word: &str) -> f64 {
     LETTER * word.chars().count() as f64
 }
@@ -135,7 +140,8 @@ mod tests {
     #[test]
     fn words_keep_clear_of_curves_and_of_each_other() {
         let mut words = Words::default();
-        // A curve through the upper left corner, where words would stand first.
+        // The curve crosses the upper left corner, where the first positions
+        // are.
         words.avoid(&[
             (LEFT, TOP + 5.0),
             (250.0, TOP + 8.0),

@@ -1,11 +1,12 @@
-//! Named tensors and a short description: how learners and policies are kept.
+//! Named tensors with a short description, the format of learners and policies.
 //!
-//! The bytes are a safetensors file, so other tools can read the weights.
-//! Equal bundles give equal bytes. Reading trusts nothing: a truncated file, a
-//! name given twice, a number that is not finite, an unknown element type, a
-//! missing or misshapen tensor are each a [`BundleError`] of their own.
+//! The bytes are a safetensors file, so other tools can read the weights. Equal
+//! bundles give equal bytes. The reader trusts no input. Each
+//! defect has a [`BundleError`] of its own: a truncated file, a repeated name, a
+//! number that is not finite, an unknown element type, a missing or misshapen
+//! tensor.
 //!
-//! Architecture Invariant: no IO; bytes come in and go out.
+//! Architecture Invariant: no IO. Bytes come in and go out.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -13,68 +14,68 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::Deserialize;
 use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 
-/// What is wrong with the bytes or the contents of a bundle.
+/// Error in the bytes or the contents of a bundle.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BundleError {
-    /// The bytes are no safetensors file, or are cut off.
+    /// The bytes are not a safetensors file, or are truncated.
     #[error("not a readable safetensors file: {why}")]
     Format {
-        /// What the reader said.
+        /// Message of the reader.
         why: String,
     },
-    /// Two tensors have one name.
+    /// Two tensors have the same name.
     #[error("tensor `{name}` is given twice")]
     Duplicate {
-        /// The name.
+        /// Repeated name.
         name: String,
     },
-    /// A NaN or an infinity.
+    /// A tensor contains a NaN or an infinity.
     #[error("tensor `{name}` holds a number that is not finite at index {index}")]
     NotFinite {
-        /// The tensor.
+        /// Name of the tensor.
         name: String,
-        /// Where in it, flat.
+        /// Flat index of the number.
         index: usize,
     },
-    /// A tensor that must be there is not.
+    /// A required tensor is missing.
     #[error("tensor `{name}` is missing")]
     Missing {
-        /// The name looked for.
+        /// Name of the missing tensor.
         name: String,
     },
-    /// A tensor has another shape than the network or the counters need.
+    /// A tensor has another shape than the network or the counters require.
     #[error("tensor `{name}` has shape {found:?}, expected {expected:?}")]
     Shape {
-        /// The tensor.
+        /// Name of the tensor.
         name: String,
-        /// What is needed.
+        /// Required shape.
         expected: Vec<usize>,
-        /// What is there.
+        /// Shape in the bundle.
         found: Vec<usize>,
     },
-    /// A tensor has another element type than needed.
+    /// A tensor has another element type than required.
     #[error("tensor `{name}` holds {found}, expected {expected}")]
     Type {
-        /// The tensor.
+        /// Name of the tensor.
         name: String,
-        /// What is needed.
+        /// Required element type.
         expected: &'static str,
-        /// What is there.
+        /// Element type in the bundle.
         found: String,
     },
     /// The contents do not fit each other, the world, or the configuration.
     #[error("{what} is {found}, expected {expected}")]
     Mismatch {
-        /// What was compared.
+        /// Compared quantity.
         what: &'static str,
-        /// What is needed.
+        /// Required value.
         expected: String,
-        /// What is there.
+        /// Value in the bundle.
         found: String,
     },
 }
 
-/// The numbers of a tensor.
+/// Numbers of a tensor.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Data {
     /// 32-bit floats.
@@ -89,13 +90,13 @@ pub enum Data {
     U64(Vec<u64>),
 }
 
-/// A type of number that a tensor can hold.
+/// Number type that a tensor can contain.
 pub trait Element: Copy {
-    /// Its name in error messages.
+    /// Name of the type in error messages.
     const NAME: &'static str;
     /// Wraps numbers of this type.
     fn wrap(values: Vec<Self>) -> Data;
-    /// The numbers, if they are of this type.
+    /// Returns the numbers if they are of this type.
     fn view(data: &Data) -> Option<&[Self]>;
 }
 
@@ -124,7 +125,7 @@ struct Tensor {
     data: Data,
 }
 
-/// Named tensors and a short description.
+/// Named tensors with a short description.
 ///
 /// ```
 /// use brakecheck::rl::Bundle;
@@ -143,7 +144,7 @@ pub struct Bundle {
 }
 
 impl Bundle {
-    /// An empty bundle with this description.
+    /// Creates an empty bundle with this description.
     pub fn new(meta: impl Into<String>) -> Bundle {
         Bundle {
             meta: meta.into(),
@@ -151,31 +152,33 @@ impl Bundle {
         }
     }
 
-    /// The description.
+    /// Returns the description.
     pub fn meta(&self) -> &str {
         &self.meta
     }
 
-    /// The names of the tensors, in alphabetical order.
+    /// Returns the names of the tensors, in alphabetical order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.tensors.keys().map(String::as_str)
     }
 
-    /// The shape of a tensor, if there is one of this name.
+    /// Returns the shape of a tensor, if it exists.
     pub fn shape(&self, name: &str) -> Option<&[usize]> {
         self.tensors.get(name).map(|tensor| tensor.shape.as_slice())
     }
 
-    /// The same without a tensor.
+    /// Returns the bundle without a tensor.
     #[must_use]
     pub fn without(mut self, name: &str) -> Bundle {
         self.tensors.remove(name);
         self
     }
 
-    /// Adds a tensor, or replaces the one of this name.
+    /// Adds a tensor, or replaces the tensor of this name.
+    ///
+    /// Panics if `shape` does not fit the number of values.
     pub fn put<T: Element>(&mut self, name: impl Into<String>, shape: &[usize], values: Vec<T>) {
-        // Invariant: whoever writes a tensor knows its shape.
+        // Invariant: the caller knows the shape of the tensor it writes.
         assert_eq!(
             shape.iter().product::<usize>(),
             values.len(),
@@ -190,10 +193,10 @@ impl Bundle {
         );
     }
 
-    /// The numbers of a tensor that must have this shape.
+    /// Returns the numbers of a tensor that must have this shape.
     ///
     /// # Errors
-    /// When it is missing, or of another type or shape.
+    /// The tensor is missing, or has another type or shape.
     pub fn get<T: Element>(&self, name: &str, shape: &[usize]) -> Result<&[T], BundleError> {
         let tensor = self.tensor(name)?;
         if tensor.shape != shape {
@@ -206,12 +209,15 @@ impl Bundle {
         typed(name, tensor)
     }
 
-    /// The numbers of a tensor of rows: `[any, columns]`, or `[any]` for none.
+    /// Returns the numbers of a tensor of rows, shape `[any, columns]`.
+    ///
+    /// With empty `columns` the shape is `[any]`.
     ///
     /// # Errors
-    /// When it is missing, or of another type or shape.
+    /// The tensor is missing, or has another type or shape.
     pub fn rows<T: Element>(&self, name: &str, columns: &[usize]) -> Result<&[T], BundleError> {
         let tensor = self.tensor(name)?;
+        // The number of rows is taken from the file, and `get` then checks the rest.
         let rows = tensor.shape.first().copied().unwrap_or(0);
         let shape: Vec<usize> = std::iter::once(rows)
             .chain(columns.iter().copied())
@@ -219,18 +225,18 @@ impl Bundle {
         self.get(name, &shape)
     }
 
-    /// One number, kept with shape `[1]`.
+    /// Returns a single number, stored with shape `[1]`.
     ///
     /// # Errors
-    /// When it is missing, or of another type or shape.
+    /// The tensor is missing, or has another type or shape.
     pub fn one<T: Element>(&self, name: &str) -> Result<T, BundleError> {
         Ok(self.get(name, &[1])?[0])
     }
 
-    /// The bytes of a safetensors file; equal bundles give equal bytes.
+    /// Returns the bytes of a safetensors file, equal for equal bundles.
     ///
     /// # Errors
-    /// When the names alone exceed what the format allows (100 MB).
+    /// The names alone exceed the limit of the format (100 MB).
     pub fn to_bytes(&self) -> Result<Vec<u8>, BundleError> {
         let bytes: Vec<(Dtype, Vec<u8>)> = self
             .tensors
@@ -242,18 +248,20 @@ impl Bundle {
             let view = TensorView::new(*dtype, tensor.shape.clone(), bytes).map_err(format)?;
             views.push((name.as_str(), view));
         }
+        // A single entry, so the random order of a `HashMap` cannot reach the bytes.
         let meta = HashMap::from([("meta".to_string(), self.meta.clone())]);
         safetensors::serialize(views, Some(meta)).map_err(format)
     }
 
-    /// Reads what [`Bundle::to_bytes`] wrote.
+    /// Reads the bytes of [`Bundle::to_bytes`].
     ///
     /// # Errors
-    /// See [`BundleError`]; every byte string either is a bundle of finite
-    /// numbers or is refused.
+    /// See [`BundleError`]. Every byte string is either a bundle of finite numbers
+    /// or refused.
     pub fn from_bytes(bytes: &[u8]) -> Result<Bundle, BundleError> {
         let file = SafeTensors::deserialize(bytes).map_err(format)?;
         let (header, metadata) = SafeTensors::read_metadata(bytes).map_err(format)?;
+        // The first 8 bytes are the length of the header, which follows.
         refuse_duplicates(bytes.get(8..8 + header).unwrap_or(&[]))?;
         let meta = metadata.metadata().as_ref().and_then(|map| map.get("meta"));
         let mut bundle = Bundle::new(meta.cloned().unwrap_or_default());
@@ -280,6 +288,7 @@ fn typed<'a, T: Element>(name: &str, tensor: &'a Tensor) -> Result<&'a [T], Bund
     T::view(&tensor.data).ok_or_else(|| BundleError::Type {
         name: name.into(),
         expected: T::NAME,
+        // Only this error path encodes, for the name of the element type.
         found: encode(&tensor.data).0.to_string().to_lowercase(),
     })
 }
@@ -302,6 +311,7 @@ fn encode(data: &Data) -> (Dtype, Vec<u8>) {
 
 fn decode(name: &str, view: &TensorView) -> Result<Data, BundleError> {
     let bytes = view.data();
+    // safetensors has checked the lengths against the shapes: no rest is left over.
     let four = bytes.as_chunks::<4>().0;
     let eight = bytes.as_chunks::<8>().0;
     Ok(match view.dtype() {
@@ -335,11 +345,12 @@ fn refuse_infinite(name: &str, data: &Data) -> Result<(), BundleError> {
     }
 }
 
-/// The safetensors crate keeps the last of two equal names; here it is an error.
+/// Refuses repeated names, of which the safetensors crate keeps the last.
 fn refuse_duplicates(header: &[u8]) -> Result<(), BundleError> {
     let Names(mut names) = serde_json::from_slice(header).map_err(|error| BundleError::Format {
         why: error.to_string(),
     })?;
+    // Sorted, so that repeated names are neighbours.
     names.sort();
     match names.windows(2).find(|pair| pair[0] == pair[1]) {
         Some(pair) => Err(BundleError::Duplicate {
@@ -349,7 +360,7 @@ fn refuse_duplicates(header: &[u8]) -> Result<(), BundleError> {
     }
 }
 
-/// The keys of a map, duplicates included.
+/// Keys of a map, with repeated keys.
 struct Names(Vec<String>);
 
 impl<'de> Deserialize<'de> for Names {

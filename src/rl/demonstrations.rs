@@ -1,9 +1,8 @@
-//! Successes that somebody has shown, or that were met on the way, and what a
-//! deep Q-learner does with them.
+//! Demonstrated and discovered successes, for deep Q-learning.
 //!
 //! - Hester et al., "Deep Q-learning from Demonstrations", AAAI 2018: part of
-//!   every batch is of demonstrations, and on that part a large-margin loss asks
-//!   that the action shown be worth more than the others.
+//!   every batch comes from demonstrations. On that part a large-margin loss
+//!   raises the demonstrated action above the others.
 //! - Salimans and Chen, "Learning Montezuma's Revenge from a Single
 //!   Demonstration", 2018: episodes that begin along a demonstration.
 //!
@@ -16,21 +15,23 @@ use super::dice::Dice;
 use super::learner::{ConfigError, Demonstration, within};
 use super::replay::{Batch, Lived, ReplayBuffer, Tail, check};
 
-/// What a learner does with demonstrations.
+/// Use of demonstrations by a learner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Imitation {
-    /// Share of every batch that is drawn from successes alone (0.25).
+    /// Share of every batch drawn from successes alone (0.25).
     pub share: f64,
-    /// By how much the action of a success should beat the others (0.1).
+    /// Margin by which the action of a success should exceed the others (0.1).
     pub margin: f64,
-    /// Weight of that wish beside the temporal-difference error (0.02): more of
-    /// it only imitates.
+    /// Weight of the margin loss beside the temporal-difference error (0.02).
+    ///
+    /// A larger weight only imitates.
     pub weight: f64,
-    /// Share of the episodes that begin along a success (0.2), half of them from
-    /// its own start, half from another.
+    /// Share of the episodes that begin along a success (0.2).
+    ///
+    /// Half of them begin from the success's own start, half from another start.
     pub guided: f64,
-    /// Successes remembered for guidance (5000): recent ones.
+    /// Number of recent successes kept for guidance (5000).
     pub remembered: usize,
 }
 
@@ -47,7 +48,7 @@ impl Default for Imitation {
 }
 
 impl Imitation {
-    /// Refuses the first number that is out of range.
+    /// Refuses the first number out of range.
     pub(super) fn check(&self) -> Result<(), ConfigError> {
         within("share", self.share, 0.0, 0.9)?;
         within("margin", self.margin, 0.0, 10.0)?;
@@ -61,25 +62,26 @@ impl Imitation {
 pub(super) struct Demonstrations {
     imitation: Imitation,
     replay: ReplayBuffer,
-    /// The transitions of a batch that came from here.
+    /// Transitions of a batch that came from here.
     drawn: Batch,
     episodes: Vec<Demonstration>,
-    /// Where the next episode goes once all room is taken.
+    /// Slot of the next episode once the memory is full.
     oldest: usize,
 }
 
-/// Where a guided episode begins, and which actions lead it.
+/// Beginning of a guided episode.
 pub(super) struct Guide {
-    /// The start; `None`: another one than the demonstration's.
+    /// Start of the demonstration, `None` for any other start.
     pub index: Option<u64>,
     pub actions: Vec<usize>,
 }
 
 impl Demonstrations {
-    /// None yet.
+    /// Creates an empty memory.
     pub fn new(imitation: &Imitation, observation: usize, priority: f64) -> Demonstrations {
         Demonstrations {
             imitation: imitation.clone(),
+            // Unbounded and separate, so failures never displace a success.
             replay: ReplayBuffer::new(observation, usize::MAX - 1, priority),
             drawn: Batch::default(),
             episodes: Vec::new(),
@@ -87,7 +89,7 @@ impl Demonstrations {
         }
     }
 
-    /// How many of `batch` transitions are drawn from here.
+    /// Returns the number of transitions per batch that are drawn from here.
     pub fn drawn_of(&self, batch: usize) -> usize {
         match self.replay.is_empty() {
             true => 0,
@@ -95,7 +97,7 @@ impl Demonstrations {
         }
     }
 
-    /// Remembers an episode that succeeded.
+    /// Records an episode that succeeded.
     pub fn remember(&mut self, index: u64, lived: &Lived, steps: usize, discount: f32) {
         let episode = Demonstration {
             index,
@@ -104,22 +106,27 @@ impl Demonstrations {
         if self.episodes.len() < self.imitation.remembered {
             self.episodes.push(episode);
         } else {
+            // The ring displaces the oldest episode.
             self.episodes[self.oldest] = episode;
             self.oldest = (self.oldest + 1) % self.imitation.remembered;
         }
         let replay = &mut self.replay;
         let width = replay.observation();
         let push = |transition: super::replay::Transition| replay.push(transition);
+        // A success counts as terminal, even if its episode was cut off.
         lived.n_step(width, steps, discount, Tail::Terminal, push);
     }
 
-    /// Now and then the beginning of a success, to be followed.
+    /// Returns the beginning of a random success, in a share of the calls.
     pub fn guide(&self, dice: &mut Dice) -> Option<Guide> {
+        // An empty memory draws no number, so the random stream is that of plain deep
+        // Q-learning until the first success.
         if self.episodes.is_empty() || self.imitation.guided <= dice.unit() {
             return None;
         }
         let shown = &self.episodes[dice.below(self.episodes.len())];
         let own = dice.unit() < 0.5;
+        // A strict prefix, so that the learner decides at least the last action.
         let length = dice.below(shown.actions.len().max(1));
         Some(Guide {
             index: own.then_some(shown.index),
@@ -135,16 +142,18 @@ impl Demonstrations {
         }
     }
 
-    /// Sets the priority of a transition that was drawn from here.
+    /// Sets the priority of a transition drawn from here.
     pub fn prioritise(&mut self, slot: usize, error: f32) {
         self.replay.prioritise(slot, error);
     }
 
-    /// Adds the gradient of the large-margin loss to one row of a batch:
-    /// max over a of Q(a) + margin · [a is not the one shown], minus Q(shown).
+    /// Adds the gradient of the large-margin loss to one row of a batch.
+    ///
+    /// The loss is max over a of Q(a) + margin · [a is not demonstrated], minus Q of
+    /// the demonstrated action.
     pub fn margin(&self, values: &[f32], shown: usize, scale: f32, gradient: &mut [f32]) {
         let margin = self.imitation.margin as f32;
-        // The action shown stands first among equals: no gradient at a tie.
+        // The demonstrated action wins ties, which gives no gradient at a tie.
         let rival = |a: usize| values[a] + if a == shown { 0.0 } else { margin };
         let best = (0..values.len()).fold(shown, |best, a| match rival(best) < rival(a) {
             true => a,
@@ -174,7 +183,7 @@ impl Demonstrations {
     /// Fills an empty memory from a checkpoint.
     ///
     /// # Errors
-    /// When a tensor is missing or misshapen, or an index is out of range.
+    /// A tensor is missing or misshapen, or an index is out of range.
     pub fn restore(&mut self, bundle: &Bundle, actions: usize) -> Result<(), BundleError> {
         self.replay.restore("shown", bundle, actions)?;
         let indices = bundle.rows::<u64>("shown/starts", &[])?;
@@ -183,6 +192,7 @@ impl Demonstrations {
         for action in followed {
             check("action of a demonstration", *action as usize, actions)?;
         }
+        // Lengths come from the file: each is checked before the actions are split.
         let mut rest = followed;
         for (&index, &length) in indices.iter().zip(lengths) {
             let length = length as usize;

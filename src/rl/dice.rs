@@ -1,39 +1,41 @@
-//! The learners' random numbers: ChaCha8, so equal on every machine.
+//! Random numbers of the learners: ChaCha8, equal on every machine.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::bundle::{Bundle, BundleError};
 
-/// A seeded generator that can be written down and taken up again.
+/// Seeded generator that a checkpoint can save and restore.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dice(ChaCha8Rng);
 
 impl Dice {
-    /// The generator of this seed.
+    /// Creates the generator of a seed.
     pub fn new(seed: u64) -> Dice {
         Dice(ChaCha8Rng::seed_from_u64(seed))
     }
 
-    /// Uniform in [0, 1), with 53 random bits.
+    /// Draws uniformly from [0, 1), with 53 random bits.
     pub fn unit(&mut self) -> f64 {
         (self.0.next_u64() >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
     }
 
-    /// Uniform among 0, 1, … `end` − 1; 0 if `end` is 0.
+    /// Draws uniformly from 0, 1, … `end` − 1, and returns 0 if `end` is 0.
     ///
-    /// By multiplication: the bias is below `end` / 2⁶⁴.
+    /// Multiplication instead of rejection: the bias is below `end` / 2⁶⁴.
     pub fn below(&mut self, end: usize) -> usize {
         ((u128::from(self.0.next_u64()) * end as u128) >> 64) as usize
     }
 
-    /// Standard normal (Box, Muller 1958).
+    /// Draws from the standard normal distribution (Box, Muller 1958).
     pub fn normal(&mut self) -> f64 {
+        // 1 − u lies in (0, 1], so the logarithm is finite. The second normal of the
+        // pair is discarded, so that the generator is the whole state.
         let radius = libm::sqrt(-2.0 * libm::log(1.0 - self.unit()));
         radius * libm::cos(std::f64::consts::TAU * self.unit())
     }
 
-    /// Puts the items into random order.
+    /// Shuffles the items (Fisher, Yates).
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for end in (1..items.len()).rev() {
             items.swap(end, self.below(end + 1));
@@ -42,6 +44,7 @@ impl Dice {
 
     /// Writes the state into a checkpoint.
     pub fn save(&self, bundle: &mut Bundle) {
+        // The position exceeds 64 bits, hence two words of it.
         let position = self.0.get_word_pos();
         bundle.put("dice/seed", &[32], self.0.get_seed().to_vec());
         let words = vec![
@@ -55,7 +58,7 @@ impl Dice {
     /// Reads the state from a checkpoint.
     ///
     /// # Errors
-    /// When the two tensors of [`Dice::save`] are missing or misshapen.
+    /// The two tensors of [`Dice::save`] are missing or misshapen.
     pub fn restore(bundle: &Bundle) -> Result<Dice, BundleError> {
         let mut seed = [0; 32];
         seed.copy_from_slice(bundle.get::<u8>("dice/seed", &[32])?);

@@ -1,12 +1,12 @@
-//! Deep Q-learning from demonstrations: what a search of the training starts
-//! found is shown before the first episode, and every success after it is kept.
+//! Deep Q-learning from demonstrations.
 //!
 //! - Hester et al., "Deep Q-learning from Demonstrations", AAAI 2018.
 //!
-//! What exploration alone meets once in ten thousand episodes, a search of a few
-//! hundred starts finds in seconds; what a search cannot do, act on a new start
-//! at once, is what is learned. All numbers that are not named here are those of
-//! [`super::dqn`].
+//! A search of a few hundred training starts runs before the first episode. It
+//! finds in seconds the successes that exploration hits once in ten thousand
+//! episodes. Every later success is kept as well. Learning adds the part that a
+//! search cannot do, an immediate action on a new start. All hyperparameters not
+//! named here are those of [`super::dqn`].
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ use super::kind::{Built, Kind, Shaped};
 use super::learner::{ConfigError, Learner, within};
 use super::seeding::Seeding;
 
-/// The kind of a checkpoint; policies are those of [`super::dqn`].
+/// Kind of a checkpoint. Policies are of the kind of [`super::dqn`].
 const CHECKPOINT: &str = "brakecheck dqfd checkpoint 1";
 const KINDS: [&str; 2] = [dqn::POLICY, CHECKPOINT];
 
@@ -28,15 +28,17 @@ const KINDS: [&str; 2] = [dqn::POLICY, CHECKPOINT];
 pub struct DqfdSettings {
     /// Decisions to train for (160000).
     pub decisions: u64,
-    /// How many times that it may take where it has not learned its world by then
-    /// (2); `--decisions` sets it to 1.
+    /// Factor on `decisions` up to which an unsuccessful training goes on (2).
+    ///
+    /// `--decisions` sets it to 1.
     pub longest: f64,
-    /// Widths of the hidden ReLU layers ([96, 96, 96]): narrower ones blur the
-    /// sharp edges between starts.
+    /// Widths of the hidden ReLU layers ([96, 96, 96]).
+    ///
+    /// Narrower layers blur the sharp edges between starts.
     pub hidden: Vec<usize>,
-    /// What is done with successes.
+    /// Use of successes.
     pub imitation: Imitation,
-    /// How the first ones are found.
+    /// Search for the first successes.
     pub seeding: Seeding,
 }
 
@@ -105,6 +107,7 @@ impl Kind for DqfdSettings {
         self.longest
     }
 
+    // An explicit number of decisions is a budget, so no extension applies.
     fn fix(&mut self) {
         self.longest = 1.0;
     }

@@ -3,8 +3,8 @@
 //! - Mnih et al., "Human-level control through deep reinforcement learning",
 //!   Nature 2015: replay, target network.
 //! - van Hasselt, Guez, Silver, "Deep Reinforcement Learning with Double
-//!   Q-learning", AAAI 2016: the online network picks, the target network
-//!   judges.
+//!   Q-learning", AAAI 2016: the online network selects the action, the target
+//!   network evaluates it.
 //! - Schaul et al. 2016 and Watkins 1989: see [`super::replay`].
 //! - Qin et al., "Automatic Testing With Reusable Adversarial Agents", Sec. II:
 //!   squared loss, an update per decision on the newest transition and a batch.
@@ -27,26 +27,26 @@ use super::replay::{Batch, Lived, ReplayBuffer, Tail, Transition};
 use super::starts::{Start, Starts};
 use super::{End, Env, Policy, Spaces};
 
-/// The kind of a kept policy.
+/// Kind of a kept policy.
 pub(super) const POLICY: &str = "brakecheck dqn policy 1";
-/// The kind of a checkpoint.
+/// Kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck dqn checkpoint 1";
 
-/// Adam's step at the start of an extension, as a share of that at the start.
+/// First step size of an extension, as a share of the configured size.
 const AGAIN: f64 = 0.3;
 
-/// Loss of one error δ = Q(s, a) − y.
+/// Loss of a single error δ = Q(s, a) − y.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Loss {
     /// ½ δ² up to the threshold `huber`, linear beyond it.
     #[default]
     Huber,
-    /// ½ δ²: the paper's δ², halved as the gradient is δ then.
+    /// ½ δ²: half the paper's δ², so that the gradient is δ.
     Squared,
 }
 
 impl Loss {
-    /// Derivative of the loss by Q(s, a).
+    /// Returns the derivative of the loss by Q(s, a).
     fn slope(self, error: f32, huber: f32) -> f32 {
         match self {
             Loss::Huber => error.clamp(-huber, huber),
@@ -55,43 +55,45 @@ impl Loss {
     }
 }
 
-/// Hyperparameters of deep Q-learning; the defaults are recipe R.
+/// Hyperparameters of deep Q-learning. The defaults are recipe R.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "DqnConfig", deny_unknown_fields, default)]
 pub struct DqnSettings {
     /// Decisions to train for (300000): the hardest stock world has converged.
     pub decisions: u64,
-    /// Widths of the hidden ReLU layers ([64, 64]): larger ones did not help.
+    /// Widths of the hidden ReLU layers ([64, 64]): larger layers did not help.
     pub hidden: Vec<usize>,
     /// Transitions per update (64): 32 loses a percent or two.
     pub batch: usize,
-    /// Decisions between updates (2): the cheapest that reaches the optimum.
+    /// Decisions between updates (2): the cheapest value that reaches the optimum.
     pub update_every: u64,
-    /// Transitions in the replay before the first update (1000): 64 was worse in the end.
+    /// Transitions in the replay before the first update (1000).
+    ///
+    /// 64 was worse at the end of the training.
     pub learning_starts: usize,
-    /// Adam's step at the start (1e-3): fast early learning.
+    /// Step size of Adam at the start (1e-3): fast early learning.
     pub learning_rate: f64,
-    /// Adam's step at the end, linear between (5e-5): lets the values settle.
+    /// Step size of Adam at the end, linear in between (5e-5): values settle.
     pub final_learning_rate: f64,
     /// |δ| beyond which the loss is linear (1): rewards lie within about ±1.
     pub huber: f64,
     /// Share of the online network in every target update (0.005): soft target.
     pub polyak: f64,
-    /// γ (1): the reward comes once, at the end; 0.9 fails.
+    /// γ (1): the reward comes once, at the end, and 0.9 fails.
     pub discount: f64,
     /// Rewards in an n-step return (3): 1 is slower, whole episodes fail.
     pub steps: usize,
     /// ε at the start (1): every action everywhere.
     pub exploration: f64,
-    /// ε at the end (0.05): ε-soft to the last.
+    /// ε at the end (0.05): ε-soft throughout.
     pub final_exploration: f64,
     /// Share of the training in which ε falls, linearly (0.25).
     pub exploration_fraction: f64,
-    /// An exploratory action is held 1 to this many decisions (4): reaches far.
+    /// Longest hold of an exploratory action, from 1 decision (4): reaches far.
     pub hold: usize,
-    /// Share of episodes that restart from a failed start (0.5): hard ones.
+    /// Share of episodes that restart from a failed start (0.5): hard starts.
     pub restart: f64,
-    /// Failed starts remembered (400): recent ones.
+    /// Number of recent failed starts kept (400).
     pub restart_pool: usize,
     /// Retries of one failed start (4): some cannot be solved.
     pub restart_tries: u32,
@@ -103,17 +105,19 @@ pub struct DqnSettings {
     pub capacity: Option<usize>,
     /// Gain of the last layer's weights at the start (0.01): values near zero.
     pub last_gain: f64,
-    /// Loss of an error (Huber): `Squared` is the paper's, and has no threshold.
+    /// Loss of an error (Huber). `Squared` is the paper's and has no threshold.
     #[serde(skip_serializing_if = "is_default")]
     pub loss: Loss,
-    /// Whether a transition is remembered at once and is part of the next batch
-    /// (false), as in the paper; with `steps: 1` only.
+    /// Puts each transition into the replay at once and into the next batch (false).
+    ///
+    /// This is the paper's update. It requires `steps: 1`.
     #[serde(skip_serializing_if = "is_default")]
     pub newest: bool,
 }
 
-/// Settings that came later are left out where they change nothing, so that a
-/// run directory of an earlier version still names the same learner.
+/// Leaves later settings out of the text where they change nothing.
+///
+/// A run directory of an earlier version then still names the same learner.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
@@ -150,7 +154,7 @@ impl Default for DqnSettings {
 }
 
 impl DqnSettings {
-    /// For a policy that is good already: small steps, and most actions its own.
+    /// Returns settings for a trained policy: small steps, little exploration.
     pub(super) fn fine_tuning(decisions: u64) -> DqnSettings {
         DqnSettings {
             decisions,
@@ -198,7 +202,7 @@ impl Kind for DqnSettings {
             )?;
         }
         if self.newest && self.steps != 1 {
-            // A longer return of the newest decision is not there yet.
+            // The longer return of the newest decision does not exist yet.
             return Err(ConfigError {
                 field: "steps",
                 why: format!("is {} with `newest: true`", self.steps),
@@ -231,7 +235,7 @@ impl Kind for DqnSettings {
     }
 }
 
-/// The learner: everything that changes while it trains.
+/// Learner state: everything that changes during training.
 pub(super) struct Dqn {
     kinds: [&'static str; 2],
     config: DqnSettings,
@@ -239,12 +243,12 @@ pub(super) struct Dqn {
     target: Mlp,
     adam: Adam,
     replay: ReplayBuffer,
-    /// Successes apart, for those who learn from demonstrations.
+    /// Successes, kept apart by learners from demonstrations.
     shown: Option<Demonstrations>,
     starts: Starts,
     dice: Dice,
     tally: Tally,
-    /// Where the schedule of the steps' lengths begins anew.
+    /// Decision at which the schedule of step sizes restarts.
     since: u64,
     room: Room,
 }
@@ -254,7 +258,7 @@ fn fits(spaces: &Spaces, net: &Mlp, what: &'static str) -> Result<(), BundleErro
     expect_sizes(what, &net.ends(), &[spaces.observation, spaces.actions])
 }
 
-/// Buffers without meaning between updates.
+/// Reusable buffers without meaning between updates.
 struct Room {
     batch: Batch,
     here: Tape,
@@ -264,7 +268,7 @@ struct Room {
 }
 
 impl Dqn {
-    /// A learner that has seen nothing.
+    /// Creates an untrained learner.
     pub fn new(config: &DqnSettings, spaces: &Spaces, seed: u64) -> Dqn {
         let mut dice = Dice::new(seed);
         let mut sizes = vec![spaces.observation];
@@ -274,8 +278,9 @@ impl Dqn {
         Dqn::around(config, spaces, online, dice)
     }
 
-    /// A learner that starts from a kept policy: its network counts, whatever
-    /// `hidden` says.
+    /// Creates a learner that starts from a kept policy.
+    ///
+    /// The policy's network is used instead of the sizes in `hidden`.
     ///
     /// # Errors
     /// The policy is for other observations or actions.
@@ -290,7 +295,7 @@ impl Dqn {
         Ok(Dqn::around(config, spaces, net, Dice::new(seed)))
     }
 
-    /// A learner that goes on from a checkpoint, without demonstrations.
+    /// Restores a learner from a checkpoint, without demonstrations.
     ///
     /// # Errors
     /// The checkpoint is damaged, or for other observations or actions.
@@ -311,17 +316,17 @@ impl Dqn {
         Ok(dqn)
     }
 
-    /// The same learner, that keeps successes apart; its checkpoints are of `kinds`.
+    /// Makes the learner keep successes apart, with checkpoints of `kinds`.
     pub fn learning_from(mut self, imitation: &Imitation, kinds: [&'static str; 2]) -> Dqn {
         let width = self.online.inputs();
         self.shown = Some(Demonstrations::new(imitation, width, self.config.priority));
         Dqn { kinds, ..self }
     }
 
-    /// The successes of a checkpoint as well, and how long it goes on.
+    /// Restores the successes of a checkpoint and the extended budget.
     ///
     /// # Errors
-    /// The checkpoint holds none, or damaged ones.
+    /// The checkpoint contains no successes, or damaged successes.
     pub fn with_shown(mut self, bundle: &Bundle) -> Result<Dqn, BundleError> {
         let actions = self.online.outputs();
         if let Some(shown) = &mut self.shown {
@@ -358,6 +363,7 @@ impl Dqn {
     }
 
     fn remember(&mut self, lived: &Lived, end: End) {
+        // A truncated episode would go on, so its last return bootstraps.
         let tail = if end == End::Truncated {
             Tail::Open
         } else {
@@ -375,9 +381,10 @@ impl Dqn {
         );
     }
 
-    /// Remembers the last decision lived, but for one that ended in a fault.
+    /// Records the last decision, unless it ended in a fault.
     fn remember_newest(&mut self, lived: &Lived, end: Option<End>) {
         let width = self.online.inputs();
+        // The last two rows: the observations before and after the decision.
         let from = lived.observations.len() - 2 * width;
         let (observation, next) = lived.observations[from..].split_at(width);
         let discount = match end {
@@ -396,8 +403,9 @@ impl Dqn {
         }
     }
 
-    /// Adam's step now: falls from where it was set to begin, and after an
-    /// extension from a lower one, since most is learned by then.
+    /// Returns the current step size of Adam, which falls linearly.
+    ///
+    /// An extension starts lower, since most is learned by then.
     fn learning_rate(&self) -> f64 {
         let (first, last) = (self.config.learning_rate, self.config.final_learning_rate);
         let first = match self.since {
@@ -413,7 +421,7 @@ impl Dqn {
         )
     }
 
-    /// An episode that succeeded stands as an example, if any are kept.
+    /// Records a successful episode as an example, if examples are kept.
     fn succeeded(&mut self, index: u64, lived: &Lived) {
         let DqnSettings {
             steps, discount, ..
@@ -423,7 +431,7 @@ impl Dqn {
         }
     }
 
-    /// One step of Adam on a prioritised batch, then of the target network.
+    /// Runs a step of Adam on a prioritised batch, then updates the target network.
     fn update(&mut self) {
         let rate = self.learning_rate() as f32;
         let Room {
@@ -434,9 +442,12 @@ impl Dqn {
             ..
         } = &mut self.room;
         let size = self.config.batch;
+        // Unlike the step size, β is not restarted: it stays 1 in an extension.
         let span = self.config.decisions as f64;
         let beta = linear(self.config.correction, 1.0, self.tally.decisions, span);
         let shown = self.shown.as_ref().map_or(0, |shown| shown.drawn_of(size));
+        // Order of a batch: own transitions, the newest, successes. The loop below
+        // relies on it.
         let own = size - shown;
         let newest = usize::from(self.config.newest && 0 < own);
         self.replay
@@ -448,8 +459,8 @@ impl Dqn {
             successes.sample(shown, beta, &mut self.dice, batch);
         }
 
-        // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')). After a
-        // terminal state γ^k is stored as 0, so that all rows are alike.
+        // Double DQN: y = r + γ^k Q_target(s', argmax Q_online(s')). After a terminal
+        // state γ^k is stored as 0, so that all rows are treated alike.
         let stride = self.online.output_stride();
         let actions = self.online.outputs();
         let picks = self.online.forward(&batch.nexts, size, here);
@@ -459,10 +470,10 @@ impl Dqn {
             batch.rewards[i] += batch.discounts[i] * judge[argmax(&pick[..actions])];
         }
 
-        // δ = Q(s, a) − y; the gradient of the Huber loss is δ clipped, that of the
-        // squared one δ. The priority is of the whole error: what is far off is drawn again soon,
-        // however little one step moves it. Invariant: padding columns and
-        // actions not taken have no gradient.
+        // δ = Q(s, a) − y. The gradient of the Huber loss is δ clipped, that of the
+        // squared loss is δ. The priority uses the unclipped error, so that a large
+        // error is drawn again soon, however little a step reduces it. Invariant:
+        // padding columns and actions not taken have no gradient.
         self.online.forward(&batch.observations, size, here);
         let huber = self.config.huber as f32;
         let (values, gradients) = self.online.output_and_gradient(size, here);
@@ -473,7 +484,7 @@ impl Dqn {
             let slope = self.config.loss.slope(error, huber);
             gradients[at] = batch.weights[i] * slope / size as f32;
             match &mut self.shown {
-                // The batch ends with those of successes.
+                // The batch ends with the transitions of successes.
                 Some(successes) if own <= i => {
                     successes.prioritise(batch.slots[i], error);
                     let row = i * stride..i * stride + actions;
@@ -487,6 +498,8 @@ impl Dqn {
             .backward(&batch.observations, size, here, gradient);
         self.adam.step(self.online.parameters_mut(), gradient, rate);
 
+        // Paper (Mnih 2015): a periodic copy. Here: Polyak averaging, because it has a
+        // parameter less to tune.
         let polyak = self.config.polyak as f32;
         let pairs = self
             .target
@@ -501,6 +514,7 @@ impl Dqn {
 
 impl Learner for Dqn {
     fn episode(&mut self, env: &mut dyn Env) -> f32 {
+        // The guide is drawn before the start, since it may replace the start.
         let shown = self.shown.as_ref();
         let guide = shown.and_then(|shown| shown.guide(&mut self.dice));
         let start = match guide.as_ref().and_then(|guide| guide.index) {
@@ -515,8 +529,8 @@ impl Learner for Dqn {
         lived.begin(&obs);
         let (mut held, mut holding) = (0, 0);
         let end = loop {
-            // Asked for even while exploring: an n-step return may go on over an
-            // exploratory action that happens to be the greedy one.
+            // Computed while exploring as well: an n-step return may continue over an
+            // exploratory action that happens to be the greedy action.
             let greedy = self.online.evaluate(&obs, argmax);
             let action = if let Some(next) = led.next() {
                 next
@@ -532,9 +546,9 @@ impl Learner for Dqn {
             let step = env.step(action, &mut obs);
             lived.note(action, action == greedy, step.reward, &obs);
             self.tally.decisions += 1;
-            // Updates fall into the episode; what it taught is kept only when it
-            // is over, since an aborted one must leave nothing behind, unless the
-            // newest transition is asked for.
+            // Updates run during the episode. Its transitions are kept only at the end,
+            // since an aborted episode must leave nothing behind. With `newest` they are
+            // kept at once.
             if self.config.newest {
                 self.remember_newest(&lived, step.end);
             }
@@ -558,6 +572,8 @@ impl Learner for Dqn {
                 if !self.config.newest {
                     self.remember(&lived, end);
                 }
+                // No verdict reaches a learner: a return of at most 0 counts as a failure,
+                // which under the default reward is exactly "no success".
                 match total <= 0.0 {
                     true => self.starts.failed(start),
                     false => self.succeeded(start.index, &lived),
@@ -582,13 +598,14 @@ impl Learner for Dqn {
             let (mut total, mut ended) = (0.0, None);
             for &action in &one.actions {
                 let step = env.step(action, &mut obs);
-                // What was shown counts as what is wanted: returns go on over it.
+                // A demonstrated action counts as wanted: returns continue over it.
                 lived.note(action, true, step.reward, &obs);
                 (total, ended) = (total + step.reward, step.end);
                 if ended.is_some() {
                     break;
                 }
             }
+            // Truncated or unfinished plays are no proof of success in this environment.
             if ended == Some(End::Terminated) && 0.0 < total {
                 self.succeeded(one.index, &lived);
                 kept += 1;
@@ -604,6 +621,7 @@ impl Learner for Dqn {
     }
 
     fn renew(&mut self) {
+        // The configured sizes, even if the learner started from another network.
         let mut sizes = vec![self.online.inputs()];
         sizes.extend(&self.config.hidden);
         sizes.push(self.online.outputs());
@@ -622,7 +640,7 @@ impl Learner for Dqn {
 
     fn exploration(&self) -> f64 {
         let ends = (self.config.exploration, self.config.final_exploration);
-        // Extensions explore no more than the end of what was asked for.
+        // Extensions do not explore more than the end of the configured training.
         let asked = Tally {
             asked: self.config.decisions,
             ..self.tally
@@ -650,6 +668,7 @@ impl Learner for Dqn {
         self.replay.save("replay", &mut bundle);
         if let Some(shown) = &self.shown {
             shown.save(&mut bundle);
+            // Plain deep Q-learning is never extended, so only this kind stores both.
             bundle.put("asked", &[2], vec![self.tally.asked, self.since]);
         }
         self.dice.save(&mut bundle);
@@ -659,7 +678,7 @@ impl Learner for Dqn {
     }
 }
 
-/// Greedy in Q; V(s) = max Q(s, ·).
+/// Greedy policy in Q, with V(s) = max Q(s, ·).
 struct QPolicy {
     net: Mlp,
 }

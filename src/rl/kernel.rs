@@ -1,17 +1,16 @@
-//! Matrix products for small networks, in one fixed order of additions.
+//! Matrix products for small networks, with a fixed order of additions.
 //!
-//! Every sum runs over the shared index from first to last, product by
-//! product, without fused multiply-add; only independent sums share a vector
-//! register. So a result does not depend on the batch it was computed in, nor
-//! on the width of the registers: acting and training agree to the last bit,
-//! on every CPU.
+//! Every sum runs over the shared index from first to last, product by product,
+//! without fused multiply-add. Only independent sums share a vector register. A
+//! result therefore depends neither on its batch nor on the width of the
+//! registers. Acting and training agree to the last bit, on every CPU.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Columns are stored in multiples of this; the padding holds zeros.
+/// Multiple of stored columns. The padding contains zeros.
 pub const LANES: usize = 8;
 
-/// Rows of a result that are worked on together.
+/// Rows of a result that are computed together.
 const ROWS: usize = 4;
 
 /// Rounds a number of columns up to a multiple of [`LANES`].
@@ -19,30 +18,30 @@ pub const fn padded(columns: usize) -> usize {
     columns.next_multiple_of(LANES)
 }
 
-/// `start + left · right`, ready to be written row by row.
+/// Product `start + left · right`, written row by row.
 ///
-/// Element (i, p) of the left factor is `left[i * row + p * column]`; exchange
-/// the two strides for its transpose. `right` is `[depth, width]`, dense;
-/// `start` is `[width]`; `width` is a multiple of [`LANES`].
+/// Element (i, p) of the left factor is `left[i * row + p * column]`. Exchange
+/// the two strides for its transpose. `right` is `[depth, width]`, dense.
+/// `start` is `[width]`. `width` is a multiple of [`LANES`].
 #[derive(Clone, Copy, Debug)]
 pub struct Product<'a> {
-    /// The numbers of the left factor.
+    /// Numbers of the left factor.
     pub left: &'a [f32],
     /// Distance between rows of the left factor.
     pub row: usize,
     /// Distance between columns of the left factor.
     pub column: usize,
-    /// The right factor.
+    /// Numbers of the right factor.
     pub right: &'a [f32],
-    /// What every row of the sum starts from: the bias, or zeros.
+    /// Start of every row of the sum: the bias, or zeros.
     pub start: &'a [f32],
 }
 
 impl Product<'_> {
     /// Fills `out`, `[rows, width]`, dense.
     ///
-    /// Compiled for several instruction sets, chosen at run time; the bits of
-    /// the result are the same for all of them.
+    /// The code is compiled for several instruction sets and chosen at run time. All
+    /// of them give the same bits.
     pub fn write(&self, out: &mut [f32]) {
         Arch::new().dispatch(Write {
             product: *self,
@@ -53,7 +52,7 @@ impl Product<'_> {
     #[inline(always)]
     fn strips(&self, out: &mut [f32]) {
         let width = self.start.len();
-        // Invariant: columns are padded, so that no tile hangs over the edge.
+        // Invariant: columns are padded, so that no tile exceeds the edge.
         assert!(width.is_multiple_of(LANES) && out.len().is_multiple_of(width));
         let mut strips = out.chunks_exact_mut(ROWS * width);
         let mut row = 0;
@@ -61,6 +60,8 @@ impl Product<'_> {
             self.strip::<ROWS>(row, width, strip);
             row += ROWS;
         }
+        // Rows that do not fill a strip are computed singly, in the same order of
+        // additions, so their bits are the same.
         for strip in strips.into_remainder().chunks_exact_mut(width) {
             self.strip::<1>(row, width, strip);
             row += 1;
@@ -74,6 +75,7 @@ impl Product<'_> {
             self.tile::<R, { 2 * LANES }>(row, column, width, out);
             column += 2 * LANES;
         }
+        // At most one narrow tile remains, since the width is a multiple of LANES.
         if column < width {
             self.tile::<R, LANES>(row, column, width, out);
         }
@@ -95,7 +97,7 @@ impl Product<'_> {
         }
     }
 
-    /// R rows by C columns of the result, held in registers while p runs.
+    /// Sums R rows by C columns of the result in registers while p runs.
     #[inline(always)]
     fn sums<const R: usize, const C: usize>(
         &self,
@@ -109,11 +111,13 @@ impl Product<'_> {
                 .get(column..)
                 .and_then(|right| right.first_chunk::<C>())
             else {
+                // Invariant: tiles end within the width, so no product is ever left out.
                 return sums;
             };
             for (r, sums) in sums.iter_mut().enumerate() {
                 let left = self.left[(row + r) * self.row + p * self.column];
                 for (sum, right) in sums.iter_mut().zip(right) {
+                    // Rust never fuses this into a multiply-add, so all CPUs round alike.
                     *sum += left * right;
                 }
             }
@@ -122,7 +126,7 @@ impl Product<'_> {
     }
 }
 
-/// The work to be done, for [`Arch::dispatch`].
+/// Work item for [`Arch::dispatch`].
 struct Write<'a> {
     product: Product<'a>,
     out: &'a mut [f32],

@@ -1,48 +1,47 @@
-//! What a learner must offer to stand in the list.
+//! Interface between a learner's settings and the list of learners.
 
 use super::bundle::{Bundle, BundleError};
 use super::learner::{ConfigError, Learner};
 use super::seeding::Seeding;
 use super::{Policy, Spaces};
 
-/// What the settings of a learner offer, so that it can stand in the list.
+/// Interface that the settings of a learner implement for the list.
 ///
-/// Settings are checked before they build anything ([`super::LearnerConfig`]), and
-/// bundles are of the right kind.
+/// The caller ([`super::LearnerConfig`]) checks settings before they build
+/// anything, and passes bundles of the right kind only.
 pub(super) trait Kind {
-    /// First words of its bundles: of policies, of checkpoints.
+    /// Kinds of its bundles: policies, then checkpoints.
     fn bundles(&self) -> [&'static str; 2];
 
-    /// Refuses the first field, other than `decisions`, that is out of range.
+    /// Refuses the first field out of range, other than `decisions`.
     fn check(&self) -> Result<(), ConfigError>;
 
-    /// γ, by which a later reward counts less.
+    /// Discount γ per decision.
     fn discount(&self) -> f64;
 
-    /// A learner that has seen nothing.
+    /// Creates an untrained learner.
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner>;
 
-    /// A learner that starts from a kept policy.
+    /// Creates a learner that starts from a kept policy.
     fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built;
 
-    /// A learner that goes on from a checkpoint.
+    /// Restores a learner from a checkpoint.
     fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built;
 
-    /// How demonstrations are looked for before it learns; `None`: it wants none.
+    /// Search for demonstrations before the training, `None` for no search.
     fn seeding(&self) -> Option<&Seeding> {
         None
     }
 
-    /// How many times its decisions a training may take where it has not learned
-    /// its world by then.
+    /// Factor on the decisions up to which an unsuccessful training goes on.
     fn longest(&self) -> f64 {
         1.0
     }
 
-    /// Takes exactly the decisions asked for.
+    /// Restricts the training to exactly the configured decisions.
     fn fix(&mut self) {}
 
-    /// A kept policy, with its observation length and number of actions.
+    /// Loads a kept policy, with its observation length and number of actions.
     fn load(&self, policy: &Bundle) -> Shaped;
 }
 

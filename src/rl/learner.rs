@@ -1,9 +1,9 @@
-//! The learner-neutral surface: what a learner does, and how it says no.
+//! Common interface of all learners, and their configuration errors.
 
 use super::bundle::{Bundle, BundleError};
 use super::{Control, Env, LearnerReport, Policy};
 
-/// How much of what a learner was asked to do is done.
+/// Progress of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tally {
     /// Decisions to train for.
@@ -17,7 +17,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Nothing done yet.
+    /// Creates the tally of a training that has not begun.
     pub fn new(asked: u64) -> Tally {
         Tally {
             asked,
@@ -27,7 +27,7 @@ impl Tally {
         }
     }
 
-    /// Episodes begun: the index of the next start.
+    /// Returns the number of episodes begun, which is the index of the next start.
     pub(super) fn begun(&self) -> u64 {
         self.episodes + self.aborted
     }
@@ -37,7 +37,7 @@ impl Tally {
         bundle.put("counters", &[3], counters);
     }
 
-    /// What [`Tally::save`] wrote, of a training for as many decisions.
+    /// Restores the counters of [`Tally::save`]. `asked` is left as it is.
     pub(super) fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
         let counters = bundle.get::<u64>("counters", &[3])?;
         (self.decisions, self.episodes, self.aborted) = (counters[0], counters[1], counters[2]);
@@ -45,46 +45,49 @@ impl Tally {
     }
 }
 
-/// An episode that succeeded: where it began and what was done.
+/// Successful episode: its start and its actions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Demonstration {
-    /// The episode index to reset the environment with.
+    /// Episode index with which to reset the environment.
     pub index: u64,
-    /// The actions, to the end of the episode.
+    /// Actions to the end of the episode.
     pub actions: Vec<usize>,
 }
 
-/// A learner at work: a configuration turned into state.
+/// Learner at work: a configuration with its training state.
 pub trait Learner: Send {
-    /// Plays one episode, learning on the way; returns its return.
+    /// Plays an episode, learns on the way and returns the episode's return.
     fn episode(&mut self, env: &mut dyn Env) -> f32;
 
-    /// Shows successes to a learner that wants them, before its first episode;
-    /// gives how many succeed in `env` and are kept. Others look at none.
+    /// Demonstrates successes to a learner before its first episode.
+    ///
+    /// Returns the number of demonstrations that succeed in `env` and are kept.
+    /// Learners that use no demonstrations return 0.
     fn demonstrate(&mut self, _env: &mut dyn Env, _shown: &[Demonstration]) -> usize {
         0
     }
 
-    /// Goes on for so many decisions more than it was asked for. Learners that
-    /// cannot adapt stop where they were asked to.
+    /// Extends the training by `decisions` beyond the configured number.
+    ///
+    /// Learners that cannot adapt their schedule ignore it.
     fn extend(&mut self, _decisions: u64) {}
 
-    /// Forgets what it believes and keeps what it remembers: a training that got
-    /// stuck begins anew, with all it has seen.
+    /// Discards the learned values but keeps the replay and the successes.
+    ///
+    /// A training without progress restarts with all its experience.
     fn renew(&mut self) {}
 
-    /// What is done so far.
+    /// Returns the progress so far.
     fn tally(&self) -> &Tally;
 
-    /// How likely an action is exploratory now.
+    /// Returns the current probability of an exploratory action.
     fn exploration(&self) -> f64;
 
-    /// Trains until the configured decisions are taken or `observer` says
-    /// [`Control::Stop`].
+    /// Trains until the configured decisions are taken or the observer stops it.
     ///
-    /// `observer` is called after every episode; the episode in which the last
-    /// decision falls is played to its end. `env` must be the same problem at
-    /// every call.
+    /// `observer` is called after every episode and may return [`Control::Stop`].
+    /// The episode of the last decision is played to its end. `env` must be the same
+    /// problem at every call.
     fn train(&mut self, env: &mut dyn Env, observer: &mut dyn FnMut(&LearnerReport) -> Control) {
         while !self.finished() {
             let episode_return = self.episode(env);
@@ -97,51 +100,52 @@ pub trait Learner: Send {
                 exploration: self.exploration() as f32,
             };
             if observer(&progress) == Control::Stop {
+                // Between episodes, the only place where a checkpoint is complete.
                 return;
             }
         }
     }
 
-    /// Decisions taken so far.
+    /// Returns the number of decisions taken so far.
     fn decisions(&self) -> u64 {
         self.tally().decisions
     }
 
-    /// Whether the configured decisions are taken.
+    /// Returns true once the configured decisions are taken.
     fn finished(&self) -> bool {
         self.tally().asked <= self.tally().decisions
     }
 
-    /// The greedy policy learned so far.
+    /// Returns the greedy policy learned so far.
     fn policy(&self) -> Box<dyn Policy>;
 
-    /// The same policy, to be kept; [`super::load_policy`] reads it.
+    /// Returns the same policy as a bundle, which [`super::load_policy`] reads.
     fn policy_bundle(&self) -> Bundle;
 
-    /// Everything that training needs to go on as if never interrupted.
+    /// Returns the state from which training continues as if never interrupted.
     fn checkpoint(&self) -> Bundle;
 }
 
-/// A hyperparameter that is out of range.
+/// Hyperparameter out of range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}; {help}", self.what())]
 pub struct ConfigError {
-    /// The field, as in a world file.
+    /// Name of the field, as in a world file.
     pub field: &'static str,
-    /// What is wrong with it.
+    /// Problem with the value.
     pub why: String,
-    /// What would be right.
+    /// Valid range, in words.
     pub help: String,
 }
 
 impl ConfigError {
-    /// The field and what is wrong with it.
+    /// Returns the field and its problem in words.
     pub fn what(&self) -> String {
         format!("learner field `{}` {}", self.field, self.why)
     }
 }
 
-/// Refuses a number outside of [low, high], and NaN.
+/// Refuses a number outside [low, high], and NaN.
 pub(super) fn within(
     field: &'static str,
     value: f64,
@@ -170,7 +174,7 @@ pub(super) fn expect_kind(bundle: &Bundle, kind: &'static str) -> Result<(), Bun
     })
 }
 
-/// Refuses a network of other sizes than configured.
+/// Refuses a network of other sizes than expected.
 pub(super) fn expect_sizes(
     what: &'static str,
     found: &[usize],
@@ -186,14 +190,15 @@ pub(super) fn expect_sizes(
     })
 }
 
-/// ε of ε-greedy exploration: falls between `ends` over a share of the training.
+/// Returns ε, which falls between `ends` over a share of the training.
 pub(super) fn epsilon(tally: &Tally, ends: (f64, f64), share: f64) -> f64 {
     linear(ends.0, ends.1, tally.decisions, share * tally.asked as f64)
 }
 
-/// From `start` to `end` in a straight line over the first `span` decisions.
+/// Interpolates from `start` to `end` over the first `span` decisions.
 pub(super) fn linear(start: f64, end: f64, decisions: u64, span: f64) -> f64 {
     let decisions = decisions as f64;
+    // Strict, so that a span of 0 divides nothing.
     if decisions < span {
         start + (end - start) * (decisions / span)
     } else {

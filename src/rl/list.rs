@@ -1,5 +1,4 @@
-//! The list of learners, and what follows from it: names in world files,
-//! checked configurations, building, and loading policies.
+//! List of learners, with their names, configuration, building and loading.
 //!
 //! A new learner is one module beside this one, whose settings implement
 //! `kind::Kind`, and one line in the list.
@@ -14,8 +13,7 @@ use super::{DqfdSettings, DqnSettings, Policy, PpoSettings, QTableSettings, Spac
 
 macro_rules! learners {
     ($($(#[doc = $doc:literal])+ $(#[cfg($when:meta)])? $name:ident($settings:ty),)+) => {
-        /// A learner's settings as somebody wrote them, to be checked by
-        /// [`LearnerConfig::new`].
+        /// Settings of a learner as written, to be checked by [`LearnerConfig::new`].
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields)]
         pub enum LearnerSettings {
@@ -29,12 +27,12 @@ macro_rules! learners {
         })+
 
         impl LearnerSettings {
-            /// Every learner there is, with its defaults.
+            /// Returns every learner with its defaults.
             pub fn all() -> Vec<LearnerSettings> {
                 [$($(#[cfg($when)])? <$settings>::default().into(),)+].into()
             }
 
-            /// The name of the learner, as in a world file.
+            /// Returns the name of the learner, as in a world file.
             pub fn name(&self) -> &'static str {
                 match self {
                     $($(#[cfg($when)])? LearnerSettings::$name(_) => stringify!($name),)+
@@ -53,7 +51,7 @@ macro_rules! learners {
                 }
             }
 
-            /// Exactly so many decisions, whatever the world is like.
+            /// Sets exactly this number of decisions, without extensions.
             fn fix(&mut self, decisions: u64) {
                 match self {
                     $($(#[cfg($when)])? LearnerSettings::$name(own) => {
@@ -67,15 +65,15 @@ macro_rules! learners {
 }
 
 learners! {
-    /// Deep Q-learning that begins with what a search found: the default.
+    /// Deep Q-learning that starts from the results of a search, the default.
     Dqfd(DqfdSettings),
-    /// Deep Q-learning that finds everything by itself.
+    /// Deep Q-learning without demonstrations.
     Dqn(DqnSettings),
-    /// Tabular Q-learning: for small or binned worlds.
+    /// Tabular Q-learning, for small or binned worlds.
     QTable(QTableSettings),
     /// Proximal policy optimisation.
     Ppo(PpoSettings),
-    /// The action that paid most so far: shows what a learner takes.
+    /// Example learner that repeats the most rewarded action.
     #[cfg(test)]
     Paid(super::paid::PaidSettings),
 }
@@ -86,7 +84,7 @@ impl Default for LearnerSettings {
     }
 }
 
-/// Which learner, with every hyperparameter, each within its bounds.
+/// Learner with every hyperparameter, each within its bounds.
 ///
 /// ```
 /// use brakecheck::rl::{DqnSettings, LearnerConfig};
@@ -110,6 +108,7 @@ impl TryFrom<LearnerSettings> for LearnerConfig {
     type Error = ConfigError;
 
     fn try_from(settings: LearnerSettings) -> Result<LearnerConfig, ConfigError> {
+        // `decisions` is common to all learners, so it is checked here and not by each.
         within("decisions", settings.decisions() as f64, 1.0, 1e12)?;
         settings.kind().check()?;
         Ok(LearnerConfig(settings))
@@ -126,64 +125,67 @@ impl LearnerConfig {
     /// Checks every setting of a learner.
     ///
     /// # Errors
-    /// Names the first field that is out of range, and what would be right.
+    /// The first field out of range, with its valid range.
     pub fn new(settings: impl Into<LearnerSettings>) -> Result<LearnerConfig, ConfigError> {
         settings.into().try_into()
     }
 
-    /// Decisions to train for.
+    /// Returns the number of decisions to train for.
     pub fn decisions(&self) -> u64 {
         self.0.decisions()
     }
 
-    /// Decisions after which a training ends that still has not learned its world.
+    /// Returns the number of decisions after which any training ends.
+    ///
+    /// It exceeds [`LearnerConfig::decisions`] for learners that extend a training
+    /// that has not learned its world.
     pub fn longest(&self) -> u64 {
         (self.0.kind().longest() * self.decisions() as f64) as u64
     }
 
-    /// The same for exactly this number of decisions, whatever the world is like.
+    /// Returns the configuration for exactly this number of decisions.
     ///
     /// # Errors
-    /// It is 0 or above 10¹².
+    /// The number is 0 or above 10¹².
     pub fn with_decisions(mut self, decisions: u64) -> Result<LearnerConfig, ConfigError> {
         self.0.fix(decisions);
         self.0.try_into()
     }
 
-    /// The name of the learner, as in a world file.
+    /// Returns the name of the learner, as in a world file.
     pub fn name(&self) -> &'static str {
         self.0.name()
     }
 
-    /// γ: a reward paid after t decisions counts γ^t times.
+    /// Discount γ: a reward after t decisions counts γ^t times.
     pub fn discount(&self) -> f64 {
         self.0.kind().discount()
     }
 
-    /// How demonstrations are looked for before it learns; `None`: it wants none.
+    /// Search for demonstrations before the training, `None` for no search.
     pub fn seeding(&self) -> Option<&Seeding> {
         self.0.kind().seeding()
     }
 
-    /// A learner that has seen nothing; equal seeds learn equally.
+    /// Creates an untrained learner. Equal seeds learn equally.
     pub fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         self.0.kind().build(spaces, seed)
     }
 
-    /// A learner that starts from a policy kept earlier (fine-tuning).
+    /// Creates a learner that starts from a kept policy (fine-tuning).
     ///
     /// # Errors
-    /// When the policy is of another learner, or its shapes are others.
+    /// The policy is of another learner, or has other shapes.
     pub fn build_from(&self, spaces: &Spaces, seed: u64, policy: &Bundle) -> Built {
         let kind = self.0.kind();
         expect_kind(policy, kind.bundles()[0])?;
         kind.build_from(spaces, seed, policy)
     }
 
-    /// A learner that goes on from a checkpoint.
+    /// Restores a learner from a checkpoint.
     ///
     /// # Errors
-    /// When the checkpoint is of another learner, or its shapes are others.
+    /// The checkpoint is of another learner, or has other shapes.
     pub fn restore(&self, spaces: &Spaces, checkpoint: &Bundle) -> Built {
         let kind = self.0.kind();
         expect_kind(checkpoint, kind.bundles()[1])?;
@@ -191,33 +193,37 @@ impl LearnerConfig {
     }
 }
 
-/// A learner that goes on from a kept policy of deep Q-learning, in small steps, for
-/// so many decisions. `None`: the policy is of another learner, or its shapes are
-/// others.
+/// Creates a learner that fine-tunes a kept policy of deep Q-learning.
+///
+/// It takes small steps for `decisions` decisions. Returns `None` if the policy
+/// is of another learner or has other shapes.
 pub(crate) fn fine_tuner(
     spaces: &Spaces,
     (decisions, seed): (u64, u64),
     policy: &Bundle,
 ) -> Option<Box<dyn Learner>> {
     let settings = DqnSettings::fine_tuning(decisions);
+    // Both deep Q-learners keep a network of Q values.
     let kinds = [settings.bundles(), DqfdSettings::default().bundles()];
     let is_of_q = kinds.iter().any(|[kept, _]| *kept == policy.meta());
     let learner = is_of_q.then(|| settings.build_from(spaces, seed, policy));
     learner?.ok()
 }
 
-/// The policy of any learner, from what [`Learner::policy_bundle`] gave.
+/// Loads the policy of any learner from a bundle.
+///
+/// [`Learner::policy_bundle`] writes such a bundle.
 ///
 /// # Errors
-/// When the bundle is no policy, or its shapes do not fit each other.
+/// The bundle is not a policy, or its shapes do not fit each other.
 pub fn load_policy(bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
     Ok(load_shaped(bundle)?.0)
 }
 
-/// The same, for a world with these spaces.
+/// Loads the policy of any learner, for a world with these spaces.
 ///
 /// # Errors
-/// When the bundle is no policy, or one for other observations or actions.
+/// The bundle is not a policy, or is for other observations or actions.
 pub fn load_policy_for(spaces: &Spaces, bundle: &Bundle) -> Result<Box<dyn Policy>, BundleError> {
     let (policy, shape) = load_shaped(bundle)?;
     let expected = [spaces.observation, spaces.actions];
@@ -228,6 +234,8 @@ pub fn load_policy_for(spaces: &Spaces, bundle: &Bundle) -> Result<Box<dyn Polic
 fn load_shaped(bundle: &Bundle) -> Shaped {
     let all = LearnerSettings::all();
     let policy = |learner: &LearnerSettings| learner.kind().bundles()[0];
+    // `Dqfd` and `Dqn` share a kind of policy and its loader, so the first match
+    // serves both.
     match all.iter().find(|learner| policy(learner) == bundle.meta()) {
         Some(learner) => learner.kind().load(bundle),
         None => {

@@ -1,18 +1,18 @@
-//! A multilayer perceptron with ReLU, its gradient, and Adam.
+//! Multilayer perceptron with ReLU, its gradient, and Adam.
 //!
-//! Parameters lie in one flat vector, layer after layer, each as a bias
-//! `[width]` followed by weights `[inputs, width]`, where `width` is the
-//! number of outputs padded by [`padded`]. Padding is zero and stays
-//! zero: its gradient vanishes.
+//! Parameters lie in a flat vector, layer after layer. A layer is a bias
+//! `[width]` followed by weights `[inputs, width]`, where `width` is the number
+//! of outputs padded by [`padded`]. Padding is zero and stays zero, because its
+//! gradient vanishes.
 //!
 //! Architecture Invariant: nothing is allocated after construction, and no
-//! result depends on the batch it was computed in (see [`super::kernel`]).
+//! result depends on the batch in which it was computed (see [`super::kernel`]).
 
 use super::bundle::{Bundle, BundleError};
 use super::dice::Dice;
 use super::kernel::{Product, padded};
 
-/// One affine layer, as offsets into the flat parameters.
+/// Affine layer, as offsets into the flat parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Layer {
     inputs: usize,
@@ -23,14 +23,14 @@ struct Layer {
     end: usize,
 }
 
-/// A perceptron: affine layers with ReLU between them, none after the last.
+/// Perceptron: affine layers with ReLU between them, none after the last.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mlp {
     layers: Vec<Layer>,
     parameters: Vec<f32>,
 }
 
-/// Room for a batch: activations forward, deltas backward.
+/// Buffers for a batch: activations forward, deltas backward.
 #[derive(Clone, Debug)]
 pub struct Tape {
     activations: Vec<Vec<f32>>,
@@ -40,7 +40,7 @@ pub struct Tape {
 }
 
 impl Mlp {
-    /// A network of zeros. `sizes` are inputs, hidden widths, outputs.
+    /// Creates a network of zeros. `sizes` are inputs, hidden widths, outputs.
     pub fn zeros(sizes: &[usize]) -> Mlp {
         let mut layers = Vec::new();
         let mut end = 0;
@@ -65,10 +65,10 @@ impl Mlp {
         }
     }
 
-    /// Orthogonal weights (Saxe 2014), biases zero.
+    /// Creates orthogonal weights (Saxe 2014) and zero biases.
     ///
-    /// Hidden layers have gain √2 (for ReLU), the last layer `last_gain`: a
-    /// small one makes all outputs start near zero.
+    /// Hidden layers have gain √2 (for ReLU), the last layer has `last_gain`. A small
+    /// `last_gain` makes all outputs start near zero.
     pub fn orthogonal(sizes: &[usize], last_gain: f32, dice: &mut Dice) -> Mlp {
         let mut net = Mlp::zeros(sizes);
         let last = net.layers.len() - 1;
@@ -89,32 +89,32 @@ impl Mlp {
         net
     }
 
-    /// Length of an input.
+    /// Returns the length of an input.
     pub fn inputs(&self) -> usize {
         self.layers[0].inputs
     }
 
-    /// Length of an output.
+    /// Returns the length of an output.
     pub fn outputs(&self) -> usize {
         self.last().outputs
     }
 
-    /// Distance between the output rows of a batch.
+    /// Returns the distance between the output rows of a batch.
     pub fn output_stride(&self) -> usize {
         self.last().width
     }
 
-    /// All parameters, flat, padding included.
+    /// Returns all parameters, flat, with padding.
     pub fn parameters(&self) -> &[f32] {
         &self.parameters
     }
 
-    /// All parameters, flat, to be changed.
+    /// Returns all parameters, flat and mutable.
     pub fn parameters_mut(&mut self) -> &mut [f32] {
         &mut self.parameters
     }
 
-    /// Inputs and outputs.
+    /// Returns the lengths of inputs and outputs.
     pub fn ends(&self) -> [usize; 2] {
         [self.inputs(), self.outputs()]
     }
@@ -130,6 +130,7 @@ impl Mlp {
     pub fn save_as(&self, flat: &[f32], prefix: &str, bundle: &mut Bundle) {
         for (i, layer) in self.layers.iter().enumerate() {
             let bias = flat[layer.bias..layer.bias + layer.outputs].to_vec();
+            // Without padding, so that other tools read plain matrices.
             let rows = flat[layer.weights..layer.end].chunks_exact(layer.width);
             let weight: Vec<f32> = rows
                 .flat_map(|row| &row[..layer.outputs])
@@ -147,7 +148,7 @@ impl Mlp {
     /// Reads a network whose sizes are those of the tensors found.
     ///
     /// # Errors
-    /// When a tensor is missing or does not fit its neighbours.
+    /// A tensor is missing or does not fit its neighbours.
     pub fn load(prefix: &str, bundle: &Bundle) -> Result<Mlp, BundleError> {
         let mut sizes = Vec::new();
         while let Some(shape) = bundle.shape(&format!("{prefix}/{}/weight", sizes.len())) {
@@ -164,8 +165,8 @@ impl Mlp {
                 name: format!("{prefix}/0/weight"),
             });
         }
-        // Before room is made: sizes of numbers that are there, so that a small
-        // file asks for little room.
+        // Checked before memory is reserved: the sizes must belong to numbers that
+        // exist, so that a small file cannot request much memory.
         for (i, ends) in sizes.windows(2).enumerate() {
             bundle.get::<f32>(&format!("{prefix}/{i}/weight"), ends)?;
         }
@@ -177,7 +178,7 @@ impl Mlp {
     /// Reads flat numbers of this network's shape.
     ///
     /// # Errors
-    /// When a tensor is missing or misshapen.
+    /// A tensor is missing or misshapen.
     pub fn load_as(&self, prefix: &str, bundle: &Bundle) -> Result<Vec<f32>, BundleError> {
         let mut flat = vec![0.0; self.parameters.len()];
         for (i, layer) in self.layers.iter().enumerate() {
@@ -193,7 +194,7 @@ impl Mlp {
         Ok(flat)
     }
 
-    /// Room for batches of up to `batch` rows.
+    /// Creates buffers for batches of up to `batch` rows.
     pub fn tape(&self, batch: usize) -> Tape {
         let per_layer = || {
             self.layers
@@ -214,10 +215,10 @@ impl Mlp {
         }
     }
 
-    /// Outputs for `batch` inputs, `[batch, inputs]`, dense.
+    /// Computes outputs for `batch` inputs, `[batch, inputs]`, dense.
     ///
-    /// Returns `[batch, output_stride]`. The tape remembers what
-    /// [`Mlp::backward`] needs.
+    /// Returns `[batch, output_stride]`. The tape keeps the activations for
+    /// [`Mlp::backward`].
     #[inline(always)]
     pub fn forward<'a>(&self, inputs: &[f32], batch: usize, tape: &'a mut Tape) -> &'a [f32] {
         let last = self.layers.len() - 1;
@@ -236,10 +237,10 @@ impl Mlp {
         &tape.activations[last][..batch * self.layers[last].width]
     }
 
-    /// The outputs of the last [`Mlp::forward`], and their gradient to be
-    /// filled in, both `[batch, output_stride]`.
+    /// Returns the outputs of the last [`Mlp::forward`] and a gradient to fill.
     ///
-    /// Padding columns of the gradient must be zero.
+    /// Both are `[batch, output_stride]`. Padding columns of the gradient must be
+    /// zero.
     pub fn output_and_gradient<'a>(
         &self,
         batch: usize,
@@ -253,10 +254,10 @@ impl Mlp {
         )
     }
 
-    /// The gradient of the parameters, after [`Mlp::forward`] on the same
-    /// inputs and with the tape's output gradient filled in.
+    /// Computes the gradient of the parameters.
     ///
-    /// Sums over the batch; `gradient` is overwritten.
+    /// Call it after [`Mlp::forward`] on the same inputs, with the tape's output
+    /// gradient filled in. The result sums over the batch and overwrites `gradient`.
     #[inline(always)]
     pub fn backward(&self, inputs: &[f32], batch: usize, tape: &mut Tape, gradient: &mut [f32]) {
         for (i, layer) in self.layers.iter().enumerate().rev() {
@@ -266,7 +267,7 @@ impl Mlp {
                 0 => (inputs, layer.inputs),
                 _ => (&tape.activations[i - 1][..], self.layers[i - 1].width),
             };
-            // dW = xᵀ · delta; exchanged strides read the inputs transposed.
+            // dW = xᵀ · delta. Exchanged strides read the inputs transposed.
             let weights = &mut gradient[layer.weights..layer.end];
             let start = &tape.zeros[..layer.width];
             Product {
@@ -285,12 +286,13 @@ impl Mlp {
                     *sum += d;
                 }
             }
-            // delta below = (delta · Wᵀ) where the hidden unit was on
+            // The delta below is delta · Wᵀ where the hidden unit was on.
             let Some(below) = below.last_mut() else {
                 continue;
             };
-            // A product reads its right factor row by row, so the transpose is
-            // copied out.
+            // A product reads its right factor row by row, so the transpose is copied.
+            // Padding columns may be stale. The ReLU mask below zeroes their result, since
+            // padded units are never on.
             let width = self.layers[i - 1].width;
             let transposed = &mut tape.transposed[..layer.outputs * width];
             let weights = &self.parameters[layer.weights..layer.end];
@@ -315,11 +317,12 @@ impl Mlp {
         }
     }
 
-    /// Calls `read` with the outputs for one input, without a tape.
+    /// Calls `read` with the outputs for a single input, without a tape.
     ///
-    /// Bit for bit what [`Mlp::forward`] gives. Layers up to 128 wide stay on
-    /// the stack.
+    /// The bits are those of [`Mlp::forward`]. Layers up to 128 wide stay on the
+    /// stack.
     pub fn evaluate<T>(&self, input: &[f32], read: impl FnOnce(&[f32]) -> T) -> T {
+        // A policy acts at every sample, so the usual widths avoid an allocation.
         const STACK: usize = 128;
         let widest = self.widest();
         if widest <= STACK {
@@ -348,6 +351,7 @@ impl Mlp {
             }
             std::mem::swap(&mut here, &mut there);
         }
+        // The last swap moved the outputs into `there`.
         read(&there[..self.outputs()])
     }
 
@@ -380,9 +384,9 @@ impl Mlp {
 pub struct Adam {
     /// Running mean of the gradient.
     pub mean: Vec<f32>,
-    /// Running mean of its square.
+    /// Running mean of the gradient's square.
     pub square: Vec<f32>,
-    /// Steps taken.
+    /// Number of steps taken.
     pub steps: u64,
 }
 
@@ -401,7 +405,7 @@ impl Adam {
     /// Reads the moments of this network's parameters.
     ///
     /// # Errors
-    /// When a tensor is missing or misshapen.
+    /// A tensor is missing or misshapen.
     pub fn load(net: &Mlp, prefix: &str, bundle: &Bundle) -> Result<Adam, BundleError> {
         Ok(Adam {
             mean: net.load_as(&format!("{prefix}/mean"), bundle)?,
@@ -410,7 +414,7 @@ impl Adam {
         })
     }
 
-    /// No step taken yet, for a network with this many parameters.
+    /// Creates the state before the first step, for this many parameters.
     pub fn new(parameters: usize) -> Adam {
         Adam {
             mean: vec![0.0; parameters],
@@ -422,8 +426,8 @@ impl Adam {
     /// Moves the parameters against the gradient.
     #[inline(always)]
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f32) {
-        // m̂ = m / (1 − β₁ᵗ) and v̂ = v / (1 − β₂ᵗ), the corrections drawn out of
-        // the loop (Kingma, Ba 2015, end of section 2). In f64: 1 − 0.999ᵗ
+        // m̂ = m / (1 − β₁ᵗ) and v̂ = v / (1 − β₂ᵗ). The corrections are moved out of
+        // the loop (Kingma, Ba 2015, end of section 2). In f64, because 1 − 0.999ᵗ
         // loses half of its digits in f32 at first.
         self.steps += 1;
         let steps = self.steps as f64;
@@ -439,7 +443,7 @@ impl Adam {
     }
 }
 
-/// Index of the largest value; ties go to the lowest index.
+/// Returns the index of the largest value. Ties go to the lowest index.
 pub fn argmax(values: &[f32]) -> usize {
     let mut best = 0;
     for (i, value) in values.iter().enumerate() {
@@ -457,18 +461,18 @@ fn relu(values: &mut [f32]) {
     }
 }
 
-/// A matrix with orthonormal rows or columns, whichever are fewer, by
-/// Gram-Schmidt on normal draws.
+/// Returns a matrix with orthonormal rows or columns, whichever are fewer.
 ///
-/// By hand and not by a library's QR: reflections or another order of sums
-/// give other bits, and with them other policies from the same seed.
+/// Gram-Schmidt on normal draws, written by hand. A library's QR uses reflections
+/// or another order of sums, which gives other bits and so other policies from
+/// the same seed.
 fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut Dice) -> Vec<Vec<f64>> {
     let (few, many) = (rows.min(columns), rows.max(columns));
     let mut basis: Vec<Vec<f64>> = Vec::with_capacity(few);
     while basis.len() < few {
         let mut vector: Vec<f64> = (0..many).map(|_| dice.normal()).collect();
-        // Twice is enough (Kahan; Parlett 1980): the first pass may leave rounding
-        // as large as what is left of the vector, the second removes it.
+        // Two passes are enough (Kahan, in Parlett 1980). The first pass may leave
+        // rounding as large as the rest of the vector, the second removes it.
         for _ in 0..2 {
             for other in &basis {
                 let along: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
@@ -479,7 +483,7 @@ fn orthogonal_matrix(rows: usize, columns: usize, dice: &mut Dice) -> Vec<Vec<f6
             }
         }
         let length = libm::sqrt(vector.iter().map(|a| a * a).sum());
-        // A draw within the span of the others has no direction left: draw again.
+        // A draw within the span of the others has no direction left, so draw again.
         if 1e-6 < length {
             vector.iter_mut().for_each(|a| *a /= length);
             basis.push(vector);

@@ -1,6 +1,7 @@
 #![cfg(test)]
-//! A learner as small as they come, to show what one takes: this file and one
-//! line in `list`. It plays actions at random and keeps what each was paid.
+//! Minimal example of a learner: this file and one line in `list`.
+//!
+//! It plays actions at random and keeps the reward of each.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +19,7 @@ const CHECKPOINT: &str = "brakecheck paid checkpoint 1";
 #[serde(deny_unknown_fields, default)]
 pub struct PaidSettings {
     pub decisions: u64,
-    /// Share of a new payment in the kept one.
+    /// Share of a new reward in the kept reward.
     rate: f64,
 }
 
@@ -167,7 +168,7 @@ impl Learner for Learning {
     }
 }
 
-/// From a world file to a policy that plays, by the doors all learners use.
+/// A learner of one file works from a world file to a policy that plays.
 #[test]
 fn a_learner_is_one_file_and_one_line() {
     use crate::experiment::Watch;

@@ -10,18 +10,18 @@
 use super::bundle::{Bundle, BundleError};
 use super::dice::Dice;
 
-/// A binary tree of partial sums over leaves that are at least 0.
+/// Binary tree of partial sums over leaves that are at least 0.
 ///
-/// Every inner node is exactly the rounded sum of its two children, so the
-/// tree is a pure function of its leaves.
+/// Every inner node is exactly the rounded sum of its two children, so the tree
+/// is a pure function of its leaves.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct SumTree {
-    /// Heap order: node i has the children 2i and 2i + 1; index 0 is unused.
+    /// Heap order: node i has the children 2i and 2i + 1, and index 0 is unused.
     nodes: Vec<f64>,
 }
 
 impl SumTree {
-    /// A tree over these leaves.
+    /// Creates a tree over these leaves.
     pub fn new(leaves: &[f64]) -> SumTree {
         let mut tree = SumTree::default();
         tree.grow(leaves.len());
@@ -31,7 +31,7 @@ impl SumTree {
         tree
     }
 
-    /// Makes room for leaves with index below `leaves`; new leaves are 0.
+    /// Makes room for leaves with index below `leaves`. New leaves are 0.
     pub fn grow(&mut self, leaves: usize) {
         let old = self.capacity();
         let new = leaves.next_power_of_two();
@@ -47,34 +47,37 @@ impl SumTree {
     pub fn set(&mut self, leaf: usize, value: f64) {
         let mut node = self.capacity() + leaf;
         self.nodes[node] = value;
+        // Summed anew from both children: adding the difference would accumulate
+        // rounding, and the tree would depend on its history.
         while 1 < node {
             node /= 2;
             self.nodes[node] = self.nodes[2 * node] + self.nodes[2 * node + 1];
         }
     }
 
-    /// A leaf.
+    /// Returns a leaf.
     pub fn get(&self, leaf: usize) -> f64 {
         self.nodes[self.capacity() + leaf]
     }
 
-    /// The sum of all leaves.
+    /// Returns the sum of all leaves.
     pub fn total(&self) -> f64 {
         self.nodes.get(1).copied().unwrap_or(0.0)
     }
 
-    /// For every mass the leaf in whose share of the total it lies; never a
-    /// leaf of 0 while the total is positive.
+    /// Finds, for every mass, the leaf in whose share of the total it lies.
     ///
-    /// All walk down together, level by level: the processor then waits for
-    /// many nodes at once instead of one after the other.
+    /// A leaf of 0 is never found while the total is positive.
+    ///
+    /// All masses descend together, level by level. The processor then waits for
+    /// many nodes at once instead of in sequence.
     pub fn find(&self, masses: &mut [f64], leaves: &mut [usize]) {
         leaves.fill(1);
         for _ in 0..self.capacity().trailing_zeros() {
             for (mass, node) in masses.iter_mut().zip(leaves.iter_mut()) {
                 let (left, right) = (self.nodes[2 * *node], self.nodes[2 * *node + 1]);
-                // Rounding may leave the mass at the very end: then the walk
-                // stays where there is something to find.
+                // Rounding may leave the mass at the very end. The walk then stays on the
+                // side with positive leaves.
                 let goes_right = left <= *mass && 0.0 < right;
                 *mass -= if goes_right { left } else { 0.0 };
                 *node = 2 * *node + usize::from(goes_right);
@@ -94,26 +97,26 @@ impl SumTree {
     }
 }
 
-/// One n-step transition.
+/// n-step transition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transition<'a> {
-    /// The observation s.
+    /// Observation s.
     pub observation: &'a [f32],
-    /// The action taken in it.
+    /// Action taken in s.
     pub action: usize,
-    /// The discounted rewards r₁ + γ r₂ + … up to the next observation.
+    /// Discounted rewards r₁ + γ r₂ + … up to the next observation.
     pub reward: f32,
-    /// The observation after those rewards.
+    /// Observation after those rewards.
     pub next: &'a [f32],
     /// γ^k for a bootstrap after k rewards, 0 after a terminal state.
     pub discount: f32,
 }
 
-/// A batch of transitions, with the importance of each.
+/// Batch of transitions with their importance weights.
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
     masses: Vec<f64>,
-    /// Where in the replay.
+    /// Slots in the replay.
     pub slots: Vec<usize>,
     /// Importance weights, at most 1.
     pub weights: Vec<f32>,
@@ -129,7 +132,7 @@ pub struct Batch {
     pub discounts: Vec<f32>,
 }
 
-/// The memory: transitions and their priorities.
+/// Replay memory: transitions and their priorities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayBuffer {
     observation: usize,
@@ -137,18 +140,19 @@ pub struct ReplayBuffer {
     alpha: f64,
     oldest: usize,
     largest: f64,
-    /// Observation, next observation, reward, discount: side by side, so that
-    /// a draw waits for the memory once.
+    /// Observation, next observation, reward and discount, side by side.
+    ///
+    /// A draw thus waits for the memory only once.
     rows: Vec<f32>,
     actions: Vec<u32>,
     priorities: SumTree,
 }
 
 impl ReplayBuffer {
-    /// Added to |δ|, so that nothing is forgotten for good.
+    /// Offset on |δ|, so that every transition can be drawn again.
     const FLOOR: f32 = 1e-3;
 
-    /// An empty memory of up to `capacity` transitions.
+    /// Creates an empty memory of up to `capacity` transitions.
     pub fn new(observation: usize, capacity: usize, alpha: f64) -> ReplayBuffer {
         ReplayBuffer {
             observation,
@@ -162,22 +166,22 @@ impl ReplayBuffer {
         }
     }
 
-    /// Transitions kept.
+    /// Returns the number of transitions.
     pub fn len(&self) -> usize {
         self.actions.len()
     }
 
-    /// Whether nothing is kept.
+    /// Returns true if the memory is empty.
     pub fn is_empty(&self) -> bool {
         self.actions.is_empty()
     }
 
-    /// Length of an observation.
+    /// Returns the length of an observation.
     pub fn observation(&self) -> usize {
         self.observation
     }
 
-    /// Keeps a transition, in place of the oldest one when full.
+    /// Stores a transition, in place of the oldest when full.
     pub fn push(&mut self, transition: Transition) {
         let slot = if self.len() < self.capacity {
             self.rows.resize(self.rows.len() + self.width(), 0.0);
@@ -197,13 +201,15 @@ impl ReplayBuffer {
         observation.copy_from_slice(transition.observation);
         next.copy_from_slice(transition.next);
         numbers.copy_from_slice(&[transition.reward, transition.discount]);
+        // The largest priority ever seen, so that a new transition is drawn soon.
         self.priorities.set(slot, self.largest);
     }
 
-    /// Fills `batch` with `size` draws; β is the strength of the correction.
+    /// Fills `batch` with `size` draws. β is the strength of the correction.
     pub fn sample(&self, size: usize, beta: f64, dice: &mut Dice, batch: &mut Batch) {
         batch.clear();
         let total = self.priorities.total();
+        // Stratified: a draw from each of `size` equal shares of the total mass.
         let strata = (0..size).map(|i| (i as f64 + dice.unit()) / size as f64 * total);
         batch.masses.extend(strata);
         batch.slots.resize(size, 0);
@@ -214,6 +220,7 @@ impl ReplayBuffer {
             batch.weights.push(libm::powf(share as f32, -beta as f32));
             self.append_row(slot, batch);
         }
+        // Scaled by the maximum of the batch, so that weights only shrink a step.
         let largest = batch.weights.iter().copied().fold(0.0, f32::max);
         batch
             .weights
@@ -221,11 +228,12 @@ impl ReplayBuffer {
             .for_each(|weight| *weight /= largest);
     }
 
-    /// Adds the newest transition to a batch, with a weight of 1.
+    /// Appends the newest transition to a batch, with a weight of 1.
     pub fn append_newest(&self, batch: &mut Batch) {
         if self.is_empty() {
             return;
         }
+        // The slot before the oldest. Before the memory is full, `oldest` is 0.
         let slot = (self.oldest + self.len() - 1) % self.len();
         batch.slots.push(slot);
         batch.weights.push(1.0);
@@ -249,6 +257,7 @@ impl ReplayBuffer {
             error.abs() + ReplayBuffer::FLOOR,
             self.alpha as f32,
         ));
+        // Never decreases: new transitions get the largest priority ever seen.
         self.largest = self.largest.max(priority);
         self.priorities.set(slot, priority);
     }
@@ -272,7 +281,7 @@ impl ReplayBuffer {
     /// Fills an empty memory from a checkpoint.
     ///
     /// # Errors
-    /// When a tensor is missing or misshapen, or an index is out of range.
+    /// A tensor is missing or misshapen, or an index is out of range.
     pub fn restore(
         &mut self,
         prefix: &str,
@@ -290,6 +299,7 @@ impl ReplayBuffer {
             check("action in the replay", *action as usize, actions)?;
         }
         let largest = bundle.one::<f64>(&name("largest"))?;
+        // A priority of 0 could never be drawn, and its weight would be infinite.
         let mut priorities = leaves.iter().chain([&largest]);
         if let Some(leaf) = priorities.find(|leaf| **leaf <= 0.0) {
             return Err(BundleError::Mismatch {
@@ -302,6 +312,7 @@ impl ReplayBuffer {
             .get::<f32>(&name("rows"), &[n, self.width()])?
             .to_vec();
         self.actions = kept.to_vec();
+        // The inner nodes are rebuilt, since the tree is a function of its leaves.
         self.priorities = SumTree::new(leaves);
         self.oldest = oldest;
         self.largest = largest;
@@ -310,7 +321,7 @@ impl ReplayBuffer {
 }
 
 impl Batch {
-    /// Takes the transitions of another batch along, behind its own.
+    /// Appends the transitions of another batch.
     pub fn append(&mut self, other: &Batch) {
         self.slots.extend_from_slice(&other.slots);
         self.weights.extend_from_slice(&other.weights);
@@ -346,30 +357,30 @@ pub(super) fn check(what: &'static str, index: usize, end: usize) -> Result<(), 
     })
 }
 
-/// How an episode's last observation continues.
+/// Continuation after an episode's last observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tail {
-    /// Nothing follows: no bootstrap.
+    /// Nothing follows, so there is no bootstrap.
     Terminal,
-    /// The world would go on: bootstrap from the last observation.
+    /// The world would go on, so returns bootstrap from the last observation.
     Open,
 }
 
-/// An episode as it was lived: L decisions and L + 1 observations.
+/// Played episode: L decisions and L + 1 observations.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lived {
-    /// `[L + 1, observation]`.
+    /// Observations, `[L + 1, observation]`.
     pub observations: Vec<f32>,
     /// Actions taken.
     pub actions: Vec<usize>,
-    /// Whether each action was greedy when it was taken.
+    /// Flags of the actions that were greedy when taken.
     pub greedy: Vec<bool>,
     /// Rewards.
     pub rewards: Vec<f32>,
 }
 
 impl Lived {
-    /// Forgets everything, keeps the room.
+    /// Removes everything but keeps the allocated memory.
     pub fn clear(&mut self) {
         self.observations.clear();
         self.actions.clear();
@@ -377,13 +388,13 @@ impl Lived {
         self.rewards.clear();
     }
 
-    /// Begins another episode, in the room of the last one.
+    /// Begins another episode in the same memory.
     pub fn begin(&mut self, observation: &[f32]) {
         self.clear();
         self.observations.extend_from_slice(observation);
     }
 
-    /// One decision, and what it led to.
+    /// Records a decision and its result.
     pub fn note(&mut self, action: usize, greedy: bool, reward: f32, observation: &[f32]) {
         self.observations.extend_from_slice(observation);
         self.actions.push(action);
@@ -391,11 +402,11 @@ impl Lived {
         self.rewards.push(reward);
     }
 
-    /// Hands the n-step transitions of the episode to `take`.
+    /// Passes the n-step transitions of the episode to `take`.
     ///
     /// A return starting at decision t ends after n rewards, at the end of the
-    /// episode, or before the first later decision that was not greedy:
-    /// beyond it the rewards are not those of the greedy policy.
+    /// episode, or before the first later decision that was not greedy. Beyond that
+    /// decision the rewards are not those of the greedy policy.
     pub fn n_step(
         &self,
         width: usize,
@@ -408,11 +419,13 @@ impl Lived {
         let end = self.actions.len();
         for t in 0..end {
             let (mut reward, mut factor, mut next) = (0.0, 1.0, t);
+            // The first action may be exploratory: Q(s, a) is defined for any action a.
             while next < end && next < t + n && (next == t || self.greedy[next]) {
                 reward += factor * self.rewards[next];
                 factor *= discount;
                 next += 1;
             }
+            // A discount of 0 removes the bootstrap without a special case in the update.
             if next == end && tail == Tail::Terminal {
                 factor = 0.0;
             }

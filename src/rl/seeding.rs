@@ -1,16 +1,19 @@
-//! What a learner asks to be looked for before its first episode.
+//! Settings of the search before a learner's first episode.
 
 use serde::{Deserialize, Serialize};
 
-/// How demonstrations are looked for: sequences with few switches of action, on
-/// training starts that no episode of the learner begins from.
+/// Settings of the search for demonstrations.
+///
+/// It tries action sequences with few switches on training starts that no
+/// episode of the learner begins from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Seeding {
-    /// Starts searched at most (200).
+    /// Greatest number of starts searched (200).
     pub starts: usize,
-    /// Simulations spent at most (300000), and at most 2 per decision of the
-    /// training; where the ego cannot be copied, a hundredth of it.
+    /// Greatest number of simulations (300000), and at most 2 per decision.
+    ///
+    /// If the ego cannot be copied, a hundredth of it.
     pub simulations: u64,
 }
 

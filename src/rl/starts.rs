@@ -1,31 +1,31 @@
-//! Which start an episode begins from: a fresh one, or one that failed.
+//! Choice of the start of an episode: a fresh start, or a failed start.
 //!
-//! Failed-start replay: part of the episodes begin again where the last
-//! attempt failed, so that hard starts get more than their share. A start is
-//! an episode index; the environment makes the same start of it every time.
+//! Failed-start replay repeats the start of a failed episode in a share of the
+//! episodes, so that hard starts are trained more often. A start is an episode
+//! index, from which the environment always makes the same start.
 
 use super::bundle::{Bundle, BundleError};
 use super::dice::Dice;
 use super::replay::check;
 
-/// A start to play.
+/// Start to play.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Start {
-    /// The episode index to reset the environment with.
+    /// Episode index with which to reset the environment.
     pub index: u64,
-    /// How often it was tried again.
+    /// Number of retries.
     tries: u32,
 }
 
 impl Start {
-    /// One that is not tried again if it fails.
+    /// Creates a start that is not retried if it fails.
     pub fn once(index: u64) -> Start {
         let tries = u32::MAX;
         Start { index, tries }
     }
 }
 
-/// Fresh starts in order, and a pool of those that failed.
+/// Fresh starts in order, and a pool of failed starts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Starts {
     restart: f64,
@@ -36,8 +36,10 @@ pub(super) struct Starts {
 }
 
 impl Starts {
-    /// With probability `restart` a failed start, out of at most `capacity`,
-    /// each tried again at most `tries` times.
+    /// Creates the choice with an empty pool.
+    ///
+    /// A failed start is chosen with probability `restart`. The pool contains at most
+    /// `capacity` starts, each retried at most `tries` times.
     pub fn new(restart: f64, capacity: usize, tries: u32) -> Starts {
         Starts {
             restart,
@@ -48,9 +50,10 @@ impl Starts {
         }
     }
 
-    /// The next start: taken out of the pool, or fresh.
+    /// Returns the next start, taken out of the pool or fresh.
     pub fn pick(&mut self, dice: &mut Dice) -> Start {
         if dice.unit() < self.restart && !self.pool.is_empty() {
+            // Not `swap_remove`: the order of the pool is the age of its starts.
             let start = self.pool.remove(dice.below(self.pool.len()));
             return Start {
                 tries: start.tries + 1,
@@ -64,7 +67,9 @@ impl Starts {
         }
     }
 
-    /// Into the pool, unless it had its tries; the oldest makes room.
+    /// Puts a start into the pool, unless its retries are used up.
+    ///
+    /// A full pool drops its oldest start.
     pub fn failed(&mut self, start: Start) {
         if self.tries <= start.tries {
             return;
@@ -94,7 +99,7 @@ impl Starts {
     /// Fills the pool from a checkpoint.
     ///
     /// # Errors
-    /// When a tensor is missing or misshapen, or the pool too large.
+    /// A tensor is missing or misshapen, or the pool is too large.
     pub fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
         let indices = bundle.rows::<u64>("starts/failed", &[])?;
         let tries = bundle.get::<u32>("starts/tries", &[indices.len()])?;

@@ -1,42 +1,43 @@
-//! Which violations of ψ_ego are counterexamples.
+//! Violations of ψ_ego that count as counterexamples.
 
 use serde::{Deserialize, Serialize};
 
 use crate::ego::reference::ReferenceDriver;
 
-/// Which violations of ψ_ego are counterexamples; the others are
-/// [`super::Verdict::Uncounted`].
+/// Violations of ψ_ego that count as counterexamples.
 ///
-/// A contact counts between the ego and any road user, an ado or not, where the
-/// ego moves at more than 0.5 m/s and is not struck from behind.
+/// The others become [`super::Verdict::Uncounted`].
+///
+/// A contact of the ego with any road user counts, trained or not. The ego must
+/// move faster than 0.5 m/s and must not be struck from behind.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Counts {
     /// Every violation.
     #[default]
     Violation,
-    /// Contacts at this closing speed or more.
+    /// Contacts with at least this closing speed.
     Contact {
-        /// Least approach speed along the contact normal.
+        /// Lower bound of the approach speed along the contact normal.
         closing_mps: f64,
     },
-    /// Contacts that one of the named reference drivers in the ego's place avoids.
+    /// Contacts that a named reference driver avoids in the ego's place.
     Preventable {
-        /// Drivers, any of whom would have.
+        /// Reference drivers. A single driver that avoids the contact suffices.
         by: Vec<ReferenceDriver>,
-        /// Least approach speed along the contact normal.
+        /// Lower bound of the approach speed along the contact normal.
         #[serde(default)]
         closing_mps: f64,
     },
 }
 
 impl Counts {
-    /// Whether every violation counts.
+    /// Returns true if every violation counts.
     pub fn is_violation(&self) -> bool {
         *self == Counts::Violation
     }
 
-    /// Least closing speed of a contact that counts; `None`: none is needed.
+    /// Lower bound of the closing speed, `None` if no contact is required.
     pub fn closing_mps(&self) -> Option<f64> {
         match self {
             Counts::Violation => None,

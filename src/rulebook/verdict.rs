@@ -1,40 +1,42 @@
-//! What an episode is judged to be.
+//! Verdict of an episode.
 
 use serde::{Deserialize, Serialize};
 
-/// How an episode is judged.
+/// Verdict of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Verdict {
-    /// ψ_ego violated by `by` = ρ(¬ψ) > 0 while every rule was strictly kept,
-    /// in a way that counts.
+    /// ψ_ego violated by `by` = ρ(¬ψ) > 0 with every rule strictly kept.
+    ///
+    /// The violation counts in this world ([`super::Counts`]).
     Counterexample {
         /// Depth of the violation.
         by: f64,
     },
-    /// ψ_ego was violated by `by` = ρ(¬ψ) > 0, every rule strictly kept, but
-    /// not so that it counts in this world ([`super::Counts`]).
+    /// ψ_ego violated in a way that does not count ([`super::Counts`]).
+    ///
+    /// `by` = ρ(¬ψ) > 0, and every rule was strictly kept.
     Uncounted {
         /// Depth of the violation.
         by: f64,
     },
-    /// ψ_ego held with `margin` = ρ(ψ) ≥ 0 (or the motion ended before a verdict).
+    /// ψ_ego held with `margin` = ρ(ψ) ≥ 0, or the motion ended first.
     Held {
         /// Robustness of the specification.
         margin: f64,
     },
-    /// The ado broke its rule number `rule`.
+    /// An ado broke its rule number `rule`.
     Foul {
         /// Position of the rule in the rulebook.
         rule: usize,
-        /// M of Definition 4: rules of no higher priority, this one included.
+        /// M of Definition 4: rules of no higher priority, with this rule.
         forfeited: usize,
     },
-    /// A fault of the ego or of the physics: nobody's success.
+    /// Fault of the ego or of the physics, never a success.
     Invalid,
 }
 
 impl Verdict {
-    /// The word used in tables and files.
+    /// Returns the word used in tables and files.
     pub fn word(&self) -> &'static str {
         match self {
             Verdict::Counterexample { .. } => "counterexample",
@@ -45,39 +47,39 @@ impl Verdict {
         }
     }
 
-    /// Whether the ado made the ego fail with all rules kept.
+    /// Returns true if the ado made the ego fail with all rules kept.
     pub fn is_success(&self) -> bool {
         matches!(self, Verdict::Counterexample { .. })
     }
 
-    /// Whether an ado broke a rule, which is no success.
+    /// Returns true if an ado broke a rule, which is no success.
     pub fn is_foul(&self) -> bool {
         matches!(self, Verdict::Foul { .. })
     }
 }
 
-/// Whether the ados' rules held between a success and the contact.
+/// State of the ados' rules between a success and the contact.
 ///
-/// The verdict falls on the first violated sample; what it leaves open is
-/// whether the ado is lawful when the two touch.
+/// The episode is decided on the first violating sample. This value adds
+/// whether the ado is still lawful when the two bodies touch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum RulesUntilContact {
-    /// No rule was lost for good up to the contact, that sample included.
+    /// No rule was lost up to the contact, with the contact's sample.
     Kept,
-    /// One was, so that the contact itself is no counterexample.
+    /// A rule was lost, so the contact itself is not a counterexample.
     Broken {
-        /// The rule lost first; of several at once the most important one.
+        /// Rule lost first, the most important if several were lost at once.
         rule: String,
-        /// The ado that broke it.
+        /// Name of the ado that broke the rule.
         ado: String,
-        /// When; at the latest the time of the contact.
+        /// Time of the loss, at most the time of the contact.
         time_s: f64,
     },
 }
 
 impl RulesUntilContact {
-    /// Whether no rule was broken before the contact.
+    /// Returns true if no rule was broken before the contact.
     pub fn is_kept(&self) -> bool {
         *self == RulesUntilContact::Kept
     }

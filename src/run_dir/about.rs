@@ -1,4 +1,4 @@
-//! What a kept counterexample says of itself, besides how to play it again.
+//! Facts about a kept counterexample, besides the data that replays it.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -8,54 +8,58 @@ use crate::preventability::Preventability;
 use crate::severity::{Impact, InjuryRisk};
 use crate::testbench::Episode;
 
-/// What is known of a counterexample: how bad, how minimal, why, how robust.
+/// Facts about a counterexample: severity, size, cause and robustness.
 ///
-/// Everything in it follows from the episode; it is kept because it takes many
-/// episodes to find out. `docs/crashes.md` explains the words.
+/// All of them follow from the episode. They are kept because they take many
+/// episodes to compute. `docs/crashes.md` defines the terms.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct About {
-    /// What the contact does to the ego; `None`: no contact that it has part in.
+    /// Effect of the contact on the ego. `None` without a contact of the ego.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub severity: Option<Severity>,
-    /// What shrinking did; `None`: it is as it was found.
+    /// Result of shrinking. `None` if the counterexample is as it was found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shrunk: Option<Shrunk>,
-    /// Why the ego fails.
+    /// Cause of the ego's failure.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub why: Option<Why>,
-    /// Whether it is still there when it is replayed slightly differently;
-    /// `None`: nothing of the world can be varied.
+    /// Persistence under slightly different replays.
+    ///
+    /// `None` if nothing in the world can be varied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub persistence: Option<Persistence>,
-    /// Which reference drivers avoid it; `None`: no contact.
+    /// Reference drivers that avoid the contact. `None` without a contact.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preventability: Option<Preventability>,
-    /// Counterexamples that are like this one, itself included; `None`: they
-    /// were not compared.
+    /// Number of similar counterexamples, including itself.
+    ///
+    /// `None` if they were not compared.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cluster: Option<usize>,
-    /// Runs of the ego that all this took; `None`: a stock ego, whose runs are
-    /// not counted.
+    /// Runs of the ego that these facts took.
+    ///
+    /// `None` for a stock ego, whose runs are not counted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ego_runs: Option<EgoRuns>,
 }
 
-/// Runs of an ego for questions about one counterexample: a program's, or those
-/// of the user's own type.
+/// Runs of an ego for the facts about one counterexample.
+///
+/// The ego is a program, or a type of the user.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EgoRuns {
-    /// Runs of the ego.
+    /// Number of runs of the ego.
     pub runs: u64,
-    /// Whether most of them began in the middle, from a copy of the ego.
+    /// True if most runs began in the middle, from a copy of the ego.
     #[serde(default)]
     pub copied: bool,
-    /// Why they ended before every question was answered; `None`: all were.
+    /// Reason why the runs ended early. `None` if every question was answered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended: Option<NotAsked>,
 }
 
-/// Reason for which a question about an ego was not asked, or not to its end.
+/// Reason why a question about an ego was not asked, or not answered completely.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum NotAsked {
     /// Runs with the same seed and actions diverge from this time on.
@@ -65,16 +69,16 @@ pub enum NotAsked {
     },
     /// The limit of runs per counterexample was reached.
     RunLimit {
-        /// That limit.
+        /// Limit of runs.
         runs: u64,
     },
     /// The command was interrupted.
     Interrupted,
     /// The ego failed to run.
     EgoFailed,
-    /// Only the commands of the ego are there, and not the ego.
+    /// The file contains the commands of the ego but not the ego.
     CommandsOnly,
-    /// The ado only ever takes its neutral action.
+    /// The ado only takes its neutral action.
     NothingDone,
     /// An earlier version kept the file.
     EarlierVersion,
@@ -115,20 +119,20 @@ impl Display for EgoRuns {
     }
 }
 
-/// How severe a contact is for the ego.
+/// Severity of a contact for the ego.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Severity {
     /// Approach speed along the contact normal.
     pub closing_speed_mps: f64,
     /// Kind, sides, speeds and Δv.
     pub impact: Impact,
-    /// The injury risk; `None`: not computed, as no published curve applies.
+    /// Injury risk. `None` if no published curve applies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub injury_risk: Option<InjuryRisk>,
 }
 
 impl Severity {
-    /// That of an episode, if it ends in a contact in which the ego has part.
+    /// Returns the severity of an episode that ends in a contact of the ego.
     pub fn of(episode: &Episode) -> Option<Severity> {
         let touch = episode.contact.as_ref()?;
         let impact = touch.impact?;
@@ -151,29 +155,34 @@ impl Display for Severity {
     }
 }
 
-/// How much an ado does: what shrinking makes less of, first things first.
+/// Effort of an ado, which shrinking reduces in the order of the fields.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Effort {
-    /// Decisions that differ from the one before.
+    /// Number of decisions that differ from the previous decision.
     pub switches: usize,
-    /// Σ over the decisions of how far the action is from the neutral one, each
-    /// 0 to 1 (`World::action_distance`).
+    /// Sum of the distances of all actions from the neutral action.
+    ///
+    /// Each distance is within 0 ..= 1 (`World::action_distance`).
     pub deviation: f64,
-    /// The first decision that is not neutral; `None`: all are.
+    /// First decision that is not neutral. `None` if all are.
     pub first: Option<usize>,
 }
 
 impl Effort {
-    /// Whether it is less: fewer switches; of equal ones a smaller deviation; of
-    /// equal ones a later first deviation.
+    /// Returns true for less effort than `other`.
+    ///
+    /// Fewer switches come first, then a smaller deviation, then a later first
+    /// deviation.
     pub fn is_less_than(&self, other: &Effort) -> bool {
         self.order(other).is_lt()
     }
 
-    /// The order of [`Effort::is_less_than`].
+    /// Returns the order of [`Effort::is_less_than`].
     pub fn order(&self, other: &Effort) -> std::cmp::Ordering {
         // Sums of equal distances in another order may differ in the last bits.
         let rounded = |effort: &Effort| (effort.deviation * 1e9).round();
+        // Without any deviation, the first deviation is later than any
+        // decision.
         let first = |effort: &Effort| effort.first.unwrap_or(usize::MAX);
         self.switches
             .cmp(&other.switches)
@@ -194,12 +203,12 @@ impl Display for Effort {
     }
 }
 
-/// What shrinking did.
+/// Result of shrinking.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shrunk {
-    /// As it was found.
+    /// Effort as found.
     pub before: Effort,
-    /// As it is kept.
+    /// Effort as kept.
     pub after: Effort,
 }
 
@@ -213,50 +222,52 @@ impl Display for Shrunk {
     }
 }
 
-/// Why the ego fails: the leaf, what the ado did, and what the ego could still do.
+/// Cause of the failure: the leaf, the ado's action, and the ego's last chance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Why {
-    /// The sub-formula of ψ_ego that decides.
+    /// Sub-formula of ψ_ego that decides.
     pub leaf: String,
-    /// When it does.
+    /// Time of its violation, in s.
     pub leaf_s: f64,
-    /// The action of the ado without which there is no failure; `None`: no single
-    /// one decides it, or the question was not asked.
+    /// Action of the ado without which there is no failure.
+    ///
+    /// `None` if no single action decides it, or the question was not asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decisive: Option<Decisive>,
-    /// Why `decisive` was not asked for; `None`: it was.
+    /// Reason why `decisive` was not determined. `None` if it was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_asked: Option<NotAsked>,
-    /// Until when another driver avoids it; `None`: nobody was asked, since the
-    /// world is not driven.
+    /// Last time at which another driver avoids the failure.
+    ///
+    /// `None` for a world without driving.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub last_chance: Option<LastChance>,
 }
 
-/// The earliest action without which there is no failure.
+/// Earliest action without which there is no failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decisive {
-    /// What it is, in words.
+    /// Action in words.
     pub action: String,
-    /// When it begins.
+    /// Start of the action, in s.
     pub from_s: f64,
-    /// When the neutral action would have to end; later ones stay as recorded.
+    /// Required end of the neutral action, in s. Later actions stay as recorded.
     pub until_s: f64,
 }
 
-/// The last sample from which another driver, in the ego's place, avoids it.
+/// Last sample from which another driver in the ego's place avoids the failure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LastChance {
-    /// Who that is.
+    /// Name of the driver.
     pub driver: String,
-    /// When it takes over; `None`: it avoids it from no sample on.
+    /// Time of its takeover, in s. `None` if it avoids the failure from no sample.
     pub at_s: Option<f64>,
-    /// When ψ_ego is violated.
+    /// Time of the violation of ψ_ego, in s.
     pub violated_s: f64,
 }
 
 impl Display for Why {
-    /// One sentence.
+    /// Writes one sentence.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (leaf, at_s) = (&self.leaf, self.leaf_s);
         write!(f, "`{leaf}` is violated at {at_s:.2} s")?;
@@ -284,7 +295,7 @@ impl Display for Why {
         let driver = &chance.driver;
         match chance.at_s {
             Some(at_s) => {
-                // Both are times of samples: what is below 0 is rounding.
+                // Both are times of samples, so a value below 0 is rounding.
                 let left_s = (chance.violated_s - at_s).max(0.0);
                 write!(
                     f,
@@ -296,24 +307,26 @@ impl Display for Why {
     }
 }
 
-/// Whether it still fails when something small is different.
+/// Persistence of a failure under small variations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Persistence {
-    /// Every variation that was played.
+    /// Variations that were played.
     pub variations: Vec<Variation>,
 }
 
-/// One replay with something different.
+/// Replay with one variation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Variation {
-    /// What is different.
+    /// Name of the variation.
     pub name: String,
-    /// Whether the ego still fails; `None`: it or the physics did not run.
+    /// True if the ego still fails. `None` if the ego or the physics did not run.
     pub fails: Option<bool>,
 }
 
 impl Persistence {
-    /// Share of the variations that ran in which the ego still fails; 0 of none.
+    /// Returns the share of the variations in which the ego still fails.
+    ///
+    /// Only variations that ran count. Without any, the share is 0.
     pub fn share(&self) -> f64 {
         let ran = self.variations.iter().filter_map(|one| one.fails);
         let failing = ran.clone().filter(|fails| *fails).count();
@@ -325,6 +338,8 @@ impl Display for Persistence {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (all, share) = (self.variations.len(), 100.0 * self.share());
         write!(f, "still fails in {share:.0} % of {all} variations")?;
+        // Variations that did not run are listed too: the failure is not
+        // confirmed in them.
         let gone = self.variations.iter().filter(|one| one.fails != Some(true));
         let gone: Vec<&str> = gone.map(|one| one.name.as_str()).collect();
         match gone.is_empty() {
@@ -335,7 +350,7 @@ impl Display for Persistence {
 }
 
 impl Display for About {
-    /// One line per thing that is known.
+    /// Writes one line per known fact.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let mut lines: Vec<String> = vec![match &self.severity {
             Some(severity) => severity.to_string(),

@@ -1,11 +1,10 @@
-//! Files that only grow: what counts of them is what the manifest says.
+//! Growing files, of which the manifest states the valid length.
 //!
-//! Every checkpoint notes how many bytes of such a file it knows and their
-//! SHA-256, so the checkpoints chain: each vouches for all that stands before
-//! it. What was written after the last one is cut off when training goes on,
-//! torn or not, and is then written again, byte for byte.
+//! Every checkpoint records the number of bytes and their SHA-256. So each
+//! checkpoint confirms all bytes of the earlier checkpoints. Bytes after the
+//! last checkpoint are cut off when training continues, and are then written
+//! again, byte for byte.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -15,8 +14,9 @@ use super::RunError;
 use super::disk::{append, cut, io_error};
 use super::manifest::Grown;
 use crate::content_hash::in_digits;
+use crate::world::file_bytes;
 
-/// A file that only grows, hashed as it does.
+/// Growing file, hashed as it grows.
 #[derive(Clone, Debug)]
 pub(super) struct Growing {
     path: PathBuf,
@@ -25,7 +25,7 @@ pub(super) struct Growing {
 }
 
 impl Growing {
-    /// One that is not there yet.
+    /// Returns a file that does not exist yet.
     pub fn new(path: PathBuf) -> Growing {
         Growing {
             path,
@@ -34,10 +34,11 @@ impl Growing {
         }
     }
 
-    /// One that counts as far as `known`: what stands behind is cut off.
+    /// Returns a file that is valid as far as `known`, and cuts off the rest.
     ///
     /// # Errors
-    /// The disk refuses, or what must be there is not.
+    ///
+    /// Returns an error if the disk refuses, or valid bytes are missing.
     pub fn cut_back(path: PathBuf, known: &Grown) -> Result<Growing, RunError> {
         let Counting { text, hash } = counting(&path, known)?;
         if known.bytes < text.len() as u64 {
@@ -50,10 +51,11 @@ impl Growing {
         })
     }
 
-    /// Adds to its end; it counts once a manifest says so.
+    /// Appends text, which is valid once a manifest records it.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn append(&mut self, text: &str) -> Result<(), RunError> {
         append(&self.path, text.as_bytes())?;
         self.bytes += text.len() as u64;
@@ -61,7 +63,7 @@ impl Growing {
         Ok(())
     }
 
-    /// What a manifest says of it now.
+    /// Returns the entry of the manifest for the current state.
     pub fn now(&self) -> Grown {
         Grown {
             bytes: self.bytes,
@@ -70,15 +72,16 @@ impl Growing {
     }
 }
 
-/// A file that only grows, and the hash of what counts of it.
+/// Content of a growing file, and the hash of its valid part.
 struct Counting {
     text: Vec<u8>,
     hash: Sha256,
 }
 
-/// What a file holds whose first bytes are as `known` says.
+/// Returns the content of a file whose first bytes agree with `known`.
 fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
-    let text = match fs::read(path) {
+    let text = match file_bytes(path) {
+        // A training without any line has no file yet.
         Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
         read => read.map_err(io_error("reading", path))?,
     };
@@ -94,6 +97,7 @@ fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
     };
     let hash = Sha256::new_with_prefix(counts);
     let found = in_digits(&hash.clone().finalize());
+    // Manifests of files without content have no hash.
     if 0 < known.bytes && found != known.sha256 {
         return Err(damaged(format!(
             "SHA-256 of its first {} bytes is {found}, the manifest says {}",
@@ -103,12 +107,13 @@ fn counting(path: &Path, known: &Grown) -> Result<Counting, RunError> {
     Ok(Counting { text, hash })
 }
 
-/// What counts of a file that only grows.
+/// Returns the valid part of a growing file.
 ///
-/// `is_whole` says that nothing may stand behind it: nobody goes on writing.
+/// With `is_whole`, no bytes may follow, because the training is finished.
 ///
 /// # Errors
-/// The disk refuses, or the file is not what the manifest says.
+///
+/// Returns an error if the disk refuses, or the file differs from the manifest.
 pub(super) fn verified(path: &Path, known: &Grown, is_whole: bool) -> Result<Vec<u8>, RunError> {
     let Counting { mut text, .. } = counting(path, known)?;
     if is_whole && known.bytes < text.len() as u64 {

@@ -1,51 +1,51 @@
-//! What a run says of its own training: whether the ado learned its world.
+//! Calibration of a training: evidence that the ado learned its world.
 
 use serde::{Deserialize, Serialize};
 
-/// An ado beside a cheap search, on starts that nothing is reported on.
+/// Comparison of an ado with a cheap search, on starts that no result reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// Starts both met.
+    /// Starts of the comparison.
     pub starts: u64,
-    /// Most switches of action that the search tried.
+    /// Greatest number of action switches that the search tried.
     pub switches: u64,
-    /// Those that the search solved.
+    /// Starts that the search solved.
     pub searched: u64,
-    /// Those of them that the ado solved as well.
+    /// Starts that both solved.
     pub both: u64,
-    /// Those that only the ado solved.
+    /// Starts that only the ado solved.
     pub ado_only: u64,
-    /// Simulations it took, those of the search included.
+    /// Simulations of the comparison, including the search.
     pub simulations: u64,
 }
 
-/// Starts that a search must solve before a share of them says anything.
+/// Least number of starts that a search must solve for a meaningful share.
 const ENOUGH: u64 = 10;
-/// Percent of them from which on an ado counts as one that has learned its world.
+/// Percentage from which an ado counts as trained.
 const LEARNED: u64 = 90;
-/// Percent of them from which on there is no reason to go on learning.
+/// Percentage from which training need not continue.
 const COMPLETE: u64 = 97;
 
 impl Calibration {
-    /// Starts that the ado solved.
+    /// Returns the number of starts that the ado solved.
     pub fn solved(&self) -> u64 {
         self.both + self.ado_only
     }
 
-    /// Of the starts that the search solves, the share that the ado solves too;
-    /// `None`: those are too few to say.
+    /// Returns the share of the search-solved starts that the ado solves too.
+    ///
+    /// `None` if the search solved too few starts.
     pub fn recall(&self) -> Option<f64> {
         (ENOUGH <= self.searched).then(|| self.both as f64 / self.searched as f64)
     }
 
-    /// Whether the ado solves nearly all starts that the search solves, and those
-    /// are enough to say so.
+    /// Returns true if the ado solves nearly all of enough search-solved starts.
     pub fn is_complete(&self) -> bool {
+        // Whole numbers, so that no rounding moves the threshold.
         ENOUGH <= self.searched && COMPLETE * self.searched <= 100 * self.both
     }
 
-    /// What a user has to know before believing in the ado: what was seen, and
-    /// what can be done; `None`: there is nothing to warn of.
+    /// Returns the warning of an ado that is not reliable. `None` if it is.
     pub fn warning(&self) -> Option<CalibrationWarning> {
         let search = format!(
             "a search with at most {} {} of action",
@@ -64,12 +64,13 @@ impl Calibration {
                         "neither the ado nor {search} makes the ego fail on any of {starts} \
                          calibration starts: there may be nothing to find"
                     ),
-                    help: "look whether the ados' actions and rules leave room for it: \
-                           `brakecheck search WORLD --method cem --budget 1000`; \
+                    help: "look whether the ados' actions and rules leave room for it, \
                            then whether the ego's specification asks for what you mean"
                         .to_owned(),
                 });
             }
+            // Too few to judge. An ado that solves none of them gets the
+            // stronger warning below.
             (few, _) if few < ENOUGH && (0 < both || few == 0) => {
                 return Some(CalibrationWarning {
                     what: format!(
@@ -95,37 +96,37 @@ impl Calibration {
         Some(CalibrationWarning {
             what,
             help: "look whether the ado observes what its rules and the ego's specification read \
-                   (`brakecheck check`), then train with another `--seed`; until then \
-                   `brakecheck search` finds more than the ado"
+                   (`brakecheck check`), and leave out `--decisions` if you gave it: the default \
+                   training goes on and searches where the ado fails"
                 .to_owned(),
         })
     }
 }
 
-/// That a training did not come to what it should.
+/// Warning of a training without the expected result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CalibrationWarning {
-    /// What was seen.
+    /// Observation.
     pub what: String,
-    /// What can be done.
+    /// Advice.
     pub help: String,
 }
 
-/// Why a training ended.
+/// Reason for the end of a training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Ended {
-    /// After the decisions it was asked for, come what may.
+    /// The requested number of decisions was taken.
     Asked,
-    /// The ado solves what a search solves.
+    /// The ado solves the starts that a search solves.
     Learned,
-    /// Going on did not help any more.
+    /// Further training brought no improvement.
     Settled,
-    /// Its settings allow no longer one.
+    /// The settings allow no longer training.
     Longest,
 }
 
 impl Ended {
-    /// In words, behind "ended:".
+    /// Returns the reason in words, to follow "ended:".
     pub fn in_words(self) -> &'static str {
         match self {
             Ended::Asked => "the decisions asked for are taken",
@@ -165,7 +166,7 @@ mod tests {
         assert_eq!(says(calibration(40, 38, 0)), None);
         let few = says(calibration(5, 0, 0)).expect("a warning");
         assert!(few.contains("none of the 5"), "{few}");
-        // Too few to say, or more than the search found.
+        // Fewer than the search must solve, or more than the search found.
         let unsure = says(calibration(9, 4, 1)).expect("a warning");
         assert!(
             unsure.contains("only 9 of 100") && unsure.ends_with("it solves 5"),
@@ -182,7 +183,7 @@ mod tests {
     fn a_training_goes_on_where_search_still_finds_more() {
         assert!(!calibration(40, 38, 60).is_complete());
         assert!(calibration(40, 39, 0).is_complete());
-        // Too few to say.
+        // Too few search-solved starts.
         assert!(!calibration(5, 5, 0).is_complete());
         assert!(!calibration(0, 0, 30).is_complete());
         assert_eq!(calibration(5, 5, 0).recall(), None);

@@ -1,10 +1,10 @@
-//! A conditional ado is played by telling it which ego it meets.
+//! Policies of conditional ados, which receive the parameters of the ego.
 
 use super::{RunDir, RunError};
 use crate::rl::{Bundle, Policy};
 use crate::world::{Against, Member, Scenario};
 
-/// A policy with what it is told appended to every observation.
+/// Policy with the ego's parameters appended to every observation.
 struct Told {
     policy: Box<dyn Policy>,
     told: Vec<f32>,
@@ -27,19 +27,21 @@ impl Policy for Told {
 }
 
 impl RunDir {
-    /// The trained ado; a conditional one is told that it meets `member`.
+    /// Returns the trained ado. A conditional ado is conditioned on `member`.
     ///
     /// # Errors
-    /// There is none yet, or its file is damaged.
+    ///
+    /// Returns an error if training has not finished, or the file is damaged.
     pub fn policy_told(&self, member: &Member) -> Result<Box<dyn Policy>, RunError> {
         let scenario = self.scenario()?;
         self.told(&scenario, &self.policy_bundle()?, member)
     }
 
-    /// The trained ado once per member, told that it meets that one.
+    /// Returns the trained ado once per member, conditioned on that member.
     ///
     /// # Errors
-    /// There is none yet, or its file is damaged.
+    ///
+    /// Returns an error if training has not finished, or the file is damaged.
     pub fn policies_told(&self, members: &[Member]) -> Result<Vec<Box<dyn Policy>>, RunError> {
         let (scenario, bundle) = (self.scenario()?, self.policy_bundle()?);
         let told = members.iter();

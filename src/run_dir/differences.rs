@@ -1,8 +1,8 @@
-//! What a run was begun with, beside what is asked for now.
+//! Differences between a run's beginning and the current request.
 //!
-//! A training goes on only as what it was: the same version on the same kind of
-//! machine, the same world, the same settings. Anything else would end in a
-//! policy that no single command makes again.
+//! A training only continues as it began: with the same version on the same
+//! kind of machine, the same world and the same settings. Otherwise it would
+//! end in a policy that no single command reproduces.
 
 use std::fmt;
 
@@ -11,16 +11,17 @@ use serde_json::Value;
 use super::disk::settings_of;
 use super::{ChangedEgo, RunDir, RunError};
 use crate::content_hash::sha256;
+use crate::rulebook::TrainingGoal;
 use crate::world::Scenario;
 
-/// Something that is other now than when a run was begun.
+/// Property that differs from the run's beginning.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RunDifference {
-    /// What it is.
+    /// Name of the property.
     pub what: String,
-    /// What it was.
+    /// Value at the beginning.
     pub begun: String,
-    /// What it would be now.
+    /// Value now.
     pub now: String,
 }
 
@@ -30,22 +31,23 @@ impl fmt::Display for RunDifference {
     }
 }
 
-/// A training as somebody asks for it.
+/// Requested training.
 #[derive(Clone, Copy, Debug)]
 pub struct Asked<'a> {
-    /// The world, its plant, its learner and whom it trains against.
+    /// World, with its plant, its learner and its training opponent.
     pub scenario: &'a Scenario,
-    /// The training seed.
+    /// Training seed.
     pub seed: u64,
-    /// The changed ego; `None`: the world's own.
+    /// Changed ego. `None` for the world's own.
     pub ego: Option<&'a ChangedEgo>,
 }
 
 impl RunDir {
-    /// In what a training that is asked for differs from this one.
+    /// Returns the differences between a requested training and this run.
     ///
     /// # Errors
-    /// Its world file cannot be read.
+    ///
+    /// Returns an error if the run's world file cannot be read.
     pub fn differences(&self, asked: Asked<'_>) -> Result<Vec<RunDifference>, RunError> {
         let begun = self.manifest();
         let scenario = asked.scenario;
@@ -90,7 +92,8 @@ impl RunDir {
             None => "nominal".to_owned(),
         };
         compare("ego", ego(begun.ego.as_ref()), ego(asked.ego));
-        // Of these only the hash is kept; what was told before explains it.
+        // Only the hash of the settings is kept. It is compared last, because
+        // any difference above explains it.
         let settings = settings_of(scenario);
         if found.is_empty()
             && begun
@@ -107,11 +110,14 @@ impl RunDir {
         Ok(found)
     }
 
-    /// The same of what every training is compared in before it goes on: the
-    /// world file, the learner's settings and, while it lasts, the program.
+    /// Returns the differences that every training is checked for.
+    ///
+    /// These are the world file and the learner's settings and, until training
+    /// is finished, the program.
     ///
     /// # Errors
-    /// Its world file cannot be read.
+    ///
+    /// Returns an error if the run's world file cannot be read.
     pub(crate) fn differences_in_learning(
         &self,
         scenario: &Scenario,
@@ -121,6 +127,7 @@ impl RunDir {
         let mut note = |what: String, begun: String, now: String| {
             found.push(RunDifference { what, begun, now });
         };
+        // Other versions may use a finished policy.
         if !begun.is_finished() {
             let (version, target) = (super::version(), super::target());
             if begun.brakecheck != version {
@@ -135,25 +142,35 @@ impl RunDir {
             let (line, begun, now) = first_line(&kept, &scenario.text);
             note(format!("world file, line {line}"), begun, now);
         }
+        let goals = |goals: &[TrainingGoal]| match goals.is_empty() {
+            true => "none".to_owned(),
+            false => format!("{goals:?}"),
+        };
+        if begun.goals != scenario.goals {
+            let (begun, now) = (goals(&begun.goals), goals(&scenario.goals));
+            note("training goals".to_owned(), begun, now);
+        }
         if let Some(settings) = &begun.settings {
             let now = serde_json::to_value(&scenario.learner).unwrap_or_default();
             leaves("learner", settings, &now, &mut note);
         } else if begun.decisions != scenario.learner.decisions() {
+            // Earlier versions kept no settings, but the number of decisions.
             let now = scenario.learner.decisions().to_string();
             note("decisions".to_owned(), begun.decisions.to_string(), now);
         }
         Ok(found)
     }
 
-    /// Refuses to go on as something else.
+    /// Refuses to continue as a different training.
     ///
     /// # Errors
-    /// There are differences: [`RunError::Differs`].
+    ///
+    /// Returns [`RunError::Differs`] if there are differences.
     pub fn must_be_of(&self, asked: Asked<'_>) -> Result<(), RunError> {
         self.refuse(self.differences(asked)?)
     }
 
-    /// An error of differences, if there are any.
+    /// Returns an error for a list of differences, unless it is empty.
     pub(crate) fn refuse(&self, differences: Vec<RunDifference>) -> Result<(), RunError> {
         match differences.is_empty() {
             true => Ok(()),
@@ -165,7 +182,7 @@ impl RunDir {
     }
 }
 
-/// The first line in which two texts differ, counted from 1.
+/// First line in which two texts differ, counted from 1.
 fn first_line(begun: &str, now: &str) -> (usize, String, String) {
     let (mut old, mut new) = (begun.lines(), now.lines());
     for line in 1.. {
@@ -179,11 +196,11 @@ fn first_line(begun: &str, now: &str) -> (usize, String, String) {
             _ => {}
         }
     }
-    // Line ends only.
+    // The texts differ in line ends only.
     (begun.lines().count(), "as it was".into(), "as it is".into())
 }
 
-/// Tells of every value in which two trees of settings differ.
+/// Reports every value in which two trees of settings differ.
 fn leaves(path: &str, begun: &Value, now: &Value, note: &mut impl FnMut(String, String, String)) {
     match (begun, now) {
         (Value::Object(old), Value::Object(new)) => {

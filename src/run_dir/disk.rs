@@ -1,8 +1,8 @@
-//! Files that are there whole or not at all, files that only grow, and locks.
+//! Files that appear completely or not at all, growing files, and locks.
 //!
-//! Everything that changes the disk goes through here, one step at a time, so
-//! that tests can let any of those steps fail (`crash`). What has returned is
-//! on the disk: files and the directories that name them are flushed.
+//! All changes of the disk pass through this module, one step at a time, so
+//! that tests can make any step fail (`crash`). After a function returns, its
+//! effect is on the disk: files and their directories are flushed.
 
 pub(crate) mod crash;
 
@@ -15,11 +15,12 @@ use sha2::Digest;
 use super::RunError;
 use crate::content_hash::{fingerprint, in_digits};
 use crate::world::Scenario;
+use crate::world::file_bytes;
 
-/// Files that are not yet whole are called so; what is left of them is swept.
+/// Prefix of incomplete files. Leftovers are removed.
 const UNFINISHED: &str = ".brakecheck-";
 
-/// Before a step that changes the disk; tests let it fail.
+/// Hook before a step that changes the disk, which tests make fail.
 #[cfg(not(test))]
 fn step(_path: &Path) -> io::Result<()> {
     Ok(())
@@ -28,10 +29,11 @@ fn step(_path: &Path) -> io::Result<()> {
 #[cfg(test)]
 use crash::step;
 
-/// Makes a directory and those above it.
+/// Makes a directory and its parents.
 ///
 /// # Errors
-/// The disk refuses.
+///
+/// Returns an error if the disk refuses.
 pub fn make_dir(path: &Path) -> Result<(), RunError> {
     let failed = io_error("creating", path);
     let missing = path.ancestors().take_while(|dir| !dir.exists());
@@ -39,40 +41,44 @@ pub fn make_dir(path: &Path) -> Result<(), RunError> {
     for dir in missing.into_iter().rev() {
         step(dir).map_err(&failed)?;
         match fs::create_dir(dir) {
-            // Somebody else may make it at the same time.
+            // Another process may create it at the same time.
             Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
                 return Err(failed(error));
             }
             _ => flush_dir(parent(dir)).map_err(&failed)?,
         }
     }
-    // What is there and no directory is told of now.
+    // An existing file with the name of the directory is reported here.
     fs::read_dir(path).map_err(&failed)?;
     Ok(())
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file completely or not at all.
 ///
 /// # Errors
-/// The disk refuses; an older file of that name is then untouched.
+///
+/// Returns an error if the disk refuses. An older file of that name stays
+/// untouched.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     let failed = io_error("writing", path);
     let dir = parent(path);
     sweep(dir);
+    // Written beside the target: a rename is only atomic within a file system.
     let (mut file, beside) = unfinished(dir).map_err(&failed)?;
     let written = fill(&mut file, bytes, &beside).and_then(|()| {
         step(path)?;
         fs::rename(&beside, path)
     });
     if let Err(error) = written {
-        // Best left to the next sweep where even this fails.
+        // If even this fails, the next sweep removes the file.
         let _ = remove(&beside);
         return Err(failed(error));
     }
+    // The rename is only durable once the directory is flushed.
     flush_dir(dir).map_err(&failed)
 }
 
-/// A file that is written bit by bit and is there whole or not at all.
+/// File that is written step by step and appears completely or not at all.
 #[derive(Debug)]
 pub struct WholeFile {
     path: PathBuf,
@@ -82,10 +88,11 @@ pub struct WholeFile {
 }
 
 impl WholeFile {
-    /// Begins a file; what is at its place stays until it is finished.
+    /// Begins a file. An existing file stays until the new file is finished.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn begin(path: &Path) -> Result<WholeFile, RunError> {
         let dir = parent(path);
         sweep(dir);
@@ -98,10 +105,11 @@ impl WholeFile {
         })
     }
 
-    /// Adds to its end.
+    /// Appends bytes.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn write(&mut self, bytes: &[u8]) -> Result<(), RunError> {
         let failed = io_error("writing", &self.path);
         step(&self.path).map_err(&failed)?;
@@ -112,10 +120,12 @@ impl WholeFile {
         }
     }
 
-    /// Puts it in its place and gives its SHA-256.
+    /// Puts the file in its place and returns its SHA-256.
     ///
     /// # Errors
-    /// The disk refuses; an older file of that name is then untouched.
+    ///
+    /// Returns an error if the disk refuses. An older file of that name stays
+    /// untouched.
     pub fn finish(mut self) -> Result<String, RunError> {
         let failed = io_error("writing", &self.path);
         if let Some(file) = self.file.take() {
@@ -135,12 +145,12 @@ impl WholeFile {
 
 impl Drop for WholeFile {
     fn drop(&mut self) {
-        // After `finish` there is nothing of that name any more.
+        // After `finish` no file has that name.
         let _ = remove(&self.beside);
     }
 }
 
-/// A new file for what is not yet whole, locked while somebody writes to it.
+/// New incomplete file, locked while it is written.
 fn unfinished(dir: &Path) -> io::Result<(File, PathBuf)> {
     if !dir.as_os_str().is_empty() && !dir.is_dir() {
         let why = format!("there is no directory `{}`", dir.display());
@@ -154,7 +164,8 @@ fn unfinished(dir: &Path) -> io::Result<(File, PathBuf)> {
             .tempfile_in(dir)?
             .into_parts();
         let path = path.to_path_buf();
-        // Between making and locking, a sweep may have taken it for a leftover.
+        // Between creation and locking, a sweep may take the file for a
+        // leftover.
         if fs4::FileExt::try_lock(&file).is_ok() && path.exists() {
             return Ok((file, path));
         }
@@ -164,11 +175,13 @@ fn unfinished(dir: &Path) -> io::Result<(File, PathBuf)> {
 fn fill(file: &mut File, bytes: &[u8], path: &Path) -> io::Result<()> {
     put(file, bytes, path)?;
     readable(file)?;
+    // Flushed before the rename: otherwise a power cut may leave an empty file
+    // in the place of the old file.
     step(path)?;
     file.sync_all()
 }
 
-/// Writes in two steps, as a disk that fills up would.
+/// Writes in two steps, like a disk that fills up in between.
 fn put(file: &mut File, bytes: &[u8], path: &Path) -> io::Result<()> {
     let (one, two) = bytes.split_at(bytes.len() / 2);
     for half in [one, two] {
@@ -178,7 +191,7 @@ fn put(file: &mut File, bytes: &[u8], path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Temporary files begin private; what is kept gets ordinary permissions.
+/// Gives a file ordinary permissions, because temporary files are private.
 #[cfg(unix)]
 fn readable(file: &File) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
@@ -190,10 +203,12 @@ fn readable(_file: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Adds to the end of a file.
+/// Appends bytes to a file.
 ///
 /// # Errors
-/// The disk refuses; part of the bytes may be there.
+///
+/// Returns an error if the disk refuses. A part of the bytes may be in the
+/// file.
 pub(super) fn append(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     let failed = io_error("writing", path);
     let is_new = !path.exists();
@@ -203,16 +218,18 @@ pub(super) fn append(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     put(&mut file, bytes, path).map_err(&failed)?;
     step(path).map_err(&failed)?;
     file.sync_all().map_err(&failed)?;
+    // A new file needs its name flushed as well.
     match is_new {
         true => flush_dir(parent(path)).map_err(&failed),
         false => Ok(()),
     }
 }
 
-/// Cuts a file to its first bytes.
+/// Truncates a file to its first bytes.
 ///
 /// # Errors
-/// The disk refuses.
+///
+/// Returns an error if the disk refuses.
 pub(super) fn cut(path: &Path, bytes: u64) -> Result<(), RunError> {
     let failed = io_error("writing", path);
     step(path).map_err(&failed)?;
@@ -223,7 +240,7 @@ pub(super) fn cut(path: &Path, bytes: u64) -> Result<(), RunError> {
     file.sync_all().map_err(&failed)
 }
 
-/// Removes a file; one that is gone already is removed.
+/// Removes a file. A missing file is no error.
 pub(super) fn remove(path: &Path) -> io::Result<()> {
     step(path)?;
     match fs::remove_file(path) {
@@ -232,10 +249,9 @@ pub(super) fn remove(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Removes what writers that were killed left in a directory, as far as that
-/// can be done.
+/// Removes leftovers of killed writers from a directory, as far as possible.
 ///
-/// Whoever still writes holds a lock on his file.
+/// A file that is still being written is locked.
 pub(super) fn sweep(dir: &Path) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
         if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
@@ -249,13 +265,14 @@ pub(super) fn sweep(dir: &Path) {
     }
 }
 
-/// Flushes the names in a directory: without it a power cut may forget a file
-/// whose bytes are on the disk.
+/// Flushes the names in a directory.
+///
+/// Without it, a power cut may lose a file whose bytes are on the disk.
 #[cfg(unix)]
 fn flush_dir(dir: &Path) -> io::Result<()> {
     step(dir)?;
     match File::open(dir)?.sync_all() {
-        // Some file systems cannot, and need not.
+        // Some file systems cannot flush a directory, and need not.
         Err(error)
             if !matches!(
                 error.kind(),
@@ -273,7 +290,7 @@ fn flush_dir(_dir: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The directory that a path is in.
+/// Directory of a path.
 fn parent(path: &Path) -> &Path {
     match path.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
@@ -281,7 +298,7 @@ fn parent(path: &Path) -> &Path {
     }
 }
 
-/// Whether a directory holds anything but the beginnings of a run.
+/// Returns true if a directory contains more than the beginning of a run.
 pub(super) fn is_taken(path: &Path) -> bool {
     let Ok(entries) = fs::read_dir(path) else {
         return false;
@@ -293,11 +310,15 @@ pub(super) fn is_taken(path: &Path) -> bool {
     names.any(|name| !begun(&name.to_string_lossy()))
 }
 
-/// Holds a run directory for one process.
+/// Locks a run directory for one process.
 pub(super) fn lock(path: &Path) -> Result<File, RunError> {
     let file_path = path.join("lock");
     let failed = io_error("creating", &file_path);
     step(&file_path).map_err(&failed)?;
+    if file_path.exists() && !file_path.is_file() {
+        // To open a pipe for writing waits for its reader without end.
+        return Err(failed(io::Error::other("it is no ordinary file")));
+    }
     let file = File::create(&file_path).map_err(&failed)?;
     match fs4::FileExt::try_lock(&file) {
         Ok(()) => Ok(file),
@@ -305,19 +326,20 @@ pub(super) fn lock(path: &Path) -> Result<File, RunError> {
     }
 }
 
-/// The text of a file.
+/// Returns the text of a file.
 ///
 /// # Errors
-/// The disk refuses, or the bytes are no UTF-8.
+///
+/// Returns an error if the disk refuses, or the bytes are not UTF-8.
 pub(super) fn read_text(path: &Path) -> Result<String, RunError> {
-    let bytes = fs::read(path).map_err(io_error("reading", path))?;
+    let bytes = file_bytes(path).map_err(io_error("reading", path))?;
     String::from_utf8(bytes).map_err(|error| RunError::Damaged {
         path: path.into(),
         why: error.to_string(),
     })
 }
 
-/// An error of the disk, by what was tried and where.
+/// Returns a disk error with the attempted operation and the path.
 pub(super) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) -> RunError + use<> {
     let path = path.to_owned();
     move |source| RunError::Io {
@@ -327,8 +349,9 @@ pub(super) fn io_error(verb: &'static str, path: &Path) -> impl Fn(io::Error) ->
     }
 }
 
-/// Identity of a world's learner and family, defaults included: another version of
-/// the program may have other defaults.
+/// Hash of the complete settings of learner and family, including defaults.
+///
+/// Another version of the program may have other defaults.
 pub(super) fn settings_of(scenario: &Scenario) -> String {
     fingerprint(&serde_json::json!({
         "learner": scenario.learner,
@@ -336,7 +359,7 @@ pub(super) fn settings_of(scenario: &Scenario) -> String {
     }))
 }
 
-/// A name as a file is called: whatever could disturb a path is replaced.
+/// Returns a name as a file name, with `-` for all special characters.
 pub fn file_name(name: &str) -> String {
     let plain = |c: char| match c.is_ascii_alphanumeric() {
         true => c,

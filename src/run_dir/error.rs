@@ -1,4 +1,4 @@
-//! What can go wrong with a run directory: the file, the reason, the cure.
+//! Errors of run directories, with file, reason and fix.
 
 use std::io;
 use std::path::PathBuf;
@@ -6,92 +6,92 @@ use std::path::PathBuf;
 use super::RunDifference;
 use crate::world::ScenarioError;
 
-/// A run directory could not be used.
+/// Failure to use a run directory.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// Its `Debug` form equals the output of the command line. A test that returns
+/// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
 pub enum RunError {
-    /// A file could not be read or written.
+    /// Failure to read or write a file.
     #[error("{verb} `{path}` failed: {source}")]
     Io {
-        /// What was tried.
+        /// Attempted operation.
         verb: &'static str,
-        /// The file.
+        /// File of the operation.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: io::Error,
     },
-    /// There is no run.
+    /// The directory contains no run.
     #[error("`{path}` is no run directory: {why}")]
     NotARun {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
-        /// What is missing or wrong.
+        /// Missing or invalid content.
         why: String,
     },
-    /// Training there was interrupted.
+    /// The training was interrupted.
     #[error("the training in `{path}` has not finished ({done} of {asked} decisions)")]
     Unfinished {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
         /// Decisions taken.
         done: u64,
-        /// Decisions asked for.
+        /// Decisions requested.
         asked: u64,
     },
-    /// An earlier version trained there, or the training met a family.
+    /// An earlier version trained it, or it was trained against a family.
     #[error("the training in `{path}` stored no counterexamples")]
     NothingStored {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
     },
     /// The directory is taken.
     #[error("`{path}` exists already")]
     Exists {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
     },
-    /// It was begun as another training than is asked for.
+    /// The run began as a different training.
     #[error(
         "the training in `{path}` was begun otherwise:{}",
         differences.iter().map(|one| format!("\n  {one}")).collect::<String>()
     )]
     Differs {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
-        /// In what.
+        /// Differences between both trainings.
         differences: Vec<RunDifference>,
     },
-    /// Another process trains there.
+    /// Another process trains in the directory.
     #[error("`{path}` is in use by another process")]
     Locked {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
     },
-    /// A file is not what the manifest says.
+    /// A file differs from the manifest.
     #[error("`{path}` is damaged: {why}")]
     Damaged {
-        /// The file.
+        /// File with the difference.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the difference.
         why: String,
     },
-    /// Its ado is conditional, and nothing was said about the ego.
+    /// The ado is conditional, and the parameters of the ego are missing.
     #[error("the ado in `{path}` is conditional: it must be told {}", names.join(", "))]
     Untold {
-        /// The directory.
+        /// Directory.
         path: PathBuf,
-        /// What it must be told.
+        /// Parameters on which the ado is conditioned.
         names: Vec<String>,
     },
-    /// The world in it is not usable.
+    /// The world of the run is not usable.
     #[error("the world of this run: {0}")]
     World(Box<ScenarioError>),
 }
 
 impl RunError {
-    /// The cure, where one is known.
+    /// Returns the fix, if known.
     pub fn help(&self) -> Option<String> {
         match self {
             RunError::Io { .. } => {

@@ -1,6 +1,5 @@
-//! Finished work that is kept, so that an interrupted campaign goes on.
+//! Finished work, kept so that an interrupted campaign can continue.
 
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -13,12 +12,13 @@ use super::disk::{file_name, io_error, make_dir, settings_of, write_file};
 use crate::content_hash;
 use crate::content_hash::sha256;
 use crate::world::Scenario;
+use crate::world::file_bytes;
 
-/// One piece of work: a file, and what it is the answer to.
+/// Piece of work: a file, and the question that it answers.
 ///
-/// The file is used again only for the very question, of the same world file,
-/// with the same defaults and version of the program. What an external program
-/// does that drives an ego is not part of the question.
+/// A file is reused only for the same question about the same world file, with
+/// the same defaults and program version. The behaviour of an external ego
+/// program is not part of the question.
 #[derive(Clone, Debug)]
 pub struct Finished {
     path: PathBuf,
@@ -26,7 +26,7 @@ pub struct Finished {
 }
 
 impl Finished {
-    /// The work of a name in a directory, on a world, with its settings.
+    /// Returns the work of a name in a directory, for a world and its settings.
     pub fn new(dir: &Path, name: &str, scenario: &Scenario, settings: Value) -> Finished {
         Finished {
             path: dir.join(format!("{}.json", file_name(name))),
@@ -40,12 +40,14 @@ impl Finished {
         }
     }
 
-    /// What was made, if it is there; work for another question is not.
+    /// Returns the result, if it is there and answers this question.
     ///
     /// # Errors
-    /// The disk refuses, or the file is damaged ([`RunError::Damaged`]).
+    ///
+    /// Returns an error if the disk refuses, or the file is damaged
+    /// ([`RunError::Damaged`]).
     pub fn read<T: DeserializeOwned>(&self) -> Result<Option<T>, RunError> {
-        let bytes = match fs::read(&self.path) {
+        let bytes = match file_bytes(&self.path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             read => read.map_err(io_error("reading", &self.path))?,
         };
@@ -56,12 +58,14 @@ impl Finished {
         let json = |error: serde_json::Error| damaged(error.to_string());
         let text = String::from_utf8(bytes).map_err(|error| damaged(error.to_string()))?;
         let mut kept: Value = serde_json::from_str(&text).map_err(json)?;
-        // Earlier versions wrote no seal, and nothing but these.
+        // Earlier versions wrote no seal, and no other fields than these.
         let known = ["asked", "made", "seal", "sha256"];
         let mut fields = kept.as_object().into_iter().flatten();
         if let Some((name, _)) = fields.find(|(name, _)| !known.contains(&name.as_str())) {
             return Err(damaged(format!("unknown field `{name}`")));
         }
+        // Checked before the hash: work for another question is stale, not
+        // damaged.
         if kept["asked"] != self.asked {
             return Ok(None);
         }
@@ -79,10 +83,11 @@ impl Finished {
         made.map(Some).map_err(json)
     }
 
-    /// Keeps what was made, in the place of older work of that name.
+    /// Keeps a result, and replaces older work of that name.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn write<T: Serialize>(&self, made: &T) -> Result<(), RunError> {
         if let Some(dir) = self.path.parent() {
             make_dir(dir)?;
@@ -101,8 +106,10 @@ impl Finished {
         write_file(&self.path, content_hash::seal(&kept.to_string()).as_bytes())
     }
 
-    /// Of question and answer, but for processor times: equal work has equal
-    /// hashes. The seal beside it is of the file, times included.
+    /// Hash of question and result, without processor times.
+    ///
+    /// Equal work has equal hashes. The seal covers the complete file,
+    /// including the times.
     fn hash(&self, made: &Value) -> String {
         let mut made = made.clone();
         forget_times(&mut made);
@@ -127,6 +134,8 @@ fn forget_times(value: &mut Value) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     const WORLD: &str = include_str!("../../worlds/acc.ron");

@@ -1,8 +1,8 @@
-//! Counterexamples as files: start, actions, world and what they must give.
+//! Counterexamples as files: start, actions, world and expected outcome.
 //!
-//! A kept counterexample is self-contained: the world's text is in it. Beside
-//! `NAME.ron` stands `NAME.csv` with every sample, so that a replay that
-//! differs can name the first signal that does.
+//! A kept counterexample is self-contained, because it includes the text of the
+//! world. `NAME.csv` beside `NAME.ron` has every sample, so a replay that
+//! differs can name the first differing signal.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,103 +22,109 @@ use crate::testbench::Episode;
 use crate::trace::Trace;
 use crate::world::{Change, ChangeError, Scenario, ScenarioError};
 
-/// Version of the file. The first one held no hash; later ones are refused.
+/// Version of the file. The first version had no hash. Later versions are refused.
 const FORMAT: u32 = 2;
 
-/// The first column of the samples; a signal of that name is the same.
+/// First column of the samples. A signal of that name is the same column.
 const TIME: &str = "time";
 
-/// A recorded episode and everything needed to play it again.
+/// Recorded episode with everything that its replay requires.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Counterexample {
     /// Version of the file.
     pub format: u32,
-    /// SHA-256 of the file with zeros in its place; `None`: an earlier version
-    /// wrote it, and nothing would notice a changed number.
+    /// SHA-256 of the file with zeros in its place.
+    ///
+    /// `None` in files of an earlier version, where a changed number stays
+    /// undetected.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
-    /// SHA-256 of the samples beside it.
+    /// SHA-256 of the samples beside the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_sha256: Option<String>,
     /// Version of the program that recorded it.
     pub brakecheck: String,
     /// Name of the world.
     pub world: String,
-    /// Which ego: `nominal`, or the name of a change.
+    /// Name of the ego: `nominal`, or that of a change.
     pub ego: String,
-    /// How it differed from the world's own ego and surroundings.
+    /// Difference from the world's own ego and surroundings.
     pub change: Change,
-    /// Plant that it was found on.
+    /// Plant of the recording.
     pub plant: Dynamics,
-    /// Word for who played the ados.
+    /// Name of the ados' method.
     pub ado: String,
-    /// The start, by name of the axis.
+    /// Start, by name of the axis.
     pub start: IndexMap<String, f64>,
-    /// Seed of all noise in it.
+    /// Seed of all noise in the episode.
     pub noise: u64,
-    /// The ados' joint actions, one per decision.
+    /// Joint actions of the ados, one per decision.
     pub actions: Vec<usize>,
-    /// How it was judged.
+    /// Verdict of the recording.
     pub verdict: Verdict,
     /// ρ(ψ_ego) of the judged samples.
     pub robustness: f64,
-    /// Samples on which the verdict rests.
+    /// Number of samples that determine the verdict.
     pub judged: usize,
-    /// The first contact, if the agents touched.
+    /// First contact, if any.
     pub contact: Option<Touch>,
-    /// Whether the rules held up to the contact; older files do not say.
+    /// State of the rules up to the contact. Missing in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rules_until_contact: Option<RulesUntilContact>,
-    /// What an ego that nobody here wrote commanded, sample by sample:
-    /// acceleration in m/s² and speed across the road in m/s. With these the
-    /// world's side is repeated bit for bit, whatever the ego answers today.
+    /// Commands of an external ego, sample by sample.
+    ///
+    /// Each has an acceleration in m/s² and a lateral speed in m/s. With them
+    /// the world's side is repeated bit for bit, whatever the ego commands
+    /// today.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ego_commands: Vec<(f64, f64)>,
-    /// What was recorded, in order; files of old do not say: all that was
-    /// published. Signals that later versions publish are not compared.
+    /// Recorded signals in order.
+    ///
+    /// Older files lack them and recorded all published signals. Signals of
+    /// later versions are not compared.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub signals: Vec<String>,
-    /// One digest of eight hexadecimal digits per sample.
+    /// Digests of the samples, with eight hexadecimal digits each.
     pub digests: String,
-    /// What is known of it; older files do not say.
+    /// Facts about the counterexample. Missing in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub about: Option<About>,
-    /// The world file, verbatim.
+    /// World file, verbatim.
     pub world_file: String,
 }
 
-/// A kept counterexample could not be used.
+/// Failure to use a kept counterexample.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// Its `Debug` form equals the output of the command line. A test that returns
+/// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
 pub enum KeptError {
-    /// It could not be read or written.
+    /// Failure to read or write the file.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// The file is no counterexample.
+    /// The file is not a counterexample.
     #[error("`{path}` is no kept counterexample: {why}")]
     Format {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What is wrong in it.
+        /// Invalid content.
         why: String,
     },
-    /// The world in it is not usable.
+    /// The world in the file is not usable.
     #[error("the world in `{path}`: {source}")]
     World {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// What is wrong in it.
+        /// Error of the world.
         source: Box<ScenarioError>,
     },
-    /// The recorded change does not fit the world in it.
+    /// The recorded change does not fit the world in the file.
     #[error("the change in `{path}`: {source}")]
     Change {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// Why.
+        /// Error of the change.
         source: ChangeError,
     },
 }
@@ -165,7 +171,7 @@ impl Counterexample {
         recorded.as_now(&episode.trace)
     }
 
-    /// The same with all that this version writes of its samples.
+    /// Returns the counterexample with the samples' data as of this version.
     pub(crate) fn as_now(&self, trace: &Trace) -> Counterexample {
         let signals = trace.schema().signals().iter();
         let all: Vec<usize> = (0..signals.len()).collect();
@@ -179,10 +185,12 @@ impl Counterexample {
         }
     }
 
-    /// Whether verdict, robustness, contact and the rules up to it are those of
-    /// `episode`; its samples are compared elsewhere.
+    /// Returns true if the outcome equals that of `episode`.
+    ///
+    /// It compares verdict, robustness, contact and the rules up to it. Samples
+    /// are compared elsewhere.
     pub(crate) fn is_of(&self, episode: &Episode) -> bool {
-        // Older files do not say what became of the rules.
+        // Older files do not record the rules up to the contact.
         let rules = self.rules_until_contact.as_ref();
         let rules_agree = rules.is_none() || rules == episode.rules_until_contact.as_ref();
         let contact_agrees = match (&episode.contact, &self.contact) {
@@ -190,6 +198,7 @@ impl Counterexample {
             (now, then) => now == then,
         };
         episode.verdict == self.verdict
+            // Bits, since a replay repeats the recording exactly.
             && episode.robustness.to_bits() == self.robustness.to_bits()
             && contact_agrees
             && episode.judged == self.judged
@@ -199,7 +208,8 @@ impl Counterexample {
     /// Reads a kept counterexample.
     ///
     /// # Errors
-    /// It cannot be read, or it is none.
+    ///
+    /// Returns an error if the file cannot be read, or is not a counterexample.
     pub fn load(path: &Path) -> Result<Counterexample, KeptError> {
         let text = read_text(path)?;
         let format = |why: String| KeptError::Format {
@@ -222,7 +232,7 @@ impl Counterexample {
             };
             content_hash::check(&text, hash).map_err(damaged)?;
         }
-        // The label that earlier versions took from the same outcomes.
+        // Earlier versions derived another label from the same outcomes.
         if let Some(known) = kept
             .about
             .as_mut()
@@ -241,8 +251,10 @@ impl Counterexample {
         Ok(kept)
     }
 
-    /// Earlier versions asked an ego that is not a stock one nothing, and wrote no
-    /// decisive action for that; later ones count its runs.
+    /// Marks questions that earlier versions did not ask.
+    ///
+    /// They asked none about external egos, and wrote no decisive action for
+    /// them. Later versions count the runs of such egos.
     fn mark_what_was_not_asked(&mut self) {
         let Some(about) = self.about.as_mut().filter(|about| about.ego_runs.is_none()) else {
             return;
@@ -253,23 +265,26 @@ impl Counterexample {
         }
     }
 
-    /// Whether it holds its own hash; earlier versions wrote none.
+    /// Returns true if the file contains its own hash. Earlier versions wrote none.
     pub fn is_sealed(&self) -> bool {
         self.sha256.is_some()
     }
 
-    /// The samples beside a kept file, as they were recorded; `None`: there are
-    /// none, which only costs the name of the first signal that differs.
+    /// Returns the samples beside a kept file.
+    ///
+    /// `None` if there are none. A replay then cannot name the first differing
+    /// signal.
     ///
     /// # Errors
-    /// They were changed since, or are no samples.
+    ///
+    /// Returns an error if the samples were changed, or are not valid.
     pub fn samples(&self, path: &Path) -> Result<Option<Trace>, KeptError> {
         let Some(text) = self.samples_text(path)? else {
             return Ok(None);
         };
         match (trace_of_csv(&text, None), &self.samples_sha256) {
             (Ok(trace), _) => Ok(Some(trace)),
-            // Files of old named a signal `time` twice.
+            // Older files contain a signal `time` twice.
             (Err(_), None) => Ok(None),
             (Err(error), Some(_)) => Err(KeptError::Format {
                 path: path.with_extension("csv"),
@@ -278,7 +293,7 @@ impl Counterexample {
         }
     }
 
-    /// Their text, if it is as it was recorded.
+    /// Returns the text of the samples, if it is unchanged.
     pub(crate) fn samples_text(&self, path: &Path) -> Result<Option<String>, KeptError> {
         let path = path.with_extension("csv");
         if !path.exists() {
@@ -295,14 +310,18 @@ impl Counterexample {
         }
     }
 
-    /// Writes `STEM.ron` into a directory, or `STEM-2.ron` and so on where
-    /// another counterexample has that name already; returns the file.
+    /// Writes `STEM.ron` into a directory and returns its path.
+    ///
+    /// If another counterexample has that name, it writes `STEM-2.ron` and so
+    /// on.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn save_as(&self, dir: &Path, stem: &str, trace: &Trace) -> Result<PathBuf, KeptError> {
         let mut file = dir.join(format!("{stem}.ron"));
         let mut number = 1;
+        // Writing the same counterexample again replaces its file.
         while file.exists() && !self.is_kept_in(&file) {
             number += 1;
             file = dir.join(format!("{stem}-{number}.ron"));
@@ -311,8 +330,9 @@ impl Counterexample {
         Ok(file)
     }
 
-    /// Whether a file holds this very one.
+    /// Returns true if a file contains this counterexample.
     fn is_kept_in(&self, file: &Path) -> bool {
+        // A counterexample in memory has no hash yet.
         let unsealed = |kept: &Counterexample| Counterexample {
             sha256: None,
             ..kept.clone()
@@ -324,9 +344,11 @@ impl Counterexample {
     /// Writes the samples as CSV beside `path`, then `path` itself.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn save(&self, path: &Path, trace: &Trace) -> Result<(), KeptError> {
         let pretty = ron::ser::PrettyConfig::new()
+            // The world's text stays readable without escapes.
             .escape_strings(false)
             .compact_arrays(true);
         let blank = Counterexample {
@@ -338,16 +360,17 @@ impl Counterexample {
             path: path.into(),
             why: error.to_string(),
         })?;
-        // Last what says that all of it is there.
+        // The file that completes the pair is written last.
         write_file(&path.with_extension("csv"), csv_of(trace).as_bytes())?;
         write_file(path, content_hash::seal(&text).as_bytes())?;
         Ok(())
     }
 
-    /// The world it was recorded in, its ego as it was then.
+    /// Returns the world of the recording, with its ego.
     ///
     /// # Errors
-    /// The world or the change in it is not usable by this version.
+    ///
+    /// Returns an error if this version cannot use the world or the change.
     pub fn scenario(&self, path: &Path) -> Result<Scenario, KeptError> {
         let world = self.nominal(path)?;
         world
@@ -358,7 +381,7 @@ impl Counterexample {
             })
     }
 
-    /// What the ego commanded, if nobody here wrote it.
+    /// Returns the commands of an external ego.
     pub fn commands(&self) -> Option<Arc<[Command]>> {
         let commands = self.ego_commands.iter();
         let commands = commands.map(|&(accel_mps2, lateral_mps)| Command {
@@ -368,10 +391,11 @@ impl Counterexample {
         (!self.ego_commands.is_empty()).then(|| commands.collect())
     }
 
-    /// The same world on the same plant, with the ego its file names.
+    /// Returns the world on the plant of the recording, with the world's own ego.
     ///
     /// # Errors
-    /// The world in it is not usable by this version.
+    ///
+    /// Returns an error if this version cannot use the world.
     pub fn nominal(&self, path: &Path) -> Result<Scenario, KeptError> {
         let name = format!("{} (in {})", self.world, path.display());
         let world =
@@ -385,10 +409,12 @@ impl Counterexample {
         })
     }
 
-    /// The start in the order of the world's axes.
+    /// Returns the start in the order of the world's axes.
     ///
     /// # Errors
-    /// An axis has no value, or one outside of its range; an action is none.
+    ///
+    /// Returns an error for a missing value, a value outside of its range, or
+    /// an invalid action.
     pub fn start(&self, scenario: &Scenario, path: &Path) -> Result<Start, KeptError> {
         let axes = scenario.axes();
         let value = |name: &str| {
@@ -415,6 +441,7 @@ impl Counterexample {
             }
             start.push(value);
         }
+        // Every axis has a value, so a surplus value belongs to no axis.
         if start.len() != self.start.len() {
             return Err(format(
                 "the start names an axis that the world has not".to_owned(),
@@ -428,8 +455,9 @@ impl Counterexample {
     }
 }
 
-/// A digest of eight hexadecimal digits per sample, of some of its columns in
-/// this order.
+/// Digests of all samples, of the given columns in their order.
+///
+/// Each digest has eight hexadecimal digits.
 pub fn digests_of(trace: &Trace, columns: &[usize]) -> String {
     let columns: Vec<&[f64]> = columns.iter().map(|&at| trace.column(at)).collect();
     let mut text = String::with_capacity(8 * trace.len());
@@ -445,7 +473,7 @@ pub fn digests_of(trace: &Trace, columns: &[usize]) -> String {
     text
 }
 
-/// A trace as CSV: a time column, then every other signal, exactly.
+/// Trace as CSV: a time column, then all other signals, exactly.
 pub fn csv_of(trace: &Trace) -> String {
     let mut text = String::from(TIME);
     let signals = trace.schema().signals().iter().enumerate();
@@ -459,7 +487,8 @@ pub fn csv_of(trace: &Trace) -> String {
         .collect();
     text.push('\n');
     for sample in 0..trace.len() {
-        // Time is i · dt; rounding hides the dust of binary fractions.
+        // Time is i · dt. Rounding removes the digits that binary fractions
+        // add.
         let time_s = (sample as f64 * trace.dt_s() * 1e9).round() / 1e9;
         text.push_str(&time_s.to_string());
         for &column in &others {

@@ -1,4 +1,4 @@
-//! What a run directory says of itself.
+//! Manifest of a run directory.
 
 use std::path::Path;
 
@@ -9,32 +9,44 @@ use super::disk::read_text;
 use super::training_counterexamples::StoredCount;
 use super::{FORMAT, RunError};
 use crate::content_hash;
+use crate::rulebook::TrainingGoal;
 use crate::scene::Dynamics;
 use crate::world::{Against, Change};
 
 pub(super) const FILE: &str = "manifest.json";
-/// Apart, since it is measured: equal trainings take different times.
+/// Separate file of the processor time, in which equal trainings differ.
 pub(super) const TIMING: &str = "timing.json";
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Timing {
     cpu_s: f64,
-    /// Its own: manifests of equal trainings are equal. Formats before the third
-    /// had none.
+    /// Seal of its own, because manifests of equal trainings are equal.
+    ///
+    /// Formats before the third had none.
     #[serde(default)]
     seal: Option<String>,
 }
 
-/// The processor time in the file beside the manifest; none before the first
-/// checkpoint.
-fn read_timing(path: &Path, format: u32) -> Result<f64, RunError> {
+/// Processor time from the file beside the manifest.
+///
+/// It is 0 before the first checkpoint.
+fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
+    let (path, format) = (&run.join(TIMING), manifest.format);
     let damaged = |why: String| RunError::Damaged {
         path: path.into(),
         why,
     };
     if !path.is_file() {
-        return Ok(0.0);
+        // It is written before every checkpoint and before the policy.
+        let is_due = manifest.checkpoint.is_some() || manifest.is_finished();
+        return match is_due && 3 <= format {
+            true => Err(RunError::NotARun {
+                path: run.into(),
+                why: format!("`{TIMING}` is missing"),
+            }),
+            false => Ok(0.0),
+        };
     }
     let text = read_text(path)?;
     let read: Timing = serde_json::from_str(&text).map_err(|error| damaged(error.to_string()))?;
@@ -45,110 +57,122 @@ fn read_timing(path: &Path, format: u32) -> Result<f64, RunError> {
     Ok(read.cpu_s)
 }
 
-/// What a run was, and the hashes of its files.
+/// Properties of a run, and the hashes of its files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// Version of the layout.
     pub format: u32,
-    /// SHA-256 of this file with zeros in its place; empty: an earlier version
-    /// wrote it, and nothing would notice a changed number.
+    /// SHA-256 of the file with zeros in its place.
+    ///
+    /// Empty in files of an earlier version, where a changed number stays
+    /// undetected.
     #[serde(default)]
     pub sha256: String,
     /// Version of the program that trained.
     pub brakecheck: String,
-    /// Operating system and processor it trained on.
+    /// Operating system and processor of the training.
     pub target: String,
     /// Name of the world.
     pub world: String,
     /// SHA-256 of `world.ron`.
     pub world_sha256: String,
-    /// The plant it trained on.
+    /// Plant of the training.
     pub plant: Dynamics,
-    /// The training seed.
+    /// Training seed.
     pub seed: u64,
-    /// Decisions asked for.
+    /// Decisions requested.
     pub decisions: u64,
     /// Decisions taken so far.
     pub decisions_done: u64,
     /// Episodes finished so far.
     pub episodes: u64,
-    /// Physics steps spent in training.
+    /// Physics steps of the training.
     #[serde(default)]
     pub physics_steps: u64,
-    /// What a search of training starts brought and cost before the learner's first
-    /// episode; `None`: it wanted none.
+    /// Search of training starts before the learner's first episode.
+    ///
+    /// `None` if the learner requires none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sought: Option<Sought>,
-    /// The ado beside a cheap search on calibration starts, as of the last time
-    /// that it was trained as long as asked; `None`: an earlier version trained.
+    /// Comparison of the ado with a cheap search on calibration starts.
+    ///
+    /// It is of the last time that training reached the requested length.
+    /// `None` for a training by an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibration: Option<Calibration>,
-    /// Why it ended, once it has; `None`: an earlier version trained.
+    /// Reason for the end of training. `None` for a training by an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended: Option<Ended>,
-    /// Processor time spent in training. It is in `timing.json`, so that equal
-    /// trainings have equal manifests.
+    /// Processor time of the training.
+    ///
+    /// It is in `timing.json`, so that equal trainings have equal manifests.
     #[serde(default, skip_serializing)]
     pub cpu_s: f64,
-    /// How much of `progress.jsonl` counts.
+    /// Valid part of `progress.jsonl`.
     #[serde(default, skip_serializing_if = "Grown::is_nothing")]
     pub progress: Grown,
-    /// The report of the learner that is not yet a line there.
+    /// Report of the learner that is not yet a line of that file.
     #[serde(default, skip_serializing_if = "Window::is_empty")]
     pub window: Window,
-    /// How many counterexamples it brought; `None`: an earlier version trained.
+    /// Number of counterexamples. `None` for a training by an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counterexamples: Option<StoredCount>,
-    /// Which of the world's `learners` trained; `None`: its own.
+    /// Name of the learner among the world's `learners`. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learner: Option<String>,
-    /// What it was trained against.
+    /// Failures that the training looks for. Empty for any.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goals: Vec<TrainingGoal>,
+    /// Training opponent.
     #[serde(default, skip_serializing_if = "Against::is_nominal")]
     pub against: Against,
-    /// The structure of its family that it never met.
+    /// Structure of the family that training left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
-    /// Identity of the learner's and the family's settings, defaults included: the
-    /// SHA-256 of their JSON with sorted keys. `None`: an earlier version did not
-    /// note it, or noted a hash of another text.
+    /// SHA-256 of the settings of learner and family, including defaults.
+    ///
+    /// The settings are JSON with sorted keys. `None` for a training by an earlier
+    /// version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings_fingerprint: Option<String>,
-    /// The learner's settings, defaults included; `None`: an earlier version.
+    /// Settings of the learner, including defaults.
+    ///
+    /// `None` for a training by an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings: Option<serde_json::Value>,
-    /// What the ado is told besides its observation, in order.
+    /// Inputs of a conditional ado besides its observation, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub told: Vec<String>,
-    /// The changed ego it was trained against; `None`: the world's own.
+    /// Changed ego of the training. `None` for the world's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ego: Option<ChangedEgo>,
     /// SHA-256 of `from.safetensors`, when fine-tuning.
     #[serde(default)]
     pub from_sha256: Option<String>,
-    /// The checkpoint's file and its SHA-256, while training.
+    /// File of the checkpoint and its SHA-256, during training.
     #[serde(default)]
     pub checkpoint: Option<(String, String)>,
-    /// SHA-256 of `policy.safetensors`, once there is one.
+    /// SHA-256 of `policy.safetensors`, once it exists.
     pub policy_sha256: Option<String>,
 }
 
-/// A search of training starts for what a learner is shown.
+/// Search of training starts for demonstrations of a learner.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sought {
     /// Starts searched.
     pub starts: u64,
-    /// Those on which the ego was made to fail.
+    /// Starts on which the ego failed.
     pub solved: u64,
     /// Simulations spent.
     pub simulations: u64,
-    /// Physics steps spent; those of the manifest include them.
+    /// Physics steps spent, which those of the manifest include.
     pub physics_steps: u64,
 }
 
-/// How far training has come.
+/// Progress of a training.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Done {
-    /// Decisions asked for.
+    /// Decisions requested.
     pub decisions_asked: u64,
     /// Decisions taken.
     pub decisions: u64,
@@ -156,22 +180,22 @@ pub struct Done {
     pub episodes: u64,
     /// Physics steps spent.
     pub physics_steps: u64,
-    /// Processor time spent.
+    /// Processor time spent, in s.
     pub cpu_s: f64,
-    /// The ado beside a cheap search, once it is trained.
+    /// Comparison with a cheap search, after training.
     pub calibration: Option<Calibration>,
-    /// Why it ended, once it has.
+    /// Reason for the end, after training.
     pub ended: Option<Ended>,
-    /// Episodes that no line of `progress.jsonl` tells of yet.
+    /// Episodes that no line of `progress.jsonl` covers yet.
     pub window: Window,
 }
 
-/// How much of a file that only grows counts, as of the last checkpoint.
+/// Valid part of a growing file, as of the last checkpoint.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Grown {
-    /// Its first bytes; what stands behind them was written after it.
+    /// Number of valid bytes. Later bytes were written after the checkpoint.
     pub bytes: u64,
-    /// Their SHA-256.
+    /// SHA-256 of these bytes.
     pub sha256: String,
 }
 
@@ -184,9 +208,9 @@ impl Grown {
 /// Episodes since the last line of `progress.jsonl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Window {
-    /// How many.
+    /// Number of episodes.
     pub episodes: u64,
-    /// Those that the ado solved.
+    /// Episodes that the ado solved.
     pub solved: u64,
     /// Sum of their returns.
     pub returns: f64,
@@ -199,15 +223,16 @@ impl Window {
 }
 
 impl Manifest {
-    /// Whether it holds its own hash; earlier versions wrote none.
+    /// Returns true if it contains its own hash. Earlier versions wrote none.
     pub fn is_sealed(&self) -> bool {
         !self.sha256.is_empty()
     }
 
-    /// Reads and verifies that of a run directory.
+    /// Reads and verifies the manifest of a run directory.
     ///
     /// # Errors
-    /// There is none, or it is damaged.
+    ///
+    /// Returns an error if it is missing or damaged.
     pub(super) fn read(run: &Path) -> Result<Manifest, RunError> {
         let not_a_run = |why: String| RunError::NotARun {
             path: run.into(),
@@ -235,15 +260,15 @@ impl Manifest {
             let why = format!("format {} is not 1 to {FORMAT}", manifest.format);
             return Err(damaged(&file, why));
         }
-        // The first format held neither a hash nor a file for the time.
+        // The first format had neither a hash nor a file for the time.
         if 1 < manifest.format || manifest.is_sealed() {
             content_hash::check(&text, &manifest.sha256).map_err(|why| damaged(&file, why))?;
-            manifest.cpu_s = read_timing(&run.join(TIMING), manifest.format)?;
+            manifest.cpu_s = read_timing(run, &manifest)?;
         }
         Ok(manifest)
     }
 
-    /// As its file holds it.
+    /// Returns the text of its file, with the hash.
     pub(super) fn sealed(&self, run: &Path) -> Result<String, RunError> {
         let blank = Manifest {
             sha256: content_hash::BLANK.to_owned(),
@@ -257,7 +282,7 @@ impl Manifest {
         Ok(content_hash::seal(&text))
     }
 
-    /// The file beside it that holds the time.
+    /// Returns the content of the file for the time.
     pub(super) fn timing(&self) -> Vec<u8> {
         let timing = Timing {
             cpu_s: self.cpu_s,
@@ -266,23 +291,23 @@ impl Manifest {
         content_hash::seal(&serde_json::json!(timing).to_string()).into_bytes()
     }
 
-    /// Whether training has finished.
+    /// Returns true if training has finished.
     pub fn is_finished(&self) -> bool {
         self.policy_sha256.is_some()
     }
 }
 
-/// The changed ego that a run was trained against.
+/// Changed ego of a training.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChangedEgo {
-    /// How rows call it.
+    /// Name in rows.
     pub name: String,
-    /// How it differs from the world's own.
+    /// Difference from the world's own ego.
     pub change: Change,
 }
 
 impl ChangedEgo {
-    /// Whether it is the user's own controller, of which a name is all there is.
+    /// Returns true for the user's own controller, which is known by name only.
     pub fn is_own(&self) -> bool {
         self.change == Change::default()
     }

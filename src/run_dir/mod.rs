@@ -1,22 +1,22 @@
-//! The run directory: everything needed later, nothing else.
+//! Run directory of a training: its world, policy, progress and results.
 //!
 //! ```text
 //! RUN/world.ron                the world file, verbatim
 //! RUN/manifest.json            version, seed, settings, hashes, its own among them
-//! RUN/timing.json              processor time, sealed: all that equal trainings differ in
+//! RUN/timing.json              processor time, sealed: the only difference of equal trainings
 //! RUN/policy.safetensors       the trained ado
 //! RUN/from.safetensors         the ado it was fine-tuned from, if any
 //! RUN/progress.jsonl           one line per report of the learner
 //! RUN/counterexamples.jsonl    the successes of the training, at most 50000
-//! RUN/checkpoint-N.safetensors while training: all that resuming after N decisions needs
+//! RUN/checkpoint-N.safetensors while training: the state for resuming after N decisions
 //! RUN/report.json              the rows of the closing evaluation, sealed
 //! RUN/episodes/                some counterexamples of the closing evaluation
 //! RUN/lock                     held while training
 //! ```
 //!
-//! Files are written beside their place, flushed and renamed, so that a full
-//! disk, a killed process or a power cut never leaves a half-written one behind.
-//! Wherever a training is killed: going on ends in the same bytes.
+//! Files are written beside their place, flushed and renamed. A full disk, a
+//! killed process or a power cut therefore never leaves a half-written file.
+//! Wherever a training is killed, its continuation ends in the same bytes.
 
 mod about;
 mod append_log;
@@ -60,30 +60,32 @@ pub use training_counterexamples::{MAX_STORED, Stored, StoredCount};
 
 use crate::content_hash::sha256;
 use crate::rl::{Bundle, BundleError, Policy, load_policy_for};
-use crate::world::{Against, LoadError, Scenario};
+use crate::world::{Against, LoadError, Scenario, file_bytes};
 use append_log::Growing;
 use disk::{io_error, is_taken, lock, settings_of};
 
-/// Version of the layout; earlier ones are read, later ones are refused. In the
-/// first one the manifest was not sealed and held the processor time, in the
-/// second one `timing.json` and `report.json` were not sealed.
+/// Version of the layout. Earlier versions are read, and later versions are
+/// refused.
+///
+/// In version 1 the manifest was not sealed and contained the processor time.
+/// In version 2 `timing.json` and `report.json` were not sealed.
 const FORMAT: u32 = 3;
 
-/// What a training begins with besides its world.
+/// Optional start conditions of a training.
 #[derive(Clone, Debug, Default)]
 pub struct Beginning<'a> {
-    /// The policy to fine-tune.
+    /// Policy to fine-tune.
     pub from: Option<&'a Bundle>,
-    /// The changed ego to train against.
+    /// Changed ego to train against.
     pub ego: Option<ChangedEgo>,
 }
 
-/// An open run directory.
+/// Open run directory.
 #[derive(Debug)]
 pub struct RunDir {
     path: PathBuf,
     manifest: Manifest,
-    /// Consent to start the programs that its world names; never written down.
+    /// Consent to start the programs that its world names. It is never written.
     programs_allowed: bool,
     progress: Growing,
     counterexamples: Growing,
@@ -94,17 +96,20 @@ impl RunDir {
     /// Makes a new run directory and locks it.
     ///
     /// # Errors
-    /// It exists and holds something, or cannot be written.
+    ///
+    /// Returns an error if it exists with content, or cannot be written.
     pub fn create(path: &Path, scenario: &Scenario, seed: u64) -> Result<RunDir, RunError> {
         RunDir::begin(path, scenario, seed, Beginning::default())
     }
 
-    /// The same of a training that begins with more than its world.
+    /// Makes a new run directory for a training with start conditions.
     ///
-    /// The manifest is written last: whoever is killed before has begun nothing.
+    /// The manifest is written last, so a process that is killed earlier leaves
+    /// no run.
     ///
     /// # Errors
-    /// It exists and holds something, or cannot be written.
+    ///
+    /// Returns an error if it exists with content, or cannot be written.
     pub fn begin(
         path: &Path,
         scenario: &Scenario,
@@ -115,6 +120,8 @@ impl RunDir {
             return Err(RunError::Exists { path: path.into() });
         }
         make_dir(path)?;
+        // Locked before the first write, so two processes cannot begin the same
+        // run.
         let lock = lock(path)?;
         let mut run = RunDir {
             path: path.into(),
@@ -139,6 +146,7 @@ impl RunDir {
                 window: Window::default(),
                 counterexamples: None,
                 learner: scenario.learning.clone(),
+                goals: scenario.goals.clone(),
                 against: scenario.against,
                 left_out: scenario.left_out.clone(),
                 settings_fingerprint: Some(settings_of(scenario)),
@@ -167,7 +175,8 @@ impl RunDir {
     /// Opens a run directory for reading and verifies its hashes.
     ///
     /// # Errors
-    /// It is none, or a file in it is damaged.
+    ///
+    /// Returns an error if it is not a run, or a file is damaged.
     pub fn open(path: &Path) -> Result<RunDir, RunError> {
         let manifest = Manifest::read(path)?;
         let run = RunDir {
@@ -182,11 +191,11 @@ impl RunDir {
         Ok(run)
     }
 
-    /// Verifies every file whose hash the manifest knows, so that whatever is
-    /// computed from the run later is computed from what was written.
+    /// Verifies every file with a hash in the manifest.
     ///
-    /// The checkpoint is left to those who go on from it: somebody may be
-    /// training, and replaces it.
+    /// Results that are computed later then rest on the written data. The
+    /// checkpoint is verified when training continues, since another process
+    /// may be replacing it.
     fn verify(&self) -> Result<(), RunError> {
         let manifest = &self.manifest;
         self.read_verified("world.ron", Some(&manifest.world_sha256))?;
@@ -198,6 +207,7 @@ impl RunDir {
         }
         if manifest.is_sealed() {
             let stored = manifest.counterexamples.as_ref();
+            // Earlier versions kept no hash of unfinished files.
             let stored = stored.filter(|known| known.sha256.is_some());
             let files = [
                 (progress::FILE, Some(manifest.progress.clone())),
@@ -208,7 +218,7 @@ impl RunDir {
             ];
             for (name, known) in files {
                 let path = self.path.join(name);
-                // An ado that was taken elsewhere has neither.
+                // A copy of a trained ado has neither file.
                 if let (Some(known), true) = (known, path.exists()) {
                     append_log::verified(&path, &known, manifest.is_finished())?;
                 }
@@ -217,19 +227,24 @@ impl RunDir {
         Ok(())
     }
 
-    /// Opens a run directory to go on training in it: as of its last checkpoint,
-    /// whatever was written since is taken away.
+    /// Opens a run directory to continue its training from the last checkpoint.
+    ///
+    /// Later content is removed.
     ///
     /// # Errors
-    /// It is none, is damaged, or another process trains in it.
+    ///
+    /// Returns an error if it is not a run, is damaged, or another process
+    /// trains in it.
     pub fn resume(path: &Path) -> Result<RunDir, RunError> {
-        // Nothing is made where there is no run; what counts is read under the lock.
+        // Without a run, no lock file is made. The manifest is read again under
+        // the lock.
         Manifest::read(path)?;
         let lock = lock(path)?;
         let mut run = RunDir::open(path)?;
         run._lock = Some(lock);
         run.sweep()?;
-        // Earlier versions noted no lengths, and are not gone on with.
+        // Earlier versions recorded no lengths, and their trainings are not
+        // continued.
         if !run.manifest.is_finished() && run.manifest.is_sealed() {
             let (progress, stored) = (
                 path.join(progress::FILE),
@@ -246,8 +261,11 @@ impl RunDir {
     /// Resumes a run that was opened for reading only.
     ///
     /// # Errors
-    /// It is damaged, or another process trains in it.
+    ///
+    /// Returns an error if it is damaged, or another process trains in it.
     pub(crate) fn hold(&mut self) -> Result<(), RunError> {
+        // The consent is not part of the files, so it survives the reopening
+        // here.
         if self._lock.is_none() {
             let allowed = self.programs_allowed;
             *self = RunDir::resume(&self.path.clone())?;
@@ -256,8 +274,10 @@ impl RunDir {
         Ok(())
     }
 
-    /// Removes what a killed training left: half-written files, and checkpoints
-    /// that the manifest does not name.
+    /// Removes leftovers of a killed training.
+    ///
+    /// These are incomplete files, and checkpoints that the manifest does not
+    /// name.
     fn sweep(&self) -> Result<(), RunError> {
         let failed = io_error("removing", &self.path);
         disk::sweep(&self.path);
@@ -272,25 +292,26 @@ impl RunDir {
         Ok(())
     }
 
-    /// Where it is.
+    /// Returns the path of the directory.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What it was.
+    /// Returns the manifest.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// Why its ado cannot be relied on; `None`: nothing speaks against it.
+    /// Returns the warning of an ado that is not reliable. `None` if there is none.
     pub fn warning(&self) -> Option<CalibrationWarning> {
         self.manifest.calibration?.warning()
     }
 
-    /// The world it was trained in, on the plant it was trained on.
+    /// Returns the world of the training, on its plant.
     ///
     /// # Errors
-    /// The kept world file is not usable by this version.
+    ///
+    /// Returns an error if this version cannot use the world file.
     pub fn scenario(&self) -> Result<Scenario, RunError> {
         let world = self.world()?;
         Ok(match self.manifest.plant.plant() {
@@ -299,15 +320,16 @@ impl RunDir {
         })
     }
 
-    /// Consents to start the programs that its world and their changes name.
+    /// Consents to start the programs that the world and its changes name.
     pub fn allow_programs(&mut self, allowed: bool) {
         self.programs_allowed = allowed;
     }
 
-    /// The world as its file says: on the plant named there.
+    /// Returns the world on the plant of its file.
     ///
     /// # Errors
-    /// The kept world file is not usable by this version.
+    ///
+    /// Returns an error if this version cannot use the world file.
     pub fn world(&self) -> Result<Scenario, RunError> {
         let file = self.path.join("world.ron");
         match Scenario::load(&file) {
@@ -317,8 +339,13 @@ impl RunDir {
         }
     }
 
-    /// The world with the learner and the family that the manifest names.
+    /// Returns the world with the goals, the learner and the family of the manifest.
     fn as_learned(&self, world: Scenario) -> Result<Scenario, RunError> {
+        let goals = world.training_towards(&self.manifest.goals);
+        let world = goals.map_err(|error| RunError::Damaged {
+            path: self.path.join("manifest.json"),
+            why: error.what,
+        })?;
         let against = self.manifest.against;
         if !against.is_nominal() {
             let left_out = self.manifest.left_out.as_deref();
@@ -327,6 +354,8 @@ impl RunDir {
                 None => Some(world),
             };
             let world = world.and_then(|world| world.training_against(against));
+            // A policy has one input per parameter of the family, so the family
+            // must be the same.
             let told = world.as_ref().map(told_names);
             let fits = told.is_some_and(|told| told == self.manifest.told);
             return world.filter(|_| fits).ok_or_else(|| RunError::Damaged {
@@ -343,11 +372,12 @@ impl RunDir {
         })
     }
 
-    /// The trained ado.
+    /// Returns the trained ado.
     ///
     /// # Errors
-    /// There is none yet, its file is damaged, or it must be told which ego it
-    /// meets ([`RunDir::policy_told`]).
+    ///
+    /// Returns an error if training has not finished or the file is damaged. A
+    /// conditional ado requires [`RunDir::policy_told`].
     pub fn policy(&self) -> Result<Box<dyn Policy>, RunError> {
         if self.manifest.against == Against::Conditional {
             return Err(RunError::Untold {
@@ -366,10 +396,11 @@ impl RunDir {
         load_policy_for(&scenario.spaces(), bundle).map_err(self.damaged("policy.safetensors"))
     }
 
-    /// The trained ado as stored.
+    /// Returns the trained ado as stored.
     ///
     /// # Errors
-    /// There is none yet, or its file is damaged.
+    ///
+    /// Returns an error if training has not finished or the file is damaged.
     pub fn policy_bundle(&self) -> Result<Bundle, RunError> {
         Bundle::from_bytes(&self.policy_bytes()?).map_err(self.damaged("policy.safetensors"))
     }
@@ -381,10 +412,11 @@ impl RunDir {
         self.read_verified("policy.safetensors", Some(expected))
     }
 
-    /// The checkpoint to go on from, if training was interrupted.
+    /// Returns the checkpoint of an interrupted training.
     ///
     /// # Errors
-    /// Its file is missing or damaged.
+    ///
+    /// Returns an error if its file is missing or damaged.
     pub fn checkpoint(&self) -> Result<Option<Bundle>, RunError> {
         let Some((name, expected)) = &self.manifest.checkpoint else {
             return Ok(None);
@@ -395,10 +427,11 @@ impl RunDir {
             .map_err(self.damaged(name))
     }
 
-    /// The policy that a fine-tuning begins with.
+    /// Returns the initial policy of a fine-tuning.
     ///
     /// # Errors
-    /// Its file is missing or damaged.
+    ///
+    /// Returns an error if its file is missing or damaged.
     pub fn from(&self) -> Result<Option<Bundle>, RunError> {
         let Some(expected) = &self.manifest.from_sha256 else {
             return Ok(None);
@@ -409,30 +442,35 @@ impl RunDir {
             .map_err(self.damaged("from.safetensors"))
     }
 
-    /// Stores a checkpoint and how far training has come.
+    /// Stores a checkpoint and the progress of the training.
     ///
     /// # Errors
-    /// The disk refuses; the previous checkpoint is then still in force.
+    ///
+    /// Returns an error if the disk refuses. The previous checkpoint is then
+    /// still valid.
     pub fn save_checkpoint(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
         let name = format!("checkpoint-{}.safetensors", done.decisions);
         let bytes = bundle.to_bytes().map_err(self.damaged(&name))?;
         self.write(&name, &bytes)?;
+        // The manifest switches to the new file. Only then is the old file
+        // removed.
         let before = self.manifest.checkpoint.replace((name, sha256(&bytes)));
         self.note(done)?;
         self.write_manifest()?;
         self.forget(before)
     }
 
-    /// Notes what was looked for before the first episode; it is written with the
-    /// next checkpoint.
+    /// Records the search before the first episode, for the next checkpoint.
     pub fn note_sought(&mut self, sought: Sought) {
         self.manifest.sought = Some(sought);
     }
 
-    /// Stores the trained ado; the checkpoint is no longer needed.
+    /// Stores the trained ado and removes the checkpoint.
     ///
     /// # Errors
-    /// The disk refuses; the last checkpoint is then still in force.
+    ///
+    /// Returns an error if the disk refuses. The last checkpoint is then still
+    /// valid.
     pub fn save_policy(&mut self, bundle: &Bundle, done: Done) -> Result<(), RunError> {
         let bytes = bundle
             .to_bytes()
@@ -449,6 +487,8 @@ impl RunDir {
     fn forget(&self, checkpoint: Option<(String, String)>) -> Result<(), RunError> {
         let now = self.manifest.checkpoint.as_ref();
         match checkpoint {
+            // A checkpoint after the same number of decisions has the same file
+            // name.
             Some((name, _)) if now.is_none_or(|(current, _)| *current != name) => {
                 let path = self.path.join(name);
                 disk::remove(&path).map_err(io_error("removing", &path))
@@ -465,7 +505,7 @@ impl RunDir {
         }
     }
 
-    /// Notes how far training has come, and how much of the growing files counts.
+    /// Records the progress of the training, and the valid parts of the growing files.
     fn note(&mut self, done: Done) -> Result<(), RunError> {
         self.manifest.format = FORMAT;
         self.manifest.decisions = done.decisions_asked;
@@ -498,7 +538,7 @@ impl RunDir {
 
     fn read_verified(&self, name: &str, expected: Option<&str>) -> Result<Vec<u8>, RunError> {
         let path = self.path.join(name);
-        let bytes = fs::read(&path).map_err(|source| match source.kind() {
+        let bytes = file_bytes(&path).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => RunError::NotARun {
                 path: self.path.clone(),
                 why: format!("`{name}` is missing"),
@@ -524,7 +564,7 @@ impl RunDir {
     }
 }
 
-/// What an ado of this training is told besides its observation.
+/// Inputs of a conditional ado of this training besides its observation.
 fn told_names(scenario: &Scenario) -> Vec<String> {
     match (scenario.against, scenario.family()) {
         (Against::Conditional, Some(family)) => family.told_names(),

@@ -1,4 +1,4 @@
-//! How training went: `progress.jsonl`, a line per report of the learner.
+//! Progress of a training: `progress.jsonl`, with a line per report of the learner.
 
 use std::borrow::Cow;
 
@@ -7,58 +7,65 @@ use serde::{Deserialize, Serialize};
 use super::append_log::verified;
 use super::{Row, RunDir, RunError, io_error};
 use crate::content_hash;
+use crate::world::file_text;
 
 pub(super) const FILE: &str = "progress.jsonl";
 const REPORT: &str = "report.json";
 
-/// `report.json`.
+/// Content of `report.json`.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Report<'a> {
-    /// First, so that no name in a row is taken for it.
+    /// First field, so that no name in a row is mistaken for it.
     seal: String,
     rows: Cow<'a, [Row]>,
 }
 
-/// One line of `progress.jsonl`.
+/// Line of `progress.jsonl`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// Decisions taken so far.
     pub decisions: u64,
     /// Episodes finished so far.
     pub episodes: u64,
-    /// Episodes that the shares below are over.
+    /// Number of episodes that the shares below cover.
     pub window: u64,
     /// Episodes dropped so far for faults of the ego or the physics.
     pub aborted: u64,
-    /// Share of episodes that the ado solved, exploration included.
+    /// Share of episodes that the ado solved, including exploration.
     pub solved_share: f64,
     /// Mean return.
     pub mean_return: f64,
-    /// Share of exploratory actions now.
+    /// Current share of exploratory actions.
     pub exploration: f32,
 }
 
 impl RunDir {
-    /// Adds lines to `progress.jsonl`; they count once a checkpoint or the policy
-    /// is saved.
+    /// Appends lines to `progress.jsonl`.
+    ///
+    /// They are valid once a checkpoint or the policy is saved.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn append_progress(&mut self, lines: &str) -> Result<(), RunError> {
         self.progress.append(lines)
     }
 
-    /// What training recorded up to its last checkpoint.
+    /// Returns the progress up to the last checkpoint.
+    ///
+    /// It is empty for a run without any progress yet.
     ///
     /// # Errors
-    /// The disk refuses, or the file is not what the manifest says. A run that
-    /// recorded nothing yet gives nothing.
+    ///
+    /// Returns an error if the disk refuses, or the file differs from the
+    /// manifest.
     pub fn progress(&self) -> Result<Vec<Progress>, RunError> {
         let manifest = self.manifest();
         let path = self.path().join(FILE);
         if !manifest.is_sealed() {
-            // Earlier versions noted no lengths: lines that are cut short are left out.
+            // Earlier versions recorded no lengths, so truncated lines are left
+            // out.
             let text = self.read_if_there(FILE)?;
             let lines = text.lines();
             return Ok(lines
@@ -76,11 +83,13 @@ impl RunDir {
             })
     }
 
-    /// Stores the rows of the closing evaluation, with a seal of their own: they
-    /// hold processor times, which no manifest does.
+    /// Stores the rows of the closing evaluation.
+    ///
+    /// They have a seal of their own, because they contain processor times.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn save_report(&self, rows: &[Row]) -> Result<(), RunError> {
         let report = Report {
             rows: Cow::Borrowed(rows),
@@ -93,10 +102,12 @@ impl RunDir {
         self.write(REPORT, content_hash::seal(&text).as_bytes())
     }
 
-    /// The rows of the closing evaluation; none while there was no such.
+    /// Returns the rows of the closing evaluation, if any.
     ///
     /// # Errors
-    /// The disk refuses, the seal is broken, or the file holds something else.
+    ///
+    /// Returns an error if the disk refuses, the seal is broken, or the content
+    /// is invalid.
     pub fn report(&self) -> Result<Vec<Row>, RunError> {
         let text = self.read_if_there(REPORT)?;
         if text.is_empty() {
@@ -106,7 +117,7 @@ impl RunDir {
             path: self.path().join(REPORT),
             why,
         };
-        // Formats before the third held the rows alone.
+        // Formats before the third contained the rows alone.
         if self.manifest().format < 3
             && let Ok(rows) = serde_json::from_str(&text)
         {
@@ -120,7 +131,7 @@ impl RunDir {
 
     fn read_if_there(&self, name: &str) -> Result<String, RunError> {
         let path = self.path().join(name);
-        match std::fs::read_to_string(&path) {
+        match file_text(&path) {
             Ok(text) => Ok(text),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(String::new()),
             Err(error) => Err(io_error("reading", &path)(error)),

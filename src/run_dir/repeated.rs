@@ -1,4 +1,4 @@
-//! Starts that were played several times: egos that do not answer twice alike.
+//! Starts that were played several times, for egos that are not deterministic.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,23 +6,23 @@ use crate::stats::{Outcomes, StartOutcome, runs_interval};
 use crate::testbench::Episode;
 use crate::world::Repeats;
 
-/// What several runs of each start showed.
+/// Summary of several runs of each start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Repeated {
     /// Runs per start.
     pub runs: u32,
-    /// A start is solved when the ego fails in so many of them.
+    /// Number of failures of the ego from which a start is solved.
     pub gate: u32,
     /// Share of all runs, over all starts, in which the ego fails.
     pub failing_share: f64,
     /// Its 95 % interval over other starts and other runs of them.
     pub ci95: [f64; 2],
-    /// Starts on which the ego did not answer alike in every run.
+    /// Starts on which the runs of the ego differ.
     pub differing: usize,
 }
 
 impl Repeated {
-    /// Sums up the starts that were played; `None`: each only once.
+    /// Summarizes the starts that were played. `None` if each was played once.
     pub fn of<'a>(
         asked: Repeats,
         starts: impl Iterator<Item = Option<&'a StartRepeated>>,
@@ -52,19 +52,20 @@ impl Repeated {
     }
 }
 
-/// The runs of one start.
+/// Runs of one start.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StartRepeated {
-    /// Per run.
+    /// Outcomes, one per run.
     outcomes: Outcomes,
-    /// Whether the ego commanded otherwise in one of them.
+    /// True if the runs of the ego differ.
     differs: bool,
 }
 
 impl StartRepeated {
-    /// Sums up runs of one start, at least one, and says which of them stands
-    /// for all: a failure if there are `gate` of them, else a run that was no
-    /// failure, an invalid one first, since nobody knows what it would have been.
+    /// Summarizes runs of one start, at least one, and returns the representative run.
+    ///
+    /// With `gate` failures it is a failure, otherwise a run without failure.
+    /// An invalid run comes first, because its outcome is unknown.
     pub fn of(episodes: &[Episode], gate: u32) -> (StartRepeated, usize) {
         use StartOutcome::{Invalid, Solved, Unsolved};
         let verdicts = episodes.iter().map(|episode| &episode.verdict);
@@ -76,13 +77,15 @@ impl StartRepeated {
         };
         let differs = episodes.windows(2).any(|pair| {
             let same = pair[0].commands == pair[1].commands && pair[0].trace == pair[1].trace;
+            // Runs that fault end early, so their difference says nothing about
+            // determinism.
             !same && pair.iter().all(|episode| episode.fault.is_none())
         });
-        // Invariant: fewer failures than the gate leave a run that is none.
+        // Invariant: fewer failures than the gate leave a run without failure.
         (StartRepeated { outcomes, differs }, standing.unwrap_or(0))
     }
 
-    /// Runs in which the ego failed, and all that ran.
+    /// Returns the number of runs in which the ego failed, and of all valid runs.
     pub fn failing(&self) -> (usize, usize) {
         let failing = self.outcomes.count(StartOutcome::Solved);
         (
@@ -91,7 +94,7 @@ impl StartRepeated {
         )
     }
 
-    /// Whether the ego commanded otherwise in one of the runs.
+    /// Returns true if the runs of the ego differ.
     pub fn differs(&self) -> bool {
         self.differs
     }

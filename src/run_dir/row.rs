@@ -1,4 +1,4 @@
-//! One row of every table: a rate with its interval and what it cost.
+//! Row of every table: a rate with its interval and its cost.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
@@ -13,65 +13,71 @@ use crate::severity::{CrashKind, Impact, RiskCurve};
 use crate::stats::{Outcomes, StartOutcome};
 use crate::testbench::FaultCount;
 
-/// A rate over starts, as every verb prints it.
+/// Rate over starts, as every command prints it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Name of the world.
     pub world: String,
-    /// Which physics.
+    /// Plant of the row.
     pub plant: Dynamics,
-    /// What was judged.
+    /// Subject of the judgement.
     pub judge: JudgeKind,
-    /// Which ego: `nominal`, or the name of a change.
+    /// Name of the ego: `nominal`, or that of a change.
     pub ego: String,
-    /// Which ado, or `search`.
+    /// Name of the ado, or `search`.
     pub ado: String,
-    /// How actions were chosen.
+    /// Method that chose the actions.
     pub method: String,
     /// Seed of the training, for trained ados.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub train_seed: Option<u64>,
-    /// What a conditional ado was conditioned on: `true`, `identified`,
-    /// `adapted` or `nominal` parameters of the ego; `told` before 0.2.0.
+    /// Parameters on which a conditional ado was conditioned.
+    ///
+    /// They are the `true`, `identified`, `adapted` or `nominal` parameters of
+    /// the ego. The field was named `told` before 0.2.0.
     #[serde(alias = "told", default, skip_serializing_if = "Option::is_none")]
     pub context: Option<String>,
-    /// Why the ado's training cannot be relied on, if so.
+    /// Reason why the ado's training is not reliable, if so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warning: Option<CalibrationWarning>,
     /// Seed of the test starts.
     pub start_seed: u64,
-    /// Starts evaluated: those that are not trivial.
+    /// Number of evaluated starts, which are not trivial.
     pub starts: usize,
-    /// Starts left out because the nominal ego fails without an adversary.
+    /// Starts left out, because the nominal ego fails without an adversary.
     pub trivial: usize,
-    /// On how many starts this very ego fails without an adversary; `None`: it
-    /// was not asked, or is the nominal one.
+    /// Starts on which this ego fails without an adversary.
+    ///
+    /// `None` if it was not tested, or is the nominal ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fails_alone: Option<FailsAlone>,
     /// Starts solved.
     pub successes: usize,
-    /// successes / starts; 0 without starts.
+    /// successes / starts. It is 0 without starts.
     pub success_rate: f64,
     /// Wilson's 95 % interval of the success rate.
     pub ci95: [f64; 2],
-    /// Without any success: the exact 95 % upper bound of the rate.
+    /// Exact 95 % upper bound of the rate, if there is no success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_most: Option<f64>,
-    /// Share of the search-solved starts solved too.
+    /// Share of the search-solved starts that are solved too.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recall: Option<f64>,
-    /// Solved, but not by search.
+    /// Starts solved here but not by the search.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub beyond_search: Option<usize>,
-    /// Share of starts on which a rule was broken, which is no success; of a
-    /// search the share of the sequences it tried in which a rule was broken.
+    /// Share of starts on which a rule was broken, which is no success.
+    ///
+    /// For a search it is the share of the tried sequences that broke a rule.
     pub foul_rate: f64,
-    /// Starts on which ψ_ego was violated, every rule kept, but not in a way
-    /// that counts; `None`: every violation counts in this world.
+    /// Starts on which ψ_ego was violated within the rules, but does not count.
+    ///
+    /// `None` if every violation counts in this world.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncounted: Option<usize>,
-    /// Share of starts that were solved, and where a rule was then broken
-    /// between the verdict and the contact; `None`: it was not recorded.
+    /// Share of solved starts on which a rule broke between verdict and contact.
+    ///
+    /// `None` if it was not recorded.
     #[serde(default)]
     pub foul_before_contact_rate: Option<f64>,
     /// Share of starts that ended in contact.
@@ -79,59 +85,69 @@ pub struct Row {
     /// Closing speed of the contacts, if there were any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closing_speed_mps: Option<ClosingSpeed>,
-    /// What the contacts do to the ego, if it has part in any.
+    /// Closing speed of the contacts after a success.
+    ///
+    /// `None` if there were none, or if it was not recorded apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub success_closing_mps: Option<ClosingSpeed>,
+    /// Effect of the contacts on the ego, if it was in any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub severity: Option<ContactSeverity>,
-    /// The successes by kind, most frequent first; empty: none, or not recorded.
+    /// Successes by kind, the most frequent first. Empty if none, or not recorded.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<FailureKind>,
-    /// Starts on which the ego or the physics failed: in no rate of this row.
+    /// Number of groups of similar failures among the successes.
+    ///
+    /// `None` if there are none, or if they were not compared.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distinct: Option<usize>,
+    /// Starts on which the ego or the physics failed. They are in no rate of this row.
     pub invalid: usize,
-    /// Those faults, by kind.
+    /// These faults by kind.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultCount>,
-    /// What playing each start several times showed, where the world asks for it.
+    /// Result of playing each start several times, if the world requests it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeats: Option<Repeated>,
-    /// Mean simulations spent per start.
+    /// Mean number of simulations per start.
     pub sims_per_start: f64,
-    /// Physics steps spent in all.
+    /// Physics steps in total.
     pub physics_steps: u64,
-    /// Processor time spent in all.
+    /// Processor time in total, in s.
     pub cpu_s: f64,
-    /// Success after fewer simulations per start, for searches with a budget.
+    /// Success with fewer simulations per start, for searches with a budget.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub anytime: Vec<Anytime>,
-    /// What did not carry over from the plant that pre-screened.
+    /// Sequences that did not carry over from the plant of the pre-screening.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unconfirmed: Option<Unconfirmed>,
-    /// How each start ended, in order.
+    /// Outcomes of all starts, in order.
     pub solved: Outcomes,
 }
 
-/// Starts on which the ego of a row fails while the ados take the neutral action.
+/// Starts on which the ego of a row fails with neutral actions of the ados.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FailsAlone {
-    /// Number of them.
+    /// Number of starts.
     pub starts: usize,
-    /// Whether those are the starts left out; else the nominal ego's are.
+    /// True if these starts are left out. Otherwise those of the nominal ego are.
     pub left_out: bool,
 }
 
 /// Starts on which the ego failed in one way.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FailureKind {
-    /// The leaf of ψ_ego that was violated.
+    /// Violated leaf of ψ_ego.
     pub leaf: String,
-    /// Who touched, if anybody did.
+    /// Agents in contact, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact: Option<(String, String)>,
-    /// On how many starts.
+    /// Number of starts.
     pub starts: usize,
 }
 
 impl FailureKind {
-    /// The failures one by one, counted; equally frequent ones by their words.
+    /// Counts failures by kind. Equally frequent kinds are sorted by their words.
     pub fn counted(
         failures: impl Iterator<Item = (String, Option<(String, String)>)>,
     ) -> Vec<FailureKind> {
@@ -147,6 +163,8 @@ impl FailureKind {
                 starts,
             })
             .collect();
+        // The sort is stable, so equal counts keep the alphabetical order of
+        // the map.
         kinds.sort_by_key(|kind| std::cmp::Reverse(kind.starts));
         kinds
     }
@@ -162,27 +180,27 @@ impl Display for FailureKind {
     }
 }
 
-/// What a search had reached after so many simulations per start.
+/// Result of a search after a number of simulations per start.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Anytime {
-    /// Simulations per start, at most.
+    /// Greatest number of simulations per start.
     pub budget: u64,
-    /// Starts solved within them.
+    /// Starts solved within the budget.
     pub successes: usize,
     /// successes / starts.
     pub success_rate: f64,
-    /// Wilson's 95 % interval of it.
+    /// Wilson's 95 % interval of this rate.
     pub ci95: [f64; 2],
-    /// Mean simulations per start; a start not solved costs all of them.
+    /// Mean simulations per start. An unsolved start costs the complete budget.
     pub sims_per_start: f64,
 }
 
-/// Sequences that succeeded when pre-screened and not on the plant asked for.
+/// Sequences that succeeded in the pre-screening but not on the requested plant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Unconfirmed {
-    /// How many, over all starts.
+    /// Number of sequences over all starts.
     pub sequences: u64,
-    /// Starts on which there were only such.
+    /// Starts on which there were only such sequences.
     pub starts: usize,
 }
 
@@ -196,12 +214,13 @@ pub struct ClosingSpeed {
 }
 
 impl ClosingSpeed {
-    /// Of a list of speeds; `None` when it is empty.
+    /// Returns the percentiles of a list of speeds. `None` for an empty list.
     pub fn of(mut speeds_mps: Vec<f64>) -> Option<ClosingSpeed> {
         if speeds_mps.is_empty() {
             return None;
         }
         speeds_mps.sort_by(f64::total_cmp);
+        // Nearest rank, so each percentile is a speed that occurred.
         let at = |share: f64| {
             let rank = (share * (speeds_mps.len() - 1) as f64).round() as usize;
             speeds_mps[rank]
@@ -213,22 +232,22 @@ impl ClosingSpeed {
     }
 }
 
-/// What the contacts of a row do to the ego.
+/// Effect of a row's contacts on the ego.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactSeverity {
-    /// Share of the contacts of each kind; they sum up to 1.
+    /// Share of the contacts of each kind. The shares add up to 1.
     pub kinds: BTreeMap<CrashKind, f64>,
-    /// Share of the contacts in which somebody ran into the ego's rear.
+    /// Share of the contacts in which another agent hit the ego's rear.
     pub struck_from_behind: f64,
     /// Median of the ego's Δv.
     pub ego_delta_v_mps: f64,
-    /// The greatest injury risk of each curve that applies to any.
+    /// Greatest injury risk of each applicable curve.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub max_injury_risk: BTreeMap<RiskCurve, f64>,
 }
 
 impl ContactSeverity {
-    /// Of a list of contacts; `None` when it is empty.
+    /// Returns the effect of a list of contacts. `None` for an empty list.
     pub fn of(impacts: &[Impact]) -> Option<ContactSeverity> {
         let all = impacts.len().max(1) as f64;
         let delta_v = impacts.iter().map(|impact| impact.ego_delta_v_mps);
@@ -256,7 +275,7 @@ impl ContactSeverity {
 }
 
 impl Display for ContactSeverity {
-    /// Kinds, Δv and the greatest risk in one line.
+    /// Writes kinds, Δv and the greatest risk in one line.
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for (n, (kind, share)) in self.kinds.iter().enumerate() {
             let comma = if n == 0 { "" } else { ", " };
@@ -283,7 +302,9 @@ impl Display for ContactSeverity {
 }
 
 impl Row {
-    /// Share of the starts asked for on which the ego or the physics failed.
+    /// Returns the share of the starts on which the ego or the physics failed.
+    ///
+    /// It refers to all requested starts.
     pub fn invalid_share(&self) -> f64 {
         self.invalid as f64 / (self.starts + self.invalid).max(1) as f64
     }
@@ -298,6 +319,7 @@ impl Row {
         for (mine, theirs) in pairs {
             search += usize::from(*theirs == Solved);
             both += usize::from((theirs, mine) == (&Solved, &Solved));
+            // Only starts that the search evaluated count as beyond it.
             beyond += usize::from((theirs, mine) == (&Unsolved, &Solved));
         }
         self.recall = (0 < search).then(|| both as f64 / search as f64);

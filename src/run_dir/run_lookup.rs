@@ -1,12 +1,13 @@
-//! Runs that world files name, found on the disk.
+//! Runs that world files refer to, found on the disk.
 
 use std::path::{Path, PathBuf};
 
 use super::{RunDir, RunError};
 use crate::world::{LoadError, NamedRun, RunRefused, RunSource, Scenario};
 
-/// Finds runs as directories: from where the program runs, then beside the
-/// world file that names them.
+/// Source of runs as directories.
+///
+/// It searches the working directory, then the directory of the world file.
 #[derive(Clone, Copy, Debug)]
 pub struct RunsOnDisk;
 
@@ -28,7 +29,7 @@ impl RunSource for RunsOnDisk {
 
 fn read(dir: &Path) -> Result<NamedRun, RunError> {
     let run = RunDir::open(dir)?;
-    // One directory may have several names.
+    // A directory may have several names.
     let canonical = dir.canonicalize().unwrap_or_else(|_| dir.to_owned());
     Ok(NamedRun {
         identity: canonical.display().to_string(),
@@ -37,7 +38,7 @@ fn read(dir: &Path) -> Result<NamedRun, RunError> {
     })
 }
 
-/// In the words of somebody who reads a world file: by the run's name there.
+/// Error in terms of a world file, with the run's name there.
 fn refused(name: &str, error: &RunError) -> RunRefused {
     let what = match error {
         RunError::NotARun { why, .. } => format!("`{name}` is no run directory: {why}"),
@@ -57,11 +58,12 @@ fn refused(name: &str, error: &RunError) -> RunRefused {
 impl Scenario {
     /// Reads and checks a world file.
     ///
-    /// Runs that it names are looked for from where the program runs and
-    /// beside the file.
+    /// Runs that it refers to are searched in the working directory and beside
+    /// the file.
     ///
     /// # Errors
-    /// The file cannot be read, or it is not a world.
+    ///
+    /// Returns an error if the file cannot be read, or is not a valid world.
     pub fn load(path: &Path) -> Result<Scenario, LoadError> {
         Scenario::load_with(path, &RunsOnDisk)
     }

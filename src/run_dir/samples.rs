@@ -1,8 +1,9 @@
-//! Traces from CSV: a header of signal names, one line per sample.
+//! Traces from CSV: a header of signal names, then one line per sample.
 //!
-//! A first column named `time` or `t`, with or without its unit (`time [s]`), is
-//! the time in seconds: it must be even, and it gives the sampling period. Columns of `true` and `false` are Boolean
-//! signals. Everything else is a finite number, or an error with its line.
+//! A first column `time` or `t`, with or without its unit (`time [s]`), is the
+//! time in seconds. It must be even and determines the sampling period. Columns
+//! of `true` and `false` are Boolean signals. All other values must be finite
+//! numbers. Otherwise the error states the line.
 
 use std::sync::Arc;
 
@@ -11,93 +12,93 @@ use crate::trace::{Schema, SchemaError, Signal, Trace};
 /// Largest deviation from even sampling, as a share of the period.
 const UNEVEN: f64 = 1e-3;
 
-/// A CSV text that is no trace.
+/// CSV text that is not a trace.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SamplesError {
-    /// There is no line at all.
+    /// The text has no line.
     #[error("the file is empty: the first line must name the signals")]
     Empty,
-    /// There is a header and nothing else.
+    /// The text has a header and no sample.
     #[error("there is no sample below the header")]
     NoSample,
     /// A name is missing in the header.
     #[error("line 1: column {column} has no name")]
     NoName {
-        /// Counted from 1.
+        /// Number of the column, from 1.
         column: usize,
     },
-    /// The header cannot be a schema.
+    /// The header is no valid schema.
     #[error("line 1: {0}")]
     Header(#[from] SchemaError),
-    /// The columns are apart, but not by commas.
+    /// The columns are not separated by commas.
     #[error("line 1: the columns are separated by {by}, and commas are expected")]
     Separator {
-        /// What stands between them, in words.
+        /// Separator in words.
         by: &'static str,
     },
     /// A line has more or fewer values than the header.
     #[error("line {line}: {got} values for {want} columns")]
     Ragged {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// Values in it.
+        /// Values in the line.
         got: usize,
         /// Columns in the header.
         want: usize,
     },
-    /// A value is no finite number.
+    /// A value is not a finite number.
     #[error("line {line}, column `{column}`: `{value}` is no finite number")]
     NotANumber {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
         /// Name of the column.
         column: String,
-        /// What stands there.
+        /// Value in the file.
         value: String,
     },
     /// The time does not advance evenly.
     #[error("line {line}: time {found} s where {expected} s was expected: sampling is uneven")]
     Uneven {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// The time in that line.
+        /// Time in the line.
         found: f64,
-        /// What even sampling would give.
+        /// Time under even sampling.
         expected: f64,
     },
-    /// The time does not advance at all.
+    /// The time does not advance.
     #[error("line {line}: time {found} s is not later than {before} s in the sample before")]
     NotLater {
-        /// Counted from 1.
+        /// Number of the line, from 1.
         line: usize,
-        /// The time in that line.
+        /// Time in the line.
         found: f64,
-        /// The time of the sample before.
+        /// Time of the previous sample.
         before: f64,
     },
-    /// The time column is in another unit.
+    /// The time column has another unit.
     #[error("line 1: the times of `{column}` are in `{unit}`, and seconds are expected")]
     TimeUnit {
-        /// As the header names it.
+        /// Name of the column in the header.
         column: String,
-        /// What it names.
+        /// Unit in the header.
         unit: String,
     },
     /// `--dt` contradicts the time column.
     #[error("the time column advances by {column_s} s, not by the given {given_s} s")]
     Period {
-        /// What was given.
+        /// Given period.
         given_s: f64,
-        /// What the column says.
+        /// Period of the column.
         column_s: f64,
     },
-    /// The text is no CSV.
+    /// The text is not CSV.
     #[error("{0}")]
     Csv(String),
 }
 
 impl SamplesError {
-    /// The cure, where one is known.
+    /// Returns advice for the user.
     pub fn help(&self) -> &'static str {
         match self {
             SamplesError::Separator { .. } => {
@@ -116,12 +117,15 @@ impl SamplesError {
 
 /// Reads a trace from CSV text.
 ///
-/// The sampling period is `dt_s` if given, else that of the time column, else
-/// 1 s. Lines count from 1, the header included.
+/// The sampling period is `dt_s` if given, otherwise that of the time column,
+/// otherwise 1 s. Lines count from 1, including the header.
 ///
 /// # Errors
-/// What is wrong, in which line.
+///
+/// Returns an error with the line of the problem.
 pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError> {
+    // Spreadsheets write a byte order mark, which would be part of the first
+    // name.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut reader = csv::ReaderBuilder::new()
         .flexible(true)
@@ -141,6 +145,7 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
     if let Some(column) = names.iter().position(String::is_empty) {
         return Err(SamplesError::NoName { column: column + 1 });
     }
+    // A single name with another separator in it is a mistake, not a column.
     if let [only] = &names[..] {
         let separators = [(';', "semicolons"), ('\t', "tabs")];
         let found = separators.iter().find(|(sign, _)| only.contains(*sign));
@@ -155,10 +160,10 @@ pub fn trace_of_csv(text: &str, dt_s: Option<f64>) -> Result<Trace, SamplesError
     table.trace(dt_s)
 }
 
-/// The numbers read so far, with the line of each sample.
+/// Numbers read so far, with the line of each sample.
 struct Table {
     names: Vec<String>,
-    /// Whether the first column is the time.
+    /// True if the first column is the time.
     timed: bool,
     boolean: Vec<bool>,
     rows: Vec<Vec<f64>>,
@@ -199,6 +204,7 @@ impl Table {
                 "false" => Some(0.0),
                 _ => None,
             };
+            // A column is Boolean only if all its values are words.
             self.boolean[column] &= word.is_some();
             let number = word.or_else(|| value.parse().ok().filter(|n: &f64| n.is_finite()));
             row.push(number.ok_or_else(|| SamplesError::NotANumber {
@@ -227,6 +233,7 @@ impl Table {
             return Err(SamplesError::Period { given_s, column_s });
         }
         let signals = self.names.iter().zip(&self.boolean).enumerate();
+        // A time column keeps its values, so the trace has it as a signal too.
         let signals = signals.map(|(i, (name, boolean))| match (boolean, timed && i == 0) {
             (true, _) => Signal::boolean(name, "read from CSV"),
             (_, true) => Signal::real(name, "s", "time"),
@@ -243,11 +250,12 @@ impl Table {
         Ok(trace)
     }
 
-    /// The period of the time column, which must be even.
+    /// Returns the period of the time column, which must be even.
     fn period(&self) -> Result<f64, SamplesError> {
         let (start, last) = (self.rows[0][0], self.rows[self.rows.len() - 1][0]);
         let mean_s = (last - start) / (self.rows.len() - 1) as f64;
-        // Decimal fractions of the file, not the dust of their differences.
+        // The period is a decimal fraction of the file, without the rounding of
+        // differences.
         let period_s = tidy(mean_s);
         for (i, row) in self.rows.iter().enumerate() {
             let expected = start + i as f64 * mean_s;
@@ -263,10 +271,10 @@ impl Table {
         Ok(period_s)
     }
 
-    /// The first time that does not follow from the one before it.
+    /// First time that does not follow from the previous time.
     ///
-    /// The mean period will not do for that: one long step moves it, and then
-    /// even samples are blamed. The usual step, the median, is not moved.
+    /// The mean period is no reference: one long step changes it, and even
+    /// samples would be reported. The median step is not affected.
     fn odd_step(&self) -> Option<SamplesError> {
         let mut steps_s: Vec<f64> = self
             .rows
@@ -295,12 +303,12 @@ impl Table {
     }
 }
 
-/// A number without the dust of binary fractions.
+/// Rounds to nine decimals, which removes the digits of binary fractions.
 fn tidy(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }
 
-/// The name of a time column without its unit; `None`: it is another one.
+/// Name of a time column without its unit. `None` for another column.
 fn time_name(header: &str) -> Result<Option<String>, SamplesError> {
     let (name, unit) = match header.split_once(['[', '(']) {
         Some((name, unit)) => (

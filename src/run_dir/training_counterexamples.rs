@@ -1,8 +1,8 @@
-//! What a falsifier would have kept of a training: its counterexamples.
+//! Counterexamples of a training that a falsifier would have kept.
 //!
-//! `counterexamples.jsonl` grows with the progress of a training. The manifest
-//! says how many of its lines count, so that a resumed training continues it
-//! byte for byte.
+//! `counterexamples.jsonl` grows with the training. The manifest states the
+//! number of valid lines, so a resumed training continues the file byte for
+//! byte.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,23 +13,25 @@ use crate::testbench::Success;
 
 pub(super) const FILE: &str = "counterexamples.jsonl";
 
-/// Counterexamples that a run directory keeps of its training, at most.
+/// Greatest number of counterexamples of a training that a run directory keeps.
 ///
-/// A line is 100 to 250 bytes long, so the file stays below 15 MB. Those that
-/// come later are counted in the manifest.
+/// A line has 100 to 250 bytes, so the file stays below 15 MB. Later
+/// counterexamples are counted in the manifest.
 pub const MAX_STORED: u64 = 50_000;
 
-/// How many counterexamples a training brought, in the manifest.
+/// Number of counterexamples of a training, in the manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StoredCount {
     /// Lines of `counterexamples.jsonl`.
     pub kept: u64,
-    /// Those that came when it was full.
+    /// Counterexamples found after the file was full.
     pub dropped: u64,
-    /// Bytes of `counterexamples.jsonl` that count; 0 in runs of old.
+    /// Valid bytes of `counterexamples.jsonl`. 0 in runs of older versions.
     #[serde(default)]
     pub bytes: u64,
-    /// SHA-256 of those; in runs of old once training has finished.
+    /// SHA-256 of these bytes.
+    ///
+    /// Older versions recorded it once training had finished.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sha256: Option<String>,
 }
@@ -48,17 +50,18 @@ impl StoredCount {
     }
 }
 
-/// The stored counterexamples of a run, to be looked up by their starts.
+/// Stored counterexamples of a run, for look-up by start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stored {
     counterexamples: Vec<Success>,
-    /// One per axis of X_init: the reciprocal of its width.
+    /// Reciprocal width of each axis of X_init.
     per_width: Vec<f64>,
 }
 
 impl Stored {
-    /// Counterexamples whose starts lie in the box of `axes`.
+    /// Returns counterexamples whose starts lie in the box of `axes`.
     pub fn new(counterexamples: Vec<Success>, axes: &[Axis]) -> Stored {
+        // A constant axis has no width, and all its differences are 0.
         let width = |axis: &Axis| (axis.hi - axis.lo).max(f64::MIN_POSITIVE);
         Stored {
             counterexamples,
@@ -66,14 +69,15 @@ impl Stored {
         }
     }
 
-    /// All of them, in the order of the training.
+    /// Returns all counterexamples in the order of the training.
     pub fn all(&self) -> &[Success] {
         &self.counterexamples
     }
 
-    /// The `count` nearest to a start, nearest first, the older of equals.
+    /// Returns the `count` nearest to a start, nearest first.
     ///
-    /// Distances are Euclidean, each axis scaled by the width of its range.
+    /// Equal distances are in the order of the training. Distances are
+    /// Euclidean, with each axis scaled by the width of its range.
     pub fn nearest(&self, start: &Start, count: usize) -> Vec<&Success> {
         let distance = |other: &Start| -> f64 {
             let pairs = start.0.iter().zip(&other.0).zip(&self.per_width);
@@ -83,9 +87,13 @@ impl Stored {
         let mut ranked: Vec<(f64, usize)> = all
             .map(|(position, stored)| (distance(&stored.start), position))
             .collect();
+        // The position breaks ties, so the result does not depend on the
+        // selection's algorithm.
         let nearer = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
         let count = count.min(ranked.len());
         if 0 < count && count < ranked.len() {
+            // A selection before the sort, since `count` is small and the file
+            // may have 50 000 lines.
             ranked.select_nth_unstable_by(count - 1, nearer);
         }
         ranked.truncate(count);
@@ -96,12 +104,13 @@ impl Stored {
 }
 
 impl RunDir {
-    /// Adds the successes of a stretch of training, as far as there is room.
+    /// Appends the successes of a stretch of training, as far as there is room.
     ///
-    /// What was added counts once a checkpoint or the policy is saved.
+    /// They are valid once a checkpoint or the policy is saved.
     ///
     /// # Errors
-    /// The disk refuses.
+    ///
+    /// Returns an error if the disk refuses.
     pub fn append_counterexamples(&mut self, successes: &[Success]) -> Result<(), RunError> {
         let count = self.manifest.counterexamples.get_or_insert(StoredCount {
             kept: 0,
@@ -126,11 +135,12 @@ impl RunDir {
         self.counterexamples.append(&text)
     }
 
-    /// The counterexamples that its training brought.
+    /// Returns the counterexamples of the training.
     ///
     /// # Errors
-    /// It was trained by a version that stored none, training has not finished,
-    /// or the file is damaged.
+    ///
+    /// Returns an error if an earlier version stored none, training has not
+    /// finished, or the file is damaged.
     pub fn counterexamples(&self) -> Result<Stored, RunError> {
         let path = self.path.join(FILE);
         if !self.manifest.is_finished() {
@@ -155,7 +165,8 @@ impl RunDir {
             if let Some(action) = success.actions.iter().find(|&&a| spaces.actions <= a) {
                 return Err(damaged(i, format!("action {action} of {}", spaces.actions)));
             }
-            // JSON may lose the last bit of a number, the key loses nothing.
+            // JSON may lose the last bit of a number. The key restores it
+            // exactly.
             success.start = bench.draw(StartKey {
                 purpose: Purpose::Train,
                 seed: self.manifest.seed,

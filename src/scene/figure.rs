@@ -1,14 +1,14 @@
-//! What a body is drawn as, told by its size.
+//! Shapes in which viewers draw bodies, derived from their sizes.
 
 use super::Cast;
 
-/// Longer or wider than this nobody on foot is.
+/// Maximum length and width of a body that is drawn as a person.
 const PERSON_M: f64 = 1.2;
 
-/// What a body is drawn as.
+/// Shape in which a body is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Figure {
-    /// Somebody on foot.
+    /// A pedestrian.
     Person,
     /// A bicycle or a motorcycle, with its rider.
     TwoWheeler,
@@ -21,10 +21,10 @@ pub enum Figure {
 }
 
 impl Cast {
-    /// Told by size, so that bodies of one's own are recognised as well.
+    /// Returns the shape of this body by its size, which covers custom bodies too.
     ///
-    /// A body that walks but is as large as a car is a target that is moved like
-    /// one: it is drawn as what it is as large as, not as a stretched person.
+    /// A walking body that is as large as a car is a moving target dummy. It is
+    /// drawn by its size and not as a stretched person.
     pub fn figure(&self) -> Figure {
         let [length_m, width_m, height_m] = self.size_m;
         match self.on_foot && length_m <= PERSON_M && width_m <= PERSON_M {

@@ -1,11 +1,14 @@
-//! The part of a road on which something happens, for viewers.
+//! The part of a road on which an episode takes place, for viewers.
 
 use super::Frame;
 
-/// A place on the ground.
+/// A point on the ground in the world frame, in metres.
 pub type GroundPoint = [f64; 3];
 
-/// Where the bodies go, as (least, greatest) x and y, and by how much beyond.
+/// Bounding box of all bodies, enlarged by a margin.
+///
+/// Returns (least, greatest) of x and of y. Without any frame, the box is empty
+/// (infinite bounds reversed).
 pub fn reach(frames: &[Frame], margin_m: f64) -> [(f64, f64); 2] {
     let mut reach = [(f64::INFINITY, f64::NEG_INFINITY); 2];
     for placement in frames.iter().flat_map(|frame| &frame.placements) {
@@ -16,10 +19,11 @@ pub fn reach(frames: &[Frame], margin_m: f64) -> [(f64, f64); 2] {
     reach.map(|(least, greatest)| (least - margin_m, greatest + margin_m))
 }
 
-/// The part of the road within a box: all borders, cut at the same stations.
+/// Returns all borders within a box, cut at the same stations.
 ///
-/// Borders have equally many points, those of one number across the road from
-/// each other; so have the parts.
+/// All borders must have equally many points, and points of equal index lie
+/// across the road from each other. The result has the same property. It is
+/// empty if the road does not enter the box.
 pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<GroundPoint>> {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return Vec::new();
@@ -33,6 +37,8 @@ pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<Gr
         let (from, to) = within(pair[0], pair[1], reach)?;
         Some((i as f64 + from, i as f64 + to))
     });
+    // A bend may leave and re-enter the box. The part reaches from the first
+    // entry to the last exit, so that no border is torn apart.
     let ends = inside.fold(None, |ends: Option<(f64, f64)>, (from, to)| {
         Some((ends.map_or(from, |(first, _)| first), to))
     });
@@ -43,17 +49,21 @@ pub fn near(borders: &[Vec<GroundPoint>], reach: &[(f64, f64); 2]) -> Vec<Vec<Gr
     borders.iter().map(cut).collect()
 }
 
-/// A line beside `line`, moved by `by_m` towards `across`.
+/// Returns a line beside `line`, moved by `by_m` towards `across`.
 pub fn beside(line: &[GroundPoint], across: &[GroundPoint], by_m: f64) -> Vec<GroundPoint> {
+    // The lower bound avoids 0/0 where the two lines touch.
     let moved =
         |(a, b): (&GroundPoint, &GroundPoint)| between(*a, *b, by_m / distance(*a, *b).max(1e-9));
     line.iter().zip(across).map(moved).collect()
 }
 
-/// Points every `every_m` of the way, at whole multiples of world x on
-/// straight roads.
+/// Returns points every `every_m` along a line.
+///
+/// On straight roads the points lie at whole multiples of the world's x.
 pub fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
     let mut points = Vec::new();
+    // Starting at x and not at 0 keeps posts in place when a view is cut
+    // elsewhere.
     let mut done_m = line.first().map_or(0.0, |first| first[0]);
     let mut next_m = (done_m / every_m).ceil() * every_m;
     for pair in line.windows(2) {
@@ -68,13 +78,15 @@ pub fn along(line: &[GroundPoint], every_m: f64) -> Vec<GroundPoint> {
     points
 }
 
-/// As the crow flies.
+/// Returns the straight-line distance in metres.
 pub fn distance(a: GroundPoint, b: GroundPoint) -> f64 {
     let squares = (0..3).map(|i| (b[i] - a[i]) * (b[i] - a[i]));
     squares.sum::<f64>().sqrt()
 }
 
-/// Which share of the way from `a` to `b` lies within a box.
+/// Returns the section of a segment inside a box, as shares of its length.
+///
+/// Clips the segment axis by axis (Liang–Barsky). `None` if it misses the box.
 fn within(a: GroundPoint, b: GroundPoint, reach: &[(f64, f64); 2]) -> Option<(f64, f64)> {
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for (axis, (least, greatest)) in reach.iter().enumerate() {
@@ -83,6 +95,8 @@ fn within(a: GroundPoint, b: GroundPoint, reach: &[(f64, f64); 2]) -> Option<(f6
             let (enter, leave) = ((least - start) / step, (greatest - start) / step);
             from = from.max(enter.min(leave));
             to = to.min(enter.max(leave));
+        // A segment parallel to this axis is inside for its whole length or not
+        // at all.
         } else if start < *least || *greatest < start {
             return None;
         }
@@ -90,9 +104,11 @@ fn within(a: GroundPoint, b: GroundPoint, reach: &[(f64, f64); 2]) -> Option<(f6
     (from < to).then_some((from, to))
 }
 
-/// A polyline from one station to another; 1.5 is halfway from point 1 to 2.
+/// Returns a polyline between two stations. 1.5 is halfway from point 1 to 2.
 fn part(line: &[GroundPoint], from: f64, to: f64) -> Vec<GroundPoint> {
     let at = |station: f64| {
+        // The last point has no segment of its own and belongs to the one
+        // before it.
         let i = (station.floor() as usize).min(line.len().saturating_sub(2));
         between(line[i], line[i + 1], station - i as f64)
     };
@@ -103,7 +119,7 @@ fn part(line: &[GroundPoint], from: f64, to: f64) -> Vec<GroundPoint> {
     part
 }
 
-/// A share of the way from `a` to `b`.
+/// Returns the point at a share of the way from `a` to `b`.
 fn between(a: GroundPoint, b: GroundPoint, share: f64) -> GroundPoint {
     std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
 }

@@ -1,8 +1,8 @@
 //! Scenes: a plant, an ego and its ados, and the signals they publish.
 //!
-//! A [`Scene`] moves on sample by sample under the ados' actions and publishes
-//! one row of signals per sample. What the row means for anybody's success is
-//! the rulebook's business.
+//! A [`Scene`] advances sample by sample under the ados' actions and publishes
+//! one row of signals per sample. The rulebook decides what a row means for
+//! success.
 //!
 //! Architecture Invariant: a scene computes no reward and no verdict.
 
@@ -28,33 +28,37 @@ use crate::severity::Impact;
 use crate::sim::Placement;
 use crate::trace::Schema;
 
-/// The three clocks: samples, decisions and the horizon.
+/// The three clocks of an episode: samples, decisions and the horizon.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Clock {
-    /// T: the length of an episode.
+    /// Length of an episode, T in the paper.
     pub horizon_s: f64,
-    /// Time between two actions of the ado, a multiple of the sample.
+    /// Time between two actions of the ado, a multiple of `sample_s`.
     pub decision_s: f64,
-    /// Time between two rows of the trace and two commands of the ego.
+    /// Time between two rows of the trace and between two commands of the ego.
     pub sample_s: f64,
     /// Physics steps per sample.
     pub substeps: u32,
 }
 
 impl Clock {
-    /// Samples of a full episode, the one at t = 0 included.
+    /// Returns the number of samples of a full episode, including t = 0.
     pub fn samples(&self) -> usize {
+        // Rounds because T / sample is not exact in binary: 0.3 / 0.1 is just
+        // below 3.
         (self.horizon_s / self.sample_s).round() as usize + 1
     }
 
-    /// Samples between two decisions.
+    /// Returns the number of samples between two decisions.
     pub fn samples_per_decision(&self) -> usize {
         (self.decision_s / self.sample_s).round() as usize
     }
 
-    /// Decisions of a full episode.
+    /// Returns the number of decisions of a full episode.
     pub fn decisions(&self) -> usize {
+        // The sample at t = 0 precedes the first action. A horizon that is no
+        // multiple of the decision interval ends in a shortened decision.
         (self.samples() - 1).div_ceil(self.samples_per_decision())
     }
 }
@@ -76,18 +80,18 @@ pub struct Axis {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Start(pub Vec<f64>);
 
-/// What one sample of motion brought.
+/// Result of advancing a scene by one sample.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Flow {
-    /// The motion goes on.
+    /// The motion continues.
     Going,
-    /// Two agents touched during this sample: the motion ends.
+    /// Two agents touched during this sample, which ends the motion.
     Contact(Touch),
     /// The ego or the physics failed.
     Fault(Fault),
 }
 
-/// A first contact as the scene reports it.
+/// First contact of an episode, as the scene reports it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Touch {
     /// Names of the two agents.
@@ -96,17 +100,21 @@ pub struct Touch {
     pub time_s: f64,
     /// Approach speed along the contact normal.
     pub closing_speed_mps: f64,
-    /// Where, in the world frame.
+    /// Point of contact in the world frame.
     pub point_m: [f64; 3],
-    /// What it does to the ego; `None`: the ego has no part in it, or is a cell
-    /// of a grid, or an earlier version recorded it.
+    /// Effect on the ego.
+    ///
+    /// `None` if the ego is not involved, if the world is a grid, or if an
+    /// earlier version recorded the contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub impact: Option<Impact>,
 }
 
 impl Touch {
-    /// Whether it is the contact that was recorded; what the record does not
-    /// say, because an earlier version wrote it, is not compared.
+    /// Returns whether this contact equals the recorded one.
+    ///
+    /// An impact that the record lacks, because an earlier version wrote it, is
+    /// not compared.
     pub fn is_as_recorded(&self, recorded: &Touch) -> bool {
         let said = Touch {
             impact: recorded.impact.and(self.impact),
@@ -116,7 +124,7 @@ impl Touch {
     }
 }
 
-/// Who somebody is, for viewers.
+/// Role of an agent, for viewers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// The system under test.
@@ -127,20 +135,20 @@ pub enum Role {
     Scripted,
 }
 
-/// Somebody on the stage, for viewers.
+/// Description of an agent, for viewers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cast {
     /// Name in the world file.
     pub name: String,
-    /// Who it is.
+    /// Role in the world.
     pub role: Role,
-    /// Its kind of body.
+    /// Name of its kind of body.
     pub body: String,
     /// Length, width and height of its body.
     pub size_m: [f64; 3],
     /// Colour of its body: red, green, blue.
     pub colour: [u8; 3],
-    /// Whether it walks.
+    /// True for a pedestrian.
     pub on_foot: bool,
 }
 
@@ -153,20 +161,20 @@ pub struct LightPost {
     pub stop_line_m: [[f64; 3]; 2],
 }
 
-/// What does not change during an episode, for viewers.
+/// Static content of an episode, for viewers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
     /// The agents, in file order.
     pub cast: Vec<Cast>,
     /// Lane borders as polylines on the ground.
     pub lane_borders_m: Vec<Vec<[f64; 3]>>,
-    /// The same of other roads, one after the other.
+    /// Lane borders of the other roads, road by road.
     pub side_roads_m: Vec<Vec<Vec<[f64; 3]>>>,
     /// The traffic lights, in file order.
     pub lights: Vec<LightPost>,
 }
 
-/// Where everybody is at one sample, for viewers.
+/// Poses of all agents and phases of all lights at one sample, for viewers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// One placement per member of the cast.
@@ -177,46 +185,48 @@ pub struct Frame {
 
 /// A world in motion.
 ///
-/// Equal starts, noise seeds and actions give equal bits.
+/// Equal starts, noise seeds and actions give bit-identical episodes.
 pub trait Scene: Send {
-    /// The published signals; a row has one value for each.
+    /// Returns the schema of the published signals, one value of a row for each.
     fn schema(&self) -> &Arc<Schema>;
-    /// Shapes of the ados' joint observation and action.
+    /// Returns the shapes of the ados' joint observation and action.
     fn spaces(&self) -> &Spaces;
-    /// The clocks.
+    /// Returns the clocks.
     fn clock(&self) -> &Clock;
-    /// X_init.
+    /// Returns the axes of X_init.
     fn axes(&self) -> &[Axis];
-    /// The start of a key: a pure function of world and key.
+    /// Draws the start of a key: a pure function of world and key.
     fn draw(&self, key: StartKey) -> Start;
     /// Begins an episode at t = 0.
     fn reset(&mut self, start: &Start, noise: u64);
     /// Sets the ados' joint action until the next decision.
     fn decide(&mut self, action: usize);
-    /// Moves on by one sample.
+    /// Advances by one sample.
     fn advance(&mut self) -> Flow;
     /// Writes the current row of signals.
     fn publish(&self, row: &mut [f64]);
     /// Writes the ados' observation of the row just published.
     fn observe(&self, row: &[f64], obs: &mut [f32]);
-    /// What does not move.
+    /// Returns the static content, for viewers.
     fn stage(&self) -> Stage;
-    /// Where everybody is.
+    /// Returns the poses of all agents at the current sample.
     fn frame(&self) -> Frame;
-    /// Adds everybody's present motion, in the order of the cast; nothing where
-    /// no plant moves them.
+    /// Appends the current motion of every agent, in the order of the cast.
+    ///
+    /// Appends nothing if no plant moves the agents, as on a grid.
     fn bodies(&self, _into: &mut Vec<BodySample>) {}
-    /// The driving world in which it happens, if it is one.
+    /// Returns the driving world of this scene, or `None` for a grid.
     fn driven(&self) -> Option<drive::DriveWorld> {
         None
     }
-    /// The episode is over: whoever waits for another command need not.
+    /// Ends the episode, so that an external ego stops waiting for a sample.
     fn finish(&mut self) {}
-    /// What an ego that nobody here wrote commanded in this episode, sample by
-    /// sample; empty for all others, which answer alike each time.
+    /// Returns the commands of an external ego in this episode, per sample.
+    ///
+    /// Empty for egos of this crate: they are deterministic and need no record.
     fn commands(&self) -> &[Command] {
         &[]
     }
-    /// A copy that continues bit for bit; `None` if the ego cannot be copied.
+    /// Returns a copy that continues bit for bit, or `None` if the ego cannot fork.
     fn fork(&self) -> Option<Box<dyn Scene>>;
 }

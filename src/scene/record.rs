@@ -1,43 +1,43 @@
-//! What everybody did in an episode, sample by sample.
+//! Recorded motion of all agents in an episode, sample by sample.
 
 use super::{Start, Touch};
 use crate::ego::Phase;
 use crate::sim::{BodyCommand, BodyState};
 
-/// One body at one sample.
+/// State and command of one body at one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodySample {
-    /// How it moves.
+    /// Motion of the body at the sample.
     pub state: BodyState,
-    /// What it was asked to do over the sample before; `None`: nothing.
+    /// Command over the preceding sample. `None` without one, as at t = 0.
     pub command: Option<BodyCommand>,
 }
 
-/// The motion of everybody in one episode.
+/// Motion of all agents in one episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
-    /// Where the episode began.
+    /// Start of the episode.
     pub start: Start,
-    /// The first contact, with which the motion ended.
+    /// First contact, which ended the motion.
     pub contact: Option<Touch>,
-    /// When the last sample was; at a contact, the instant of it.
+    /// Time of the last sample, or of the contact if there was one.
     pub end_s: f64,
     agents: usize,
-    /// Sample by sample, everybody in the order of the cast.
+    /// Flat list: per sample, every agent in the order of the cast.
     bodies: Vec<BodySample>,
 }
 
-/// The motion of everybody, and what the traffic lights showed meanwhile.
+/// Motion of all agents together with the phases of the traffic lights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
-    /// How everybody moved.
+    /// Motion of all agents.
     pub motion: Motion,
-    /// Sample by sample, a phase per light in the order of the world file.
+    /// Per sample, the phase of each light in the order of the world file.
     pub phases: Vec<Vec<Phase>>,
 }
 
 impl Motion {
-    /// A motion that begins with `first`, everybody's sample at 0 s.
+    /// Creates a motion from `first`, the sample of every agent at 0 s.
     pub fn new(start: Start, first: &[BodySample]) -> Motion {
         Motion {
             start,
@@ -48,24 +48,25 @@ impl Motion {
         }
     }
 
-    /// Adds the next sample, everybody in the same order.
+    /// Appends the next sample, with the agents in the same order.
     pub fn push(&mut self, sample: &[BodySample]) {
         // Invariant: a cast does not change during an episode.
         assert_eq!(sample.len(), self.agents, "everybody has a sample");
         self.bodies.extend_from_slice(sample);
     }
 
-    /// Number of samples, the one at 0 s included; 0: nobody has a body.
+    /// Returns the number of samples, including 0 s. 0 if no agent has a body.
     pub fn len(&self) -> usize {
+        // Without agents the list is empty, and the divisor must not be 0.
         self.bodies.len() / self.agents.max(1)
     }
 
-    /// Whether nobody has a body.
+    /// Returns whether no agent has a body.
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 
-    /// Everybody at a sample below [`Motion::len`].
+    /// Returns every agent at a sample below [`Motion::len`].
     pub fn at(&self, sample: usize) -> &[BodySample] {
         &self.bodies[sample * self.agents..][..self.agents]
     }

@@ -1,4 +1,4 @@
-//! A world of any kind: what makes its scenes and knows its shapes.
+//! Worlds of either kind, which build scenes and know their shapes.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::rl::Spaces;
 use crate::sim::PlantKind;
 use crate::trace::{Schema, Signal};
 
-/// An assembled world: makes scenes that share everything fixed.
+/// An assembled world: builds scenes that share all fixed data.
 #[derive(Clone)]
 pub enum World {
     /// Cars on a road.
@@ -20,14 +20,14 @@ pub enum World {
     Grid(GridWorld),
 }
 
-/// What moves a world, as rows and files name it.
+/// Dynamics of a world, as rows and files name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Dynamics {
     /// 3D rigid bodies.
     Rigid,
     /// 2D, closed form.
     Kinematic,
-    /// Cells: one whole move per step.
+    /// Cells of a grid, with a whole move per step.
     Cells,
 }
 
@@ -41,7 +41,7 @@ impl From<PlantKind> for Dynamics {
 }
 
 impl Dynamics {
-    /// The plant of a driving world.
+    /// Returns the plant of a driving world, or `None` for a grid.
     pub fn plant(self) -> Option<PlantKind> {
         match self {
             Dynamics::Rigid => Some(PlantKind::Rigid),
@@ -51,19 +51,19 @@ impl Dynamics {
     }
 }
 
-/// Whether traces hold a signal.
+/// Condition under which traces hold a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Availability {
-    /// Always, or because the world mentions it.
+    /// Recorded always, or because the world mentions it.
     Recorded,
-    /// Only when a world mentions it.
+    /// Recorded only if a world mentions it.
     OnDemand,
-    /// Computed from others by the world file.
+    /// Computed from other signals by the world file.
     Derived,
 }
 
 impl Availability {
-    /// The word in listings.
+    /// Returns the word used in listings.
     pub fn word(self) -> &'static str {
         match self {
             Availability::Recorded => "recorded",
@@ -85,12 +85,14 @@ pub struct Observed {
 }
 
 impl Observed {
-    /// What is observed of a value: −1 to 1 within the declared range.
+    /// Returns the observation of a value: −1 to 1 within the declared range.
     pub fn scaled(&self, value: f64) -> f32 {
+        // A product with the reciprocal, as scenes compute it: a division could
+        // round differently, and served ados must see the same bits.
         ((value - self.mid) * self.per_half()) as f32
     }
 
-    /// By what the distance from the middle is multiplied.
+    /// Returns the factor applied to the distance from the middle.
     pub(super) fn per_half(&self) -> f64 {
         1.0 / self.half
     }
@@ -99,14 +101,14 @@ impl Observed {
 /// A derived signal: an expression over published ones.
 #[derive(Clone, Debug)]
 pub struct Derived {
-    /// Its declaration.
+    /// Declaration of the signal.
     pub signal: Signal,
-    /// Its value.
+    /// Expression of its value.
     pub expr: crate::stl::Expr,
 }
 
 impl World {
-    /// The clocks.
+    /// Returns the clocks.
     pub fn clock(&self) -> &Clock {
         match self {
             World::Drive(world) => &world.spec().clock,
@@ -114,7 +116,7 @@ impl World {
         }
     }
 
-    /// The signals of its traces.
+    /// Returns the signals of its traces.
     pub fn schema(&self) -> &Arc<Schema> {
         match self {
             World::Drive(world) => world.schema(),
@@ -122,7 +124,7 @@ impl World {
         }
     }
 
-    /// Shapes of the ados' joint observation and action.
+    /// Returns the shapes of the ados' joint observation and action.
     pub fn spaces(&self) -> &Spaces {
         match self {
             World::Drive(world) => world.spaces(),
@@ -130,7 +132,7 @@ impl World {
         }
     }
 
-    /// A scene at rest, to be `reset`.
+    /// Returns a scene at rest. Call `reset` before use.
     pub fn scene(&self) -> Box<dyn Scene> {
         match self {
             World::Drive(world) => Box::new(world.scene()),
@@ -138,7 +140,7 @@ impl World {
         }
     }
 
-    /// X_init.
+    /// Returns the axes of X_init.
     pub fn axes(&self) -> Vec<Axis> {
         match self {
             World::Drive(world) => world.spec().axes(),
@@ -146,7 +148,7 @@ impl World {
         }
     }
 
-    /// What moves it.
+    /// Returns the dynamics of this world.
     pub fn dynamics(&self) -> Dynamics {
         match self {
             World::Drive(world) => world.spec().plant.into(),
@@ -154,7 +156,7 @@ impl World {
         }
     }
 
-    /// A joint action in words.
+    /// Returns a joint action in words.
     pub fn action_label(&self, action: usize) -> String {
         match self {
             World::Drive(world) => world.spec().action_label(action),
@@ -162,8 +164,9 @@ impl World {
         }
     }
 
-    /// How far two joint actions are apart, 0 to 1; on a grid, moves are alike
-    /// or not.
+    /// Returns the distance of two joint actions, 0 to 1.
+    ///
+    /// On a grid, equal moves have distance 0 and all others 1.
     pub fn action_distance(&self, a: usize, b: usize) -> f64 {
         match self {
             World::Drive(world) => world.spec().action_distance(a, b),
@@ -171,7 +174,7 @@ impl World {
         }
     }
 
-    /// Every signal that formulas may use, derived ones included.
+    /// Returns every signal that formulas may use, including derived ones.
     pub fn signals(&self) -> Vec<(Signal, Availability)> {
         match self {
             World::Drive(world) => {
@@ -189,7 +192,7 @@ impl World {
         }
     }
 
-    /// The ados' observation.
+    /// Returns the signals of the ados' observation with their scales.
     pub fn observed(&self) -> &[Observed] {
         match self {
             World::Drive(world) => &world.spec().observe,
@@ -197,7 +200,7 @@ impl World {
         }
     }
 
-    /// All starts of a finite world, each once.
+    /// Returns all starts of a finite world, each once, or `None`.
     pub fn starts(&self) -> Option<Vec<Start>> {
         match self {
             World::Drive(world) => {
@@ -215,6 +218,8 @@ fn listed(
     derived: &[Derived],
 ) -> Vec<(Signal, Availability)> {
     let published = offers.map(|(signal, always)| {
+        // `extra` lists the signals that formulas, plans or observations
+        // mention.
         let held = match always || extra.contains(&signal.name) {
             true => Availability::Recorded,
             false => Availability::OnDemand,

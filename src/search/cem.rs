@@ -1,9 +1,10 @@
-//! The cross-entropy method over sequences of actions.
+//! Cross-entropy method over sequences of actions.
 //!
 //! Rubinstein, "The Cross-Entropy Method for Combinatorial and Continuous
-//! Optimization", 1999: draw a population, keep the best, draw the next one
-//! from what they have in common. The fitness is the rulebook's reward, so that
-//! a sequence that breaks a rule ranks below all lawful ones (Lemma 2).
+//! Optimization", 1999.
+//! Each generation is drawn from the distribution of the best sequences so far.
+//! The fitness is the rulebook's reward, so a sequence that breaks a rule ranks below
+//! every lawful sequence (Lemma 2).
 
 use rand::RngExt;
 
@@ -14,18 +15,18 @@ use crate::run_dir::Unconfirmed;
 use crate::seed;
 use crate::stats::pick;
 
-/// The cross-entropy method, with its settings.
+/// Cross-entropy method with its settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cem {
     /// Sequences per generation (20).
     pub population: usize,
-    /// The best of them, from which the next generation is drawn (4).
+    /// Best sequences, from which the next generation is drawn (4).
     pub elites: usize,
     /// Weight of the elites against the old distribution (0.6).
     pub smoothing: f64,
     /// Decisions for which a drawn action is held (5).
     pub hold: usize,
-    /// Chance that an action is drawn uniformly after all (0.2).
+    /// Probability of a uniform draw of an action (0.2).
     pub exploration: f64,
 }
 
@@ -64,28 +65,34 @@ impl SearchMethod<'_> for Cem {
     }
 }
 
-/// Tries sequences until one succeeds; the dice depend on the noise.
+/// Tries sequences until the first success.
+///
+/// The generator depends on the noise of the start.
 fn solve(trials: &mut Trials<'_>, cem: Cem) {
     let mut rng = seed::generator("cem", &[trials.noise()]);
     let (decisions, actions) = (trials.decisions(), trials.actions());
     let blocks = decisions.div_ceil(cem.hold.max(1));
+    // The distribution starts uniform, with a share per action and block.
     let mut shares = vec![vec![1.0 / actions as f64; actions]; blocks];
     loop {
         let mut tried: Vec<(f64, Vec<usize>)> = Vec::with_capacity(cem.population);
         for _ in 0..cem.population.max(1) {
             let mut draw = |share: &Vec<f64>| match rng.random::<f64>() < cem.exploration {
+                // Without uniform draws an action with a share of 0 could never return.
                 true => rng.random_range(0..actions),
                 false => pick(share, &mut rng),
             };
             let drawn: Vec<usize> = shares.iter().map(&mut draw).collect();
             let held = drawn.iter().flat_map(|&a| std::iter::repeat_n(a, cem.hold));
             let sequence: Vec<usize> = held.take(decisions).collect();
+            // The budget is spent, a success was found, or the search was stopped.
             let Some(reward) = trials.replay(&sequence) else {
                 return;
             };
+            // The drawn blocks are kept, because the distribution is over blocks.
             tried.push((reward, drawn));
         }
-        // Equal rewards keep the order in which they were drawn.
+        // The sort is stable, so equal rewards keep the order of their draws.
         tried.sort_by(|a, b| b.0.total_cmp(&a.0));
         tried.truncate(cem.elites.max(1));
         for (block, share) in shares.iter_mut().enumerate() {

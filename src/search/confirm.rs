@@ -1,32 +1,33 @@
-//! Sequences that succeeded when pre-screened, played on the plant asked for.
+//! Confirmation of pre-screened sequences on the requested plant.
 
+use crate::adversary::RecordedFailure;
 use crate::ego::Fault;
 use crate::experiment::Watch;
 use crate::scene::{Start, Touch};
 use crate::testbench::{Aftermath, Replay, Testbench, play};
 use crate::world::{Repeats, Scenario};
 
-/// Plays sequences on the plant asked for, each from where it leaves the last.
+/// Player of sequences on the requested plant, which reuses shared prefixes.
 ///
-/// The tree hands over sequences that share long prefixes, and rigid bodies
-/// cost twenty times what points cost.
+/// The tree returns sequences with long shared prefixes, and rigid bodies cost twenty
+/// times as much as points.
 pub(crate) struct Confirmer<'a> {
     scenario: &'a Scenario,
     start: &'a Start,
     noise: u64,
     index: usize,
     watch: &'a Watch<'a>,
-    /// The first fault met.
+    /// First fault of the ego or the physics.
     pub fault: Option<Fault>,
-    /// The latest sequence as far as it was played.
+    /// Latest sequence, as far as it was played.
     actions: Vec<usize>,
-    /// The benches after 0, 1, 2 … of these actions.
+    /// Benches after 0, 1, 2 … of these actions.
     benches: Vec<Testbench>,
     pub physics_steps: u64,
 }
 
 impl Confirmer<'_> {
-    /// Nothing played yet from a start, which is the `index`th.
+    /// Creates a confirmer for the `index`th start, without any played sequence.
     pub fn new<'a>(
         scenario: &'a Scenario,
         (start, noise): (&'a Start, u64),
@@ -46,21 +47,25 @@ impl Confirmer<'_> {
         }
     }
 
-    /// Plays `actions`, the last one held, to contact or the horizon.
+    /// Plays `actions`, the last action held, to contact or the horizon.
     pub fn confirm(&mut self, actions: &[usize]) -> Confirmed {
         let pairs = self.actions.iter().zip(actions);
         let shared = pairs.take_while(|(a, b)| a == b).count();
         self.actions.truncate(shared);
+        // One bench more than actions, for the state before the first of them.
         self.benches.truncate(shared + 1);
         if self.benches.is_empty() {
             let mut root = self.scenario.bench();
+            // The episode continues after the verdict, because the contact is reported too.
             root.begin(self.start, self.noise, Aftermath::Play);
             self.benches.push(root);
         }
+        // A sequence without actions cannot succeed.
         let Some(&last) = actions.last() else {
             return Confirmed::default();
         };
         let rest = actions[shared..].iter().copied();
+        // The last action is held beyond the end of the sequence.
         let mut rest = rest.chain(std::iter::repeat(last));
         while let (Some(here), Some(action)) = (self.benches.last(), rest.next()) {
             if here.is_done() {
@@ -68,6 +73,7 @@ impl Confirmer<'_> {
                 self.note(fault);
                 return outcome;
             }
+            // An ego without copies, such as a program, is played from the start each time.
             let Some(mut next) = here.fork() else {
                 return self.replay(actions);
             };
@@ -76,12 +82,22 @@ impl Confirmer<'_> {
             self.actions.push(action);
             self.benches.push(next);
         }
-        // Invariant: the root is always there and `rest` never ends.
+        // Invariant: the root is always present and `rest` never ends.
         Confirmed::default()
     }
 
-    /// The same from the start, where the ego cannot be copied; as often as the
-    /// world asks, since such an ego may answer otherwise the next time.
+    /// Failure of the ego in the sequence that was confirmed last.
+    ///
+    /// `None` if the ego did not fail, or if it cannot be copied and was replayed.
+    pub fn failure(&self) -> Option<RecordedFailure> {
+        let last = self.benches.last().filter(|bench| bench.is_done())?;
+        let episode = last.episode(self.start, self.noise, self.actions.clone());
+        RecordedFailure::of(self.scenario, &episode)
+    }
+
+    /// Plays the sequence from the start, if the ego cannot be copied.
+    ///
+    /// Such an ego may not be deterministic, so the runs are repeated as the world requires.
     fn replay(&mut self, actions: &[usize]) -> Confirmed {
         let Repeats { runs, gate } = self.scenario.repeats;
         let (mut failures, mut shown) = (0, Confirmed::default());
@@ -94,10 +110,11 @@ impl Confirmer<'_> {
             self.physics_steps += episode.physics_steps;
             let played = Confirmed::on(bench);
             failures += u32::from(played.success);
-            // The first failure that ends in contact stands for all.
+            // The first failure that ends in contact represents all repetitions.
             if shown.contact.is_none() {
                 shown = played;
             }
+            // The root is reset, because later sequences may start from it again.
             bench.begin(self.start, self.noise, Aftermath::Play);
             self.note(episode.fault);
         }
@@ -112,30 +129,32 @@ impl Confirmer<'_> {
 
     fn note(&mut self, fault: Option<Fault>) {
         self.watch.faults.note(self.index as u64, fault.as_ref());
+        // Only the first fault is reported for a start.
         if self.fault.is_none() {
             self.fault = fault;
         }
     }
 }
 
-/// How a sequence fared on the plant asked for.
+/// Outcome of a sequence on the requested plant.
 #[derive(Default)]
 pub(crate) struct Confirmed {
-    /// Whether the ego failed.
+    /// True if the ego failed.
     pub success: bool,
-    /// The contact after it, if the agents touched.
+    /// Contact after the failure, if the agents touched.
     pub contact: Option<Touch>,
-    /// Whether a rule was broken between the two.
+    /// True if a rule was broken between failure and contact.
     pub foul_before_contact: bool,
 }
 
 impl Confirmed {
-    /// How the episode on a bench ended.
+    /// Reads the outcome from the bench of a finished episode.
     pub fn on(bench: &Testbench) -> Confirmed {
         let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
         let rules = bench.rules_until_contact();
         Confirmed {
             success,
+            // A contact without a failure does not count.
             contact: bench.contact().filter(|_| success).cloned(),
             foul_before_contact: rules.is_some_and(|rules| !rules.is_kept()),
         }

@@ -1,11 +1,11 @@
 #![cfg(test)]
-//! A method that only tests have.
+//! Search method that exists in tests only.
 
 use super::found::Found;
 use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::trials::Trials;
 
-/// Each action for a whole episode, in order.
+/// Method that plays each action for a whole episode, in order.
 #[derive(Clone, Copy, Debug)]
 pub struct Constants;
 

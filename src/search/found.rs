@@ -1,41 +1,45 @@
-//! What a search of one start came to.
+//! Result of the search of one start.
 
+use crate::adversary::RecordedFailure;
 use crate::ego::Fault;
 use crate::severity::Impact;
 
-/// A solution and what was spent on one start.
+/// Solution of one start and the cost of its search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// The actions that make the ego fail, if any were found.
+    /// Actions that make the ego fail, if any were found.
     pub actions: Option<Vec<usize>>,
-    /// Closing speed, if the agents touched after it.
+    /// Closing speed, if the agents touched after the failure.
     pub closing_speed_mps: Option<f64>,
-    /// What the contact does to the ego, if it has part in it.
+    /// Severity of the contact for the ego, if the ego takes part in it.
     pub impact: Option<Impact>,
-    /// Whether a rule was broken between the success and that contact.
+    /// Failure of the ego, where its run was recorded.
+    pub failure: Option<RecordedFailure>,
+    /// True if a rule was broken between the success and that contact.
     pub foul_before_contact: bool,
-    /// Episodes run, a part of one counted as one; the last is the success.
+    /// Number of episodes, including partial episodes and the final success.
     pub simulations: u64,
-    /// Those of them in which a rule was broken.
+    /// Episodes in which a rule was broken.
     pub fouls: u64,
     /// Physics steps spent, on both plants.
     pub physics_steps: u64,
-    /// Sequences that succeeded when pre-screened and not on the plant asked for.
+    /// Sequences that succeeded in pre-screening but not on the requested plant.
     pub unconfirmed: u64,
-    /// The first fault of ego or physics: without a solution nobody knows
-    /// whether the start has one.
+    /// First fault of the ego or the physics.
+    ///
+    /// Without a solution it is then unknown if a solution exists.
     pub fault: Option<Fault>,
     /// Processor time spent.
     pub cpu_s: f64,
 }
 
 impl Found {
-    /// Whether it says nothing: not solved, and the ego failed to run.
+    /// Returns whether the start is unsolved because of a fault.
     pub fn is_invalid(&self) -> bool {
         self.actions.is_none() && self.fault.is_some()
     }
 
-    /// Simulations spent with a budget of `budget`, and whether they suffice.
+    /// Returns the simulations spent with a budget, and whether they suffice.
     pub fn within(&self, budget: u64) -> (u64, bool) {
         let solved = self.actions.is_some() && self.simulations <= budget;
         (self.simulations.min(budget), solved)

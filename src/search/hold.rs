@@ -1,4 +1,4 @@
-//! A random action, held for some decisions.
+//! Search by a random action that is held for some decisions.
 
 use super::found::Found;
 use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
@@ -6,7 +6,7 @@ use super::random;
 use super::trials::Trials;
 use crate::testbench::HOLD_DECISIONS;
 
-/// A uniformly random action, held for [`HOLD_DECISIONS`].
+/// Method that holds a uniformly random action for [`HOLD_DECISIONS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hold;
 

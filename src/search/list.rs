@@ -1,8 +1,9 @@
-//! The list of search methods: `--method`, its help, the refusal of options
-//! that do nothing, rows and the table in `docs/search.md` follow from it.
+//! List of the search methods.
 //!
-//! A new method is one file beside this one, with a type that implements
-//! `SearchMethod`, and one line in the list.
+//! `--method` with its help, the refusal of unused options, rows and the table in
+//! `docs/search.md` follow from it.
+//! A new method is a file beside this one, with a type that implements `SearchMethod`,
+//! and a line in the list.
 
 use super::found::Found;
 use super::method::{
@@ -18,7 +19,7 @@ macro_rules! methods {
     )+) => {
         $( $(#[cfg($when)])? pub use super::$file::$kind; )+
 
-        /// How sequences of actions are chosen.
+        /// Method by which sequences of actions are chosen.
         #[derive(Clone, Copy, Debug)]
         pub enum Method<'a> {
             $( $(#[doc = $about])+ $(#[cfg($when)])? $kind($kind $(<$life>)?), )+
@@ -33,14 +34,14 @@ macro_rules! methods {
             }
         )+
 
-        /// Every method there is.
+        /// All methods, in the order of the help.
         static METHODS: &[MethodInfo] = &[$( $(#[cfg($when)])? $kind::INFO, )+];
 
         impl<'a> Method<'a> {
-            /// The method of a name, as `--method` has it.
+            /// Returns the method of a name, as given to `--method`.
             ///
             /// # Errors
-            /// No method has this name, or a setting that it needs is missing.
+            /// Returns an error if the name is unknown or a required setting is missing.
             pub fn named(
                 name: &str,
                 settings: &MethodSettings<'a>,
@@ -54,14 +55,14 @@ macro_rules! methods {
                 Err(unknown(name))
             }
 
-            /// Its name, its help and its options.
+            /// Returns the name, the help and the options of the method.
             pub fn info(&self) -> MethodInfo {
                 match self {
                     $( $(#[cfg($when)])? Method::$kind(_) => $kind::INFO, )+
                 }
             }
 
-            /// What rows call it, with the budget and what did not carry over.
+            /// Returns the name in rows, with the budget and the unconfirmed sequences.
             pub(crate) fn text(&self, budget: u64, unconfirmed: Option<Unconfirmed>) -> String {
                 match self {
                     $( $(#[cfg($when)])? Method::$kind(it) => it.text(budget, unconfirmed), )+
@@ -86,25 +87,25 @@ methods! {
     cem::Cem;
     /// Mutations of the nearest counterexamples of a training.
     mutate::Mutate<'a>;
-    /// All sequences with at most so many switches of action, fewest first.
+    /// All sequences with at most a given number of action switches, fewest first.
     switches::Switches;
-    /// What tests add, to show that a file and a line are all it takes.
+    /// Method of the tests, which shows that a file and a line are enough.
     #[cfg(test)]
     dummy::Constants;
 }
 
 impl Method<'_> {
-    /// Every method by its name, in the order of the help.
+    /// Returns all methods in the order of the help.
     pub fn all() -> &'static [MethodInfo] {
         METHODS
     }
 }
 
 impl MethodInfo {
-    /// Refuses options that would do nothing.
+    /// Refuses options that have no effect.
     ///
     /// # Errors
-    /// Names the first of those given that the method does not take.
+    /// Names the first given option that the method does not take.
     pub fn refuse_others(&self, given: &[MethodOption]) -> Result<(), SearchError> {
         let Some(option) = given.iter().find(|option| !self.takes(**option)) else {
             return Ok(());
@@ -144,7 +145,7 @@ impl SearchError {
 }
 
 impl MethodOption {
-    /// Its line in the help: what it is, for which methods, and its default.
+    /// Returns the line in the help: meaning, methods and default.
     pub fn help(self) -> String {
         let (about, default) = (self.about(), self.default_text());
         let methods = takers(self, str::to_owned);
@@ -152,7 +153,7 @@ impl MethodOption {
     }
 }
 
-/// The names of the methods that take an option.
+/// Returns the names of the methods that take an option.
 fn takers(option: MethodOption, shown: fn(&str) -> String) -> String {
     let takers = METHODS.iter().filter(|method| method.takes(option));
     let names: Vec<String> = takers.map(|method| shown(method.name)).collect();
@@ -182,6 +183,7 @@ mod tests {
     const WORLD: &str = include_str!("../../worlds/acc.ron");
 
     fn is_shipped(method: &&MethodInfo) -> bool {
+        // The table in the guide lists only methods that users can call.
         method.name != Constants::INFO.name
     }
 
@@ -213,7 +215,7 @@ mod tests {
         assert_eq!(all.solved, none_switched.solved);
         assert_eq!(all.sims_per_start, none_switched.sims_per_start);
         assert!(0 < all.successes && few.sims_per_start < all.sims_per_start);
-        // It is among those that a budget is for, and refuses the other options.
+        // The method takes a budget and refuses the other options.
         assert!(MethodOption::Budget.help().contains("constants"));
         assert!(!MethodOption::From.help().contains("constants"));
         let refused = constants.info().refuse_others(&[MethodOption::From]);

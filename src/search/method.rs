@@ -1,4 +1,4 @@
-//! What a method of searching says of itself, and what it is given.
+//! Interface of a search method: its description and its inputs.
 
 use strum::VariantArray;
 
@@ -9,26 +9,27 @@ use crate::scene::Start;
 use crate::testbench::Testbench;
 use crate::world::Scenario;
 
-/// Simulations per start of methods that sample, unless told otherwise.
+/// Default number of simulations per start of sampling methods.
 pub const BUDGET: u64 = 100;
 
-/// Most switches of action in the sequences of [`super::list::Switches`], unless told
-/// otherwise; what it then solves is what rows call reachable.
+/// Default of the largest number of action switches of [`super::list::Switches`].
+///
+/// Rows call the starts that this default solves reachable.
 pub const SWITCHES: usize = 2;
 
-/// An option that some methods take.
+/// Option of some search methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, VariantArray)]
 pub enum MethodOption {
-    /// Most switches of action in a sequence.
+    /// Largest number of action switches in a sequence.
     Switches,
     /// Simulations per start.
     Budget,
-    /// The run whose training counterexamples the method begins with.
+    /// Run that provides the training counterexamples to begin with.
     From,
 }
 
 impl MethodOption {
-    /// As it is typed, with what it takes.
+    /// Returns the option with its value, as typed.
     pub fn usage(self) -> &'static str {
         match self {
             MethodOption::Switches => "--switches M",
@@ -37,7 +38,7 @@ impl MethodOption {
         }
     }
 
-    /// What holds without it.
+    /// Returns the text of the default.
     pub fn default_text(self) -> String {
         match self {
             MethodOption::Switches => SWITCHES.to_string(),
@@ -54,52 +55,52 @@ impl MethodOption {
         }
     }
 
-    /// `--budget` of `--budget SIMS`.
+    /// Returns the flag alone, `--budget` for `--budget SIMS`.
     pub(super) fn flag(self) -> &'static str {
         let usage = self.usage();
         usage.split_once(' ').map_or(usage, |(flag, _)| flag)
     }
 }
 
-/// A search that cannot be asked for.
+/// Request for a search that is not possible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SearchError {
-    /// No method has this name.
+    /// Unknown name of a method.
     #[error("no search method is called `{name}`")]
     UnknownMethod {
-        /// Name asked for.
+        /// Requested name.
         name: String,
     },
-    /// An option that the method does not take.
+    /// The method does not use the option.
     #[error("`{}` does nothing with `--method {method}`", option.flag())]
     DoesNothing {
         /// The option.
         option: MethodOption,
         /// Name of the method.
         method: &'static str,
-        /// Options that the method takes.
+        /// Options of the method.
         takes: &'static [MethodOption],
     },
-    /// A method that begins with counterexamples of a training has none.
+    /// A method that starts from the counterexamples of a training has none.
     #[error("`--method mutate` needs the counterexamples of a training")]
     NothingToMutate,
 }
 
-/// A method by its name: what users read of it, and which options it takes.
+/// Description of a method: its name, its help and its options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MethodInfo {
-    /// What `--method` calls it.
+    /// Name, as given to `--method`.
     pub name: &'static str,
-    /// One line on how it chooses sequences, without a full stop.
+    /// One line on the choice of sequences, without a full stop.
     pub help: &'static str,
-    /// The options that do something for it.
+    /// Options that have an effect.
     pub takes: &'static [MethodOption],
-    /// Whether the kinematic plant sorts out sequences for the rigid one.
+    /// Whether the kinematic plant pre-screens sequences for the rigid plant.
     pub(super) prescreens: bool,
 }
 
 impl MethodInfo {
-    /// A method that samples within a budget.
+    /// Describes a method that samples within a budget.
     pub(super) const fn sampling(name: &'static str, help: &'static str) -> MethodInfo {
         MethodInfo {
             name,
@@ -109,53 +110,53 @@ impl MethodInfo {
         }
     }
 
-    /// Whether an option does something for it.
+    /// Returns whether an option has an effect.
     pub fn takes(&self, option: MethodOption) -> bool {
         self.takes.contains(&option)
     }
 }
 
-/// What a method is built with; of these it reads what it [takes](MethodInfo).
+/// Settings of a method, which reads the [options it takes](MethodInfo).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MethodSettings<'a> {
-    /// Most switches of action in a sequence; `None`: [`SWITCHES`].
+    /// Largest number of action switches in a sequence. `None`: [`SWITCHES`].
     pub switches: Option<usize>,
-    /// The counterexamples of a training.
+    /// Counterexamples of a training.
     pub stored: Option<&'a Stored>,
 }
 
-/// One start, and what to search it with.
+/// Start to search, with everything needed for it.
 pub(super) struct StartSearch<'a> {
-    /// The world asked for.
+    /// Requested world.
     pub scenario: &'a Scenario,
-    /// The same on the plant that sorts out sequences first, if one does.
+    /// The same world on the plant that pre-screens, if any.
     pub cheap: Option<&'a Scenario>,
-    /// A bench of the world asked for.
+    /// Bench of the requested world.
     pub bench: &'a mut Testbench,
     pub start: &'a Start,
-    /// The episode's noise, on which the method's dice depend as well.
+    /// Noise of the episode, on which the generator of the method depends as well.
     pub noise: u64,
     pub index: usize,
     pub budget: u64,
     pub watch: &'a Watch<'a>,
 }
 
-/// How sequences of actions are chosen: what a file of this directory is for.
+/// Search method: each file of this directory implements it.
 pub(super) trait SearchMethod<'a>: Copy {
-    /// Its name, its help and its options.
+    /// Name, help and options.
     const INFO: MethodInfo;
 
-    /// The method with these settings.
+    /// Builds the method from its settings.
     ///
     /// # Errors
-    /// It needs one that is missing.
+    /// Returns an error if a required setting is missing.
     fn with(settings: &MethodSettings<'a>) -> Result<Self, SearchError>;
 
-    /// What rows call it, with the budget and what did not carry over.
+    /// Returns the name in rows, with the budget and the unconfirmed sequences.
     fn text(&self, budget: u64, _unconfirmed: Option<Unconfirmed>) -> String {
         format!("{}, {budget} simulations", Self::INFO.name)
     }
 
-    /// Searches one start; `None` when stopped from outside before a result.
+    /// Searches one start. `None`: stopped from outside before a result.
     fn solve(&self, one: StartSearch<'_>) -> Option<Found>;
 }

@@ -1,5 +1,7 @@
-//! Open-loop search per start: what an adversary can do at all, and the
-//! baselines a reusable ado must beat.
+//! Open-loop search per start.
+//!
+//! It shows which starts an adversary can solve at all, and provides the baselines that
+//! a reusable ado must beat.
 
 mod cem;
 mod confirm;
@@ -20,9 +22,10 @@ pub(crate) use confirm::{Confirmed, Confirmer};
 pub use found::Found;
 pub use list::{Cem, Hold, Method, Mutate, Switches, Uniform};
 pub use method::{BUDGET, MethodInfo, MethodOption, MethodSettings, SWITCHES, SearchError};
+pub(super) use mutate::mutate;
 pub use request::SearchRequest;
 
-use crate::adversary::{blank_row, count_solved, note_row};
+use crate::adversary::{RecordedFailure, blank_row, count_solved, groups, note_row};
 use crate::experiment::Watch;
 use crate::run_dir::{Anytime, ClosingSpeed, ContactSeverity, Row, Unconfirmed};
 use crate::scene::{Dynamics, Start};
@@ -34,12 +37,12 @@ use crate::world::Scenario;
 use method::StartSearch;
 pub(crate) use tree::{Next, Tree};
 
-/// A row and the solutions behind it.
+/// Row of a search and the solutions behind it.
 #[derive(Clone, Debug)]
 pub struct Searched {
     /// Rates and costs over all starts.
     pub row: Row,
-    /// Per start; `None` for trivial ones and for those not reached.
+    /// Result per start. `None`: trivial or not reached.
     pub found: Vec<Option<Found>>,
 }
 
@@ -60,7 +63,7 @@ pub fn search(request: &SearchRequest<'_>, watch: &Watch<'_>) -> Searched {
     Searched { row, found }
 }
 
-/// What the searches of all starts had reached with a smaller budget.
+/// Returns the result of the searches with a smaller budget.
 pub fn anytime(found: &[Option<Found>], budget: u64) -> Anytime {
     let searched = found.iter().flatten().filter(|found| !found.is_invalid());
     let (mut starts, mut successes, mut simulations) = (0, 0, 0);
@@ -69,6 +72,7 @@ pub fn anytime(found: &[Option<Found>], budget: u64) -> Anytime {
         successes += usize::from(solved);
         simulations += spent;
     }
+    // Without starts the rates are 0 instead of NaN.
     let per_start = |sum: f64| sum / starts.max(1) as f64;
     Anytime {
         budget,
@@ -80,16 +84,17 @@ pub fn anytime(found: &[Option<Found>], budget: u64) -> Anytime {
 }
 
 impl SearchRequest<'_> {
-    /// Whether the kinematic plant sorts out sequences first.
+    /// Returns whether the kinematic plant pre-screens sequences.
     fn prescreens(&self) -> bool {
         self.scenario.plant() == Dynamics::Rigid && self.method.info().prescreens
     }
 
-    /// Budgets that rows report: 10, 30, 100, 300 … and the whole one.
+    /// Returns the budgets in rows: 10, 30, 100, 300 … and the whole budget.
     fn checkpoints(&self) -> Vec<u64> {
         if !self.method.info().takes(MethodOption::Budget) {
             return Vec::new();
         }
+        // `checked_pow` ends the decades before they overflow.
         let decades = (1..).map_while(|power| 10u64.checked_pow(power));
         let steps = decades.flat_map(|decade| [decade, decade.saturating_mul(3)]);
         let mut budgets: Vec<u64> = steps.take_while(|&budget| budget < self.budget).collect();
@@ -112,6 +117,7 @@ impl SearchRequest<'_> {
         let marks = found.iter().zip(&self.starts.trivial);
         row.solved = marks
             .map(|(found, trivial)| match (found, trivial) {
+                // A trivial start counts as such, whatever the search found there.
                 (_, true) => StartOutcome::Trivial,
                 (Some(found), _) if found.is_invalid() => StartOutcome::Invalid,
                 (Some(found), _) if found.actions.is_some() => StartOutcome::Solved,
@@ -125,13 +131,14 @@ impl SearchRequest<'_> {
             Some((start as u64, found.fault.as_ref()?))
         });
         row.faults = count_faults(invalid);
+        // Invalid starts count in no rate, but their cost below is real.
         let valid = searched.clone().filter(|found| !found.is_invalid());
         let simulations: u64 = valid.clone().map(|found| found.simulations).sum();
         row.sims_per_start = simulations as f64 / row.starts.max(1) as f64;
         let fouls: u64 = valid.map(|found| found.fouls).sum();
         row.foul_rate = fouls as f64 / simulations.max(1) as f64;
         row.physics_steps = searched.clone().map(|found| found.physics_steps).sum();
-        // Not `sum`, which is -0.0 of nothing.
+        // `sum` of nothing is -0.0, which would be printed with its sign.
         row.cpu_s = searched.clone().fold(0.0, |sum, found| sum + found.cpu_s);
         count_contacts(&mut row, searched);
         let budgets = self.checkpoints().into_iter();
@@ -140,7 +147,7 @@ impl SearchRequest<'_> {
     }
 }
 
-/// Fills in what a row says of contacts; its starts are counted already.
+/// Fills in the contact statistics of a row with counted starts.
 pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a Found> + Clone) {
     let starts = row.starts.max(1) as f64;
     let share = |part: usize| part as f64 / starts;
@@ -149,11 +156,17 @@ pub(crate) fn count_contacts<'a>(row: &mut Row, found: impl Iterator<Item = &'a 
     row.foul_before_contact_rate = Some(share(late_fouls.count()));
     row.contact_rate = share(contacts.len());
     row.closing_speed_mps = ClosingSpeed::of(contacts);
+    row.success_closing_mps = row.closing_speed_mps;
+    let solved = found.clone().filter(|found| found.actions.is_some());
+    let failures: Vec<Option<&RecordedFailure>> =
+        solved.map(|found| found.failure.as_ref()).collect();
+    row.distinct = groups(&failures);
     let impacts: Vec<Impact> = found.filter_map(|f| f.impact).collect();
+    // Contacts without part of the ego have no impact and are left out.
     row.severity = ContactSeverity::of(&impacts);
 }
 
-/// One worker: the bench asked for and, for pre-screening, a cheap one.
+/// Searcher of one worker: the requested bench and a cheap bench for pre-screening.
 struct Searcher<'a> {
     request: &'a SearchRequest<'a>,
     cheap: Option<Scenario>,
@@ -172,7 +185,7 @@ impl<'a> Searcher<'a> {
         }
     }
 
-    /// `None` when stopped from outside before a result.
+    /// Searches one start. `None`: stopped from outside before a result.
     fn solve(&mut self, from: (&Start, u64), index: usize, watch: &Watch<'_>) -> Option<Found> {
         let (start, noise) = from;
         let request = self.request;

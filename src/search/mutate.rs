@@ -1,10 +1,9 @@
-//! Counterexamples of a training, mutated until one succeeds.
+//! Counterexamples of a training, mutated until the first success.
 //!
-//! The nearest stored counterexamples are replayed as they are, nearest first.
-//! Then the best so far are mutated: a switch of action comes earlier or later,
-//! one stretch between two switches gets another action, or a block of
-//! decisions is held on one action. Whatever scores no worse than the worst of
-//! the best takes its place.
+//! The nearest stored counterexamples are replayed unchanged, nearest first.
+//! Then the best sequences so far are mutated. A mutation moves a switch of action,
+//! replaces the action between two switches, or holds one action for a block of decisions.
+//! A child replaces the worst of the best unless it scores less.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -19,12 +18,12 @@ use crate::seed;
 
 /// Stored counterexamples that are replayed first.
 const SEEDS: usize = 10;
-/// The best sequences so far, of which one is mutated next.
+/// Number of best sequences from which the next parent is drawn.
 const ELITES: usize = 5;
-/// Farthest a switch is moved, and longest block that is held, in decisions.
+/// Longest shift of a switch and longest held block, in decisions.
 const REACH: usize = 8;
 
-/// Mutations of the nearest of these counterexamples of a training.
+/// Method that mutates the nearest of these counterexamples of a training.
 #[derive(Clone, Copy, Debug)]
 pub struct Mutate<'a>(pub &'a Stored);
 
@@ -47,13 +46,16 @@ impl<'a> SearchMethod<'a> for Mutate<'a> {
     }
 }
 
-/// Tries sequences until one succeeds; the dice depend on the noise.
+/// Tries sequences until the first success.
+///
+/// The generator depends on the noise of the start.
 fn solve(trials: &mut Trials<'_>, stored: &Stored) {
     let mut rng = seed::generator("mutate", &[trials.noise()]);
     let (decisions, actions) = (trials.decisions(), trials.actions());
     let mut elites: Vec<(f64, Vec<usize>)> = Vec::new();
     for seed in stored.nearest(trials.start(), SEEDS) {
         let mut sequence = seed.actions.clone();
+        // A stored sequence may be shorter than the episode, so its last action is held.
         let last = sequence.last().copied().unwrap_or(0);
         sequence.resize(decisions, last);
         let Some(reward) = trials.replay(&sequence) else {
@@ -62,14 +64,16 @@ fn solve(trials: &mut Trials<'_>, stored: &Stored) {
         elites.push((reward, sequence));
     }
     if elites.is_empty() {
+        // Without counterexamples the search starts from a random sequence.
         let draw = |_| rng.random_range(0..actions);
+        // The lowest possible score, so any child replaces it.
         elites.push((f64::NEG_INFINITY, (0..decisions).map(draw).collect()));
     }
     best_first(&mut elites);
     loop {
         let mut sequence = elites[rng.random_range(0..elites.len())].1.clone();
         mutate(&mut sequence, actions, &mut rng);
-        // Every other child is mutated twice, or three times, and so on.
+        // Half of the children are mutated again, half of those once more, and so on.
         while rng.random::<bool>() {
             mutate(&mut sequence, actions, &mut rng);
         }
@@ -81,14 +85,18 @@ fn solve(trials: &mut Trials<'_>, stored: &Stored) {
     }
 }
 
-/// The best first, the newest of equals; no more than [`ELITES`].
+/// Sorts the best first and keeps at most [`ELITES`].
+///
+/// Among equals the newest comes first.
 fn best_first(elites: &mut Vec<(f64, Vec<usize>)>) {
+    // Reversed before a stable sort, so that the newest of equals comes first.
     elites.reverse();
     elites.sort_by(|a, b| b.0.total_cmp(&a.0));
     elites.truncate(ELITES);
 }
 
-fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
+/// Changes a sequence at one place.
+pub(crate) fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
     let len = sequence.len();
     if len == 0 {
         return;
@@ -102,6 +110,7 @@ fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rng) {
             let at = switches[rng.random_range(0..switches.len())];
             let by = rng.random_range(1..=REACH);
             let (before, after) = (sequence[at - 1], sequence[at]);
+            // The switch moves earlier or later with equal probability.
             match rng.random::<bool>() {
                 true => sequence[at.saturating_sub(by)..at].fill(after),
                 false => sequence[at..(at + by).min(len)].fill(before),

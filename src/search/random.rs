@@ -5,14 +5,16 @@ use crate::scene::Start;
 use crate::seed;
 use crate::testbench::{Actor, HeldRandom};
 
-/// Tries random sequences until one succeeds; the dice depend on the noise.
+/// Tries random sequences until the first success.
+///
+/// The generator depends on the noise of the start.
 pub(super) fn solve(trials: &mut Trials<'_>, hold: usize) {
     let mut actor = Reseeded {
         held: HeldRandom::new(trials.actions(), hold),
         seed: 0,
     };
     loop {
-        // The noise is the start's own; only the ado's dice differ.
+        // The noise belongs to the start, and only the ado's generator differs between trials.
         let mut dice = seed::generator("search", &[trials.noise(), hold as u64, trials.spent()]);
         actor.seed = rand::Rng::next_u64(&mut dice);
         if trials.play(&mut actor).is_none() {
@@ -21,7 +23,7 @@ pub(super) fn solve(trials: &mut Trials<'_>, hold: usize) {
     }
 }
 
-/// Held-random actions from a seed of their own, whatever the episode's noise.
+/// Held random actions from a seed that is independent of the episode's noise.
 struct Reseeded {
     held: HeldRandom,
     seed: u64,

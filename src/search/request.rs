@@ -1,19 +1,19 @@
-//! What is searched.
+//! Request of a search.
 
 use super::list::Method;
 use crate::experiment::TestStarts;
 use crate::world::Scenario;
 
-/// What to search.
+/// World, ego, method and starts of a search.
 #[derive(Clone, Copy)]
 pub struct SearchRequest<'a> {
-    /// The world, with the ego to be tested.
+    /// World with the ego under test.
     pub scenario: &'a Scenario,
-    /// What rows call that ego.
+    /// Name of the ego in rows.
     pub ego: &'a str,
-    /// How sequences are chosen.
+    /// Method by which sequences are chosen.
     pub method: Method<'a>,
-    /// Simulations per start; 0 for methods that take none.
+    /// Simulations per start. 0 for methods without a budget.
     pub budget: u64,
     /// The test starts.
     pub starts: &'a TestStarts,

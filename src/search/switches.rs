@@ -1,4 +1,4 @@
-//! All sequences with at most so many switches of action, fewest first.
+//! All sequences with at most a given number of action switches, fewest first.
 
 use super::confirm::Confirmer;
 use super::found::Found;
@@ -9,10 +9,10 @@ use super::tree::{Next, Tree};
 use crate::run_dir::Unconfirmed;
 use crate::testbench::{Aftermath, Testbench};
 
-/// Pre-screened sequences that are tried on the plant asked for, per start.
+/// Pre-screened sequences per start that are tried on the requested plant.
 const MAX_CONFIRMATIONS: u64 = 300;
 
-/// All sequences with at most so many switches of action.
+/// Method that tries all sequences with at most this many action switches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Switches(pub usize);
 
@@ -46,8 +46,10 @@ impl SearchMethod<'_> for Switches {
     }
 }
 
-/// Without a plant that sorts out sequences first, what succeeds on the plant
-/// asked for is played once more, to contact.
+/// Walks the tree and confirms every success.
+///
+/// Without pre-screening, a success on the requested plant is played once more, to
+/// contact.
 fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let &StartSearch {
         scenario: asked_for,
@@ -63,6 +65,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let mut found = Found::default();
     let mut accept = |actions: &[usize], _: &Testbench| {
         let played = confirmer.confirm(actions);
+        // Without pre-screening the confirmation repeats an episode that is already counted.
         if cheap.is_some() {
             found.simulations += 1;
             found.unconfirmed += u64::from(!played.success);
@@ -72,6 +75,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
             found.closing_speed_mps = contact.map(|touch| touch.closing_speed_mps);
             found.impact = contact.and_then(|touch| touch.impact);
             found.foul_before_contact = played.foul_before_contact;
+            found.failure = confirmer.failure();
             found.actions = Some(actions.to_vec());
         }
         match played.success || MAX_CONFIRMATIONS <= found.simulations {
@@ -80,10 +84,13 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
         }
     };
     let mut root = scenario.bench();
+    // No sequence has more switches than decisions, whatever was asked for.
+    let most = most.min(root.clock().decisions());
     let from = ((start, noise), index);
     let mut tree = Tree::new(&mut root, from, Aftermath::Skip, &mut accept, watch);
     let mut next = Next::Continue;
     for switches in 0..=most {
+        // Fewest switches first, so the simplest success is found.
         for action in 0..scenario.world().spaces().actions {
             if next == Next::Continue {
                 next = tree.begin(&mut root, action, switches);
@@ -93,6 +100,7 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
     let (simulations, physics_steps) = (tree.simulations, tree.physics_steps);
     found.fouls += tree.fouls;
     found.fault = tree.fault.or(confirmer.fault);
+    // A stopped search without a result says nothing about the start.
     if found.actions.is_none() && found.fault.is_none() && watch.stopped() {
         return None;
     }

@@ -1,27 +1,29 @@
-//! Sequences with few switches of action, prefixes shared by copying the bench.
+//! Sequences with few action switches, with prefixes shared by copying the bench.
 //!
-//! Of n decisions and a actions there are a · C(n − 1, k) · (a − 1)^k sequences
-//! with k switches. Played one by one they cost n decisions each; in a tree, a
-//! sequence costs what follows its last switch, and all share what lies before.
+//! Of n decisions and a actions there are a · C(n − 1, k) · (a − 1)^k sequences with k
+//! switches.
+//! Played alone, each costs n decisions. In a tree, a sequence costs the decisions after
+//! its last switch, and all sequences share the decisions before it.
 
 use crate::ego::Fault;
 use crate::experiment::Watch;
 use crate::scene::Start;
 use crate::testbench::{Aftermath, Testbench};
 
-/// Whether to go on.
+/// Decision to continue or to stop.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Next {
-    /// With the next sequence.
+    /// Continue with the next sequence.
     Continue,
-    /// Not any more.
+    /// Stop the walk.
     Stop,
 }
 
-/// All sequences with a given number of switches, prefixes shared by forking.
+/// Tree of all sequences with a given number of switches.
 ///
-/// An ego that cannot be copied, a program say, plays every sequence from the
-/// start, one after the other: one program is enough for that.
+/// Prefixes are shared by forking the bench.
+/// An ego that cannot be copied, such as a program, plays every sequence from the start.
+/// The sequences run one after another, so one program is enough.
 pub(crate) struct Tree<'a> {
     start: &'a Start,
     noise: u64,
@@ -29,33 +31,33 @@ pub(crate) struct Tree<'a> {
     aftermath: Aftermath,
     forks: bool,
     actions: usize,
-    /// Invariant: what the bench that is being explored has played so far.
+    /// Invariant: the actions played so far on the explored bench.
     prefix: Vec<usize>,
     accept: Accept<'a>,
     watch: &'a Watch<'a>,
-    /// Actions before the first sequence begins, played already.
+    /// Actions before the first sequence, which are played already.
     pub after: Vec<usize>,
-    /// Actions are switched at every so many-th decision only.
+    /// Spacing of the decisions at which actions may switch.
     pub stride: usize,
-    /// Physics steps that may be spent.
+    /// Largest number of physics steps.
     pub budget: u64,
-    /// Sequences that may be played.
+    /// Largest number of sequences.
     pub most: u64,
-    /// The first fault met.
+    /// First fault of the ego or the physics.
     pub fault: Option<Fault>,
-    /// Sequences played, a part of one counted as one.
+    /// Sequences played. A part of a sequence counts as a sequence.
     pub simulations: u64,
-    /// Those of them in which a rule was broken.
+    /// Sequences in which a rule was broken.
     pub fouls: u64,
     /// Physics steps spent.
     pub physics_steps: u64,
 }
 
-/// Is told of every sequence that makes the ego fail, and of how it ended.
+/// Callback for every sequence that makes the ego fail, with its final bench.
 pub(crate) type Accept<'a> = &'a mut dyn FnMut(&[usize], &Testbench) -> Next;
 
 impl<'a> Tree<'a> {
-    /// Nothing played yet on `root` from a start, which is the `index`th.
+    /// Creates a tree on `root` for the `index`th start, without any played sequence.
     pub fn new(
         root: &mut Testbench,
         ((start, noise), index): ((&'a Start, u64), usize),
@@ -69,6 +71,7 @@ impl<'a> Tree<'a> {
             noise,
             index,
             aftermath,
+            // Copying is tried once, because the ego decides if it is possible.
             forks: root.fork().is_some(),
             actions: root.spaces().actions,
             prefix: Vec::new(),
@@ -85,7 +88,7 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Every sequence that begins with `action` and has exactly so many switches.
+    /// Plays every sequence with exactly `switches` switches, beginning with `action`.
     pub fn begin(&mut self, root: &mut Testbench, action: usize, switches: usize) -> Next {
         root.begin(self.start, self.noise, self.aftermath);
         for &before in &self.after {
@@ -103,7 +106,7 @@ impl<'a> Tree<'a> {
         self.watch.stopped() || self.budget <= self.physics_steps
     }
 
-    /// Goes on with `action` and exactly `switches` later changes of it.
+    /// Continues with `action` and exactly `switches` later changes of it.
     fn explore(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
         let depth = self.prefix.len();
         let next = match self.forks {
@@ -116,6 +119,7 @@ impl<'a> Tree<'a> {
 
     fn walk(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
         if switches == 0 {
+            // Only complete sequences count, so shared prefixes are not counted twice.
             if self.most <= self.simulations {
                 return Next::Stop;
             }
@@ -129,8 +133,8 @@ impl<'a> Tree<'a> {
             bench.decide(action);
             self.physics_steps += bench.physics_steps() - before;
             self.prefix.push(action);
-            // A switch is to another action, so no sequence is met twice, and at
-            // the very end there is nothing to switch to.
+            // A switch changes the action, so no sequence occurs twice. At the end there is
+            // no decision left to switch at.
             if switches == 0 || bench.is_done() || !self.may_switch(self.prefix.len()) {
                 continue;
             }
@@ -146,16 +150,17 @@ impl<'a> Tree<'a> {
         self.leaf(bench, switches)
     }
 
-    /// Whether a sequence without further switches makes the ego fail.
+    /// Reports a sequence without further switches that makes the ego fail.
     fn leaf(&mut self, bench: &Testbench, switches: usize) -> Next {
         let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
+        // A prefix that ends early has fewer switches and was visited before.
         match switches == 0 && success {
             true => (self.accept)(&self.prefix, bench),
             false => Next::Continue,
         }
     }
 
-    /// An episode is over.
+    /// Counts the fouls and faults of a finished episode.
     fn note(&mut self, bench: &Testbench) {
         let fouled = bench.verdict().is_some_and(|verdict| verdict.is_foul());
         self.fouls += u64::from(fouled);
@@ -165,8 +170,10 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// The same where the ego cannot be copied: first to the end with `action`,
-    /// which tells where it can be changed, then each change from the start.
+    /// Walks the same sequences if the ego cannot be copied.
+    ///
+    /// The first run holds `action` to the end and shows where it can be switched. Each switch
+    /// is then played from the start.
     fn walk_anew(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
         if self.most <= self.simulations {
             return Next::Stop;
@@ -180,13 +187,14 @@ impl<'a> Tree<'a> {
             self.prefix.push(action);
         }
         self.simulations += 1;
+        // Every run begins at the start, so its whole cost counts.
         self.physics_steps += bench.physics_steps();
         self.note(bench);
         if switches == 0 {
             return self.leaf(bench, switches);
         }
-        // What the others play up to their switch is the same again: an ego that
-        // answers twice alike gets there with the same state.
+        // The prefix up to a switch repeats the first run. A deterministic ego reaches the
+        // same state there.
         let whole = self.prefix.clone();
         let switchable = (depth + 1..whole.len()).filter(|&at| self.may_switch(at));
         for at in switchable.collect::<Vec<_>>() {
@@ -205,10 +213,10 @@ impl<'a> Tree<'a> {
         Next::Continue
     }
 
-    /// Goes on from here with another action and leaves `bench` as it is.
+    /// Continues with another action on a copy and leaves `bench` unchanged.
     fn branch(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
         let Some(mut branch) = bench.branch() else {
-            // Invariant: an ego that was copied once can be copied again.
+            // Invariant: an ego that was copied before can be copied again.
             return Next::Stop;
         };
         let next = self.explore(&mut branch, action, switches);
@@ -249,7 +257,7 @@ mod tests {
             for action in 0..3 {
                 assert!(tree.begin(&mut root, action, 1) == Next::Continue);
             }
-            // From decision 4, 8, 12 … on, to one of two others, after each of three.
+            // Switches at decisions 4, 8, 12 … to one of two other actions, after each of three.
             assert!(tree.simulations <= 3 * 2 * 7);
         }
         assert!(!played.is_empty(), "some sequence succeeds on some start");

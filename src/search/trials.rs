@@ -1,12 +1,13 @@
-//! Whole episodes from one start, one after the other, until one succeeds.
+//! Whole episodes from one start, one after another, until the first success.
 
 use super::found::Found;
 use super::method::StartSearch;
+use crate::adversary::RecordedFailure;
 use crate::scene::Start;
 use crate::testbench::{Actor, Aftermath, Episode, Replay, play};
 use crate::world::Repeats;
 
-/// The simulations spent on one start, within the budget.
+/// Simulations of one start, within the budget.
 pub(super) struct Trials<'a> {
     one: StartSearch<'a>,
     stopped: bool,
@@ -14,8 +15,9 @@ pub(super) struct Trials<'a> {
 }
 
 impl<'a> Trials<'a> {
-    /// Lets a method try until [`Trials::play`] says that there is nothing more to
-    /// do; `None` when stopped from outside before a result.
+    /// Runs a method until [`Trials::play`] returns `None`.
+    ///
+    /// Returns `None` if stopped from outside before a result.
     pub fn spend(one: StartSearch<'a>, method: impl FnOnce(&mut Trials<'a>)) -> Option<Found> {
         let mut trials = Trials {
             one,
@@ -24,39 +26,40 @@ impl<'a> Trials<'a> {
         };
         method(&mut trials);
         let tells = trials.found.actions.is_some() || trials.found.fault.is_some();
+        // A solution or a fault is a result even if the search was stopped afterwards.
         let unfinished = trials.stopped && !tells;
         (!unfinished).then_some(trials.found)
     }
 
-    /// The start that every simulation here begins from.
+    /// Returns the start of every simulation.
     pub fn start(&self) -> &'a Start {
         self.one.start
     }
 
-    /// The noise of every episode, on which a method's dice depend as well.
+    /// Returns the noise of every episode, on which the generators depend as well.
     pub fn noise(&self) -> u64 {
         self.one.noise
     }
 
-    /// Simulations so far.
+    /// Returns the number of simulations so far.
     pub fn spent(&self) -> u64 {
         self.found.simulations
     }
 
-    /// Joint actions to choose from.
+    /// Returns the number of joint actions.
     pub fn actions(&self) -> usize {
         self.one.bench.spaces().actions
     }
 
-    /// Decisions of a full episode.
+    /// Returns the number of decisions of a full episode.
     pub fn decisions(&self) -> usize {
         self.one.bench.clock().decisions()
     }
 
-    /// Plays one episode and gives its reward (Definition 4).
+    /// Plays an episode and returns its reward (Definition 4).
     ///
-    /// `None`: there is nothing more to do, because it succeeded, the budget is
-    /// spent, or somebody asked to stop. An invalid episode ranks last.
+    /// Returns `None` after a success, after the budget is spent, and after a stop.
+    /// An invalid episode ranks last.
     pub fn play(&mut self, actor: &mut dyn Actor) -> Option<f64> {
         if self.one.watch.stopped() {
             self.stopped = true;
@@ -67,6 +70,7 @@ impl<'a> Trials<'a> {
         let episode = self.simulate(actor);
         if episode.verdict.is_success() && self.fails_again(&episode.actions) {
             self.found.foul_before_contact = episode.is_foul_before_contact();
+            self.found.failure = RecordedFailure::of(self.one.scenario, &episode);
             self.found.actions = Some(episode.actions);
             self.found.impact = episode.contact.as_ref().and_then(|touch| touch.impact);
             self.found.closing_speed_mps = episode.contact.map(|touch| touch.closing_speed_mps);
@@ -91,17 +95,21 @@ impl<'a> Trials<'a> {
         episode
     }
 
-    /// Whether an ego that failed once does so as often as the world asks.
+    /// Returns whether the ego fails as often as the world requires.
+    ///
+    /// It has failed once already.
     fn fails_again(&mut self, actions: &[usize]) -> bool {
         let Repeats { runs, gate } = self.one.scenario.repeats;
         let again = (1..runs).filter(|_| {
+            // The recorded actions are repeated, because the actor may be random.
             let mut same = Replay::holding(actions);
             self.simulate(&mut same).verdict.is_success()
         });
+        // The first failure counts as one of the runs.
         gate as usize <= 1 + again.count()
     }
 
-    /// The same for a sequence of actions, the last one held.
+    /// Plays a sequence of actions, the last action held, and returns its reward.
     pub fn replay(&mut self, actions: &[usize]) -> Option<f64> {
         self.play(&mut Replay::holding(actions))
     }

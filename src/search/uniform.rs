@@ -1,11 +1,11 @@
-//! A random action at each decision.
+//! Search by a random action at each decision.
 
 use super::found::Found;
 use super::method::{MethodInfo, MethodSettings, SearchError, SearchMethod, StartSearch};
 use super::random;
 use super::trials::Trials;
 
-/// A uniformly random action at each decision.
+/// Method that draws a uniformly random action at each decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Uniform;
 

@@ -1,8 +1,8 @@
-//! Bodies: what drives and walks, as data.
+//! Bodies of road users, as data.
 //!
-//! A [`Body`] is read from a RON file such as `assets/vehicles/sedan.ron`; some
-//! are built into the binary ([`Body::shipped`]). Every length is of the body
-//! standing still on flat ground.
+//! A [`Body`] is read from a RON file such as `assets/vehicles/sedan.ron`. Some
+//! bodies are built into the binary ([`Body::shipped`]). Every length describes
+//! the body at rest on flat ground.
 
 use ron::extensions::Extensions;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use super::BodyControl;
 use super::vehicle::Vehicle;
 use super::walker::Walker;
 
-/// A kind of road user: its box, its mass and how it moves.
+/// Kind of road user: its box, its mass and its way of moving.
 ///
 /// ```
 /// use brakecheck::sim::Body;
@@ -22,21 +22,21 @@ use super::walker::Walker;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
-    /// What people call it.
+    /// Common name of the body.
     pub name: String,
-    /// How it moves.
+    /// Way of moving.
     pub kind: BodyKind,
-    /// Front bumper to rear bumper.
+    /// Distance from the front bumper to the rear bumper.
     pub length_m: f64,
-    /// Side to side.
+    /// Distance from side to side.
     pub width_m: f64,
-    /// Ground to roof.
+    /// Distance from the ground to the roof.
     pub height_m: f64,
     /// Total mass.
     pub mass_kg: f64,
     /// Height of the centre of mass above the ground.
     pub com_height_m: f64,
-    /// How far the centre of mass lies ahead of the middle of the length.
+    /// Distance of the centre of mass ahead of the middle of the length.
     #[serde(default)]
     pub com_ahead_m: f64,
     /// Colour in pictures, 0 to 255 for red, green and blue.
@@ -44,31 +44,31 @@ pub struct Body {
     pub color_rgb: [u8; 3],
 }
 
-/// How a body moves: a file of its own for each, and one match in each plant.
+/// Way of moving, with one file per kind and one match in each plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum BodyKind {
-    /// On wheels; takes [`super::BodyCommand::Drive`].
+    /// Wheeled body, commanded by [`super::BodyCommand::Drive`].
     Vehicle(Vehicle),
-    /// On foot; takes [`super::BodyCommand::Walk`].
+    /// Body on foot, commanded by [`super::BodyCommand::Walk`].
     Walker(Walker),
 }
 
-/// A field of a body that makes no sense.
+/// Field of a body with an invalid value.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("`{field}` is {value}, but it must be {want}")]
 pub struct InvalidBody {
-    /// The field.
+    /// Name of the field.
     pub field: &'static str,
-    /// What it holds.
+    /// Value of the field.
     pub value: f64,
-    /// What it may hold.
+    /// Valid range of the field, in words.
     pub want: String,
 }
 
-/// Why a text is not a body.
+/// Failure to read a body from text.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum BodyError {
-    /// It is not RON, or not the fields of a body.
+    /// The text is not RON, or lacks the fields of a body.
     #[error("{0}")]
     Syntax(#[from] ron::error::SpannedError),
     /// A value is out of range.
@@ -77,16 +77,16 @@ pub enum BodyError {
 }
 
 impl Body {
-    /// The body built in under a name such as `"sedan"`, if there is one.
+    /// Returns the built-in body of a name such as `"sedan"`, if any.
     ///
     /// # Errors
-    /// The built-in files are tested to parse, so `Some(Err(_))` is not expected.
+    /// The built-in files are tested to parse, so do not expect `Some(Err(_))`.
     pub fn shipped(name: &str) -> Option<Result<Body, BodyError>> {
         let (_, text) = SHIPPED.iter().find(|(shipped, _)| *shipped == name)?;
         Some(Body::parse(text))
     }
 
-    /// Names that [`Body::shipped`] knows.
+    /// Returns the names that [`Body::shipped`] accepts.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> {
         SHIPPED.iter().map(|(name, _)| *name)
     }
@@ -94,7 +94,7 @@ impl Body {
     /// Reads a body from RON and checks its values.
     ///
     /// # Errors
-    /// The first syntax error with its place, or the first value out of range.
+    /// The first syntax error with its position, or the first value out of range.
     pub fn parse(text: &str) -> Result<Body, BodyError> {
         let extensions = Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES;
         let options = ron::Options::default().with_default_extension(extensions);
@@ -103,7 +103,7 @@ impl Body {
         Ok(body)
     }
 
-    /// Checks that every value is finite and within what the plants can simulate.
+    /// Checks that every value is finite and that the plants can simulate it.
     ///
     /// # Errors
     /// The first field out of range.
@@ -123,12 +123,12 @@ impl Body {
         self.kind.answers().validate(self)
     }
 
-    /// Middle of the front bumper, ahead of the middle of the length.
+    /// Returns the distance from the middle of the length to the front bumper.
     pub fn half_length_m(&self) -> f64 {
         0.5 * self.length_m
     }
 
-    /// The vehicle's data, or `None` for a walker.
+    /// Returns the vehicle's data, or `None` for a walker.
     pub fn vehicle(&self) -> Option<&Vehicle> {
         match &self.kind {
             BodyKind::Vehicle(vehicle) => Some(vehicle),
@@ -136,41 +136,43 @@ impl Body {
         }
     }
 
-    /// Which commands it takes.
+    /// Returns the kind of command that the body accepts.
     pub fn control(&self) -> BodyControl {
         self.kind.answers().control()
     }
 
-    /// Whether it walks; everybody else drives.
+    /// Returns true for a walker, false for a vehicle.
     pub fn is_on_foot(&self) -> bool {
         self.control() == BodyControl::Walk
     }
 
-    /// What it takes of the road: along it, and across it.
+    /// Returns the road space that the body occupies, along and across the road.
     pub fn room_m(&self) -> (f64, f64) {
         self.kind.answers().room_m(self)
     }
 
-    /// From the point that is steered along a path to the front bumper.
+    /// Distance from the point steered along a path to the front bumper.
     pub fn lever_m(&self) -> f64 {
         self.kind.answers().lever_m()
     }
 }
 
-/// What a kind of body answers for itself; what moves it is asked in the plants.
+/// Kind-specific answers of a body, except for its motion.
+///
+/// The plants match on the kind for the motion.
 pub(super) trait Kind {
     /// Checks the values that only this kind has.
     fn validate(&self, body: &Body) -> Result<(), InvalidBody>;
-    /// Which commands it takes.
+    /// Returns the kind of command that the body accepts.
     fn control(&self) -> BodyControl;
-    /// What it takes of the road: along it, and across it.
+    /// Returns the road space that the body occupies, along and across the road.
     fn room_m(&self, body: &Body) -> (f64, f64);
-    /// From the point that is steered along a path to the front bumper.
+    /// Distance from the point steered along a path to the front bumper.
     fn lever_m(&self) -> f64;
 }
 
 impl BodyKind {
-    /// The one place below the plants where kinds are told apart.
+    /// Returns the kind's data. Only the plants match on the kind elsewhere.
     fn answers(&self) -> &dyn Kind {
         match self {
             BodyKind::Vehicle(vehicle) => vehicle,
@@ -185,6 +187,7 @@ pub(super) fn within(
     low: f64,
     high: f64,
 ) -> Result<(), InvalidBody> {
+    // NaN fails both comparisons, so it is refused as well.
     if low <= value && value <= high {
         return Ok(());
     }
@@ -192,7 +195,7 @@ pub(super) fn within(
     Err(InvalidBody { field, value, want })
 }
 
-/// The bodies built in: a file in `assets/vehicles/`, and its name in the list.
+/// Built-in bodies: a file in `assets/vehicles/` and its name in the list.
 macro_rules! shipped {
     ($($name:literal),*) => {
         const SHIPPED: &[(&str, &str)] = &[$(

@@ -1,16 +1,16 @@
-//! What engine, tyres and steering can do, the same for both plants.
+//! Limits of engine, tyres and steering, the same for both plants.
 
 use super::body::Body;
 use super::vehicle::Vehicle;
 use super::{GRAVITY_MPS2, Ground};
 
-/// Density of air at sea level.
+/// Density of air at sea level, in kg/m³.
 const AIR_KG_PER_M3: f64 = 1.225;
 
-/// The limits of one vehicle on one ground.
+/// Limits of one vehicle on one ground.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
-    /// What the tyres can transmit: μ·grip·g.
+    /// Greatest acceleration that the tyres transmit: μ·grip·g.
     pub grip_mps2: f64,
     /// Engine power per mass.
     power_w_per_kg: f64,
@@ -22,19 +22,19 @@ pub(super) struct Limits {
     rolling_mps2: f64,
 }
 
-/// How a vehicle moves along its path for one step.
+/// Motion of a vehicle along its path for one step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drive {
     /// Net acceleration along the heading, resistances included.
     pub net_mps2: f64,
-    /// The part of it that the tyres transmit.
+    /// Part of the acceleration that the tyres transmit.
     pub tyre_mps2: f64,
-    /// When the vehicle comes to rest and stays; infinite if it does not.
+    /// Time until the vehicle comes to rest and stays, infinite if it does not.
     pub rest_after_s: f64,
 }
 
 impl Drive {
-    /// Speed after a time within the step.
+    /// Returns the speed after a time within the step.
     pub fn speed_mps(&self, start_mps: f64, after_s: f64) -> f64 {
         if self.rest_after_s <= after_s {
             return 0.0;
@@ -54,12 +54,14 @@ impl Limits {
         }
     }
 
-    /// What becomes of a commanded acceleration during `dt_s` from a speed.
+    /// Returns the motion under a commanded acceleration during `dt_s`.
     ///
-    /// Capped by grip, and by power such that the speed at the end of the step
-    /// is what the full power reaches: v₁² = v₀² + 2·P/m·dt.
+    /// The acceleration is capped by grip and by power. The power cap is such that
+    /// the speed at the end of the step is reached at full power:
+    /// v₁² = v₀² + 2·P/m·dt.
     pub fn drive(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> Drive {
         let tyre_mps2 = self.tyre_mps2(command_mps2, speed_mps, dt_s);
+        // Drag of the initial speed for the whole step keeps the motion in closed form.
         let drag_mps2 = self.drag_per_m * speed_mps * speed_mps;
         let resistance_mps2 = drag_mps2 + self.rolling_mps2;
         let (net_mps2, stops) = if 0.0 < speed_mps {
@@ -67,10 +69,10 @@ impl Limits {
             (net_mps2, net_mps2 < 0.0)
         } else if speed_mps < 0.0 {
             let net_mps2 = tyre_mps2 + resistance_mps2;
-            // Throttle may carry a vehicle that rolls backwards through zero.
+            // Throttle may carry a vehicle that is rolling backwards through zero.
             (net_mps2, 0.0 < net_mps2 && tyre_mps2 <= 0.0)
         } else {
-            // At rest brakes hold, and the throttle must overcome resistance.
+            // At rest the brakes hold, and the throttle must overcome the resistance.
             ((tyre_mps2 - resistance_mps2).max(0.0), false)
         };
         let rest_after_s = if stops {
@@ -85,14 +87,15 @@ impl Limits {
         }
     }
 
-    /// The curvature that steering lock and friction circle leave.
+    /// Returns the curvature within the steering lock and the friction circle.
     ///
-    /// v²·|κ| ≤ √((μg)² − a²), at the greater of the speeds in the step: the
-    /// acceleration is served first.
+    /// v²·|κ| ≤ √((μg)² − a²), at the greater of the two speeds of the step. The
+    /// acceleration has priority over the curvature.
     pub fn curvature_per_m(&self, command_per_m: f64, tyre_mps2: f64, speed_mps: f64) -> f64 {
         let locked = command_per_m.clamp(-self.lock_per_m, self.lock_per_m);
         let speed_squared = speed_mps * speed_mps;
         let lateral_squared = self.grip_mps2 * self.grip_mps2 - tyre_mps2 * tyre_mps2;
+        // Compare squares, so that a vehicle at rest needs no division by its speed.
         let demand = locked * speed_squared;
         if demand * demand <= lateral_squared {
             return locked;
@@ -103,7 +106,7 @@ impl Limits {
 
     fn tyre_mps2(&self, command_mps2: f64, speed_mps: f64, dt_s: f64) -> f64 {
         let wanted = command_mps2.clamp(-self.grip_mps2, self.grip_mps2);
-        // Braking needs no engine: only motion that gains speed does.
+        // Braking needs no engine power. Only motion that gains speed does.
         let (along, before) = if speed_mps < 0.0 {
             (-wanted, -speed_mps)
         } else {

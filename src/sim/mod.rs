@@ -1,12 +1,12 @@
-//! The plants: what vehicles and walkers do when commanded, and what they hit.
+//! Plants: the motion of vehicles and walkers under commands, and their contacts.
 //!
-//! One trait, two implementations: [`kinematic`] (2D, closed form) and
-//! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is
-//! flat and unbounded; roads are a matter of the scene. What they model and
-//! what not is in `docs/physics.md`.
+//! One trait has two implementations: [`kinematic`] (2D, closed form) and
+//! [`rigid`] (3D, rapier ray-cast cars with parry contacts). The ground is flat
+//! and unbounded. Roads belong to the scene. `docs/physics.md` lists the scope
+//! and the limits of both models.
 //!
-//! Frame: x forward, y left, z up (ISO 8855). Poses and states are of the
-//! **front bumper's middle**, projected to the ground.
+//! Frame: x forward, y left, z up (ISO 8855). Poses and states refer to the
+//! **middle of the front bumper**, projected to the ground.
 //!
 //! ```
 //! use brakecheck::sim::{Body, BodyCommand, Ground, PlantKind, Pose, plant};
@@ -22,7 +22,7 @@
 //! ```
 //!
 //! Architecture Invariant: no reward, no rule and no role lives here. A plant
-//! does not know who is the ego.
+//! does not know which body is the ego.
 
 mod body;
 pub mod kinematic;
@@ -41,10 +41,10 @@ pub use rigid::Rigid;
 pub use vehicle::Vehicle;
 pub use walker::Walker;
 
-/// Gravity, downwards.
+/// Gravitational acceleration, downwards.
 pub const GRAVITY_MPS2: f64 = 9.81;
 
-/// An empty plant of a kind.
+/// Creates an empty plant of a kind.
 pub fn plant(kind: PlantKind, ground: Ground) -> Box<dyn Plant> {
     match kind {
         PlantKind::Rigid => Box::new(Rigid::new(ground)),
@@ -52,8 +52,10 @@ pub fn plant(kind: PlantKind, ground: Ground) -> Box<dyn Plant> {
     }
 }
 
-/// The command, unless a number in it is not finite.
+/// Returns the command, or `None` if a number in it is not finite.
 fn finite(command: BodyCommand) -> Option<BodyCommand> {
+    // Exhaustive, so that a new command must list its numbers. Shorter lists are
+    // padded with zeros.
     let numbers = match command {
         BodyCommand::Drive {
             accel_mps2,
@@ -69,7 +71,7 @@ fn finite(command: BodyCommand) -> Option<BodyCommand> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct BodyId(pub usize);
 
-/// The two plants.
+/// Physical model of a plant.
 #[derive(
     Clone,
     Copy,
@@ -92,28 +94,28 @@ pub enum PlantKind {
     Kinematic,
 }
 
-/// The ground all bodies stand on.
+/// Ground under all bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ground {
     /// Coefficient of friction μ between tyre and road, above 0.
     pub friction: f64,
 }
 
-/// A pose of the front bumper's middle on the ground.
+/// Pose of the middle of the front bumper on the ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// Position along world x.
     pub x_m: f64,
     /// Position along world y (left).
     pub y_m: f64,
-    /// Counter-clockwise from world x.
+    /// Heading, counter-clockwise from world x.
     pub heading_rad: f64,
 }
 
-/// What a body does, as a plant reports it.
+/// State of a body, as a plant reports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BodyState {
-    /// Where the front bumper is.
+    /// Pose of the front bumper.
     pub pose: Pose,
     /// Velocity along the heading.
     pub speed_mps: f64,
@@ -125,49 +127,52 @@ pub struct BodyState {
     pub accel_mps2: f64,
 }
 
-/// What a body is asked to do until the next command.
+/// Command to a body, in force until the next command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BodyCommand {
-    /// A wheeled vehicle: net acceleration along the heading and path curvature.
+    /// Command to a vehicle: net acceleration along the heading, path curvature.
     ///
-    /// The plant caps the acceleration at ±μg and by engine power; a braking
-    /// vehicle stops at speed 0 unless it was already rolling backwards.
+    /// The plant caps the acceleration at ±μg and by engine power. A braking vehicle
+    /// stops at speed 0 unless it was already rolling backwards.
     Drive {
-        /// Net acceleration.
+        /// Net acceleration along the heading.
         accel_mps2: f64,
         /// Curvature of the path, positive to the left.
         curvature_per_m: f64,
     },
-    /// A walker: a velocity in the world frame, reached at the walker's acceleration.
+    /// Command to a walker: a velocity in the world frame.
+    ///
+    /// The walker reaches it at its own acceleration.
     Walk {
         /// Along world x.
         x_mps: f64,
         /// Along world y.
         y_mps: f64,
     },
-    /// Any body of the kinematic plant: be there after the next `advance`.
+    /// Moves any body of the kinematic plant to a pose in the next `advance`.
     ///
-    /// It moves and turns evenly whatever its engine and tyres could do, as a
-    /// recorded motion does, and stands until it is told to glide on. It takes
-    /// no other command any more, and passes through others that glide.
+    /// The body moves and turns evenly, as a recorded motion does, without regard to
+    /// its engine and tyres. It rests until the next glide command and accepts no
+    /// other command. It passes through other gliding bodies.
     Glide {
-        /// Where the front bumper is then.
+        /// Pose of the front bumper at the end.
         to: Pose,
     },
-    /// Any body, on either plant: be there after the next `advance`.
+    /// Moves any body, on either plant, to a pose in the next `advance`.
     ///
-    /// As test targets on platforms are carried: it moves and turns evenly
-    /// whatever its engine and tyres could do, stands until it is told to go on,
-    /// takes no [`BodyCommand::Drive`] and no [`BodyCommand::Walk`] any more, and
-    /// touches whoever is in its way.
+    /// This models a test target on a platform. The body moves and turns evenly,
+    /// without regard to its engine and tyres, and rests until the next carry
+    /// command. It accepts no [`BodyCommand::Drive`] and no [`BodyCommand::Walk`],
+    /// and its contacts are detected.
     Carry {
-        /// Where the front bumper is then.
+        /// Pose of the front bumper at the end.
         to: Pose,
     },
 }
 
-/// Which commands a body takes: all that anybody above the plants needs to know
-/// of its kind.
+/// Kind of command that a body accepts.
+///
+/// Code above the plants needs to know nothing else about a body's kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BodyControl {
     /// [`BodyCommand::Drive`].
@@ -176,19 +181,21 @@ pub enum BodyControl {
     Walk,
 }
 
-/// The first touch of two bodies.
+/// First contact of two bodies.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// The two bodies, lower number first.
+    /// Bodies in contact, lower number first.
     pub pair: (BodyId, BodyId),
-    /// Seconds after the beginning of the `advance` that reports it.
+    /// Time since the beginning of the `advance` that reports the contact.
     pub after_s: f64,
-    /// Speed at which the two approach each other along the contact normal, ≥ 0.
+    /// Approach speed along the contact normal, ≥ 0.
     pub closing_speed_mps: f64,
-    /// Where, in the world frame.
+    /// Contact point in the world frame.
     pub point_m: [f64; 3],
-    /// The contact normal on the ground: a unit vector from the first body of
-    /// the pair to the second, square to the face that is touched.
+    /// Contact normal on the ground.
+    ///
+    /// A unit vector from the first body of the pair to the second, perpendicular to
+    /// the touched face.
     pub normal: [f64; 2],
 }
 
@@ -201,44 +208,46 @@ pub struct Placement {
     pub rotation: [f64; 4],
 }
 
-/// A plant: bodies on flat ground, stepped together.
+/// Plant: bodies on flat ground, stepped together.
 ///
-/// Equal calls give equal bits, also on a fork and on any thread.
+/// Equal calls give equal bits, on a fork and on any thread as well.
 pub trait Plant: Send {
-    /// Which one it is.
+    /// Returns the kind of the plant.
     fn kind(&self) -> PlantKind;
-    /// Removes all bodies and lays new ground; time starts at 0.
+    /// Removes all bodies and lays new ground. Time restarts at 0.
     fn clear(&mut self, ground: Ground);
     /// Puts a body on the ground, moving along its heading.
     ///
-    /// It coasts (a walker keeps walking) until it is commanded. The body must
-    /// be valid (see [`Body::validate`]); a walker starts no faster than it can.
+    /// The body coasts (a walker keeps walking) until its first command. It must be
+    /// valid (see [`Body::validate`]). A walker starts at most at its top speed.
     fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) -> BodyId;
-    /// From now on bodies pass through each other, cleared or not: `advance`
-    /// finds no contact any more, and changes nothing else.
+    /// Lets bodies pass through each other from now on.
+    ///
+    /// `advance` detects no contact any more and changes nothing else. The mode
+    /// survives [`Plant::clear`].
     fn pass_through(&mut self);
-    /// Sets what the body does from now on.
+    /// Sets the command of a body.
     ///
-    /// A command that is not finite, or not of the body's kind, is not obeyed
-    /// and makes the plant unsound until it is cleared.
+    /// A command that is not finite, or not of the body's kind, is ignored and makes
+    /// the plant unsound until it is cleared.
     fn command(&mut self, id: BodyId, command: BodyCommand);
-    /// Moves on by `dt_s` in `substeps` equal steps; stops at first contact.
+    /// Advances by `dt_s` in `substeps` equal steps, up to the first contact.
     ///
-    /// Returns the earliest contact within the step, if any. Every body then is
-    /// where it is at that instant, and there it stays: a plant never moves on
-    /// while two bodies touch and approach each other, but reports the contact
-    /// again after 0 s. Bodies that overlap are in contact even if they part.
+    /// Returns the earliest contact within the step, if any. Every body then rests
+    /// at its pose of that instant. The plant does not move on while two bodies
+    /// touch and approach each other, but reports the contact again after 0 s.
+    /// Bodies that overlap are in contact even if they move apart.
     fn advance(&mut self, dt_s: f64, substeps: u32) -> Option<Contact>;
-    /// State of a body.
+    /// Returns the state of a body.
     fn state(&self, id: BodyId) -> BodyState;
-    /// Centre and orientation of a body.
+    /// Returns the centre and orientation of a body.
     fn placement(&self, id: BodyId) -> Placement;
-    /// Clearance between the two bodies' upright boxes, 0 when they touch.
+    /// Returns the clearance between two bodies' upright boxes, 0 if they touch.
     fn gap_m(&self, a: BodyId, b: BodyId) -> f64;
-    /// Whether every state is finite and in bounds, and every command was fit.
+    /// Returns true if all states are finite and bounded and all commands valid.
     ///
     /// The bounds are 1000 km from the origin, and 200 m/s on the rigid plant.
     fn sound(&self) -> bool;
-    /// An independent copy that continues bit for bit.
+    /// Returns an independent copy that continues bit for bit.
     fn fork(&self) -> Box<dyn Plant>;
 }

@@ -1,16 +1,16 @@
-//! Oriented rectangles on the ground: the shapes in which bodies meet.
+//! Oriented rectangles on the ground, the shapes used for gaps and contacts.
 //!
-//! Both plants measure gaps and contacts between upright boxes standing on the
-//! ground, so that two bodies touch exactly when their rectangles do, however
-//! much a chassis pitches or rolls on its springs.
+//! Both plants measure between upright boxes on the ground. Two bodies therefore
+//! touch exactly when their rectangles do, even if a chassis pitches or rolls on
+//! its springs.
 
 use super::body::Body;
 use super::{BodyId, Contact};
 
-/// Overlap up to which two bodies merely touch.
+/// Overlap up to which two bodies touch without penetrating.
 pub(super) const TOUCH_M: f64 = 1e-3;
 
-/// A rectangle on the ground, its motion at one instant included.
+/// Rectangle on the ground with its motion at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Rect {
     pub x_m: f64,
@@ -24,38 +24,38 @@ pub(super) struct Rect {
     pub yaw_rate_rad_per_s: f64,
 }
 
-/// The constant part of a rectangle.
+/// Constant dimensions of a rectangle.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Extent {
     pub half_length_m: f64,
     pub half_width_m: f64,
-    /// Centre to corner.
+    /// Distance from the centre to a corner.
     pub radius_m: f64,
-    /// Height of the box that stands on the rectangle.
+    /// Height of the box above the rectangle.
     pub height_m: f64,
 }
 
-/// Clearance of two rectangles along one direction; negative when they overlap.
+/// Clearance of two rectangles along one direction, negative if they overlap.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Separation {
     pub gap_m: f64,
-    /// Unit vector from the first to the second.
+    /// Unit vector from the first rectangle to the second.
     pub nx: f64,
     pub ny: f64,
 }
 
-/// How two touching shapes meet.
+/// Geometry of the contact between two touching shapes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Meeting {
     pub point_m: [f64; 3],
-    /// Along the contact normal, at least 0.
+    /// Closing speed along the contact normal, ≥ 0.
     pub closing_speed_mps: f64,
-    /// From the first to the second.
+    /// Unit normal from the first shape to the second.
     pub normal: [f64; 2],
 }
 
 impl Meeting {
-    /// The contact to report.
+    /// Returns the contact to report.
     pub fn contact(&self, pair: (BodyId, BodyId), after_s: f64) -> Contact {
         let Meeting {
             point_m,
@@ -72,7 +72,7 @@ impl Meeting {
     }
 }
 
-/// A rectangle with its extent.
+/// Rectangle with its dimensions.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape<'a> {
     pub rect: &'a Rect,
@@ -107,14 +107,16 @@ impl Shape<'_> {
         [at(l, w), at(l, -w), at(-l, w), at(-l, -w)]
     }
 
-    /// Clearance along the four face normals (the separating axes).
+    /// Returns the clearance along the four face normals (the separating axes).
     pub fn separations(&self, other: &Shape) -> [Separation; 4] {
         let (a, b) = (self.rect, other.rect);
         let (dx, dy) = (b.x_m - a.x_m, b.y_m - a.y_m);
+        // Relative heading. The projections below need only its absolute values.
         let cos = (a.cos * b.cos + a.sin * b.sin).abs();
         let sin = (a.cos * b.sin - a.sin * b.cos).abs();
         let along = |half_a: f64, half_b: f64, nx: f64, ny: f64| {
             let offset = dx * nx + dy * ny;
+            // Coincident centres need a direction too.
             let side = if offset < 0.0 { -1.0 } else { 1.0 };
             Separation {
                 gap_m: offset.abs() - half_a - half_b,
@@ -132,8 +134,10 @@ impl Shape<'_> {
         ]
     }
 
-    /// The greatest of the [`Shape::separations`]: ≤ 0 exactly when they touch.
+    /// Returns the greatest of [`Shape::separations`], ≤ 0 exactly on contact.
     pub fn separation(&self, other: &Shape) -> Separation {
+        // The strict comparison keeps the first axis on a tie, so the normal is
+        // deterministic.
         let [first, rest @ ..] = self.separations(other);
         rest.into_iter().fold(
             first,
@@ -141,12 +145,14 @@ impl Shape<'_> {
         )
     }
 
-    /// Euclidean clearance, 0 when they touch.
+    /// Returns the Euclidean clearance, 0 if the shapes touch.
     pub fn gap_m(&self, other: &Shape) -> f64 {
+        // Crossed rectangles may overlap without a corner inside either of them, so
+        // overlap is excluded first.
         if self.separation(other).gap_m <= 0.0 {
             return 0.0;
         }
-        // The least distance of two disjoint rectangles is at a corner of one.
+        // The least distance of two disjoint rectangles is at a corner of either.
         let squared = |corners: [(f64, f64); 4], shape: &Shape| {
             corners
                 .into_iter()
@@ -166,7 +172,7 @@ impl Shape<'_> {
         ahead * ahead + left * left
     }
 
-    /// Velocity of a point fixed to the body.
+    /// Returns the velocity of a point fixed to the body.
     fn velocity_at(&self, (x_m, y_m): (f64, f64)) -> (f64, f64) {
         let Rect {
             vx_mps,
@@ -180,14 +186,14 @@ impl Shape<'_> {
         )
     }
 
-    /// Where and how fast two touching shapes meet.
+    /// Returns the contact point, normal and closing speed of two touching shapes.
     ///
-    /// The point is the middle of the faces' common part.
+    /// The point is the middle of the common part of both faces.
     pub fn meeting(&self, other: &Shape) -> Meeting {
         let Separation { nx, ny, .. } = self.separation(other);
         let mine = Face::foremost(self.corners(), (nx, ny));
         let theirs = Face::foremost(other.corners(), (-nx, -ny));
-        // Both faces measured along the same tangent.
+        // Both faces along the same tangent: that of `theirs` points the other way.
         let (low, high) = (mine.low.max(-theirs.high), mine.high.min(-theirs.low));
         let (normal, tangent) = (0.5 * (mine.reach - theirs.reach), 0.5 * (low + high));
         let point = (normal * nx - tangent * ny, normal * ny + tangent * nx);
@@ -196,16 +202,17 @@ impl Shape<'_> {
         let height_m = 0.5 * self.extent.height_m.min(other.extent.height_m);
         Meeting {
             point_m: [point.0, point.1, height_m],
+            // Clamped, because a contact never reports that the bodies move apart.
             closing_speed_mps: closing.max(0.0),
             normal: [nx, ny],
         }
     }
 }
 
-/// The side of a rectangle that reaches farthest in a direction.
+/// Side of a rectangle that reaches farthest in a direction.
 struct Face {
     reach: f64,
-    /// Extent along the direction turned left by 90°.
+    /// Extent along the direction, turned left by 90°.
     low: f64,
     high: f64,
 }
@@ -222,6 +229,8 @@ impl Face {
             high: f64::NEG_INFINITY,
         };
         for (x, y) in corners {
+            // A face seen within the touch tolerance counts whole: two corners of a
+            // nearly aligned face would otherwise alternate between a point and an edge.
             if reach - TOUCH_M <= x * nx + y * ny {
                 let tangent = y * nx - x * ny;
                 face.low = face.low.min(tangent);
@@ -232,9 +241,9 @@ impl Face {
     }
 }
 
-/// Whether two bodies that move by `reach_m` in all cannot touch, cheaply.
+/// Returns true if two bodies that move by `reach_m` in all cannot touch.
 ///
-/// True when the circles around both, grown by the reach, do not meet.
+/// A cheap test: the circles around both, grown by the reach, do not overlap.
 pub(super) fn far_apart(a: &Shape, b: &Shape, reach_m: f64) -> bool {
     let (dx, dy) = (b.rect.x_m - a.rect.x_m, b.rect.y_m - a.rect.y_m);
     let radii = a.extent.radius_m + b.extent.radius_m + reach_m;

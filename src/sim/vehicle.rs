@@ -1,4 +1,4 @@
-//! Bodies on wheels: chassis, engine and tyres. What they can do is in `limits`.
+//! Wheeled bodies: chassis, engine and tyres. Their limits are in `limits`.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,59 +9,61 @@ use super::{BodyControl, GRAVITY_MPS2};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle {
-    /// Front axle to rear axle.
+    /// Distance from the front axle to the rear axle.
     pub wheelbase_m: f64,
-    /// Left wheel to right wheel.
+    /// Distance from the left wheels to the right wheels.
     pub track_m: f64,
-    /// Front bumper to front axle.
+    /// Distance from the front bumper to the front axle.
     pub front_overhang_m: f64,
     /// Radius of every wheel.
     pub wheel_radius_m: f64,
-    /// Greatest power at the wheels.
+    /// Greatest engine power at the wheels.
     pub power_w: f64,
-    /// Factor on the road's friction: 1 for tyres that use all of it.
+    /// Factor on the road's friction, 1 for tyres that use all of it.
     #[serde(default = "one")]
     pub grip: f64,
     /// Greatest steering angle of the front wheels.
     #[serde(default = "max_steer")]
     pub max_steer_rad: f64,
-    /// Frequency at which the body bounces on its springs.
+    /// Natural frequency of the body on its springs.
     #[serde(default = "suspension_hz")]
     pub suspension_hz: f64,
-    /// Share of critical damping of the suspension.
+    /// Damping of the suspension, as a share of critical damping.
     #[serde(default = "suspension_damping")]
     pub suspension_damping: f64,
     /// Length of the unloaded suspension.
     #[serde(default = "suspension_rest")]
     pub suspension_rest_m: f64,
-    /// How far the suspension moves from its unloaded length, both ways.
+    /// Travel of the suspension from its unloaded length, in both directions.
     #[serde(default = "suspension_travel")]
     pub suspension_travel_m: f64,
-    /// Drag coefficient times frontal area; 0 means coasting meets no air.
+    /// Drag coefficient times frontal area, 0 for no air drag.
     #[serde(default)]
     pub drag_area_m2: f64,
-    /// Rolling resistance as a share of the weight; 0 means wheels roll freely.
+    /// Rolling resistance as a share of the weight, 0 for none.
     #[serde(default)]
     pub rolling_resistance: f64,
 }
 
 impl Vehicle {
-    /// Front axle, ahead of the middle of the length.
+    /// Returns the position of the front axle, ahead of the middle of the length.
     pub fn front_axle_ahead_m(&self, body: &Body) -> f64 {
         body.half_length_m() - self.front_overhang_m
     }
 
-    /// Rear axle, ahead of the middle of the length (usually negative).
+    /// Returns the position of the rear axle, usually negative.
+    ///
+    /// The position is measured ahead of the middle of the length.
     pub fn rear_axle_ahead_m(&self, body: &Body) -> f64 {
         self.front_axle_ahead_m(body) - self.wheelbase_m
     }
 
-    /// Share of the weight that rests on the front axle.
+    /// Returns the share of the weight on the front axle.
     pub fn front_load_share(&self, body: &Body) -> f64 {
         (body.com_ahead_m - self.rear_axle_ahead_m(body)) / self.wheelbase_m
     }
 
-    /// How far the suspension gives way under the body's own weight.
+    /// Returns the compression of the suspension under the body's own weight.
     pub fn sag_m(&self) -> f64 {
         let omega_per_s = core::f64::consts::TAU * self.suspension_hz;
         GRAVITY_MPS2 / (omega_per_s * omega_per_s)
@@ -77,12 +79,13 @@ impl Kind for Vehicle {
         within("wheel_radius_m", self.wheel_radius_m, 0.05, body.height_m)?;
         within("power_w", self.power_w, 1.0, 1e7)?;
         within("grip", self.grip, 0.01, 3.0)?;
-        // Beyond this the turn's centre would lie under the inner wheel.
+        // At a larger angle the turn's centre would lie under the inner wheel.
         let most_rad = libm::atan(1.6 * self.wheelbase_m / self.track_m).min(1.4);
         within("max_steer_rad", self.max_steer_rad, 0.01, most_rad)?;
         within("suspension_hz", self.suspension_hz, 0.5, 4.0)?;
         within("suspension_damping", self.suspension_damping, 0.05, 2.0)?;
         within("suspension_rest_m", self.suspension_rest_m, 0.01, 2.0)?;
+        // 20 % beyond the static sag, so that the springs carry the weight.
         let least_m = 1.2 * self.sag_m();
         within(
             "suspension_travel_m",
@@ -92,14 +95,14 @@ impl Kind for Vehicle {
         )?;
         within("drag_area_m2", self.drag_area_m2, 0.0, 50.0)?;
         within("rolling_resistance", self.rolling_resistance, 0.0, 0.5)?;
-        // Narrow and tall on soft springs, it would fall over sideways.
+        // A narrow, tall body on soft springs would fall over sideways.
         let (omega_per_s, half_m) = (
             core::f64::consts::TAU * self.suspension_hz,
             0.5 * self.track_m,
         );
         let most_m = 0.5 * (omega_per_s * half_m).powi(2) / GRAVITY_MPS2;
         within("com_height_m", body.com_height_m, 0.01, most_m)?;
-        // Both axles must carry weight, or the vehicle tips over its bumper.
+        // Both axles must carry weight, or the vehicle would tip over its bumper.
         let (rear_m, span_m) = (self.rear_axle_ahead_m(body), self.wheelbase_m);
         let (low_m, high_m) = (rear_m + 0.1 * span_m, rear_m + 0.9 * span_m);
         within("com_ahead_m", body.com_ahead_m, low_m, high_m)
@@ -113,7 +116,7 @@ impl Kind for Vehicle {
         (body.length_m, body.width_m)
     }
 
-    /// The rear axle follows the path.
+    /// Distance from the rear axle, which follows the path, to the front bumper.
     fn lever_m(&self) -> f64 {
         self.wheelbase_m + self.front_overhang_m
     }

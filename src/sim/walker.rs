@@ -1,4 +1,4 @@
-//! Bodies on foot: evenly accelerated until they have the velocity asked for.
+//! Bodies on foot, evenly accelerated to the commanded velocity.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ use super::body::{Body, InvalidBody, Kind, within};
 pub struct Walker {
     /// Greatest speed.
     pub max_speed_mps: f64,
-    /// How fast the velocity changes, in any direction.
+    /// Rate of change of the velocity, in any direction.
     pub accel_mps2: f64,
 }
 
@@ -25,7 +25,9 @@ impl Kind for Walker {
         BodyControl::Walk
     }
 
-    /// It may stand across the road, and walk to either side.
+    /// Returns the road space, twice as much across as along.
+    ///
+    /// A walker may be turned across the road and may walk to either side.
     fn room_m(&self, body: &Body) -> (f64, f64) {
         let any_way_m = body.length_m.max(body.width_m);
         (any_way_m, 2.0 * any_way_m)
@@ -43,7 +45,7 @@ pub(super) struct Stride {
     pub velocity_mps: (f64, f64),
 }
 
-/// A constant acceleration and how long it lasts.
+/// Constant acceleration and its duration.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ramp {
     pub accel_mps2: (f64, f64),
@@ -51,7 +53,7 @@ pub(super) struct Ramp {
 }
 
 impl Stride {
-    /// Where the walker is after a time on a ramp, in closed form.
+    /// Returns the state after a time on a ramp, in closed form.
     pub fn after(&self, ramp: &Ramp, after_s: f64) -> Stride {
         let ramp_s = after_s.min(ramp.until_s);
         let along = |at_m: f64, before_mps: f64, accel_mps2: f64| {
@@ -69,20 +71,22 @@ impl Stride {
 }
 
 impl Walker {
-    /// The velocity in the direction asked for that the walker can reach.
+    /// Limits a velocity to the walker's top speed, keeping its direction.
     pub(super) fn within_limit(&self, (x_mps, y_mps): (f64, f64)) -> (f64, f64) {
         let speed_mps = length((x_mps, y_mps));
         if speed_mps <= self.max_speed_mps {
             return (x_mps, y_mps);
         }
+        // Scale both components, so that the direction of the walk is kept.
         let scale = self.max_speed_mps / speed_mps;
         (x_mps * scale, y_mps * scale)
     }
 
-    /// How the velocity goes from one value to another.
+    /// Returns the ramp from one velocity to another.
     pub(super) fn ramp(&self, from_mps: (f64, f64), to_mps: (f64, f64)) -> Ramp {
         let (dx, dy) = (to_mps.0 - from_mps.0, to_mps.1 - from_mps.1);
         let change_mps = length((dx, dy));
+        // No direction to accelerate in, and no division by a length of 0.
         if change_mps == 0.0 {
             return Ramp {
                 accel_mps2: (0.0, 0.0),
@@ -97,7 +101,7 @@ impl Walker {
     }
 }
 
-/// Euclidean length of a vector.
+/// Returns the Euclidean length of a vector.
 pub(super) fn length((x, y): (f64, f64)) -> f64 {
     (x * x + y * y).sqrt()
 }

@@ -1,32 +1,33 @@
 //! Damped Gauss-Newton steps in a box (Levenberg 1944, Marquardt 1963).
 //!
-//! Near the best point deviations are nearly linear, r(x + d) ≈ r + J d, so the
-//! step that solves (JᵀJ + λ diag JᵀJ) d = −Jᵀr goes most of the way at once;
-//! λ shortens it, and turns it downhill, where they are not. Slopes are taken by
-//! playing the runs again beside the point: a simulation has no derivatives.
+//! Near the optimum the deviations are nearly linear, r(x + d) ≈ r + J d. The step that
+//! solves (JᵀJ + λ diag JᵀJ) d = −Jᵀr then goes most of the way.
+//! Elsewhere λ shortens the step and turns it downhill.
+//! A simulation has no derivatives, so the slopes come from runs beside the point.
 //!
-//! Cross-entropy search finds the region; a narrow valley, in which a late
-//! brake looks like a weak gain, it leaves to this.
+//! Cross-entropy search finds the region. These steps follow narrow valleys, such as the
+//! trade-off between a late brake and a weak gain.
 
 use crate::stats::cross_entropy::Fit;
 
-/// Steps at most.
+/// Largest number of steps.
 const STEPS: usize = 12;
-/// Dampings tried at each step, all at once: their runs are played side by side,
-/// and no damping has to be guessed from the step before.
+/// Dampings tried at each step.
+///
+/// Their runs are played in parallel, so the previous step need not predict a damping.
 const DAMPINGS: [f64; 5] = [1e-6, 1e-3, 1e-1, 1e1, 1e3];
-/// Distance by which derivatives are taken, of a range from −1 to 1.
+/// Distance for derivatives, in a range from −1 to 1.
 const NEAR: f64 = 0.01;
-/// A step that gains less than this share is the last one.
+/// Relative gain below which a step is the last step.
 const GAIN: f64 = 1e-3;
 
-/// What a point deviates by, in every sample of every run.
+/// Deviations of a point in every sample of every run.
 pub(crate) type Deviations = Vec<f64>;
 
-/// Goes downhill from `point` along the dimensions that are `free`.
+/// Descends from `point` along the dimensions in `free`.
 ///
-/// `measure` gives the deviations of many points at once; the cost of a point
-/// is the mean of their squares.
+/// `measure` returns the deviations of many points at once. The cost of a point is
+/// [`cost`].
 pub(crate) fn descend(
     point: Vec<f64>,
     free: &[usize],
@@ -47,6 +48,7 @@ pub(crate) fn descend(
             .collect();
         let equations = equations(&slopes, &deviations);
         let candidates: Vec<Vec<f64>> = DAMPINGS
+            // A damping without a solution is skipped.
             .iter()
             .filter_map(|damping| step(&here, free, equations.clone(), *damping))
             .collect();
@@ -56,6 +58,7 @@ pub(crate) fn descend(
             break;
         };
         let (before, after) = (cost(&deviations), cost(&there));
+        // No damping improves the point, so it is a minimum up to the slopes' precision.
         if before <= after {
             break;
         }
@@ -70,10 +73,10 @@ pub(crate) fn descend(
     }
 }
 
-/// Root mean square of deviations.
+/// Returns the root mean square distance of deviations.
 pub(crate) fn cost(deviations: &[f64]) -> f64 {
     let sum: f64 = deviations.iter().map(|d| d * d).sum();
-    // Three deviations are one distance in position and speed.
+    // Three deviations, x, y and speed, form one distance.
     (3.0 * sum / deviations.len().max(1) as f64).sqrt()
 }
 
@@ -81,7 +84,7 @@ fn first(measured: Vec<Deviations>) -> Deviations {
     measured.into_iter().next().unwrap_or_default()
 }
 
-/// A point near `here` along a dimension, inside of the box.
+/// Returns a point near `here` along a dimension, inside the box.
 fn beside(here: &[f64], d: usize) -> Vec<f64> {
     let mut there = here.to_vec();
     there[d] += match here[d] + NEAR <= 1.0 {
@@ -91,12 +94,12 @@ fn beside(here: &[f64], d: usize) -> Vec<f64> {
     there
 }
 
-/// JᵀJ d = −Jᵀr as rows `[a … | b]`: the same for every damping.
+/// Returns JᵀJ d = −Jᵀr as rows `[a … | b]`, which are the same for every damping.
 fn equations(slopes: &[Vec<f64>], deviations: &[f64]) -> Vec<Vec<f64>> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let mut rows: Vec<Vec<f64>> = Vec::with_capacity(slopes.len());
     for (i, a) in slopes.iter().enumerate() {
-        // What is left of the diagonal stands above it already.
+        // The matrix is symmetric, so the left part is copied from the rows above.
         let left: Vec<f64> = rows.iter().map(|above| above[i]).collect();
         let right = slopes[i..].iter().map(|b| dot(a, b));
         rows.push(left.into_iter().chain(right).collect());
@@ -107,7 +110,7 @@ fn equations(slopes: &[Vec<f64>], deviations: &[f64]) -> Vec<Vec<f64>> {
     rows
 }
 
-/// Where a damped step leads; `None` if the equations have no solution.
+/// Returns the end of a damped step, or `None` if the equations have no solution.
 fn step(
     here: &[f64],
     free: &[usize],
@@ -115,10 +118,10 @@ fn step(
     damping: f64,
 ) -> Option<Vec<f64>> {
     for (i, row) in equations.iter_mut().enumerate() {
-        // Marquardt: in proportion to the diagonal, so that flat dimensions are not
-        // damped as hard as steep ones.
+        // Marquardt: damping in proportion to the diagonal, so that flat dimensions are
+        // damped less than steep ones.
         row[i] *= 1.0 + damping;
-        // A dimension without any slope does not move.
+        // A dimension without slope stays in place.
         row[i] += 1e-12;
     }
     let by = solve(equations)?;
@@ -129,10 +132,10 @@ fn step(
     Some(there)
 }
 
-/// Gaussian elimination with pivots on rows `[a … | b]`.
+/// Solves rows `[a … | b]` by Gaussian elimination with pivots.
 ///
-/// By hand: a library's LU adds in another order, and what an ado is told of an
-/// ego would differ in its last bits from what kept runs were told.
+/// A library's LU decomposition adds in another order. The identified parameters would
+/// then differ in their last bits from those of kept runs.
 fn solve(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let n = rows.len();
     for i in 0..n {
@@ -163,7 +166,7 @@ mod tests {
 
     #[test]
     fn a_curved_valley_is_followed_to_its_end() {
-        // Narrow by a factor of ten and bent, as Rosenbrock's is more sharply.
+        // The valley is bent and ten times as long as wide, a mild form of Rosenbrock's.
         let measure = |points: &[Vec<f64>]| -> Vec<Deviations> {
             let one = |p: &Vec<f64>| {
                 let (x, y) = (2.0 * p[0], 2.0 * p[1]);

@@ -1,4 +1,4 @@
-//! How each start of a row ended.
+//! Outcomes of the starts of a row.
 
 use std::fmt;
 use std::ops::Deref;
@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::rulebook::Verdict;
 
-/// How one start of a row ended.
+/// Outcome of one start of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum StartOutcome {
-    /// The ego was made to fail, every rule kept: `1`.
+    /// The ego failed and every rule was kept: `1`.
     Solved,
-    /// It held, or a rule was broken first: `0`.
+    /// The ego held, or a rule was broken first: `0`.
     Unsolved,
-    /// Left out, since the nominal ego fails there without an adversary: `t`.
+    /// Left out, since the nominal ego fails without an adversary: `t`.
     Trivial,
     /// The ego or the physics failed to run: `x`.
     Invalid,
@@ -24,7 +24,7 @@ pub enum StartOutcome {
 }
 
 impl StartOutcome {
-    /// All of them with their marks in files.
+    /// All outcomes with their marks in files.
     const MARKS: [(StartOutcome, char); 5] = [
         (StartOutcome::Solved, '1'),
         (StartOutcome::Unsolved, '0'),
@@ -33,7 +33,7 @@ impl StartOutcome {
         (StartOutcome::NotReached, '-'),
     ];
 
-    /// How a start ended that was judged so.
+    /// Returns the outcome of a verdict.
     pub fn of(verdict: &Verdict) -> StartOutcome {
         match verdict {
             Verdict::Counterexample { .. } => StartOutcome::Solved,
@@ -44,7 +44,7 @@ impl StartOutcome {
         }
     }
 
-    /// 1 if solved, 0 if not; `None`: this start tells nothing of the rate.
+    /// Returns 1 if solved and 0 if not. `None` if the start is in no rate.
     pub fn score(self) -> Option<f64> {
         match self {
             StartOutcome::Solved => Some(1.0),
@@ -62,13 +62,13 @@ impl fmt::Display for StartOutcome {
     }
 }
 
-/// How the starts of a row ended, in their order; a string of marks in files.
+/// Outcomes of the starts of a row in order. Files contain them as marks.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Outcomes(Vec<StartOutcome>);
 
 impl Outcomes {
-    /// Starts that ended so.
+    /// Returns the number of starts with an outcome.
     pub fn count(&self, outcome: StartOutcome) -> usize {
         self.iter().filter(|other| **other == outcome).count()
     }
@@ -100,11 +100,11 @@ impl From<Outcomes> for String {
     }
 }
 
-/// A mark that stands for no outcome.
+/// Unknown mark of an outcome.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{mark}` is no outcome of a start: 1 solved, 0 not, t trivial, x invalid, - not reached")]
 pub struct UnknownMark {
-    /// The character that is none of `1 0 t x -`.
+    /// Character that is none of `1 0 t x -`.
     pub mark: char,
 }
 

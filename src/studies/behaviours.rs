@@ -1,7 +1,7 @@
-//! The ado behaviours that the paper's figures show, found anew in our worlds.
+//! Ado behaviours of the paper's figures, found again in the worlds of this project.
 //!
-//! They are searched, not learned: [`extreme`] looks through all action
-//! sequences with few switches, so the same pictures come out on every machine.
+//! They are searched and not learned. [`extreme`] tries all action sequences with few
+//! switches, so every machine shows the same pictures.
 
 use super::extreme::extreme;
 use crate::experiment::{TestStarts, Watch};
@@ -12,24 +12,24 @@ use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Aftermath, Constant, Episode, Replay, play};
 use crate::world::Scenario;
 
-/// The same where all sequences are played and two switches would be too many.
+/// Largest number of switches where every sequence is played and two would be too many.
 const FEW_SWITCHES: usize = 1;
-/// Offsets of an ado that has merged, and of one that is about to overlap.
+/// Lateral offsets of an ado that has merged, and of an ado that is about to overlap.
 const MERGED_M: f64 = 0.9;
 const ON_THE_WAY_M: f64 = 2.5;
-/// Starts that are tried for the traffic light.
+/// Largest number of starts tried for the traffic light.
 const TRIED: u64 = 50;
 
-/// An episode and what its ado does, in a few words.
+/// Episode with a short description of the ado's behaviour.
 #[derive(Clone, Debug)]
 pub struct Shown {
-    /// What the ado does.
+    /// Description of the ado's behaviour.
     pub name: String,
-    /// What came of it.
+    /// Episode that shows it.
     pub episode: Episode,
 }
 
-/// A world does not show what a figure needs.
+/// Error of a world that does not show what a figure needs.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FigureError {
     /// The world's starts have other axes, or other ranges.
@@ -37,37 +37,39 @@ pub enum FigureError {
     NoSuchStart {
         /// Name of the world.
         world: String,
-        /// The axes and values that were wanted.
+        /// Requested axes and values.
         wanted: String,
     },
-    /// No action sequence behaves so.
+    /// No action sequence shows the behaviour.
     #[error("no action sequence with at most {switches} switches in `{world}` {what}")]
     NotFound {
         /// Name of the world.
         world: String,
-        /// How many switches were allowed.
+        /// Largest number of switches.
         switches: usize,
-        /// What was looked for.
+        /// Requested behaviour.
         what: &'static str,
     },
 }
 
 /// Fig. 2: two different behaviours from the paper's failing start of `acc`.
 ///
-/// The violation that comes first, and the one that comes last.
+/// They are the earliest and the latest violation.
 ///
 /// # Errors
-/// The world has no such start, or nothing violates ψ_ego from it; also when
-/// stopped.
+/// Returns an error if the world has no such start, if no sequence violates ψ_ego from
+/// it, or if stopped.
 pub fn two_behaviours(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>, FigureError> {
     let wanted = [
         ("ego.speed", 12.0),
         ("ado.speed", 12.0),
+        // The values are those of the paper's Fig. 2.
         ("ado.headway", 15.0),
     ];
     let start = start_with(scenario, &wanted)?;
     let violated_at = |episode: &Episode| {
         let success = episode.verdict.is_success();
+        // The number of judged samples is the time of the violation.
         success.then_some(episode.judged as f64)
     };
     let find = |sign: f64, what| {
@@ -81,12 +83,12 @@ pub fn two_behaviours(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Show
     ])
 }
 
-/// Fig. 3: far away; cutting in against the rule; a violation by the rules.
+/// Fig. 3: a distant merge, a cut-in that breaks a rule, and a lawful violation.
 ///
 /// # Errors
-/// As [`two_behaviours`], from the paper's failing start of `merge`.
+/// Returns the errors of [`two_behaviours`], for the paper's failing start of `merge`.
 pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>, FigureError> {
-    // The paper's distance of 16 m is Euclidean, from the next lane.
+    // The paper's distance of 16 m is Euclidean, measured from the next lane.
     let along_m = libm::sqrt(16.0 * 16.0 - 3.5 * 3.5);
     let wanted = [
         ("ego.speed", 12.0),
@@ -101,12 +103,14 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
     let farthest = |episode: &Episode| {
         let held = matches!(episode.verdict, Verdict::Held { .. });
         let merged = last(episode, "ado.lateral")? < MERGED_M;
+        // The largest robustness is the farthest merge.
         (held && merged && episode.contact.is_none()).then_some(episode.robustness)
     };
-    // It cuts in: on its way to the other lane when it breaks the rule.
+    // A cut-in breaks the rule while the ado moves to the other lane.
     let rude = |episode: &Episode| {
         let broken = matches!(episode.verdict, Verdict::Foul { rule: 0, .. });
         let moved = last(episode, "ado.lateral")? < ON_THE_WAY_M;
+        // The earliest violation of the rule is the clearest picture.
         (broken && moved).then_some(-(episode.judged as f64))
     };
     let lawful = first_found(scenario, &start, watch);
@@ -124,9 +128,10 @@ pub fn three_merges(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>
     ])
 }
 
-/// The first success of a search with at most [`SWITCHES`] switches.
+/// Returns the first success of a search with at most [`SWITCHES`] switches.
 fn first_found(scenario: &Scenario, start: &Start, watch: &Watch<'_>) -> Option<Episode> {
     let starts = TestStarts {
+        // A single start that is never left out as trivial.
         seed: 0,
         starts: vec![(start.clone(), 0)],
         trivial: vec![false],
@@ -140,6 +145,7 @@ fn first_found(scenario: &Scenario, start: &Start, watch: &Watch<'_>) -> Option<
     };
     let found = search(&request, watch).found.into_iter().flatten().next()?;
     let actions = found.actions?;
+    // The search returns actions only, so the episode is played for its trace.
     let mut ado = Replay::holding(&actions);
     Some(play(
         &mut scenario.bench(),
@@ -150,15 +156,16 @@ fn first_found(scenario: &Scenario, start: &Start, watch: &Watch<'_>) -> Option<
     ))
 }
 
-/// Fig. 5: a run in which ψ_ego holds best, and one in which it is violated.
+/// Fig. 5: the run in which ψ_ego holds best, and a run in which it is violated.
 ///
-/// From the first test start from which the ego does not fail by itself and
-/// both can be had.
+/// Both begin at the first test start from which both exist and the ego does not fail by
+/// itself.
 ///
 /// # Errors
-/// As [`two_behaviours`].
+/// Returns the errors of [`two_behaviours`].
 pub fn two_at_the_light(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Shown>, FigureError> {
     let held = |episode: &Episode| {
+        // A contact without a violation would not show an ego that obeys the light.
         let held = matches!(episode.verdict, Verdict::Held { .. }) && episode.contact.is_none();
         held.then_some(episode.robustness)
     };
@@ -172,9 +179,11 @@ pub fn two_at_the_light(scenario: &Scenario, watch: &Watch<'_>) -> Result<Vec<Sh
         let start = bench.draw(key);
         let mut coasting = Constant(bench.spaces().neutral);
         let coasting = play(&mut bench, &start, 0, &mut coasting, Aftermath::Skip);
+        // The ado has no part in such a failure.
         if coasting.verdict.is_success() {
             continue;
         }
+        // The noise seed is fixed, so the figure is the same on every machine.
         let held = extreme(scenario, (&start, 0), FEW_SWITCHES, held, watch);
         if let (Some(held), Some(found)) = (held, first_found(scenario, &start, watch)) {
             return Ok(vec![
@@ -205,10 +214,10 @@ fn last(episode: &Episode, signal: &str) -> Option<f64> {
     episode.trace.signal(signal)?.last().copied()
 }
 
-/// The start with these values by name of the axis.
+/// Returns the start with these values by name of the axis.
 ///
 /// # Errors
-/// The world's starts have other axes, or other ranges.
+/// Returns an error if the world's starts have other axes or ranges.
 pub fn start_with(scenario: &Scenario, wanted: &[(&str, f64)]) -> Result<Start, FigureError> {
     let axes = scenario.axes();
     let value = |axis: &crate::scene::Axis| {
@@ -216,6 +225,7 @@ pub fn start_with(scenario: &Scenario, wanted: &[(&str, f64)]) -> Result<Start, 
         (axis.lo..=axis.hi).contains(value).then_some(*value)
     };
     let values: Option<Vec<f64>> = axes.iter().map(value).collect();
+    // An unknown name leaves fewer values than requested.
     let known = values.filter(|values| values.len() == wanted.len());
     known.map(Start).ok_or_else(|| {
         let words = wanted

@@ -1,4 +1,4 @@
-//! The driving case studies: every world, several training seeds, one table.
+//! Driving case studies: every world with several training seeds in one table.
 
 use std::path::{Path, PathBuf};
 
@@ -14,64 +14,67 @@ use crate::stats::{Outcomes, paired_difference, seeds_interval};
 use crate::training::{TrainError, train};
 use crate::world::{Against, Scenario};
 
-/// With more joint actions than this, all sequences with two switches are too
-/// many: one switch then, and the row of the search says so.
+/// Largest number of joint actions for a search with two switches.
+///
+/// Above it the search uses one switch, and its row says so.
 const MAX_ACTIONS: usize = 9;
 
-/// What to reproduce.
+/// Request of the case studies.
 pub struct CaseStudies<'a> {
-    /// Trainings, and the stream of the test starts.
+    /// Training seeds, and the stream of the test starts.
     pub seeds: Seeds,
-    /// Test starts to draw.
+    /// Number of test starts.
     pub starts: usize,
-    /// Where the run directories go.
+    /// Directory of the run directories.
     pub runs: &'a Path,
 }
 
-/// One world's results.
+/// Results of a world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CaseStudy {
     /// Name of the world.
     pub world: String,
-    /// Starts evaluated.
+    /// Number of evaluated starts.
     pub starts: usize,
-    /// Starts left out because the ego fails without an adversary.
+    /// Starts left out, because the ego fails without an adversary.
     pub trivial: usize,
-    /// Training seeds.
+    /// Number of training seeds.
     pub seeds: usize,
     /// Mean success rate of the trained ados.
     pub success_rate: f64,
-    /// Its interval over trainings and starts (docs/intervals.md).
+    /// Interval of the rate over trainings and starts (docs/intervals.md).
     pub ci95: [f64; 2],
-    /// Median over seeds of the share of search-solved starts solved too.
+    /// Median over seeds of the recall.
     pub recall_median: Option<f64>,
-    /// The worst seed's.
+    /// Recall of the worst seed.
     pub recall_min: Option<f64>,
-    /// Most switches of action in the search that recall is measured against.
+    /// Largest number of switches of the search that recall refers to.
     pub switches: usize,
     /// Mean share of starts on which a rule was broken.
     pub foul_rate: f64,
-    /// Trained minus held-random, paired on starts, with its interval.
+    /// Success of trained minus held random ados, with its interval.
     pub over_held: (f64, [f64; 2]),
-    /// Trained minus the best constant ado, paired on starts, with its interval.
+    /// Success of trained ados minus the best constant, with its interval.
     pub over_constant: (f64, [f64; 2]),
-    /// Mean processor time of a training.
+    /// Mean processor time of a training, s.
     pub train_cpu_s: f64,
-    /// The rows behind it: trained ados by seed, then baselines and search.
+    /// Rows behind the results: trained ados by seed, then baselines and search.
     pub rows: Vec<Row>,
 }
 
-/// Trains and evaluates one world; runs that exist already are used as they are.
+/// Trains and evaluates a world. Existing runs are used as they are.
+///
+/// Returns `None` if stopped from outside. Finished trainings are kept.
 ///
 /// # Errors
-/// Training fails or the disk refuses. `None`: stopped from outside; finished
-/// trainings are kept.
+/// Returns an error if a training fails or a file cannot be written.
 pub fn case_study(
     scenario: &Scenario,
     request: &CaseStudies<'_>,
     watch: &Watch<'_>,
 ) -> Result<Option<CaseStudy>, TrainError> {
     let seeds: Vec<u64> = request.seeds.trainings().collect();
+    // Trainings are independent, and `collect` keeps the order of the seeds.
     let runs: Vec<(PathBuf, f64)> = seeds
         .par_iter()
         .map(|&seed| trained_run(scenario, seed, request.runs, watch))
@@ -79,6 +82,7 @@ pub fn case_study(
     if watch.stopped() {
         return Ok(None);
     }
+    // All ados play the same starts, so differences can be paired.
     let Some(starts) = test_starts(scenario, request.seeds.starts, request.starts, watch) else {
         return Ok(None);
     };
@@ -94,7 +98,9 @@ pub fn case_study(
     let held = one(scenario, Ado::Held, &starts, watch);
     let random = one(scenario, Ado::Random, &starts, watch);
     let constant = best_constant(scenario, "nominal", &starts, watch).row;
+    // Each switch multiplies the number of sequences by actions and decisions.
     let switches = match scenario.world().spaces().actions {
+        // Two switches define the reachable starts wherever they can be searched.
         ..=MAX_ACTIONS => SWITCHES,
         _ => 1,
     };
@@ -117,6 +123,7 @@ pub fn case_study(
     }
     let mean = |of: fn(&Row) -> f64| trained.iter().map(of).sum::<f64>() / trained.len() as f64;
     let mut recalls: Vec<f64> = trained.iter().filter_map(|row| row.recall).collect();
+    // A recall is missing if the search solves no start.
     recalls.sort_by(f64::total_cmp);
     let study = CaseStudy {
         world: scenario.name.clone(),
@@ -124,6 +131,7 @@ pub fn case_study(
         trivial: held.trivial,
         seeds: trained.len(),
         success_rate: mean(|row| row.success_rate),
+        // Intervals are computed below, from the finished rows.
         ci95: [0.0, 1.0],
         recall_median: recalls.get(recalls.len() / 2).copied(),
         recall_min: recalls.first().copied(),
@@ -140,8 +148,9 @@ pub fn case_study(
 }
 
 impl CaseStudy {
-    /// The same with the intervals that its rows give today: a study that was
-    /// kept may hold those of an earlier version.
+    /// Computes the intervals again from the rows.
+    ///
+    /// A stored study may hold those of an earlier version.
     pub fn with_intervals(mut self) -> CaseStudy {
         let of = |ado: &str| -> Vec<&Outcomes> {
             let rows = self.rows.iter().filter(|row| row.ado == ado);
@@ -166,11 +175,11 @@ fn one(scenario: &Scenario, ado: Ado<'_>, starts: &TestStarts, watch: &Watch<'_>
     eval(&request, watch).row
 }
 
-/// The run of a seed, trained now as far as it is not there yet.
+/// Trains the run of a seed, as far as it does not exist yet.
 ///
 /// # Errors
-/// Training fails, the disk refuses, or a run of another world, plant or length
-/// has that name.
+/// Returns an error if training fails, if a file cannot be written, or if a run of another
+/// world, plant or length has the same name.
 pub fn trained_run(
     scenario: &Scenario,
     seed: u64,
@@ -178,14 +187,17 @@ pub fn trained_run(
     watch: &Watch<'_>,
 ) -> Result<(PathBuf, f64), TrainError> {
     let path = runs.join(match scenario.against {
+        // Runs against a family have names of their own, so both kinds can coexist.
         Against::Nominal => format!("{}-{seed}", scenario.name),
         family => format!("{}-{family}-{seed}", scenario.name),
     });
     let mut run = match RunDir::resume(&path) {
         Ok(run) => run,
+        // Other errors are reported, because a damaged run must not be overwritten.
         Err(RunError::NotARun { .. }) => RunDir::create(&path, scenario, seed)?,
         Err(error) => return Err(error.into()),
     };
+    // A run with other settings must not be continued or reported under this name.
     run.must_be_of(Asked {
         scenario,
         seed,
@@ -195,7 +207,7 @@ pub fn trained_run(
     Ok((path, trained.done.cpu_s))
 }
 
-/// What the columns mean, below the table.
+/// Explanation of the columns, below the table.
 const EXPLAINED: &str = "
 - starts (trivial): test starts; on as many besides, left out, the ego fails without an adversary
 - trained: success: mean share of starts from which the trained ados make the ego fail
@@ -206,7 +218,7 @@ const EXPLAINED: &str = "
 - training CPU s: processor time of a training, on average
 ";
 
-/// The studies as a Markdown table.
+/// Formats the studies as a Markdown table.
 pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
     let mut text = String::from(
         "| world | starts (trivial) | trained: success [95 %] | recall, median (min) | fouls | \
@@ -241,6 +253,7 @@ pub fn case_studies_markdown(studies: &[CaseStudy]) -> String {
         ));
     }
     text.push_str(EXPLAINED);
+    // Warnings follow the table, so a failed training cannot be overlooked.
     for row in studies.iter().flat_map(|study| &study.rows) {
         if let (Some(warning), Some(seed)) = (&row.warning, row.train_seed) {
             text.push_str(&format!(

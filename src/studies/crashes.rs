@@ -1,9 +1,9 @@
-//! Crashes that reference drivers avoid: what each adversary finds.
+//! Crashes that reference drivers avoid, by the adversary that found them.
 //!
-//! Training may ask one reference driver (`counts: Preventable(by: [RSS])`);
-//! whether CC_LATCHED would have come away is asked here, of the driver
-//! that training never consulted: once among the recorded motions (open loop),
-//! once with that driver as the ego that the same adversary meets (closed loop).
+//! Training may use one reference driver (`counts: Preventable(by: [RSS])`).
+//! This study evaluates CC_LATCHED, which training never used.
+//! In open loop it drives among the recorded motions. In closed loop it is the ego that
+//! the same adversary plays against.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -22,70 +22,70 @@ use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::training::TrainError;
 use crate::world::{Change, ChangeError, Scenario};
 
-/// The competent driver of UN R157 that reads the next lane, and does not let go.
+/// Competent driver of UN R157 that observes the next lane and keeps braking.
 const COMPETENT: ReferenceDriver = ReferenceDriver::CcLatched;
-/// Crashes per ado whose variations are played.
+/// Largest number of crashes per ado that are varied.
 const VARIED: usize = 40;
-/// Speed from which a contact is one to act on.
+/// Closing speed from which a contact counts as hard, m/s.
 const HARD_MPS: f64 = 3.0;
 
-/// What one adversary found in a world.
+/// Results of an adversary in a world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CrashRow {
-    /// Who plays the ado.
+    /// Name of the ado.
     pub ado: String,
-    /// Seed of its training, for trained ones.
+    /// Seed of its training, if it was trained.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seed: Option<u64>,
-    /// Why that training cannot be relied on, if so.
+    /// Warning about that training, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
     /// Starts that are not trivial.
     pub starts: usize,
-    /// Starts with a crash that counts, every rule kept.
+    /// Starts with a counted crash and all rules kept.
     pub found: usize,
-    /// Of these, crashes that CC_LATCHED avoids in the recorded motion;
-    /// `None`: drivers say nothing of such crashes.
+    /// Such crashes that CC_LATCHED avoids in the recorded motion.
+    ///
+    /// `None`: the drivers cannot judge such crashes.
     pub avoided: Option<usize>,
-    /// Of these, crashes that CC_LATCHED or FSM avoids in it.
+    /// Such crashes that CC_LATCHED or FSM avoids in the recorded motion.
     pub preventable: Option<usize>,
-    /// Of these, starts from which the same ado brings about no hard crash when
-    /// CC_LATCHED is the ego.
+    /// Such starts without a hard crash of the same ado if CC_LATCHED is the ego.
     pub avoided_closed_loop: Option<usize>,
-    /// Of these, side-swipes.
+    /// Side-swipes among them.
     pub side_swipes: usize,
-    /// Their closing speeds.
+    /// Closing speeds of the crashes.
     pub closing_mps: Option<ClosingSpeed>,
-    /// Median share of small variations in which they still are counted.
+    /// Median share of small variations in which the crashes still count.
     pub persistence: Option<f64>,
-    /// Starts on which a rule was broken.
+    /// Share of starts on which a rule was broken.
     pub foul_rate: f64,
 }
 
-/// One world's crashes.
+/// Crashes of a world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CrashStudy {
     /// Name of the world.
     pub world: String,
-    /// What counts in it.
+    /// Violations that count in the world.
     pub counts: String,
-    /// Trained ados by seed, then the others.
+    /// Trained ados by seed, then the other ados.
     pub rows: Vec<CrashRow>,
 }
 
-/// Plays one adversary from a start.
+/// Function that plays an adversary from a start.
 type Play<'a> = &'a (dyn Fn(&mut Testbench, usize) -> Episode + Sync);
 
-/// Who meets whom.
+/// Worlds and starts of the study.
 struct Study<'a> {
     scenario: &'a Scenario,
-    /// The same world with CC_LATCHED as the ego.
+    /// Same world with CC_LATCHED as the ego.
     competent: Scenario,
     starts: &'a TestStarts,
     watch: &'a Watch<'a>,
 }
 
-/// What is known of one crash.
+/// Facts about a crash.
 struct Looked {
     episode: Episode,
     avoided: Option<bool>,
@@ -99,8 +99,10 @@ impl Study<'_> {
         let said = self.scenario.preventability(&episode);
         let preventable = said.human_model_avoids();
         Looked {
+            // The human models decide if the crash can be judged at all.
             avoided: preventable.map(|_| said.is_avoided_by(COMPETENT)),
             preventable,
+            // The ado reacts to CC_LATCHED here, so it may still cause a crash.
             closed_loop: !is_hard(&play(&mut benches.1, index)),
             episode,
         }
@@ -120,6 +122,7 @@ impl Study<'_> {
             |benches, index, _| Some(self.look(benches, *index, play)),
         );
         let looked: Vec<Looked> = looked.into_iter().flatten().collect();
+        // Without a judged crash the columns are absent, not zero.
         let judged = looked.iter().any(|one| one.avoided.is_some());
         let count =
             |which: &dyn Fn(&Looked) -> bool| looked.iter().filter(|one| which(one)).count();
@@ -149,12 +152,14 @@ impl Study<'_> {
     }
 
     fn persistence(&self, looked: &[Looked]) -> Option<f64> {
+        // Variations are slow, so only the first crashes are varied.
         let some = &looked[..looked.len().min(VARIED)];
         let shares = some.par_iter().filter_map(|one| {
             let varied = persistence(self.scenario, &one.episode)?;
             Some(varied.share())
         });
         let mut shares: Vec<f64> = shares.collect();
+        // The median does not depend on the order of the parallel loop.
         shares.sort_by(f64::total_cmp);
         shares.get(shares.len() / 2).copied()
     }
@@ -175,6 +180,7 @@ impl Study<'_> {
         request: &EvalRequest<'_>,
         seed: Option<u64>,
     ) -> CrashRow {
+        // Only crashes are played again, because held starts have none to judge.
         let solved: Vec<usize> = evaluated.solved().collect();
         let name = match seed {
             Some(_) => "trained".to_owned(),
@@ -195,6 +201,7 @@ impl Study<'_> {
         let found = search(&request, self.watch).found;
         let actions = |index: usize| found[index].as_ref()?.actions.as_deref();
         let solved: Vec<usize> = (0..found.len()).filter(|i| actions(*i).is_some()).collect();
+        // A search breaks rules only in episodes that it discards, so its rate is 0.
         let named = (format!("search, switches ≤ {switches}"), None, 0.0);
         self.row(named, &solved, &|bench, index| {
             let (start, noise) = &self.starts.starts[index];
@@ -204,28 +211,28 @@ impl Study<'_> {
     }
 }
 
-/// Whether the ego ends in a lawful crash that is one to act on.
+/// Returns whether the ego ends in a hard crash while the ado keeps every rule.
 fn is_hard(episode: &Episode) -> bool {
     let lawful = !matches!(episode.verdict, crate::rulebook::Verdict::Foul { .. });
     let contact = episode.contact.as_ref();
     lawful && contact.is_some_and(|touch| HARD_MPS <= touch.closing_speed_mps)
 }
 
-/// A world cannot be studied.
+/// Error of a crash study.
 #[derive(Debug, thiserror::Error)]
 pub enum CrashStudyError {
     /// A training failed.
     #[error(transparent)]
     Train(#[from] TrainError),
-    /// CC_LATCHED cannot drive its ego.
+    /// CC_LATCHED cannot drive the world's ego.
     #[error(transparent)]
     Change(#[from] ChangeError),
 }
 
-/// Trains on a world and looks at what everybody finds; `None`: stopped.
+/// Trains on a world and evaluates the crashes of all ados. `None`: stopped.
 ///
 /// # Errors
-/// A training fails, or the disk refuses.
+/// Returns an error if a training fails or a file cannot be written.
 pub fn crash_study(
     scenario: &Scenario,
     request: &CaseStudies<'_>,
@@ -239,7 +246,7 @@ pub fn crash_study(
     let (Some(starts), false) = (starts, watch.stopped()) else {
         return Ok(None);
     };
-    // Its ramp holds how the brakes build up: no lag besides.
+    // The driver's own ramp models the build-up of the brakes, so the lag is 0.
     let competent = Actuated {
         controller: ControllerSpec::CcLatchedDriver(CcLatchedDriver::default()),
         lag_s: 0.0,
@@ -276,10 +283,11 @@ pub fn crash_study(
 }
 
 impl Study<'_> {
-    /// The constant that fares best, found again among all of them.
+    /// Returns the row of the best constant ado, which is found again by its label.
     fn constant(&self, best: &Evaluated) -> CrashRow {
         let actions = self.scenario.world().spaces().actions;
         let label = |action: usize| self.scenario.action_label(action);
+        // The row names the best action only by its label.
         let action = (0..actions).find(|action| best.row.method.starts_with(&label(*action)));
         let request = EvalRequest {
             scenario: self.scenario,
@@ -291,7 +299,7 @@ impl Study<'_> {
     }
 }
 
-/// What the columns mean, below the table.
+/// Explanation of the columns, below the table.
 const EXPLAINED: &str = "
 - found: starts with a crash that counts, every rule kept, with the interval of their share
 - avoided by CC_LATCHED: the competent driver of UN R157 that reads the next lane and does not let go
@@ -301,7 +309,7 @@ const EXPLAINED: &str = "
 - fouls: share of starts on which a rule was broken first
 ";
 
-/// The studies as a Markdown table.
+/// Formats the studies as a Markdown table.
 pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
     let mut text = String::from(
         "| world | ado | found [95 %] | avoided by CC_LATCHED, of all starts: open loop, closed loop | \
@@ -328,6 +336,7 @@ pub fn crashes_markdown(studies: &[CrashStudy]) -> String {
 }
 
 fn line(world: &str, row: &CrashRow) -> String {
+    // A share of no crashes is undefined.
     let percent = |part: usize, whole: usize| match whole {
         0 => "–".to_owned(),
         _ => format!("{:.1} %", 100.0 * part as f64 / whole as f64),

@@ -1,4 +1,4 @@
-//! The action sequence from one start that does something most.
+//! Action sequence from a start that maximizes a score.
 
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::scene::Start;
@@ -6,16 +6,16 @@ use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench};
 use crate::world::Scenario;
 
-/// Sequences that are tried on the world's own plant at most.
+/// Largest number of sequences tried on the world's own plant.
 const MAX_CONFIRMED: usize = 50;
 
-/// Of all sequences with at most `switches` changes of action, the one whose
-/// episode scores highest; `None` scores are out of the question.
+/// Returns the episode with the highest score among short sequences.
 ///
-/// Sequences are ranked on the kinematic plant and the first that also scores
-/// on the world's own plant is taken. Ties go to the sequence with fewer
-/// switches, then to the lower actions and earlier switches. `None`: no
-/// sequence scores, or stopped.
+/// All sequences with at most `switches` switches are tried. A score of `None` excludes an
+/// episode.
+/// Sequences are ranked on the kinematic plant, and the first with a score on the world's
+/// own plant is taken. Ties go to fewer switches, then to lower actions and earlier switches.
+/// `None`: no sequence has a score, or stopped.
 pub fn extreme(
     scenario: &Scenario,
     (start, noise): (&Start, u64),
@@ -37,23 +37,28 @@ pub fn extreme(
         |bench, actions, turn| Some((score(&act(bench, actions))?, turn.index)),
     );
     let mut ranked: Vec<(f64, usize)> = scored.into_iter().flatten().collect();
+    // The position breaks ties, so the result does not depend on the threads.
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut bench = scenario.bench();
     let tried = ranked.into_iter().take(MAX_CONFIRMED);
+    // The iterator is lazy, so the slow plant plays only up to the first success.
     let mut played = tried.map(|(_, nth)| act(&mut bench, &sequences[nth]));
+    // A stopped episode has no valid score.
     played.find(|episode| !watch.stopped() && score(episode).is_some())
 }
 
-/// All sequences with at most so many switches, fewest first.
+/// Returns all sequences with at most `switches` switches, fewest first.
 fn sequences(actions: usize, decisions: usize, switches: usize) -> Vec<Vec<usize>> {
     let mut all: Vec<Vec<usize>> = (0..actions).map(|a| vec![a; decisions]).collect();
     let mut last: Vec<(usize, Vec<usize>)> = all.iter().map(|s| (0, s.clone())).collect();
     for _ in 0..switches {
         let mut next = Vec::new();
         for (from, sequence) in &last {
+            // Later switches only, so each sequence is generated once.
             for at in from + 1..decisions {
                 for other in (0..actions).filter(|a| *a != sequence[at]) {
                     let mut longer = sequence.clone();
+                    // The new action lasts to the end, where a later switch may replace it.
                     longer[at..].fill(other);
                     next.push((at, longer));
                 }

@@ -1,9 +1,9 @@
-//! Success against episodes and time, along one training (Sec. V-B and the appendix).
+//! Success over episodes and time along a training (Sec. V-B and the appendix).
 //!
-//! The paper reports its driving scenes so: 75.76 % after 371 episodes of the
-//! merge, 64 % after 247 of the yellow light. Here the learner is stopped at
-//! given numbers of episodes, its greedy policy is played on test starts, and
-//! it goes on as if nothing had happened.
+//! The paper reports its driving scenes in this form: 75.76 % after 371 episodes of the
+//! merge, 64 % after 247 of the yellow light.
+//! The learner is stopped at given numbers of episodes, its greedy policy plays the test
+//! starts, and the training continues unaffected.
 
 use cpu_time::ThreadTime;
 use serde::Serialize;
@@ -16,25 +16,26 @@ use crate::seed::Purpose;
 use crate::testbench::Gym;
 use crate::world::Scenario;
 
-/// A policy on the way.
+/// Policy of an unfinished training.
 #[derive(Clone, Debug, Serialize)]
 pub struct Milestone {
-    /// Episodes of training behind it.
+    /// Number of training episodes so far.
     pub episodes: u64,
-    /// Decisions in them.
+    /// Number of decisions in them.
     pub decisions: u64,
-    /// Processor time spent in training, evaluations left out.
+    /// Processor time of the training without evaluations, s.
     pub cpu_s: f64,
-    /// What it does on the test starts.
+    /// Evaluation on the test starts.
     pub row: Row,
 }
 
-/// Trains in memory with the world's learner; one milestone per number of
-/// episodes that is reached, in rising order, and one at the end.
+/// Trains in memory with the world's learner and evaluates milestones.
 ///
-/// The policies are those of one training with its own schedules: an early one
-/// is not what a training of that length would give, since exploration and
-/// step size are still high. `None`: stopped from outside.
+/// There is a milestone per reached number of `episodes`, which must rise, and a last one
+/// at the end.
+/// All policies come from one training with its own schedules. An early policy differs
+/// from that of a short training, because exploration and step size are still high.
+/// `None`: stopped from outside.
 pub fn milestones(
     scenario: &Scenario,
     seed: u64,
@@ -48,11 +49,13 @@ pub fn milestones(
     let asked = scenario.learner.decisions();
     let mut reached = Vec::new();
     let (mut played, mut cpu_s) = (0, 0.0);
+    // A milestone at 0 would stop the training before it begins.
     let mut targets = episodes.iter().copied().filter(|&target| 0 < target);
     let mut target = targets.next();
     while !learner.finished() {
         let clock = ThreadTime::now();
         learner.train(&mut gym, &mut |progress| {
+            // The last report before a stop gives the number of finished episodes.
             played = progress.episodes;
             (watch.progress)(progress.decisions.min(asked), asked);
             match watch.stopped() || target.is_some_and(|target| target <= played) {
@@ -60,10 +63,12 @@ pub fn milestones(
                 false => Control::Continue,
             }
         });
+        // Only the training is timed, and the evaluation below is not.
         cpu_s += clock.elapsed().as_secs_f64();
         if watch.stopped() {
             return None;
         }
+        // The policy is a copy, so the evaluation cannot disturb the training.
         let policy = learner.policy();
         let request = EvalRequest {
             scenario,
@@ -77,10 +82,11 @@ pub fn milestones(
             cpu_s,
             row: eval(&request, watch).row,
         });
+        // An episode may pass several targets at once.
         while target.is_some_and(|target| target <= played) {
             target = targets.next();
         }
     }
-    // Stopped within the last evaluation, its row is not whole.
+    // A stop during the last evaluation leaves its row incomplete.
     (!watch.stopped()).then_some(reached)
 }

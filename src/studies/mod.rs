@@ -1,7 +1,7 @@
-//! The paper's tables and figures, made again from nothing.
+//! Reproduction of the paper's tables and figures.
 //!
-//! Seen by the command line only: what a study needs of campaigns is public
-//! there, the studies themselves are not.
+//! Only the command line uses these studies. The parts of campaigns that they need are
+//! public there.
 
 mod behaviours;
 mod case_studies;

@@ -1,8 +1,8 @@
-//! Starts of nearly the same value as a failing one: do they fail too?
+//! Failures at starts with a value similar to that of a failing start.
 //!
-//! The paper's remark on generalisation (Sec. V-B): around a failing start it
-//! finds failing starts with smaller and larger distances and speeds, several
-//! of them never met in training. Near means near in the ado's own value V.
+//! The paper's remark on generalisation (Sec. V-B) finds failing starts with smaller and
+//! larger distances and speeds around a failing start. Several of them were never seen in
+//! training. The distance between starts is that of the ado's own value V.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,33 +15,32 @@ use crate::stats::wilson;
 use crate::testbench::{Aftermath, PolicyActor, Testbench};
 use crate::world::Scenario;
 
-/// Two starts are as good as the same if no quantity differs by more than this
-/// share of its range.
+/// Difference up to which two starts count as equal, as a share of each range.
 const SAME: f64 = 0.01;
 
-/// A trained ado and what it trained on.
+/// Trained ado with its training starts.
 #[derive(Clone, Copy)]
 pub struct Alumnus<'a> {
-    /// The ado.
+    /// Policy of the ado.
     pub policy: &'a dyn Policy,
     /// Seed of its training.
     pub seed: u64,
-    /// Episodes of its training.
+    /// Number of training episodes.
     pub episodes: u64,
 }
 
-/// The neighbourhood of one failing start.
+/// Neighbourhood of a failing start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NearFailing {
     /// Name of the world.
     pub world: String,
-    /// The start, by axis.
+    /// Start by axis.
     pub around: Vec<(String, f64)>,
-    /// V there, as the ado sees it.
+    /// Value V of the ado there.
     pub value: f64,
-    /// Whether the ado makes the ego fail from it.
+    /// True if the ado makes the ego fail from it.
     pub fails: bool,
-    /// Starts that were looked at: those that are not trivial.
+    /// Number of evaluated starts, without trivial starts.
     pub starts: usize,
     /// A row per δ.
     pub rows: Vec<NearRow>,
@@ -50,24 +49,24 @@ pub struct NearFailing {
 /// Starts x with |V(x) − V(x0)| < δ.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NearRow {
-    /// δ.
+    /// Value of δ.
     pub delta: f64,
-    /// How many there are.
+    /// Number of such starts.
     pub near: usize,
-    /// From how many of them the ego fails.
+    /// Number of such starts from which the ego fails.
     pub failing: usize,
     /// Wilson's 95 % interval of that share.
     pub ci95: [f64; 2],
-    /// Per axis: failing ones with less, and with more, than x0.
+    /// Per axis, failing starts with a smaller and with a larger value than x0.
     pub below_above: Vec<(String, [usize; 2])>,
-    /// Failing ones that no training start is as good as the same as.
+    /// Failing starts that are similar to no training start.
     pub never_met: usize,
 }
 
-/// Looks at all `starts` that are δ-near `around`, for each δ.
+/// Evaluates all `starts` that are δ-near `around`, for each δ.
 ///
-/// Training starts are counted as met whether or not training got to them, so
-/// `never_met` is a lower bound. `None`: stopped.
+/// Every training start counts as met, even if training did not reach it, so `never_met`
+/// is a lower bound. `None`: stopped.
 pub fn near_starts(
     scenario: &Scenario,
     alumnus: Alumnus<'_>,
@@ -79,6 +78,7 @@ pub fn near_starts(
     let axes = scenario.axes();
     let look = |bench: &mut Testbench, start: &Start, noise: u64| {
         let mut obs = vec![0.0; bench.spaces().observation];
+        // The value is read at the first observation, before the ado acts.
         bench.begin(start, noise, Aftermath::Skip);
         bench.observe(&mut obs);
         let value = f64::from(alumnus.policy.value(&obs));
@@ -86,7 +86,9 @@ pub fn near_starts(
         let episode = watch.play(bench, (start, noise), 0, &mut ado, Aftermath::Skip);
         (value, episode.verdict.is_success())
     };
+    // The failing start itself is evaluated first, as the centre of the neighbourhoods.
     let mut bench = scenario.bench();
+    // The paper's start has no index, so it gets the noise seed 0.
     let (value, fails) = look(&mut bench, around, 0);
     let met: Vec<Start> = (0..alumnus.episodes)
         .map(|index| {
@@ -108,6 +110,7 @@ pub fn near_starts(
             Some((start, value, fails))
         },
     );
+    // A stopped evaluation has gaps and would bias the shares.
     let looked: Vec<(&Start, f64, bool)> = looked.into_iter().collect::<Option<_>>()?;
     let row = |delta: f64| {
         let near = looked.iter().filter(|(_, v, _)| (v - value).abs() < delta);
@@ -117,9 +120,11 @@ pub fn near_starts(
             let count = |test: &dyn Fn(f64) -> bool| {
                 failing.iter().filter(|start| test(start.0[i])).count()
             };
+            // Starts with exactly the same value count on neither side.
             let below_above = [count(&|v| v < around.0[i]), count(&|v| around.0[i] < v)];
             (axis.name.clone(), below_above)
         });
+        // Every start is compared with all training starts, so this runs in parallel.
         let unmet = failing
             .par_iter()
             .filter(|start| met.iter().all(|other| !are_same(&axes, start, other)));
@@ -149,10 +154,11 @@ pub fn near_starts(
 fn are_same(axes: &[Axis], a: &Start, b: &Start) -> bool {
     let pairs = a.0.iter().zip(&b.0).zip(axes);
     let mut apart = pairs.map(|((a, b), axis)| ((a - b).abs(), SAME * (axis.hi - axis.lo)));
+    // Ranges differ by orders of magnitude, so each axis is compared in its own share.
     apart.all(|(apart, same)| apart <= same)
 }
 
-/// What the columns mean, below the table.
+/// Explanation of the columns, below the table.
 const EXPLAINED: &str = "
 - failing start: the paper's; V: its value, as the trained ado sees it
 - near starts: test starts whose value differs from V by less than δ
@@ -161,7 +167,7 @@ const EXPLAINED: &str = "
 - never met in training: of those that fail, how many are like no start of the training
 ";
 
-/// The neighbourhoods as a Markdown table.
+/// Formats the neighbourhoods as a Markdown table.
 pub fn near_starts_markdown(all: &[NearFailing]) -> String {
     let mut text = String::from(
         "| world | failing start | V | δ | near starts | of those fail [95 %] | failing with less / more | never met in training |\n\

@@ -1,7 +1,8 @@
-//! The paper's own rows for its driving scenes (Sec. V-B and the appendix).
+//! Rows of the paper for its driving scenes (Sec. V-B and the appendix).
 //!
-//! The Q-table beside the DQN on ACC with the time both took; the plain reward on
-//! the paper's state; success after the paper's numbers of episodes, and after more.
+//! They compare the Q-table with the DQN on ACC, including the time of both, and the plain
+//! reward on the paper's state. Success is measured after the paper's numbers of episodes
+//! and after more.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -12,50 +13,51 @@ use crate::seed::Seeds;
 use crate::stats::{Outcomes, seeds_interval};
 use crate::world::Scenario;
 
-/// One training to be measured on the way.
+/// Training to be measured along the way.
 pub struct PaperRow<'a> {
-    /// What it is in the paper, and what the paper says of it.
+    /// Description of the row in the paper, with the paper's result.
     pub paper: &'a str,
-    /// The world, with the learner in question.
+    /// World with the learner of the row.
     pub scenario: &'a Scenario,
-    /// Numbers of episodes at which to look; the end is always looked at.
+    /// Numbers of episodes at which to evaluate, in addition to the end.
     pub episodes: &'a [u64],
 }
 
-/// What several trainings came to at one number of episodes.
+/// Mean results of several trainings at a number of episodes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Reached {
     /// Mean episodes of training.
     pub episodes: f64,
     /// Mean decisions of training.
     pub decisions: f64,
-    /// Mean processor time of training.
+    /// Mean processor time of training, s.
     pub cpu_s: f64,
     /// Mean success rate.
     pub success_rate: f64,
-    /// Its interval over trainings and starts (docs/intervals.md).
+    /// Interval of the rate over trainings and starts (docs/intervals.md).
     pub ci95: [f64; 2],
 }
 
-/// One of the paper's rows, measured.
+/// Measured row of the paper.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Measured {
-    /// What it is in the paper, and what the paper says of it.
+    /// Description of the row in the paper, with the paper's result.
     pub paper: String,
     /// Name of the world.
     pub world: String,
     /// Name of the learner.
     pub learner: String,
-    /// Training seeds.
+    /// Number of training seeds.
     pub seeds: u64,
-    /// Starts evaluated: those that are not trivial.
+    /// Number of evaluated starts, without trivial starts.
     pub starts: usize,
-    /// In rising numbers of episodes; the last is the end of training.
+    /// Results by rising number of episodes. The last is the end of training.
     pub reached: Vec<Reached>,
 }
 
-/// Trains once per seed, in parallel, and measures on `starts` test starts.
-/// `None`: stopped from outside.
+/// Trains with every seed in parallel and evaluates on `starts` test starts.
+///
+/// Returns `None` if stopped from outside.
 pub fn measure_paper_row(
     row: &PaperRow<'_>,
     (seeds, starts): (Seeds, usize),
@@ -68,13 +70,14 @@ pub fn measure_paper_row(
         .par_iter()
         .map(|&seed| milestones(row.scenario, seed, row.episodes, &starts, watch))
         .collect::<Option<_>>()?;
-    // Trainings of equal length differ by a few episodes: the milestones that
-    // all of them reached, and everybody's last.
+    // Trainings of equal length differ by a few episodes. Only milestones that all of
+    // them reached are averaged, and the last of each.
     let common = trainings.iter().map(Vec::len).min().unwrap_or(0);
     let mut reached: Vec<Reached> = (0..common.saturating_sub(1))
         .map(|at| together(trainings.iter().filter_map(|training| training.get(at))))
         .collect();
     reached.push(together(trainings.iter().filter_map(|all| all.last())));
+    // The starts are the same for all trainings, so any row gives their number.
     let last = trainings.first().and_then(|all| all.last());
     Some(Measured {
         paper: row.paper.to_owned(),
@@ -86,7 +89,7 @@ pub fn measure_paper_row(
     })
 }
 
-/// The mean of milestones of several seeds.
+/// Returns the mean of milestones of several seeds.
 fn together<'a>(seeds: impl Iterator<Item = &'a Milestone>) -> Reached {
     let seeds: Vec<&Milestone> = seeds.collect();
     let n = seeds.len().max(1) as f64;
@@ -101,7 +104,7 @@ fn together<'a>(seeds: impl Iterator<Item = &'a Milestone>) -> Reached {
     }
 }
 
-/// What the columns mean, below the table.
+/// Explanation of the columns, below the table.
 const EXPLAINED: &str = "
 - paper: what the paper says of that row
 - seeds, starts: trainings, and test starts of each that are not trivial
@@ -109,7 +112,7 @@ const EXPLAINED: &str = "
 - success: mean share of starts from which the greedy ado then makes the ego fail
 ";
 
-/// The rows as a Markdown table.
+/// Formats the rows as a Markdown table.
 pub fn paper_rows_markdown(rows: &[Measured]) -> String {
     let mut text = String::from(
         "| paper | world | learner | seeds | starts | episodes | decisions | CPU s | success [95 %] |\n\

@@ -1,9 +1,8 @@
-//! Test protocols: which points an ego passes, and which lawful variations of
-//! those points it does not.
+//! Test protocols: points that an ego passes, and lawful variations that it fails.
 //!
-//! A point is a start of a world whose ado, while nothing is added to its plan,
-//! does what the protocol prescribes. What its rules let it add is searched, per
-//! point that is passed, for the first variation that makes the ego fail.
+//! A point is a start of a world. Without additions to its plan, the ado follows the
+//! protocol. The additions that its rules allow are searched per passed point, until the
+//! first variation makes the ego fail.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,35 +10,35 @@ use crate::evaluation::{PointsRequest, points};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::world::Scenario;
 
-/// Most changes of what is added to a plan.
+/// Largest number of switches in the additions to a plan.
 const SWITCHES: usize = 2;
 
-/// One ego at the points of one world.
+/// Results of an ego at the points of a world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ProtocolRow {
     /// Name of the world.
     pub world: String,
     /// Name of the ego.
     pub ego: String,
-    /// Points of the protocol.
+    /// Number of points of the protocol.
     pub points: usize,
-    /// Those at which the ego does not fail.
+    /// Points at which the ego does not fail.
     pub passed: usize,
-    /// Of those, at how many a lawful variation makes it fail.
+    /// Passed points with a lawful variation that makes the ego fail.
     pub strayed: usize,
-    /// Of those, at how many CC_LATCHED or FSM in its place would not have.
+    /// Such points at which CC_LATCHED or FSM would not have failed.
     pub preventable: usize,
-    /// Of those, at how many the reference drivers have nothing to say: they
-    /// follow others, and judge nobody who crosses.
+    /// Such points that the reference drivers cannot judge.
+    ///
+    /// These drivers follow other vehicles and cannot judge crossing traffic.
     pub unjudged: usize,
-    /// The greatest closing speed of a contact, m/s.
+    /// Largest closing speed of a contact, m/s.
     pub worst_closing_mps: Option<f64>,
 }
 
-/// Lets an ego meet every point, and searches for variations of those it passes;
-/// of a world without a table of points, `starts` of its starts.
+/// Plays every point against an ego, and searches variations of the passed points.
 ///
-/// `None`: stopped.
+/// A world without a table of points uses `starts` of its starts. `None`: stopped.
 pub fn protocol_row(
     name: &str,
     ego: &EgoUnderTest,
@@ -48,6 +47,7 @@ pub fn protocol_row(
 ) -> Option<ProtocolRow> {
     let request = PointsRequest {
         ego,
+        // Seed 0 is an open seed. Protocols with a table use it for noise only.
         starts: (starts, 0),
         switches: Some(SWITCHES),
     };
@@ -56,6 +56,7 @@ pub fn protocol_row(
         return None;
     }
     let varied = table.points.iter().filter_map(|it| it.varied.as_ref());
+    // Only variations that make the ego fail can be preventable.
     let varied = varied.filter(|varied| varied.fails);
     let judged = |preventable| {
         let varied = varied.clone();
@@ -72,12 +73,14 @@ pub fn protocol_row(
         worst_closing_mps: varied
             .clone()
             .filter_map(|varied| varied.closing_mps)
+            // Without a contact there is no speed, and 0 would claim a contact.
             .reduce(f64::max),
     })
 }
 
-/// The worlds' rows as a Markdown table, a column per ego.
+/// Formats the rows as a Markdown table, with a column per ego.
 pub fn protocols_markdown(rows: &[ProtocolRow]) -> String {
+    // Worlds and egos keep the order of their first rows.
     let (mut worlds, mut egos) = (Vec::new(), Vec::new());
     for row in rows {
         if !worlds.contains(&row.world.as_str()) {
@@ -103,12 +106,14 @@ pub fn protocols_markdown(rows: &[ProtocolRow]) -> String {
     };
     for world in &worlds {
         let points = rows.iter().find(|row| row.world == *world);
+        // Every ego plays the same points, so any row gives their number.
         let points = points.map_or(0, |row| row.points);
         let cells = egos
             .iter()
             .map(|ego| at(world, ego).map_or("–".to_owned(), cell));
         text.push_str(&line(world, points, cells));
     }
+    // The sum over worlds counts every point once.
     let sums: Vec<ProtocolRow> = egos.iter().map(|ego| sum(rows, ego)).collect();
     let points = sums.first().map_or(0, |row| row.points);
     text.push_str(&line("all", points, sums.iter().map(cell)));
@@ -120,7 +125,7 @@ fn line(world: &str, points: usize, cells: impl Iterator<Item = String>) -> Stri
     format!("| {world} | {points} |{cells}\n")
 }
 
-/// How many points are passed, `!` of which fail varied, `c` of those preventably.
+/// Formats a cell: passed points, `!` failing variations, `c` preventable ones.
 fn cell(row: &ProtocolRow) -> String {
     let mut text = row.passed.to_string();
     if 0 < row.strayed {
@@ -132,7 +137,7 @@ fn cell(row: &ProtocolRow) -> String {
     text
 }
 
-/// One ego over all worlds.
+/// Sums the results of an ego over all worlds.
 fn sum(rows: &[ProtocolRow], ego: &str) -> ProtocolRow {
     let own = || rows.iter().filter(|row| row.ego == ego);
     ProtocolRow {
@@ -149,8 +154,9 @@ fn sum(rows: &[ProtocolRow], ego: &str) -> ProtocolRow {
     }
 }
 
-/// The egos of a protocol's world that are compared: its own, and those under
-/// `reuse`, or those asked for.
+/// Returns the egos to compare in a protocol's world.
+///
+/// They are the requested egos, or the world's own and all egos under `reuse`.
 pub fn protocol_egos(
     world: &Scenario,
     asked: &[String],

@@ -1,8 +1,7 @@
-//! Egos of structures that the ado was not trained against, each learned from
-//! some runs of it: what carries over, and what a plan in a surrogate adds.
+//! Egos of other structures than in training, learned from some runs.
 //!
-//! The reused policy and the plans that are made for one ego stand in columns of
-//! their own: a plan per start is no reused policy.
+//! The study separates the transfer of the reused policy from the benefit of plans in a
+//! surrogate. A plan per start is not a reused policy, so both have columns of their own.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,15 +13,16 @@ use crate::stats::Outcomes;
 use crate::surrogate::AdaptedTo;
 use crate::world::Scenario;
 
-/// Runs of each ego that are recorded; fewer in the second column.
+/// Number of recorded runs per ego, and the smaller number of the second column.
 pub const RUNS: u64 = 100;
 const FEW_RUNS: u64 = 30;
-/// Runs of each start where it may be tried again.
+/// Largest number of runs per start with repeated tries.
 const TRIES: u64 = 3;
-/// Most switches of the search that recall is measured against.
+/// Largest number of switches of the search that recall refers to.
 const SWITCHES: usize = 2;
-/// Kinds of controllers that are near relatives: one that is left out is left out
-/// with all of its line, or what is asked would be answered by a cousin.
+/// Groups of related kinds of controllers.
+///
+/// A group is left out as a whole, because a related controller would fit almost as well.
 const KIN: [&[&str]; 4] = [
     &[
         "Acc",
@@ -36,20 +36,21 @@ const KIN: [&[&str]; 4] = [
     &["Aeb", "PurePursuit", "Merge"],
     &["CcDriver", "CcLaneDriver", "CcLatchedDriver", "RegDriver"],
 ];
-/// Its changed egos are met in every world.
+/// World with the changed egos that are played in every world.
 const STRUCTURES: &str = "acc_structures";
-/// With fewer starts solved by search recall says little, and is in no mean.
+/// Number of starts solved by search from which recall enters the means.
 const TELLING: usize = 10;
 
-/// Who met an ego, and which starts it solved.
+/// Starts that an ado solves, compared with a search.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SolvedBy {
-    /// Share of the starts that search solves that it solves too; `None`: search
-    /// solves none.
+    /// Share of the starts solved by search that the ado solves too.
+    ///
+    /// `None`: search solves no start.
     pub recall: Option<f64>,
-    /// Starts that it solves and search does not.
+    /// Starts that the ado solves and search does not.
     pub beyond: usize,
-    /// Starts that it solves.
+    /// Starts that the ado solves.
     pub successes: usize,
 }
 
@@ -64,70 +65,70 @@ impl SolvedBy {
     }
 }
 
-/// One ego of another structure.
+/// Results of an ego of another structure.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StructureRow {
-    /// Its name in the world.
+    /// Name of the ego in the world.
     pub ego: String,
     /// Seed of the training.
     pub seed: u64,
     /// Starts that are not trivial.
     pub starts: usize,
-    /// Those that search solves.
+    /// Starts that search solves.
     pub searched: usize,
-    /// The policy, reused as it was trained.
+    /// Policy as trained.
     pub trained: SolvedBy,
-    /// Random actions, held.
+    /// Held random actions.
     pub held: SolvedBy,
-    /// The best of the constant actions, chosen on these very starts.
+    /// Best constant action, chosen on these starts.
     pub constant: SolvedBy,
-    /// The best of six that accelerate and then brake, chosen on these very starts.
+    /// Best of six ados that accelerate and then brake, chosen on these starts.
     pub switch: SolvedBy,
-    /// Planned in a surrogate of [`RUNS`] runs, each start played once; neither the
-    /// kind of controller nor its relatives are among those that the ego is likened
-    /// to.
+    /// Plans in a surrogate of [`RUNS`] runs, with one run per start.
+    ///
+    /// The ego's kind of controller and related kinds are not compared with the ego.
     pub adapted: SolvedBy,
-    /// The same, each start played at most three times.
+    /// Same plans with at most three runs per start.
     pub again: SolvedBy,
-    /// Planned in a surrogate of 30 runs, each start played once.
+    /// Plans in a surrogate of 30 runs, with one run per start.
     pub few: SolvedBy,
-    /// As `adapted`, the ego likened to all stock controllers, its own kind among
-    /// them.
+    /// Plans as in `adapted`, with all stock controllers compared.
     pub known: SolvedBy,
-    /// The kind that it was found to be most like then.
+    /// Most similar kind in that case.
     pub like: Option<String>,
-    /// How far the surrogate of the first is off two seconds ahead, and an ego
-    /// that keeps its acceleration, m.
+    /// Error of the first surrogate and of constant acceleration, two seconds ahead, m.
     pub off_m: Option<[f64; 2]>,
-    /// The share of starts that was expected of it beforehand, and its interval.
+    /// Expected share of solved starts, with its interval.
     pub expected: (f64, [f64; 2]),
 }
 
 impl StructureRow {
-    /// The share of starts that came, and whether that was to be expected.
+    /// Returns the share of solved starts and whether it was in the expected interval.
     fn came(&self) -> (f64, bool) {
         let came = self.adapted.successes as f64 / self.starts.max(1) as f64;
         let [low, high] = self.expected.1;
+        // The expectation was fixed before the test starts were played.
         (came, low <= came && came <= high)
     }
 }
 
-/// What is asked.
+/// Request of the study.
 #[derive(Clone, Copy)]
 pub struct StructuresAsked<'a> {
-    /// The run of the ado.
+    /// Run of the ado.
     pub run: &'a RunDir,
-    /// Its world, on the plant to test on.
+    /// World of the run, on the plant to test on.
     pub nominal: &'a Scenario,
-    /// Test starts to draw, and the seed of their stream.
+    /// Number of test starts and seed of their stream.
     pub starts: (usize, u64),
 }
 
-/// The controllers of other structures that a world's ado meets: those of
-/// `acc_structures`, in the place of its own ego.
+/// Returns the controllers of `acc_structures` in the place of a world's ego.
+///
+/// Controllers of the ego's own kind are left out.
 ///
 /// # Errors
-/// Nobody drives in the world.
+/// Returns an error if the world has no driving scene.
 pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError> {
     let Some(Ok(structures)) = Scenario::shipped(STRUCTURES) else {
         return Ok(Vec::new());
@@ -135,6 +136,7 @@ pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError>
     let own = world.controller().map(|own| own.controller.kind());
     let others = structures.reuse().iter().filter(|(_, change)| {
         let kind = change.controller.as_ref().map(|it| it.controller.kind());
+        // Changes without a controller keep the structure of the ego.
         kind.is_some() && kind != own
     });
     let help = "a controller drives the ego of a driving world";
@@ -143,7 +145,7 @@ pub fn other_structures(world: &Scenario) -> Result<Vec<EgoUnderTest>, EgoError>
         .collect()
 }
 
-/// A kind of controller with its relatives.
+/// Returns the kind of an ego's controller with its related kinds.
 fn kin(ego: &EgoUnderTest) -> Vec<&'static str> {
     let controller = ego.change().controller.as_ref();
     let Some(kind) = controller.map(|it| it.controller.kind()) else {
@@ -154,10 +156,10 @@ fn kin(ego: &EgoUnderTest) -> Vec<&'static str> {
 }
 
 impl StructuresAsked<'_> {
-    /// Everybody meets one ego. `None`: stopped.
+    /// Plays all ados against an ego. `None`: stopped.
     ///
     /// # Errors
-    /// The ado cannot be played, or the ego does not run.
+    /// Returns an error if the ado cannot be played or the ego does not run.
     pub fn meet(
         &self,
         ego: &EgoUnderTest,
@@ -166,9 +168,12 @@ impl StructuresAsked<'_> {
         use AdoKind::{Constant, Hold, Switch, Trained};
         let beside = [Trained, Hold, Constant, Switch];
         let kin = kin(ego);
+        // The baselines and the search are played once, with the first surrogate.
         let first = self.evaluated(ego, &beside, (RUNS, 1, Some(SWITCHES), &kin), watch)?;
+        // The learned ego is stored with the run, so this evaluation reuses it.
         let again = self.evaluated(ego, &[], (RUNS, TRIES, None, &kin), watch)?;
         let few = self.evaluated(ego, &[], (FEW_RUNS, 1, None, &kin), watch)?;
+        // Without unknown kinds the ego's own controller is compared too.
         let known = self.evaluated(ego, &[], (RUNS, 1, None, &[]), watch)?;
         let (Some(first), Some(again), Some(few), Some(known)) = (first, again, few, known) else {
             return Ok(None);
@@ -231,6 +236,7 @@ impl StructuresAsked<'_> {
         let Some(mut table) = evaluation.run(watch)? else {
             return Ok(None);
         };
+        // A failed ego would leave a row with gaps.
         if let Some(error) = table.failure.take() {
             return Err(error);
         }
@@ -244,7 +250,7 @@ impl StructuresAsked<'_> {
     }
 }
 
-/// One evaluation of an ego.
+/// Evaluation of an ego.
 struct Part {
     rows: Vec<Row>,
     told: Option<AdaptedTo>,
@@ -256,7 +262,7 @@ impl Part {
     }
 }
 
-/// One world's rows as a Markdown table, with means and the worst below.
+/// Formats a world's rows as a Markdown table, with means and minima.
 pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
     let mut text = format!(
         "`{world}`: recall of the starts that a search with at most {SWITCHES} switches solves. \
@@ -272,6 +278,7 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
     for row in rows {
         text.push_str(&line(row));
     }
+    // A recall over a few starts would dominate the mean by chance.
     let telling: Vec<&StructureRow> = rows.iter().filter(|row| TELLING <= row.searched).collect();
     let over = |of: fn(&StructureRow) -> &SolvedBy| {
         let recalls: Vec<f64> = telling.iter().filter_map(|row| of(row).recall).collect();

@@ -16,58 +16,59 @@ use crate::scene::Start;
 use crate::testbench::{Aftermath, Episode, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// A row of planned runs, and what the ado did in each.
+/// Row of planned runs, with the ado's actions in each run.
 #[derive(Clone, Debug)]
 pub struct AdaptedRow {
     /// The row.
     pub evaluated: Evaluated,
-    /// Per start, the actions of the run that stands for it.
+    /// Per start, the actions of the run that the row reports.
     pub actions: Vec<Option<Vec<usize>>>,
-    /// Starts on which the ado acted as it was trained from beginning to end.
+    /// Starts on which the ado followed its trained policy throughout.
     pub as_trained: usize,
-    /// Starts on which it acted throughout as it learned to inside the surrogate;
-    /// `None`: it did not learn there.
+    /// Starts on which it followed the policy trained inside the surrogate throughout.
+    /// `None`: no such policy was trained.
     pub trained_on: Option<usize>,
 }
 
 impl AdaptedRow {
-    /// Plays the run that stands for a start again.
+    /// Plays the reported run of a start again.
     pub(crate) fn play(&self, bench: &mut Testbench, starts: &TestStarts, index: usize) -> Episode {
         let (start, noise) = &starts.starts[index];
+        // A start without a reported run replays no actions.
         let actions = self.actions[index].as_deref().unwrap_or(&[]);
         let mut again = Replay::holding(actions);
         play(bench, start, *noise, &mut again, Aftermath::Play)
     }
 }
 
-/// What was learned of an ego and how the ado then acted against it.
+/// Record of a learned ego and of the ado's behaviour against it.
 #[derive(Clone, Debug, Serialize)]
 pub struct AdaptedTo {
-    /// Name of the ego, as rows call it.
+    /// Name of the ego, as in the rows.
     pub ego: String,
-    /// What was seen of it.
+    /// Facts recorded while the ego was learned.
     #[serde(flatten)]
     pub learned: LearnedFrom,
-    /// Runs from which the ado, a conditional one, was told what it meets.
+    /// Runs from which a conditional ado identified the ego's parameters.
+    /// 0: the ado is not conditional.
     pub identified_from: u64,
-    /// How the ado acts.
+    /// Way in which the ado acts.
     pub acts: Acts,
-    /// The same in words, and why.
+    /// The same in words, with the reason.
     pub how: String,
-    /// The share of starts that was to be expected, with the 95 % interval in which
-    /// it was to lie.
+    /// Expected share of solved starts.
     pub expected: f64,
-    /// That interval.
+    /// 95 % interval of `expected`.
     pub expected_ci95: [f64; 2],
-    /// Test starts on which the ado acted as it was trained throughout.
+    /// Test starts on which the ado followed its trained policy throughout.
     pub starts_as_trained: usize,
-    /// Test starts on which it acted throughout as it learned to inside the surrogate.
+    /// Test starts on which it followed the policy trained inside the surrogate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub starts_trained_on: Option<usize>,
 }
 
 impl AdaptedTo {
-    /// What `learned` came to, beside the row it led to.
+    /// Builds the record from the learned facts and the row of test starts.
     pub fn of(
         (ego, world): (&str, &Scenario),
         learned: &LearnedFrom,
@@ -133,7 +134,7 @@ impl Display for AdaptedTo {
     }
 }
 
-/// How the ado acts, and why.
+/// Describes how the ado acts and why.
 fn how(world: &Scenario, learned: &LearnedFrom) -> String {
     let LearnedFrom {
         planned,
@@ -163,23 +164,24 @@ fn how(world: &Scenario, learned: &LearnedFrom) -> String {
     }
 }
 
-/// One thread's planner, and the ego it plays.
+/// Planner of one thread, with the bench of the real ego.
 struct Worker<'a> {
     planner: Option<Planner<'a>>,
     bench: Testbench,
 }
 
-/// A start, played.
+/// One start, played.
 struct One {
     played: Played,
     actions: Vec<usize>,
-    /// What the ado kept to from beginning to end.
+    /// Strategy that the ado followed from beginning to end.
     kept: Option<Strategy>,
 }
 
 impl LearnedEgo {
-    /// Plans every start of `request`, whose ado is the policy, and plays it up
-    /// to `tries` times until its first success.
+    /// Plans every start of `request` and plays it until its first success.
+    ///
+    /// A start gets at most `tries` runs. The ado of `request` must be `policy`.
     pub fn eval(
         &self,
         request: &EvalRequest<'_>,
@@ -188,11 +190,13 @@ impl LearnedEgo {
         watch: &Watch<'_>,
     ) -> AdaptedRow {
         let stored = self.trained_on.as_deref();
+        // A stored policy that no longer loads is left out and the plans remain.
         let trained_on = stored.and_then(|stored| load_policy(stored).ok());
         let policies = Policies {
             as_trained: policy,
             trained_on: trained_on.as_deref(),
         };
+        // Every thread has its own planner and bench, so starts share no state.
         let worker = || Worker {
             planner: Planner::new(
                 request.scenario,
@@ -215,12 +219,15 @@ impl LearnedEgo {
                 .count()
         };
         let as_trained = kept_to(Strategy::AsTrained);
+        // Without such a policy the count is absent, not zero.
         let trained_on = policies.trained_on.map(|_| kept_to(Strategy::TrainedOn));
         let actions = all.iter().map(|one| Some(one.as_ref()?.actions.clone()));
         let actions = actions.collect();
         let played = all.into_iter().map(|one| Some(one?.played));
+        // The row was filled for a plain evaluation, so ado and method are renamed here.
         let mut evaluated = Evaluated::of(request, played.collect(), watch);
         let row = &mut evaluated.row;
+        // Rows of the policy itself keep its name, so both can be compared in a table.
         row.ado = "adapted".to_owned();
         row.method = match self.from.acts() {
             Acts::Planned => format!("planned in a surrogate of {} runs", self.from.runs),
@@ -238,7 +245,7 @@ impl LearnedEgo {
         }
     }
 
-    /// The actions that are the same from every start.
+    /// Returns the actions that are the same from every start.
     fn alike(&self) -> &[usize] {
         let tried = self.from.fixed.as_ref();
         tried.map_or(&[], |tried| &tried.actions)
@@ -254,7 +261,7 @@ impl LearnedEgo {
     ) -> Option<One> {
         let mut first: Option<One> = None;
         let (mut simulations, mut physics_steps) = (0, 0);
-        // As it was trained the ado acts alike every time.
+        // The trained policy and fixed actions would repeat the same run.
         let acts = self.from.acts();
         let tries = if acts == Acts::Planned {
             tries.max(1)
@@ -263,6 +270,7 @@ impl LearnedEgo {
         };
         let mut earlier = Earlier::default();
         for _ in 0..tries {
+            // A stopped start keeps its finished runs.
             if watch.stopped() {
                 break;
             }
@@ -272,6 +280,7 @@ impl LearnedEgo {
                     let run = planner.run(bench, from, Aftermath::Play, &earlier);
                     let kept = run.kept().cloned();
                     let actions = run.so_far.actions.clone();
+                    // The next try starts from the ego's motion recorded in this run.
                     earlier.add(run.so_far, kept.clone());
                     (bench.episode(start, *noise, actions), kept)
                 }
@@ -292,12 +301,13 @@ impl LearnedEgo {
                 actions,
                 kept,
             };
+            // A success ends the tries, and its outcome counts every run up to here.
             if one.played.outcome.verdict.is_success() {
                 return Some(one);
             }
             first.get_or_insert(one);
         }
-        // An unsolved start keeps the outcome of its first run.
+        // An unsolved start keeps the outcome of its first run, with the cost of all runs.
         let mut unsolved = first?;
         unsolved.played.outcome.simulations = simulations;
         unsolved.played.outcome.physics_steps = physics_steps;

@@ -1,12 +1,12 @@
-//! Finding the emergency brake of an ego in what it did.
+//! Fits the emergency brake of an ego to its recorded motion.
 //!
-//! While a brake grips, the acceleration goes to the same value from wherever it is:
-//! its changes lie on a line over the acceleration, whoever is ahead. Little else
-//! that an ego does lies on one line (its other limits do), so that line is found
-//! first, by consensus (Fischler & Bolles 1981), and with it which samples were braked.
-//! When it grips is
-//! then a matter of telling two kinds of samples apart by a weighted sum: between the
-//! samples at which it began or ended, and by logistic regression of those nearby.
+//! While a brake acts, the acceleration converges to the same value.
+//! Its changes therefore lie on a line over the acceleration, whatever is ahead.
+//! Few other behaviours lie on one line, apart from other limits of the ego.
+//! Consensus finds this line and the braked samples first (Fischler & Bolles 1981).
+//! The threshold then separates braked from unbraked samples by a weighted sum.
+//! Samples at which braking began or ended give a first fit. Logistic regression on
+//! nearby samples refines it.
 
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
@@ -17,45 +17,49 @@ use super::regression::{SMALL_WEIGHTS, add, logistic};
 use crate::seed;
 use crate::stats::Search;
 
-/// Pairs of samples through which a line is drawn, and samples to hold it against.
+/// Number of candidate lines, and largest number of samples they are checked on.
 const LINES: usize = 2_000;
 const HELD_AGAINST: usize = 3_000;
-/// How near to a line its samples lie, m/s²: as near as a simulation without noise
-/// has it, or less. The last one is for egos that hardly repeat themselves.
+/// Distances within which samples lie on a line, m/s².
+///
+/// The smallest suits a simulation without noise, the largest an ego that hardly
+/// repeats itself.
 const NEAR_MPS2: [f64; 4] = [1e-3, 1e-2, 3e-2, 1e-1];
-/// So much further away, samples lie by chance.
+/// Factor on that distance that bounds the neighbourhood from which chance is estimated.
 const AROUND: f64 = 10.0;
-/// Less is no braking, m/s².
+/// Smallest change that counts as braking, m/s².
 const LEAST_MPS2: f64 = 0.05;
-/// The softest braking that a line may lead to, and the hardest.
+/// Softest and hardest braking that a line may lead to.
 const BRAKES_MPS2: std::ops::Range<f64> = 2.0..12.0;
 /// The longest time constant, s.
 const LONGEST_LAG_S: f64 = 1.0;
-/// Who is slower stands, and brakes as standing takes.
+/// Lowest speed of a moving ego, m/s.
+///
+/// Below it, the stop limits the deceleration.
 const MOVES_MPS: f64 = 0.5;
-/// A line of fewer samples is none.
+/// Smallest number of samples on a line.
 const LEAST_SAMPLES: f64 = 20.0;
-/// Of what a brake grips wrongly everything counts from so much on, m/s².
+/// Deviation beyond which a wrongly braked sample counts fully, m/s².
 const WRONG_MPS2: f64 = 0.1;
-/// A brake explains at least this share of the braked samples, less those it grips
-/// wrongly.
+/// Smallest explained share of the braked samples.
+///
+/// Wrongly braked samples are subtracted.
 const LEAST_SHARE: f64 = 0.8;
-/// What a further way in the sum must explain.
+/// Share that each distance in the sum must explain.
 const PER_WAY: f64 = 0.01;
-/// Draws of samples at which it began or ended, per sum of ways.
+/// Draws of edge samples per sum of distances.
 const DRAWS: usize = 200;
-/// Samples to choose the sum on.
+/// Largest number of samples used to choose the sum.
 const TO_CHOOSE: usize = 4_000;
-/// Sums that are settled by regression.
+/// Number of sums refined by regression.
 const SETTLED: usize = 12;
-/// How far from the threshold samples may be that it is settled by, m, one time after
-/// the other.
+/// Distances from the threshold within which samples refine it, m, in order.
 const NEARBY_M: [f64; 5] = [1.0, 0.5, 0.3, 0.2, 0.1];
-/// From fewer samples of a kind nothing is told apart.
+/// Smallest number of samples of each kind for a regression.
 const FEW: usize = 5;
-/// How far from the threshold samples may be that a sum with a way less is begun with, m.
+/// Distance from the threshold of samples that start a sum with a term less, m.
 const SIMPLER_M: f64 = 2.0;
-/// Who may count as being ahead.
+/// Criteria for vehicles ahead that are tried.
 const COUNTS: [BrakedFor; 4] = [
     BrakedFor {
         side_m: 0.0,
@@ -75,10 +79,10 @@ const COUNTS: [BrakedFor; 4] = [
     },
 ];
 
-/// The brake that an ego was seen to have, of the situations it was in and what it did
-/// in each, the change of its acceleration. `None`: none was found.
+/// Fits the brake of an ego to its situations and changes of acceleration.
 ///
-/// `before` is the one that fewer runs of it showed. Equal requests give equal answers.
+/// Returns `None` if no brake explains the samples. `before` is the brake fitted to
+/// fewer runs of the same ego. Equal arguments give equal results.
 pub(super) fn brake_in(
     situations: &[Situation],
     changes: &[f64],
@@ -87,6 +91,7 @@ pub(super) fn brake_in(
     let mut dice = seed::generator("brake", &[seed]);
     let sample_s = situations.first()?.sample_s;
     let (line, near_mps2) = line(situations, changes, sample_s, &mut dice)?;
+    // Only the deceleration and the lag are known here. The weights follow.
     let brake = line.brake(sample_s);
     let pairs = situations.iter().zip(changes);
     let worths = pairs.map(|(situation, change)| worth(&brake, situation, *change, near_mps2));
@@ -103,7 +108,8 @@ pub(super) fn brake_in(
                 ..brake
             };
             let cases = Cases::of(&brake, situations, &worths);
-            // Where nobody moves across the road they all count alike.
+            // Without lateral motion all criteria select the same samples.
+            // Duplicates are dropped.
             if !kinds.iter().any(|kind| kind.all == cases.all) {
                 kinds.push(cases);
             }
@@ -112,6 +118,7 @@ pub(super) fn brake_in(
     let mut found: Vec<(Sum<'_>, [f64; WAYS], f64)> = Vec::new();
     let few: Vec<Cases> = kinds.iter().map(Cases::few).collect();
     for (kind, few) in kinds.iter().zip(&few) {
+        // The margin is always in the sum, so the mask covers the other terms only.
         for ways in (1..1 << MARGIN).map(ways_of) {
             let sum = Sum { kind, few, ways };
             let drawn = sum.drawn(&mut dice).into_iter();
@@ -124,15 +131,17 @@ pub(super) fn brake_in(
             }));
         }
     }
-    // Equals stay in their order: a stable sort.
+    // The sort is stable, so equal candidates keep their order and results repeat.
     found.sort_by(|a, b| b.2.total_cmp(&a.2));
     found.truncate(SETTLED);
+    // The earlier brake is a candidate too, so runs that show no threshold do not lose it.
     if let Some(before) = before {
         let same = |kind: &Cases| {
             let of = (kind.of.counts, kind.of.only_closing);
             of == (before.counts, before.only_closing)
         };
         let weights = before.weights();
+        // The earlier brake keeps its own terms.
         let ways = (0..WAYS).filter(|&way| way == MARGIN || weights[way] != 0.0);
         let ways: Vec<usize> = ways.collect();
         let mut pairs = kinds.iter().zip(&few);
@@ -151,7 +160,7 @@ pub(super) fn brake_in(
     (LEAST_SHARE <= explained).then(|| sum.kind.of.weighing(weights))
 }
 
-/// A line that changes of acceleration lie on: a share of the way to a braking.
+/// Line of changes of acceleration: a fixed share of the way to a deceleration.
 #[derive(Clone, Copy, Debug)]
 struct Line {
     brake_mps2: f64,
@@ -159,11 +168,15 @@ struct Line {
 }
 
 impl Line {
-    /// Through an acceleration and what it changed by, and of such a share for every
-    /// m/s² that it is harder. `None`: no brake is like that.
+    /// Returns the line through a sample with the given slope.
+    ///
+    /// `share` is the part of the remaining deceleration reached per sample.
+    /// `None`: no brake has this deceleration or time constant.
     fn of((accel_mps2, change_mps2): (f64, f64), share: f64, sample_s: f64) -> Option<Line> {
         let brake_mps2 = -accel_mps2 - change_mps2 / share;
+        // A first-order lag reaches at least this share per sample.
         let least = 1.0 - libm::exp(-sample_s / LONGEST_LAG_S);
+        // The tolerance admits a brake without lag, which has a share of 1 up to rounding.
         let is_one = (least..=1.0 + 1e-6).contains(&share) && BRAKES_MPS2.contains(&brake_mps2);
         is_one.then_some(Line { brake_mps2, share })
     }
@@ -172,7 +185,7 @@ impl Line {
         self.share * (-self.brake_mps2 - accel_mps2)
     }
 
-    /// As a brake that never grips yet.
+    /// Returns a brake with this line and zero weights, so it never acts.
     fn brake(&self, sample_s: f64) -> EmergencyBrake {
         let left = 1.0 - self.share;
         EmergencyBrake {
@@ -194,7 +207,7 @@ impl Line {
     }
 }
 
-/// The line on which more samples lie than by chance, and how near to it they do.
+/// Returns the line with the most samples beyond chance, and its tolerance.
 fn line(
     situations: &[Situation],
     changes: &[f64],
@@ -202,6 +215,7 @@ fn line(
     dice: &mut ChaCha8Rng,
 ) -> Option<(Line, f64)> {
     let pairs = situations.iter().zip(changes);
+    // Near standstill the stop limits the deceleration, so these samples lie on no line.
     let braking = pairs.filter(|(situation, change)| {
         MOVES_MPS < situation.own.speed_mps && **change < -LEAST_MPS2 / 2.0
     });
@@ -213,12 +227,13 @@ fn line(
     }
     let every = all.len().div_ceil(HELD_AGAINST);
     let few: Vec<(f64, f64)> = all.iter().step_by(every).copied().collect();
-    // On it, less twice what lies there by chance if all around is chance.
+    // Subtracts twice the number expected on the line if the neighbourhood is chance.
     let excess = |line: &Line, near_mps2: f64| {
         let mut on_and_around = [0.0; 2];
         for &(accel_mps2, change_mps2) in &few {
             let gripping = line.change_mps2(accel_mps2);
             let off = (change_mps2 - gripping).abs();
+            // Changes near zero lie on many lines and count for none.
             if gripping < -3.0 * near_mps2 && off < AROUND * near_mps2 {
                 on_and_around[usize::from(near_mps2 <= off)] += 1.0;
             }
@@ -228,7 +243,7 @@ fn line(
     let mut best: Option<(f64, Line, f64)> = None;
     for draw in 0..LINES {
         let one = dice.random_range(0..all.len());
-        // Who begins to brake goes on with it: half of the pairs are close together.
+        // Braking lasts several samples, so half of the pairs are drawn close together.
         let other = match draw % 2 {
             0 => dice.random_range(0..all.len()),
             _ => (one + dice.random_range(1..4)) % all.len(),
@@ -246,13 +261,15 @@ fn line(
         }
     }
     let (excess, line, near_mps2) = best?;
+    // Least squares removes the error of the two drawn samples.
     let fitted = fitted(line, near_mps2, &all);
     let settled = Line::of(fitted.0, fitted.1, sample_s).unwrap_or(line);
     (LEAST_SAMPLES <= excess * every as f64).then_some((settled, near_mps2))
 }
 
-/// The line of least squares through the samples that lie on one: their middle, and its
-/// share.
+/// Fits a line by least squares to the samples near a line.
+///
+/// Returns the mean sample and the share.
 fn fitted(line: Line, near_mps2: f64, all: &[(f64, f64)]) -> ((f64, f64), f64) {
     let on = || {
         let near = all
@@ -271,12 +288,15 @@ fn fitted(line: Line, near_mps2: f64, all: &[(f64, f64)]) -> ((f64, f64), f64) {
     ((accel, change), -along / across)
 }
 
-/// What it is worth to grip here: 1 where the ego braked as the brake does, up to −1
-/// where it did not, 0 where nothing can be said.
+/// Returns the value of braking at a sample.
+///
+/// It is 1 where the ego braked as the brake does, and falls to −1 where it did not.
+/// It is 0 where the sample shows neither.
 fn worth(brake: &EmergencyBrake, situation: &Situation, change_mps2: f64, near_mps2: f64) -> f64 {
     let gripping_mps2 = brake.gripping_mps2(situation);
     let off_mps2 = change_mps2 - gripping_mps2;
     let near_mps2 = 3.0 * near_mps2;
+    // The brake would change almost nothing here, so the sample shows neither.
     if -LEAST_MPS2 / 2.0 < gripping_mps2 {
         0.0
     } else if off_mps2.abs() < near_mps2 {
@@ -286,7 +306,7 @@ fn worth(brake: &EmergencyBrake, situation: &Situation, change_mps2: f64, near_m
     }
 }
 
-/// A sample in which a brake may grip.
+/// Sample in which a brake may act.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Case {
     ways: [f64; WAYS],
@@ -295,20 +315,20 @@ struct Case {
 }
 
 impl Case {
-    /// By how much the ways are longer than the clear one.
+    /// Returns by how much the weighted sum exceeds the clear distance.
     fn over_m(&self, weights: &[f64; WAYS]) -> f64 {
         let pairs = self.ways.iter().zip(weights);
         pairs.map(|(way, weight)| way * weight).sum::<f64>() - self.clearance_m
     }
 }
 
-/// All samples in which some brake may grip.
+/// All samples in which some brake may act.
 struct Cases {
     of: EmergencyBrake,
     all: Vec<Case>,
-    /// Halfway between two samples at the first or the last of which it gripped.
+    /// Midpoints between neighbouring samples between which braking began or ended.
     edges: Vec<Case>,
-    /// What all braked samples are worth, those too in which it cannot grip.
+    /// Value of all braked samples, including those in which this brake cannot act.
     total: f64,
 }
 
@@ -329,6 +349,7 @@ impl Cases {
             let (Some(one), Some(other)) = (&cases[0], &cases[1]) else {
                 return None;
             };
+            // The time restarts between runs, so the last sample of a run has no neighbour.
             let is_one = situations[0].time_s < situations[1].time_s;
             (is_one && one.worth * other.worth < 0.0).then(|| Case {
                 ways: std::array::from_fn(|i| 0.5 * (one.ways[i] + other.ways[i])),
@@ -348,11 +369,12 @@ impl Cases {
         }
     }
 
-    /// Fewer of those that were not braked, which count the more.
+    /// Returns a subset with fewer unbraked samples, each weighted accordingly.
     fn few(&self) -> Cases {
         let every = self.all.len().div_ceil(TO_CHOOSE).max(1);
         let mut wrong = 0;
         let thinned = self.all.iter().filter_map(|case| {
+            // Braked samples are rare, so all of them stay.
             let more = if case.worth < 0.0 { every as f64 } else { 1.0 };
             wrong += usize::from(case.worth < 0.0);
             (0.0 < case.worth || wrong.is_multiple_of(every)).then_some(Case {
@@ -367,14 +389,14 @@ impl Cases {
         }
     }
 
-    /// The share of braked samples in which a brake grips, less those it grips wrongly.
+    /// Returns the explained share of braked samples, less the wrongly braked ones.
     fn explained(&self, weights: &[f64; WAYS]) -> f64 {
         let gripped = self.all.iter().filter(|case| 0.0 < case.over_m(weights));
         gripped.map(|case| case.worth).sum::<f64>() / self.total
     }
 }
 
-/// A sum whose weights are settled.
+/// Sum with refined weights.
 #[derive(Clone)]
 struct Settled<'a> {
     sum: Sum<'a>,
@@ -383,14 +405,15 @@ struct Settled<'a> {
 }
 
 impl Settled<'_> {
-    /// What it explains, less what its ways cost.
+    /// Returns the explained share less the cost of the terms.
     fn worth_it(&self) -> f64 {
         self.explained - PER_WAY * self.sum.ways.len() as f64
     }
 }
 
-/// The same with one way less, and one more less, as long as that is worth it: weights of
-/// ways that hardly differ lead each other astray.
+/// Drops terms one at a time while this raises the value.
+///
+/// The weights of similar terms can otherwise compensate each other.
 fn simpler<'a>(mut best: Settled<'a>, dice: &mut ChaCha8Rng) -> Settled<'a> {
     loop {
         let ways = best.sum.ways.iter().filter(|&&way| way != MARGIN);
@@ -413,31 +436,31 @@ fn simpler<'a>(mut best: Settled<'a>, dice: &mut ChaCha8Rng) -> Settled<'a> {
     }
 }
 
-/// Some of the ways, the margin always among them, as positions in all of them.
+/// Returns the positions of the selected terms, the margin always included.
 fn ways_of(mask: usize) -> Vec<usize> {
     (0..WAYS)
         .filter(|&way| way == MARGIN || mask >> way & 1 == 1)
         .collect()
 }
 
-/// A weighted sum of some ways.
+/// Weighted sum of some distances.
 #[derive(Clone)]
 struct Sum<'a> {
     kind: &'a Cases,
-    /// Fewer of the same.
+    /// Subset of `kind` with fewer samples.
     few: &'a Cases,
     ways: Vec<usize>,
 }
 
 impl<'a> Sum<'a> {
-    /// The weights with which the threshold runs through a few edges: those of the
-    /// draws that explain most.
+    /// Returns the best weights among thresholds drawn through a few edges.
     fn drawn(&self, dice: &mut ChaCha8Rng) -> Option<[f64; WAYS]> {
         let edges = &self.few.edges;
         let drawn = self.ways.len() + 1;
         if edges.len() < drawn {
             return None;
         }
+        // Terms are scaled to comparable size, so the same regularisation suits all of them.
         let size = |way: usize| {
             let sizes = edges.iter().map(|edge| edge.ways[way].abs());
             sizes.fold(1e-9, f64::max)
@@ -452,6 +475,7 @@ impl<'a> Sum<'a> {
                 let row: Vec<f64> = ways.map(|(&way, size)| edge.ways[way] / size).collect();
                 add(&mut left, &mut right, &row, (1.0, edge.clearance_m));
             }
+            // A singular draw has no solution and is skipped.
             let solved = left.cholesky()?.solve(&right);
             let scaled = solved
                 .iter()
@@ -465,8 +489,9 @@ impl<'a> Sum<'a> {
         best.map(|(_, weights)| weights)
     }
 
-    /// The weights with which a threshold tells best who was braked, of all samples or
-    /// of those so near to another threshold, by logistic regression.
+    /// Returns the threshold that separates braked from unbraked samples best.
+    ///
+    /// Logistic regression fits it to all samples, or to samples near another threshold.
     fn told_apart(&self, cases: &Cases, near: Option<(&[f64; WAYS], f64)>) -> Option<[f64; WAYS]> {
         let nearby = cases.all.iter().filter(|case| {
             near.is_none_or(|(weights, near_m)| case.over_m(weights).abs() < near_m)
@@ -484,20 +509,21 @@ impl<'a> Sum<'a> {
         }
         let found = logistic(&rows, &worths)?;
         let (clear, weights) = found.split_last()?;
-        // A brake grips the rather the less is clear.
+        // A brake acts sooner with less clearance, so the weight of the clearance is positive.
         (0.0 < *clear).then(|| self.whole(weights.iter().map(|weight| weight / clear)))
     }
 
-    /// A threshold, settled by the samples nearer and nearer to it, and by cross-entropy
-    /// search about that.
+    /// Refines a threshold with ever nearer samples, then by cross-entropy search.
     fn settled(self, weights: [f64; WAYS], dice: &mut ChaCha8Rng) -> Settled<'a> {
         let mut best = (weights, self.kind.explained(&weights));
         let mut here = weights;
         for near_m in NEARBY_M {
+            // Too few samples near the threshold end the refinement.
             let Some(there) = self.told_apart(self.kind, Some((&here, near_m))) else {
                 break;
             };
             let explained = self.kind.explained(&there);
+            // Each step may worsen the fit, so the best threshold so far is kept.
             if best.1 < explained {
                 best = (there, explained);
             }
@@ -515,17 +541,17 @@ impl<'a> Sum<'a> {
         }
     }
 
-    /// The threshold about another one with which most is explained.
+    /// Returns the threshold with the largest explained share near a given threshold.
     fn near(&self, weights: &[f64; WAYS], dice: &mut ChaCha8Rng) -> [f64; WAYS] {
         let cases = &self.few.all;
         let size = |way: usize| {
             let squares = cases.iter().map(|case| case.ways[way] * case.ways[way]);
             let size = (squares.sum::<f64>() / cases.len().max(1) as f64).sqrt();
-            // A way that is never gone needs no other weight.
+            // A distance that is always zero keeps its weight.
             if size < 1e-6 { f64::INFINITY } else { size }
         };
         let sizes: Vec<f64> = self.ways.iter().map(|&way| size(way)).collect();
-        // A point is what each of the weights makes of its way, in m.
+        // A point holds the change in metres that each weight makes to its term.
         let at = |point: &Vec<f64>| {
             let moved = self.ways.iter().zip(point).zip(&sizes);
             self.whole(moved.map(|((&way, by_m), size)| weights[way] + by_m / size))
@@ -539,7 +565,7 @@ impl<'a> Sum<'a> {
             .point)
     }
 
-    /// Weights of all ways, of those that are summed.
+    /// Expands the weights of the summed terms to all terms.
     fn whole(&self, of: impl Iterator<Item = f64>) -> [f64; WAYS] {
         let mut weights = [0.0; WAYS];
         for (&way, weight) in self.ways.iter().zip(of) {
@@ -608,7 +634,7 @@ mod tests {
     #[test]
     fn one_who_only_follows_has_no_brake() {
         let (situations, mut changes) = seen_of("filter");
-        // Softly, by what it sees.
+        // Soft braking that depends smoothly on the percept.
         for (situation, change) in situations.iter().zip(&mut changes) {
             let speed_mps = situation.own.speed_mps;
             let wish = libm::sin(0.02 * speed_mps * speed_mps - 4.0);

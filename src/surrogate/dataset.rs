@@ -1,4 +1,4 @@
-//! Recording runs of an ego, and what a surrogate is fitted to.
+//! Recorded runs of an ego, and the samples that a surrogate is fitted to.
 
 use std::sync::Arc;
 
@@ -23,17 +23,17 @@ use crate::testbench::{
 };
 use crate::world::Scenario;
 
-/// Calibration starts from here on are for this alone.
+/// First index of the calibration starts reserved for this module.
 const FIRST_START: u64 = 1 << 33;
 
-/// A run of the real ego from a calibration start.
+/// Run of the real ego from a calibration start.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
     pub start: Start,
     pub noise: u64,
     pub so_far: SoFar,
     pub is_success: bool,
-    /// Whether the ado acted as it was trained.
+    /// Whether the ado followed its trained policy.
     pub as_trained: bool,
 }
 
@@ -43,12 +43,14 @@ impl Run {
     }
 }
 
-/// Calibration starts, none of which the nominal ego fails by itself, as far as
-/// that can be known without running a program.
+/// Draws calibration starts that the nominal ego does not fail by itself.
+///
+/// An ego in another process is not run, so its starts are not checked.
 pub(super) fn starts(nominal: &Scenario, count: u64, seed: u64) -> Vec<(Start, u64)> {
     let mut bench = nominal.bench();
     let neutral = bench.spaces().neutral;
     let knows = nominal.program().is_none();
+    // Four candidates per start bound the search if most starts are trivial.
     let keys = (0..4 * count).map(|index| StartKey {
         purpose: Purpose::Calibration,
         seed,
@@ -73,18 +75,20 @@ pub(super) fn starts(nominal: &Scenario, count: u64, seed: u64) -> Vec<(Start, u
     starts
 }
 
-/// Who acts in a recorded run.
+/// Actor of a recorded run.
 enum Recorded<'a> {
-    /// Random actions, held.
+    /// Random actions, held for some decisions.
     Held,
-    /// The ado as it was trained.
+    /// Trained policy of the ado.
     Policy(&'a dyn Policy),
-    /// These actions, the last one held.
+    /// Fixed actions, the last action held.
     Sequence(Vec<usize>),
 }
 
-/// Runs under a mixture of actions: half of them random and held, a quarter as
-/// the policy acts, a quarter one action up to some time and then another.
+/// Records runs under mixed actions.
+///
+/// Half are random and held, a quarter follows the policy, and a quarter switches once
+/// from one action to another.
 pub(super) fn mixed(
     ego: &Scenario,
     policy: &dyn Policy,
@@ -94,6 +98,7 @@ pub(super) fn mixed(
     let acting = |bench: &Testbench, noise: u64, turn: &Turn| {
         let actions = bench.spaces().actions;
         let decisions = bench.clock().decisions();
+        // The noise seed keys the generator, so a run does not depend on thread order.
         let mut dice = seed::generator("surrogate", &[noise]);
         let mut one = || dice.random_range(0..actions);
         let (first, second) = (one(), one());
@@ -111,7 +116,7 @@ pub(super) fn mixed(
     recorded(ego, starts, &acting, watch)
 }
 
-/// Runs under the same actions from every start.
+/// Records runs under the same actions from every start.
 pub(super) fn alike(
     ego: &Scenario,
     actions: &[usize],
@@ -143,6 +148,7 @@ fn recorded<'a>(
         let episode = watch.play(bench, (start, noise), turn.index, &mut *actor, skip);
         let mut motion = Vec::new();
         reader.follow(bench, &mut motion);
+        // A fault of the ego says nothing about its behaviour, so the run is dropped.
         episode.fault.is_none().then(|| Run {
             start: start.clone(),
             noise,
@@ -159,7 +165,7 @@ fn recorded<'a>(
     runs.into_iter().flatten().collect()
 }
 
-/// Runs that are planned in a surrogate.
+/// Records runs that are planned in a surrogate.
 pub(super) fn planned<'a>(
     ego: &Scenario,
     planner: impl Fn() -> Option<Planner<'a>> + Sync + Send,
@@ -188,10 +194,10 @@ pub(super) fn planned<'a>(
     runs.into_iter().flatten().collect()
 }
 
-/// What the ego was told in a run and how it answered.
+/// Returns the inputs of the ego in recorded runs, with its answers.
 ///
-/// What it was told is read in the model, with the ego moved as it was recorded:
-/// so it is there what it will be in plans. `None`: nobody drives.
+/// The model reads the inputs while the ego repeats its recorded motion, so they match
+/// the inputs during planning. `None`: the world has no driving scene.
 pub(super) fn answered(world: &Scenario, runs: &[Run]) -> Option<Vec<Answered>> {
     let mut model = ModelBench::quick(world)?;
     let sample_s = model.bench.clock().sample_s;
@@ -209,7 +215,7 @@ pub(super) fn answered(world: &Scenario, runs: &[Run]) -> Option<Vec<Answered>> 
     Some(runs.iter().map(one).collect())
 }
 
-/// The rows of runs and their answers, with what stock controllers would do.
+/// Converts runs to rows and answers, including those of stock controllers.
 pub(super) fn samples(runs: &[Answered], alike: &Arc<[Likeness]>) -> Samples {
     let mut samples = Samples::default();
     let (mut reading, mut row) = (Reading::default(), Vec::new());

@@ -1,38 +1,39 @@
-//! Trying a start again: what its earlier runs have shown of the ego.
+//! Planning a start again with the motion recorded in its earlier runs.
 //!
-//! An ego that is asked the same does the same. So as long as the ado acts as in
-//! an earlier run, it is known how the ego moves; only what follows is up to the
-//! surrogate, and the later a plan leaves an earlier run, the less of it there is.
+//! The ego is assumed to be deterministic: equal inputs give equal answers.
+//! While the ado repeats the actions of an earlier run, the ego's motion is known.
+//! The surrogate predicts only the part after the actions differ.
+//! A later departure leaves less to predict.
 
 use std::borrow::Cow;
 
 use super::strategy::Strategy;
 use super::surrogate_sim::SoFar;
 
-/// Every so many-th decision of an earlier run is a place to leave it.
+/// Distance in decisions between two points at which an earlier run can be left.
 const EVERY: usize = 2;
 
-/// Earlier runs from a start, none of which succeeded.
+/// Earlier runs from a start, none of them successful.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Earlier {
     runs: Vec<SoFar>,
-    /// The policies that the ado followed from beginning to end.
+    /// Strategies that the ado followed from beginning to end.
     followed: Vec<Strategy>,
 }
 
 impl Earlier {
-    /// One more run that did not succeed, and what the ado kept to throughout.
+    /// Adds an unsuccessful run and the strategy followed throughout it.
     pub fn add(&mut self, run: SoFar, kept: Option<Strategy>) {
         self.followed.extend(kept);
         self.runs.push(run);
     }
 
-    /// How many there are.
+    /// Returns the number of earlier runs.
     pub fn count(&self) -> usize {
         self.runs.len()
     }
 
-    /// Whether it is known what comes of a strategy from the start on: no success.
+    /// Returns whether a strategy was already followed from the start without success.
     pub fn has_followed(&self, strategy: &Strategy) -> bool {
         match strategy {
             Strategy::Plan(actions) => self.has_played(actions),
@@ -40,14 +41,15 @@ impl Earlier {
         }
     }
 
-    /// Whether these actions, the last one held, were played to the end.
+    /// Returns whether these actions, the last action held, were played to the end.
     fn has_played(&self, actions: &[usize]) -> bool {
         let mut runs = self.runs.iter();
         runs.any(|run| common(run, actions) == run.actions.len())
     }
 
-    /// What is known of these actions, the last one held: `so_far`, or more of an
-    /// earlier run that began with them.
+    /// Returns the known run for these actions, the last action held.
+    ///
+    /// It is `so_far`, or a longer part of an earlier run that began with the actions.
     pub fn known<'a>(
         &self,
         so_far: &'a SoFar,
@@ -55,6 +57,7 @@ impl Earlier {
         samples: usize,
     ) -> Cow<'a, SoFar> {
         let runs = self.runs.iter().map(|run| (common(run, actions), run));
+        // A replay of an earlier run is worth it only where it is longer than this run.
         match runs.max_by_key(|(same, _)| *same) {
             Some((same, run)) if so_far.actions.len() < same => {
                 Cow::Owned(run.up_to(same, samples))
@@ -63,7 +66,9 @@ impl Earlier {
         }
     }
 
-    /// Where earlier runs can be left, `samples` being those of a decision.
+    /// Returns the points at which earlier runs can be left.
+    ///
+    /// `samples` is the number of samples per decision.
     pub fn beginnings(&self, samples: usize) -> Vec<SoFar> {
         let of_run = |run: &SoFar| {
             let lengths = (EVERY..run.actions.len()).step_by(EVERY);
@@ -74,8 +79,9 @@ impl Earlier {
     }
 }
 
-/// How many of a run's actions these ones repeat.
+/// Returns how many leading actions of a run equal these actions, the last action held.
 fn common(run: &SoFar, actions: &[usize]) -> usize {
+    // The last action is held, so a short plan is compared with the whole run.
     let asked = actions.iter().chain(std::iter::repeat_n(
         actions.last().unwrap_or(&0),
         run.actions.len(),
@@ -89,7 +95,7 @@ mod tests {
     use super::*;
     use crate::surrogate::motion::Moment;
 
-    /// Two samples per decision; the sample's number is its place.
+    /// Run with two samples per decision. The sample number is the position.
     fn run(actions: &[usize]) -> SoFar {
         let moment = |sample: usize| Moment {
             s_m: sample as f64,
@@ -121,7 +127,7 @@ mod tests {
         assert_eq!(known(&[0, 1]), (3, 7), "the last action is held");
         assert_eq!(known(&[0, 1, 2, 0]), (3, 7));
         assert_eq!(known(&[0, 1, 2]), (5, 11), "to its end");
-        // What is seen of this run is more than what is known of others.
+        // The motion of this run is longer than any known beginning of an earlier run.
         let seen = run(&[0, 1, 1, 0]);
         assert_eq!(*earlier.known(&seen, &[0, 1, 1, 0, 2], 2), seen);
     }

@@ -1,13 +1,14 @@
-//! An emergency brake: what an ego does beyond a threshold.
+//! Emergency brake: hard braking beyond a threshold.
 //!
-//! Many an ego follows smoothly and brakes with all it has once it gets too near. A
-//! network rounds that off, and a plan that must fit some centimetres then misses.
-//! What systems that avoid rear-end collisions compare with the clear way ahead is a
-//! sum of ways: to a stop, the own and the other's, what is covered until the brakes
-//! grip, and what closing takes (Seiler, Song & Hedrick, SAE 980853, compare those of
-//! Mazda, Honda and Berkeley; required deceleration and time to collision are of the
-//! same form). So a brake has a weight for each of these ways, and whichever of them
-//! an ego compares is found by looking for weights ([`super::brake_detection`]).
+//! Many egos follow smoothly and brake fully below a critical distance.
+//! A network rounds this step off, so a plan with centimetres of margin misses.
+//! Collision avoidance systems compare the clear distance with a sum of distances.
+//! The sum includes the stopping distances of both vehicles, the distance travelled
+//! before the brakes act, and a distance for closing.
+//! Seiler, Song & Hedrick (SAE 980853) compare the systems of Mazda, Honda and Berkeley.
+//! Required deceleration and time to collision have the same form.
+//! A brake therefore has a weight for each distance. [`super::brake_detection`] fits the weights
+//! and so finds the distances that an ego compares.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -15,72 +16,73 @@ use serde::{Deserialize, Serialize};
 
 use crate::ego::{Actuator, Own, Percept, Seen};
 
-/// What weights are of.
+/// Number of weighted distances.
 pub(super) const WAYS: usize = 6;
-/// The last of them, of which there is as much everywhere.
+/// Index of the last distance, the margin, which is constant.
 pub(super) const MARGIN: usize = WAYS - 1;
 
-/// A brake that grips as long as the clear way to the one ahead is less than a sum of
-/// ways.
+/// Brake that acts while the clear distance is less than a weighted sum.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EmergencyBrake {
-    /// Its deceleration, m/s².
+    /// Deceleration, m/s².
     pub brake_mps2: f64,
-    /// Time constant with which it builds up, s.
+    /// Time constant of the build-up, s.
     pub lag_s: f64,
-    /// Way to a stop per own speed squared, s²/m.
+    /// Stopping distance per own speed squared, s²/m.
     pub own_s2_per_m: f64,
-    /// The other's, which leaves more room, s²/m.
+    /// Stopping distance per other speed squared, which is subtracted, s²/m.
     pub others_s2_per_m: f64,
-    /// Way until the brakes grip, per own speed, s.
+    /// Distance until the brakes act per own speed, s.
     pub reaction_s: f64,
-    /// Way per closing speed, a time to collision, s.
+    /// Distance per closing speed, a time to collision, s.
     pub closing_s: f64,
-    /// Way per closing speed squared, s²/m.
+    /// Distance per closing speed squared, s²/m.
     pub closing_s2_per_m: f64,
-    /// What is to be left, m.
+    /// Distance to be left, m.
     pub margin_m: f64,
-    /// Whether it grips only while the clear way shrinks.
+    /// Whether the brake acts only while the clear distance shrinks.
     pub only_closing: bool,
-    /// Who counts as being ahead.
+    /// Vehicles that count as being ahead.
     pub counts: BrakedFor,
 }
 
-/// Who counts as being ahead: whose body, in so many seconds, comes nearer than this to
-/// the ego's path.
+/// Criterion by which a vehicle counts as being ahead.
+///
+/// Its body must come nearer to the ego's path than `side_m` within `look_ahead_s`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BrakedFor {
     /// Free width at either side, m.
     pub side_m: f64,
-    /// How far ahead motion across the road is expected to go on, s.
+    /// Time for which lateral motion is extrapolated, s.
     pub look_ahead_s: f64,
 }
 
-/// A moment in which an ego may brake.
+/// Sample in which an ego may brake.
 #[derive(Clone, Debug)]
 pub(super) struct Situation {
     pub time_s: f64,
     pub sample_s: f64,
     pub own: Own,
-    /// Everybody ahead.
+    /// All vehicles ahead.
     ahead: Vec<Ahead>,
 }
 
-/// Somebody ahead, as a brake sees them.
+/// Vehicle ahead, as a brake sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ahead {
     pub clearance_m: f64,
     own_mps: f64,
     other_mps: f64,
-    /// Between their sides, negative where they overlap.
+    /// Lateral gap between the sides, negative where they overlap.
     side_m: f64,
     towards_mps: f64,
 }
 
 impl Ahead {
-    /// `None`: it is not ahead.
+    /// Returns the vehicle, or `None` if it is not ahead.
     fn of(own: &Own, seen: &Seen) -> Option<Ahead> {
         let room = seen.room();
+        // A vehicle that still overlaps the ego lengthwise counts as ahead.
         if room.far_m <= 0.0 {
             return None;
         }
@@ -89,17 +91,19 @@ impl Ahead {
             own_mps: own.speed_mps,
             other_mps: seen.speed_mps,
             side_m: room.right_m.max(-room.left_m) - 0.5 * own.width_m,
+            // Only motion towards the ego's path counts.
             towards_mps: (-seen.lateral_mps * seen.lateral_m.signum()).max(0.0),
         })
     }
 
-    /// How fast the clear way shrinks.
+    /// Returns the rate at which the clear distance shrinks.
     pub fn closing_mps(&self) -> f64 {
         self.own_mps - self.other_mps
     }
 
-    /// What the weights are of.
+    /// Returns the distances that the weights apply to.
     pub fn ways(&self) -> [f64; WAYS] {
+        // A vehicle that reverses or recedes adds no distance.
         let (own_mps, other_mps) = (self.own_mps, self.other_mps.max(0.0));
         let closing_mps = self.closing_mps().max(0.0);
         [
@@ -114,7 +118,7 @@ impl Ahead {
 }
 
 impl Situation {
-    /// What a brake sees of a percept.
+    /// Reduces a percept to the quantities that a brake uses.
     pub fn of(percept: &Percept) -> Situation {
         let others = percept.others.iter();
         Situation {
@@ -127,13 +131,14 @@ impl Situation {
         }
     }
 
-    /// The nearest of those who count.
+    /// Returns the nearest vehicle that counts.
     pub fn nearest(&self, counts: BrakedFor) -> Option<&Ahead> {
         let BrakedFor {
             side_m,
             look_ahead_s,
         } = counts;
         let ahead = self.ahead.iter();
+        // Lateral motion towards the path widens the corridor in proportion.
         ahead
             .filter(|ahead| ahead.side_m < side_m + look_ahead_s * ahead.towards_mps)
             .min_by(|a, b| a.clearance_m.total_cmp(&b.clearance_m))
@@ -141,7 +146,7 @@ impl Situation {
 }
 
 impl EmergencyBrake {
-    /// The change of acceleration until the next sample, if it grips.
+    /// Returns the change of acceleration until the next sample, if the brake acts.
     pub(super) fn change_mps2(&self, situation: &Situation) -> Option<f64> {
         let ahead = situation.nearest(self.counts)?;
         if self.only_closing && ahead.closing_mps() <= 0.0 {
@@ -152,16 +157,17 @@ impl EmergencyBrake {
         (ahead.clearance_m < way_m).then(|| self.gripping_mps2(situation))
     }
 
-    /// The same, gripping.
+    /// Returns the change of acceleration until the next sample while the brake acts.
     pub(super) fn gripping_mps2(&self, situation: &Situation) -> f64 {
         let Situation { own, sample_s, .. } = situation;
+        // The build-up starts from the present acceleration, whatever the command was before.
         let actuator = Actuator::new(self.lag_s, *sample_s);
-        // Whoever brakes to a stop stands.
+        // Full braking must not drive the ego backwards within the sample.
         let next_mps2 = actuator.from(own.accel_mps2).step(-self.brake_mps2);
         next_mps2.max(-own.speed_mps / sample_s) - own.accel_mps2
     }
 
-    /// The weights of all ways.
+    /// Returns the weights of all distances.
     pub(super) fn weights(&self) -> [f64; WAYS] {
         [
             self.own_s2_per_m,
@@ -173,7 +179,7 @@ impl EmergencyBrake {
         ]
     }
 
-    /// The same brake with other weights.
+    /// Returns the same brake with other weights.
     pub(super) fn weighing(self, weights: [f64; WAYS]) -> EmergencyBrake {
         let [
             own_s2_per_m,
@@ -205,6 +211,8 @@ impl Display for EmergencyBrake {
         let names = ["v²", "−w²", "v", "c", "c²", ""];
         let terms = self.weights().into_iter().zip(names);
         for (i, (weight, name)) in terms.filter(|term| term.0 != 0.0).enumerate() {
+            // The name of the second term has a minus, because the other's stopping distance
+            // is subtracted.
             let is_less = (weight < 0.0) != name.starts_with('−');
             let sign = match (i, is_less) {
                 (0, false) => "",
@@ -244,7 +252,7 @@ mod tests {
         },
     };
 
-    /// The ego drives 20 m/s, 2 m wide; somebody drives 10 m/s, 4 m long.
+    /// Ego at 20 m/s, 2 m wide, and another vehicle at 10 m/s, 4 m long.
     fn seen(headway_m: f64, lateral_m: f64, lateral_mps: f64) -> Percept {
         Percept {
             sample_s: 0.05,

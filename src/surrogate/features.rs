@@ -1,57 +1,60 @@
-//! What an ego may react to, as numbers: the inputs of its surrogate.
+//! Inputs of the surrogate: everything an ego may react to, as numbers.
 
 use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
 
-/// How long ago the frames were that are remembered. An ego that reacts late,
-/// or filters what it sees, answers to these.
+/// Ages of the remembered frames, s.
+///
+/// An ego with a delay or a filter reacts to these.
 const PAST_S: [f64; 3] = [0.25, 0.5, 0.95];
-/// Beyond it nobody reacts to anybody.
+/// Distance beyond which no ego reacts, m.
 const FAR_M: f64 = 150.0;
-/// Distances are at least this where something is divided by them.
+/// Smallest distance used as a divisor, m.
 const NEAR_M: f64 = 0.5;
-/// A usual full braking.
+/// Common full braking, m/s².
 const BRAKE_MPS2: f64 = 6.0;
 
-/// From this braking on an ego is taken to brake, and not to let go of a pedal.
+/// Smallest deceleration that counts as braking instead of coasting, m/s².
 const BRAKES_MPS2: f64 = 1.0;
-/// Longer than this nothing is counted.
+/// Longest counted duration, s.
 const LONG_S: f64 = 4.0;
-/// Who will be in the way so soon counts as coming.
+/// Time within which an approaching vehicle counts as coming, s.
 const SOON_S: f64 = 2.0;
 
 const OWN: usize = 8 + 2 * PAST_S.len();
 const PER_OTHER: usize = 22 + 3 * PAST_S.len();
 const PER_LIGHT: usize = 5;
 
-/// Turns percepts into numbers, one row per sample.
+/// Converts percepts to numbers, one row per sample.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Features {
-    /// Frames of the past, one after the other, the oldest overwritten: the own
-    /// acceleration and way to a stop, then gap, closing speed and way to a stop of
-    /// everybody else.
+    /// Ring of past frames, the oldest overwritten.
+    ///
+    /// A frame holds the ego's acceleration and stopping distance. For each other vehicle
+    /// it adds gap, closing speed and stopping distance.
     frames: Vec<f32>,
     /// Length of a frame.
     width: usize,
-    /// How many samples each of [`PAST_S`] is.
+    /// Age of each of [`PAST_S`] in samples.
     delays: [usize; PAST_S.len()],
     samples: usize,
     start_mps: f64,
-    /// Its hardest braking so far, and for how long it brakes already.
+    /// Hardest braking of the ego so far, and duration of the current braking.
     hardest_mps2: f64,
     braking_s: f64,
-    /// The worst that everybody else was so far.
+    /// Largest danger of each other vehicle so far.
     worst: Vec<Danger>,
-    /// Whether everybody else is in the way, and for how long.
+    /// Time that each other vehicle has spent in the ego's way.
     ways: Vec<Way>,
 }
 
-/// Whether somebody is in the ego's way, and for how long: most egos answer nobody
-/// else, and some only after a while.
+/// Time that a vehicle has spent in the ego's way.
+///
+/// Most egos react to no other vehicle, and some only after a delay.
 #[derive(Clone, Copy, Debug, Default)]
 struct Way {
-    /// For how long it has been ahead in the ego's path; 0: it is not.
+    /// Time ahead in the ego's path, s. 0: it is not there.
     in_s: f64,
-    /// For how long it has been there or about to come.
+    /// Time ahead in the path or about to enter it, s.
     coming_s: f64,
 }
 
@@ -65,7 +68,7 @@ impl Way {
         self.coming_s = count(self.coming_s, is_in || is_coming);
     }
 
-    /// 1 where it is so, and how long.
+    /// Returns two indicators and the two durations.
     fn state([in_s, coming_s]: [f64; 2]) -> [f64; 4] {
         let is = |since_s: f64| f64::from(u8::from(0.0 < since_s));
         [
@@ -77,16 +80,17 @@ impl Way {
     }
 }
 
-/// How dangerous somebody was, up to now: an ego that has begun an emergency
-/// braking, or does not let go until it stands, answers to this and not to what it
-/// sees now.
+/// Largest danger of a vehicle so far.
+///
+/// An ego in an emergency braking may hold it until standstill. It then reacts to this
+/// value and not to the present percept.
 #[derive(Clone, Copy, Debug, Default)]
 struct Danger {
-    /// What it took at most not to hit.
+    /// Largest deceleration needed to avoid a collision.
     brake_mps2: f64,
-    /// One over the time to collision, at most.
+    /// Largest inverse time to collision.
     closing_per_s: f64,
-    /// How long ago that was.
+    /// Time since that inverse time to collision, s.
     ago_s: f64,
 }
 
@@ -101,7 +105,7 @@ impl Danger {
 }
 
 impl Features {
-    /// Length of a row with so many others and lights.
+    /// Returns the length of a row with this number of vehicles and lights.
     pub fn width(others: usize, lights: usize) -> usize {
         OWN + PER_OTHER * others + PER_LIGHT * lights
     }
@@ -110,6 +114,7 @@ impl Features {
     pub fn begin(percept: &Percept) -> Features {
         let width = 2 + 3 * percept.others.len();
         let delays = PAST_S.map(|past_s| (past_s / percept.sample_s).round() as usize);
+        // The present frame takes a place as well.
         let depth = delays.into_iter().max().unwrap_or(0) + 1;
         Features {
             frames: vec![0.0; depth * width],
@@ -126,6 +131,7 @@ impl Features {
 
     /// Writes the row of the next percept.
     pub fn read(&mut self, percept: &Percept, row: &mut Vec<f32>) {
+        // The present sample enters the history first, so durations include it.
         self.remember(percept);
         let own = &percept.own;
         row.clear();
@@ -163,7 +169,7 @@ impl Features {
             gap_m,
             nearness,
             closing_mps,
-            // What it takes not to hit, and how soon it would be hit.
+            // Deceleration needed to avoid a collision, and inverse time to collision.
             brake_mps2,
             closing_per_s,
             (near_m / own.speed_mps.max(1.0)).min(10.0),
@@ -180,25 +186,29 @@ impl Features {
             is_coming,
             in_s,
             coming_s,
-            // What counts for those who answer nobody else.
+            // These repeat values for vehicles in the way, because most egos ignore all other vehicles.
             is_in * nearness,
             is_in * brake_mps2,
             is_in * closing_per_s,
         ];
         row.extend(state.map(|value| value as f32));
         for ago in self.delays {
-            // Invariant: a frame holds three numbers of everybody.
+            // Invariant: a frame holds three numbers per vehicle.
             let mut then = [0.0; 3];
             then.copy_from_slice(&self.past(ago)[2 + 3 * i..][..3]);
+            // The gap is given as a change, so its size does not depend on the distance.
             row.extend([then[0] - gap_m as f32, then[1], then[2]]);
         }
     }
 
-    /// The frame of so many samples ago; before the first one nothing moved.
+    /// Returns the frame recorded `ago` samples before.
+    ///
+    /// Before the first sample nothing is assumed to have moved.
     fn past(&self, ago: usize) -> &[f32] {
         let depth = self.frames.len() / self.width;
-        // Invariant: a frame was remembered before one is asked for.
+        // Invariant: a frame is remembered before the first call.
         let newest = self.samples.saturating_sub(1);
+        // Saturation repeats the first frame for times before the first sample.
         let slot = newest.saturating_sub(ago) % depth;
         &self.frames[slot * self.width..][..self.width]
     }
@@ -218,6 +228,7 @@ impl Features {
         }
         let dangers = self.worst.iter_mut().zip(&self.ways);
         for ((worst, way), seen) in dangers.zip(&percept.others) {
+            // A vehicle outside the way endangers the ego only while it approaches the path.
             let (gap_m, closing_mps) = approach(own, seen);
             let [brake_mps2, closing_per_s] = match 0.0 < way.coming_s {
                 true => danger(gap_m, closing_mps),
@@ -239,22 +250,24 @@ impl Features {
     }
 }
 
-/// The way to a stop. What models of safe driving compare with the gap is a sum of
-/// such ways, each times a braking of their own, so that a network has only to
-/// weigh them.
+/// Returns the stopping distance at a common full braking.
+///
+/// Models of safe driving compare the gap with a sum of such distances, each with its own
+/// deceleration. The network then has to learn the weights only.
 fn stopping_m(speed_mps: f64) -> f64 {
     speed_mps * speed_mps / (2.0 * BRAKE_MPS2)
 }
 
-/// What it takes not to hit somebody, and one over the time to collision.
+/// Returns the deceleration needed to avoid a collision and the inverse time to collision.
 fn danger(gap_m: f64, closing_mps: f64) -> [f64; 2] {
     let near_m = gap_m.abs().max(NEAR_M);
     let brake_mps2 = closing_mps.max(0.0).powi(2) / (2.0 * near_m);
     let closing_per_s = closing_mps / near_m;
+    // Bounded, so a near miss does not dominate the scale of the inputs.
     [brake_mps2.min(15.0), closing_per_s.clamp(-5.0, 5.0)]
 }
 
-/// Bumper to bumper along the road, negative behind, and how fast it shrinks.
+/// Returns the gap between bumpers, negative behind, and the rate at which it shrinks.
 fn approach(own: &Own, seen: &Seen) -> (f64, f64) {
     let gap_m = match 0.0 <= seen.headway_m {
         true => seen.headway_m - seen.length_m,
@@ -263,7 +276,7 @@ fn approach(own: &Own, seen: &Seen) -> (f64, f64) {
     (gap_m.clamp(-FAR_M, FAR_M), own.speed_mps - seen.speed_mps)
 }
 
-/// Between their sides, negative where they overlap.
+/// Returns the gap between the sides, negative where they overlap.
 fn side_m(own: &Own, seen: &Seen) -> f64 {
     seen.lateral_m.abs() - 0.5 * (seen.width_m + own.width_m)
 }
@@ -311,7 +324,7 @@ mod tests {
         Features::begin(&seen).read(&seen, &mut row);
         assert_eq!(row.len(), Features::width(1, 0));
         let other = &row[OWN..];
-        // 13 m from bumper to bumper less its length; 4² / (2 · 8); 4 / 8.
+        // 13 m minus the length of 5 m, then 4² / (2 · 8) and 4 / 8.
         assert_eq!(
             [other[0], other[2], other[3], other[4]],
             [8.0, 4.0, 1.0, 0.5]
@@ -389,7 +402,7 @@ mod tests {
         let mut calm = percept(10.0, 55.0);
         let mut row = Vec::new();
         let mut features = Features::begin(&calm);
-        // 4 m/s closing at 8 m, then nobody near any more.
+        // Closing at 4 m/s with a gap of 8 m, then no vehicle nearby.
         features.read(&percept(14.0, 13.0), &mut row);
         calm.own.accel_mps2 = -2.0;
         for _ in 0..3 {

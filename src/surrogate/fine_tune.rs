@@ -1,8 +1,8 @@
-//! An ado that goes on learning inside the surrogate of an ego.
+//! Ado that continues to learn inside the surrogate of an ego.
 //!
-//! It acts on what it sees, so that it follows an ego that strays from what was
-//! foreseen where a plan would have to be made anew; a plan fits its start better.
-//! Which of them is taken is decided start by start.
+//! A policy acts on observations, so it follows an ego that strays from the prediction.
+//! A plan would have to be made again but fits its start better.
+//! The better of both is chosen per start.
 
 use std::sync::Arc;
 
@@ -15,11 +15,12 @@ use crate::seed::Purpose;
 use crate::testbench::Gym;
 use crate::world::Scenario;
 
-/// Decisions for which it learns on, every time.
+/// Decisions per training.
 const DECISIONS: u64 = 30_000;
 
-/// Training starts against the surrogate, another of its networks in every episode:
-/// what the ado relies on is then what both of them say.
+/// Training starts against the surrogate, with another member in every episode.
+///
+/// The ado then relies only on behaviour that all members share.
 struct Inside {
     gym: Gym,
     casting: Casting,
@@ -34,6 +35,7 @@ impl Env for Inside {
     fn reset(&mut self, index: u64, obs: &mut [f32]) {
         self.casting.give(Part {
             surrogate: Some(Arc::clone(&self.surrogate)),
+            // The episode index selects the member, so equal requests repeat the training.
             member: Some(index as usize % MEMBERS),
             ..Part::default()
         });
@@ -45,11 +47,10 @@ impl Env for Inside {
     }
 }
 
-/// What the ado learns inside the surrogate that takes the place of the ego of
-/// `world`. `None`: it is none that goes on learning (it was told what it meets, or
-/// did not learn by deep Q-learning), or it was stopped.
+/// Trains the ado inside the surrogate in the place of the ego of `world`.
 ///
-/// Equal requests give equal policies.
+/// Returns `None` if stopped, or if the policy cannot be trained further because it is
+/// conditional or not from deep Q-learning. Equal requests give equal policies.
 pub(super) fn trained_on(
     world: &Scenario,
     policy: Option<&Bundle>,
@@ -67,6 +68,7 @@ pub(super) fn trained_on(
         true => Control::Stop,
         false => Control::Continue,
     });
+    // A policy from a stopped training would depend on the time of the stop.
     learner.finished().then(|| learner.policy_bundle())
 }
 
@@ -79,10 +81,10 @@ mod tests {
     use crate::surrogate::surrogate_sim::width_of;
     use crate::testbench::{Aftermath, PolicyActor, play};
 
-    /// One that always says `change_mps2`.
+    /// Surrogate that always answers `change_mps2`.
     fn surrogate_of(world: &Scenario, change_mps2: f64) -> Arc<Surrogate> {
         let width = width_of(world);
-        // One layer: the biases come first, then the weights.
+        // In a single layer the biases precede the weights.
         let mut net = Mlp::zeros(&[width, OUTPUTS]);
         net.parameters_mut()[0] = 1.0;
         Arc::new(Surrogate {
@@ -96,7 +98,7 @@ mod tests {
         })
     }
 
-    /// Of 20 training starts, those on which a policy makes the surrogate fail.
+    /// Counts the starts, of 20, on which a policy makes the surrogate fail.
     fn solved(world: &Scenario, surrogate: &Arc<Surrogate>, policy: &dyn Policy) -> usize {
         let ModelBench { bench, casting, .. } = ModelBench::quick(world).expect("driven");
         let mut gym = Gym::new(bench, Purpose::Calibration, 2);
@@ -127,8 +129,8 @@ mod tests {
             &world,
             LearnerConfig::new(DqnSettings::default()).expect("sound"),
         );
-        // One keeps its acceleration and runs into whoever brakes; the other brakes
-        // hard whatever there is, and fails from the nearest starts only.
+        // The first keeps its acceleration and runs into a braking vehicle. The second
+        // always brakes hard and fails from the nearest starts only.
         let keeps = surrogate_of(&world, 0.0);
         let brakes = surrogate_of(&world, -1.0);
         let learn = |policy: &Bundle, ego: &Arc<Surrogate>| {

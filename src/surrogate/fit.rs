@@ -10,36 +10,38 @@ use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::Dice;
 use crate::rl::nn::{Adam, Mlp};
 
-/// Networks of the ensemble.
+/// Number of networks in the ensemble.
 pub(super) const MEMBERS: usize = 2;
 const HIDDEN: usize = 32;
 const BATCH: usize = 32;
 const LEARNING_RATE: f64 = 3e-3;
-/// The learning rate falls to this share of itself, evenly.
+/// Share of the learning rate that is left at the end of the linear decay.
 const LAST_RATE: f64 = 0.03;
-/// What a sample is answered with: change of acceleration, speed across the road.
+/// Number of answers: change of acceleration and lateral speed.
 const ANSWERS: usize = 2;
-/// A sample is critical if the ego's acceleration, or its change in standard
-/// deviations, is beyond this.
+/// Threshold of a critical sample.
+///
+/// It applies to the ego's acceleration in m/s² and to its change in standard deviations.
 const CRITICAL: f64 = 1.0;
-/// Inputs that hardly vary are not blown up.
+/// Smallest standard deviation used for scaling.
+///
+/// Inputs that hardly vary are not amplified.
 const LEAST_SD: f32 = 1e-3;
-/// Across the road an ego that moves slower keeps its place.
+/// Lateral speed below which an ego counts as keeping its lane, m/s.
 const LEAST_LATERAL_MPS: f64 = 0.05;
-/// Updates by which it is seen whether a brake makes an ego simpler.
+/// Updates of the trial fits that decide whether a brake helps.
 const BRIEF_UPDATES: u64 = 10_000;
 
-/// What an ego saw and what it did next, sample by sample.
+/// Recorded inputs of an ego and its answers, sample by sample.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Samples {
     /// Length of a row of inputs.
     pub width: usize,
-    /// All rows, one after the other.
+    /// All rows in sequence.
     pub inputs: Vec<f32>,
-    /// Acceleration now, its change until the next sample, and speed across the
-    /// road until then.
+    /// Present acceleration, its change until the next sample, and lateral speed.
     pub answers: Vec<[f64; 3]>,
-    /// What of it an emergency brake would see.
+    /// Inputs of an emergency brake at the same samples.
     pub situations: Vec<Situation>,
 }
 
@@ -48,7 +50,7 @@ impl Samples {
         &self.inputs[sample * self.width..][..self.width]
     }
 
-    /// Mean and one over the standard deviation of each input.
+    /// Returns the mean and the inverse standard deviation of each input.
     fn scales(&self) -> (Vec<f32>, Vec<f32>) {
         let count = self.answers.len().max(1) as f64;
         let rows = || self.inputs.chunks_exact(self.width.max(1));
@@ -64,16 +66,17 @@ impl Samples {
         (means.into_iter().map(|mean| mean as f32).collect(), inverse)
     }
 
-    /// What an output of 1 stands for; 0 where an output is always 0.
+    /// Returns the value of an output of 1, or 0 for an output that is always 0.
     fn units(&self, alike: &[Likeness]) -> [f64; 2] {
         let across_mps = self.rms(|_, answer| answer[2]);
         let steers = LEAST_LATERAL_MPS < across_mps;
         let left = |row: &[f32], answer: &[f64; 3]| answer[1] - expected_mps2(alike, row);
+        // The floor keeps the targets finite if a controller explains everything.
         let left_mps2 = self.rms(left).max(1e-6);
         [left_mps2, if steers { across_mps } else { 0.0 }]
     }
 
-    /// The least and the greatest acceleration of the ego.
+    /// Returns the smallest and the largest acceleration of the ego.
     fn range_mps2(&self) -> [f64; 2] {
         let answers = self
             .answers
@@ -84,13 +87,13 @@ impl Samples {
         })
     }
 
-    /// The emergency brake that is in it, if one is.
+    /// Fits an emergency brake to the samples.
     fn brake(&self, before: Option<EmergencyBrake>, seed: u64) -> Option<EmergencyBrake> {
         let changes: Vec<f64> = self.answers.iter().map(|answer| answer[1]).collect();
         brake_in(&self.situations, &changes, (before, seed))
     }
 
-    /// The root mean square of something over all samples.
+    /// Returns the root mean square of a quantity over all samples.
     fn rms(&self, of: impl Fn(&[f32], &[f64; 3]) -> f64) -> f64 {
         let rows = self.inputs.chunks_exact(self.width.max(1));
         let squares = rows
@@ -99,8 +102,9 @@ impl Samples {
         (squares.sum::<f64>() / self.answers.len().max(1) as f64).sqrt()
     }
 
-    /// Samples in which the ego does something: most of the others are cruising,
-    /// and what a plan needs to know is when it brakes.
+    /// Returns the samples in which the ego accelerates or brakes.
+    ///
+    /// Most samples are cruising, but plans depend on the braking.
     fn critical(&self, unit_mps2: f64) -> Vec<usize> {
         let is_critical = |answer: &[f64; 3]| {
             CRITICAL < answer[0].abs() || CRITICAL * unit_mps2 < answer[1].abs()
@@ -111,10 +115,11 @@ impl Samples {
     }
 }
 
-/// Fits an ensemble with so many updates of each member, and the brake over it, of
-/// which one was found before. `None`: stopped, or there is nothing to fit.
+/// Fits the ensemble, and the brake over it.
 ///
-/// Equal samples and seeds give equal networks, on any number of threads.
+/// Each member gets `updates` updates. `before` is a brake fitted earlier.
+/// `None`: stopped, or there are no samples.
+/// Equal samples and seeds give equal networks on any number of threads.
 pub(super) fn fit(
     samples: &Samples,
     alike: &Arc<[Likeness]>,
@@ -135,8 +140,8 @@ pub(super) fn fit(
         brake: None,
     };
     if let Some(brake) = samples.brake(before, seed) {
-        // A brake may as well be how a smooth ego ends: it has to make it simpler to
-        // learn.
+        // The line of a brake may also be the end of a smooth law. The brake is kept only
+        // if it lowers the loss of a short fit.
         let with = Surrogate {
             brake: Some(brake),
             ..surrogate.clone()
@@ -150,25 +155,27 @@ pub(super) fn fit(
             surrogate = with;
         }
     }
+    // Members differ by their seed, so their disagreement shows where samples are missing.
     let seeds: Vec<u64> = (0..MEMBERS as u64)
         .map(|member| seed ^ (member + 1))
         .collect();
     let one = |_: &mut (), &seed: &u64, _: &_| {
         Some(Lesson::new(samples, &surrogate, seed).taught(updates))
     };
+    // The members report no progress of their own.
     let quiet = watch.quiet();
     let members = EpisodeLoop::uncounted(&quiet).run(&seeds, || (), one);
     surrogate.members = members.into_iter().collect::<Option<_>>()?;
     Some(Arc::new(surrogate))
 }
 
-/// The fitting of one member.
+/// Fit of one member.
 struct Lesson<'a> {
     samples: &'a Samples,
     /// All rows in standard deviations.
     scaled: Vec<f32>,
     targets: Vec<[f32; ANSWERS]>,
-    /// What the brake says of the first answer at most.
+    /// Upper limit of the first answer where the brake acts, infinite elsewhere.
     limits: Vec<f32>,
     critical: Vec<usize>,
     dice: Dice,
@@ -201,7 +208,7 @@ impl<'a> Lesson<'a> {
         lesson
     }
 
-    /// Where a brake grips, what it does need not be learned.
+    /// Limits the answers where the brake acts, so that it need not be learned.
     fn limit(&mut self, surrogate: &Surrogate, brake: &EmergencyBrake) {
         for (sample, limit) in self.limits.iter_mut().enumerate() {
             let braking = self.samples.situations.get(sample);
@@ -214,7 +221,7 @@ impl<'a> Lesson<'a> {
         }
     }
 
-    /// Half of each batch is drawn from the critical samples.
+    /// Draws a sample, every second time from the critical ones.
     fn draw(&mut self, i: usize) -> usize {
         match i.is_multiple_of(2) && !self.critical.is_empty() {
             true => self.critical[self.dice.below(self.critical.len())],
@@ -222,13 +229,13 @@ impl<'a> Lesson<'a> {
         }
     }
 
-    /// What a network leaves: the mean Huber loss over all samples and that over the
-    /// critical ones.
+    /// Returns the mean Huber loss over all samples plus that over the critical ones.
     fn loss(&self, net: &Mlp) -> f64 {
         let width = self.samples.width;
         let loss = |sample: usize| {
             let row = &self.scaled[sample * width..][..width];
             let said = net.evaluate(row, |out| said(out).0[0]);
+            // The brake limits the prediction here as it does in `ModelDriver::command`.
             let off = said.min(self.limits[sample]) - self.targets[sample][0];
             f64::from(match off.abs() < 1.0 {
                 true => 0.5 * off * off,
@@ -247,6 +254,7 @@ impl<'a> Lesson<'a> {
     fn taught(&mut self, updates: u64) -> Mlp {
         let width = self.samples.width;
         let sizes = [width, HIDDEN, HIDDEN, OUTPUTS];
+        // A small last layer starts the fit near the answer of the stock controller.
         let mut net = Mlp::orthogonal(&sizes, 0.1, &mut self.dice);
         let mut adam = Adam::new(net.parameters().len());
         let (mut tape, mut gradient) = (net.tape(BATCH), vec![0.0; net.parameters().len()]);
@@ -263,6 +271,7 @@ impl<'a> Lesson<'a> {
             huber(&net, &wanted, &mut tape);
             net.backward(&batch, BATCH, &mut tape, &mut gradient);
             let done = update as f64 / updates as f64;
+            // The rate decays linearly to its last share.
             let rate = LEARNING_RATE * (1.0 - done * (1.0 - LAST_RATE));
             adam.step(net.parameters_mut(), &gradient, rate as f32);
         }
@@ -270,11 +279,12 @@ impl<'a> Lesson<'a> {
     }
 }
 
-/// What an answer should be, and what the brake says of the first one at most.
+/// Target of both answers, and the limit that the brake puts on the first.
 type Wanted = ([f32; ANSWERS], f32);
 
-/// The gradient of the mean Huber loss, which follows no single jump of a
-/// controller that switches.
+/// Writes the gradient of the mean Huber loss.
+///
+/// It bounds the influence of a single jump of a controller that switches.
 fn huber(net: &Mlp, wanted: &[Wanted; BATCH], tape: &mut crate::rl::nn::Tape) {
     let stride = net.output_stride();
     let (output, gradient) = net.output_and_gradient(BATCH, tape);
@@ -284,6 +294,7 @@ fn huber(net: &Mlp, wanted: &[Wanted; BATCH], tape: &mut crate::rl::nn::Tape) {
     for ((output, gradient), (wanted, limit)) in rows.zip(wanted) {
         gradient.fill(0.0);
         let (said, mut slopes) = said(output);
+        // Where the brake limits the answer, the network has no influence and no gradient.
         if *limit < said[0] {
             slopes[0].fill(0.0);
         }
@@ -300,7 +311,7 @@ fn huber(net: &Mlp, wanted: &[Wanted; BATCH], tape: &mut crate::rl::nn::Tape) {
 mod tests {
     use super::*;
 
-    /// An ego whose acceleration changes by `law` of two inputs.
+    /// Samples of an ego that changes its acceleration by `law` of two inputs.
     fn samples(count: usize, law: impl Fn(f32, f32) -> f64) -> Samples {
         let mut dice = Dice::new(7);
         let mut samples = Samples {

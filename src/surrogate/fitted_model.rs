@@ -1,4 +1,4 @@
-//! A stock controller that an ego is like, and what it would do in the ego's place.
+//! Stock controller similar to an ego, evaluated in the ego's place.
 
 use std::collections::VecDeque;
 
@@ -6,25 +6,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::ego::{Actuated, Actuator, Briefing, Controller, ControllerSpec, Percept};
 
-/// How many stock controllers are among the inputs of a surrogate.
+/// Number of stock controllers among the inputs of a surrogate.
 pub(super) const MODELS: usize = 3;
-/// One that leaves less than this unexplained is what networks add to.
+/// Unexplained share below which networks learn only the residual.
 const CLOSE: f64 = 0.25;
-/// No car's acceleration changes by more from one sample to the next.
+/// Largest change of acceleration of a car between samples, m/s².
 const MOST_CHANGE_MPS2: f64 = 15.0;
-/// What a parameter must explain to be worth it.
+/// Unexplained share that each parameter must remove.
 const PER_PARAMETER: f64 = 0.002;
 
-/// A stock controller, with the parameters under which it does most of what an ego
-/// did.
+/// Stock controller with the parameters that reproduce most of an ego's behaviour.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Likeness {
-    /// It, and the lag behind it.
+    /// Controller and the actuator lag behind it.
     pub controller: Actuated<ControllerSpec>,
-    /// How long ago it saw what it answers, s.
+    /// Delay between percept and answer, s.
     pub delay_s: f64,
-    /// How much of the ego's changes of acceleration it leaves unexplained: 0
-    /// nothing, 1 as much as an ego that keeps its acceleration.
+    /// Share of the ego's changes of acceleration that it leaves unexplained.
+    ///
+    /// 0: none. 1: as much as constant acceleration.
     pub unexplained: f64,
 }
 
@@ -49,18 +49,19 @@ impl std::fmt::Display for Likeness {
 }
 
 impl Likeness {
-    /// Whether networks learn only what it leaves unexplained.
+    /// Returns whether networks learn only its residual.
     pub(super) fn is_close(&self) -> bool {
         self.unexplained < CLOSE
     }
 
-    /// What it leaves unexplained and how much it has to be told: of two that say
-    /// as much the simpler one is nearer.
+    /// Returns the unexplained share plus a cost per parameter.
+    ///
+    /// Among equally good controllers the simpler controller is preferred.
     pub(super) fn left(&self) -> f64 {
         self.unexplained + PER_PARAMETER * self.controller.parameters().len() as f64
     }
 
-    /// It, ready for an episode.
+    /// Builds a model that is ready for an episode.
     pub(super) fn model(&self, briefing: &Briefing) -> StockModel {
         let mut controller = self.controller.controller.build();
         controller.brief(&Briefing {
@@ -78,12 +79,12 @@ impl Likeness {
     }
 }
 
-/// A stock controller that is told what an ego sees.
+/// Stock controller that receives the ego's percepts.
 pub(super) struct StockModel {
-    /// Always there: stock controllers can be copied.
+    /// Always present, because stock controllers can be copied.
     controller: Option<Box<dyn Controller>>,
     actuator: Actuator,
-    /// Samples between what it sees and what it answers.
+    /// Samples between a percept and its answer.
     pub delay: usize,
     seen: VecDeque<Percept>,
 }
@@ -106,7 +107,7 @@ impl std::fmt::Debug for StockModel {
 }
 
 impl StockModel {
-    /// Ready for another episode.
+    /// Resets the model for another episode.
     pub fn reset(&mut self) {
         if let Some(controller) = &mut self.controller {
             controller.reset(0);
@@ -114,16 +115,17 @@ impl StockModel {
         self.seen.clear();
     }
 
-    /// By how much its acceleration would change until the next sample.
+    /// Returns the change of its acceleration until the next sample.
     pub fn change_mps2(&mut self, percept: &Percept) -> f64 {
         if self.delay == 0 {
             return self.answer(percept);
         }
+        // The first percept is repeated until the delay has passed.
         if self.seen.len() > self.delay {
             self.seen.pop_front();
         }
         self.seen.push_back(percept.clone());
-        // Invariant: one was pushed just now.
+        // Invariant: an element was pushed just now.
         let late = self.seen.front().map(|then| late(percept, then));
         late.map_or(0.0, |late| self.answer(&late))
     }
@@ -134,13 +136,13 @@ impl StockModel {
             return 0.0;
         };
         let next_mps2 = self.actuator.from(now_mps2).step(wish.accel_mps2);
-        // Whoever brakes to a stop stands.
+        // Full braking must not drive the ego backwards within the sample.
         let next_mps2 = next_mps2.max(-percept.own.speed_mps / percept.sample_s);
         (next_mps2 - now_mps2).clamp(-MOST_CHANGE_MPS2, MOST_CHANGE_MPS2)
     }
 }
 
-/// Its own state of now, and everybody else's of then.
+/// Combines the own state of `now` with the other vehicles of `then`.
 pub(super) fn late(now: &Percept, then: &Percept) -> Percept {
     Percept {
         own: now.own,
@@ -148,18 +150,17 @@ pub(super) fn late(now: &Percept, then: &Percept) -> Percept {
     }
 }
 
-/// What an ego was told in a run.
+/// Inputs of an ego in a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Heard {
     pub briefing: Briefing,
     pub percepts: Vec<Percept>,
 }
 
-/// A run of an ego: what it was told, and what it did.
+/// Inputs of an ego in a run, and its answers.
 #[derive(Clone, Debug)]
 pub(super) struct Answered {
     pub heard: Heard,
-    /// The change of its acceleration until the next sample, m/s², and its speed
-    /// across the road, m/s.
+    /// Change of acceleration until the next sample, m/s², and lateral speed, m/s.
     pub answers: Vec<[f64; 2]>,
 }

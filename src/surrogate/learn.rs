@@ -1,4 +1,4 @@
-//! Learning an ego from some runs of it.
+//! Learns an ego from recorded runs.
 
 use std::sync::Arc;
 
@@ -27,98 +27,108 @@ use crate::stats::predicted;
 use crate::stats::wilson;
 use crate::world::Scenario;
 
-/// From so many runs on they are recorded in three rounds, else in two.
+/// Number of runs from which three rounds are recorded instead of two.
 const THREE_ROUNDS: u64 = 90;
-/// Updates of each network after every round but the last one.
+/// Updates of each network after every round except the last round.
 const UPDATES: u64 = 40_000;
 /// Updates after the last round.
 const LAST_UPDATES: u64 = 120_000;
-/// A surrogate that is no further off foresees its ego, however little that does.
+/// Error below which a surrogate predicts well, m.
+///
+/// It applies even if an ego that keeps its acceleration is predicted as well.
 const CLOSE_M: f64 = 0.1;
-/// How far ahead a surrogate is asked to see.
+/// Prediction horizon of the error, s.
 const AHEAD_S: f64 = 2.0;
 
-/// Whose ego is to be learned.
+/// Request to learn an ego.
 #[derive(Clone, Copy)]
 pub struct LearnEgoRequest<'a> {
-    /// The world with its own ego, which says which starts are trivial.
+    /// World with its own ego, which determines the trivial starts.
     pub nominal: &'a Scenario,
-    /// The world with the ego, which is only run.
+    /// World with the ego under test, which is only run.
     pub ego: &'a Scenario,
-    /// The trained ado.
+    /// Policy of the trained ado.
     pub policy: &'a dyn Policy,
-    /// What it goes on learning from inside the surrogate, if it is to.
+    /// Bundle to continue training from inside the surrogate, if any.
     pub kept: Option<&'a Bundle>,
-    /// Runs of the ego that may be recorded, [`LEAST_RUNS`] at least.
+    /// Runs of the ego that may be recorded, at least [`LEAST_RUNS`].
     pub runs: u64,
-    /// Kinds of stock controllers that it may not be likened to, as if nobody had
-    /// published them.
+    /// Kinds of stock controllers that are not compared with the ego.
+    ///
+    /// They are treated as unpublished.
     pub unknown: &'a [&'a str],
     /// Seed of the starts and of the fit.
     pub seed: u64,
 }
 
-/// How far a surrogate is off, two seconds ahead.
+/// Error of a surrogate, two seconds ahead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SurrogateError {
-    /// Root mean square of its distance to the ego, in runs it was not fitted to.
+    /// Root mean square distance to the ego, in runs outside the fit, m.
     pub rms_m: f64,
-    /// The same for an ego that keeps its acceleration.
+    /// The same error for an ego that keeps its acceleration, m.
     pub keeps_acceleration_m: f64,
 }
 
 impl SurrogateError {
-    /// Whether it foresees the ego at all.
+    /// Returns whether the surrogate predicts the ego usefully.
+    ///
+    /// Its error must be below 0.1 m or below half the error of constant acceleration.
     pub fn is_telling(&self) -> bool {
         self.rms_m < f64::max(CLOSE_M, 0.5 * self.keeps_acceleration_m)
     }
 }
 
-/// How an ado acts against an ego that it learned.
+/// Way in which an ado acts against a learned ego.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Acts {
     /// Every start is planned in the surrogate.
     Planned,
-    /// As it was trained.
+    /// Every start is played by the trained policy.
     #[serde(rename = "as trained")]
     AsTrained,
     /// The same actions from every start.
     Alike,
 }
 
-/// What was seen of an ego while it was learned.
+/// Facts recorded while an ego was learned.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnedFrom {
     /// Runs of the ego that were recorded.
     pub runs: u64,
-    /// How well the surrogate foresees it; `None`: no run was long enough.
+    /// Prediction error of the surrogate. `None`: no run was long enough.
     pub error: Option<SurrogateError>,
-    /// Runs of the last round, which were planned like those to come.
+    /// Runs of the last round, planned like the test starts.
     pub planned: u64,
-    /// Those among them in which the ego failed, every rule kept.
+    /// Planned runs in which the ego failed and the ado kept every rule.
     pub planned_successes: u64,
-    /// Runs of the first round in which the ado acted as it was trained.
+    /// Runs of the first round in which the ado followed its trained policy.
     pub as_trained: u64,
-    /// Those among them in which the ego failed, every rule kept.
+    /// Such runs in which the ego failed and the ado kept every rule.
     pub as_trained_successes: u64,
-    /// Where the surrogate did not foresee the ego: actions that are the same from
-    /// every start, tried in turn with the plans of the last round.
+    /// Actions that are the same from every start, with their results.
+    ///
+    /// They are tried in the last round, in turn with the plans, if the surrogate does not
+    /// predict the ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fixed: Option<TriedActions>,
-    /// The plant on which plans are judged: the kinematic one where everybody moves on
-    /// it as on the world's own, which is slower.
+    /// Plant on which plans are judged.
+    ///
+    /// It is the kinematic plant where all vehicles move on it as on the world's own plant,
+    /// which is slower.
     pub judged_on: PlantKind,
-    /// The emergency brake it was found to have.
+    /// Emergency brake fitted to the ego.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub brake: Option<EmergencyBrake>,
-    /// The stock controllers that it is most like, the nearest first.
+    /// Most similar stock controllers, the nearest first.
     pub alike: Vec<Likeness>,
 }
 
 impl LearnedFrom {
-    /// The share of so many starts to expect, and the 95 % interval in which it will
-    /// lie.
+    /// Returns the expected share of solved starts and its 95 % interval.
+    ///
+    /// The interval predicts the share among `starts` further starts.
     pub fn expected(&self, starts: usize) -> (f64, [f64; 2]) {
         let (successes, runs) = match self.acts() {
             Acts::Planned => self.by_plans(),
@@ -129,11 +139,13 @@ impl LearnedFrom {
         (rate, predicted(successes as usize, runs as usize, starts))
     }
 
-    /// How the ado acts: by plans, unless something simpler did clearly better in the
-    /// runs of the ego. The plans to come are made with more runs than those that are
-    /// counted, so actions that are the same everywhere must have done better than can
-    /// be said of plans; of the ado as it was trained there are few runs, so all that
-    /// can be said of it must be better.
+    /// Returns the way in which the ado acts.
+    ///
+    /// It plans, unless a simpler way did clearly better in the runs of the ego.
+    /// Later plans are made with more runs than the counted ones. Fixed actions must
+    /// therefore exceed the upper bound of the plans' interval.
+    /// The trained policy has few runs, so the lower bound of its interval must exceed the
+    /// upper bound of the best alternative.
     pub fn acts(&self) -> Acts {
         let rate = |(successes, runs): (u64, u64)| successes as f64 / runs.max(1) as f64;
         let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
@@ -163,21 +175,22 @@ impl LearnedFrom {
     }
 }
 
-/// An ego, learned: a surrogate of it, and what to expect of plans in that.
+/// Learned ego: its surrogate, and the expected success of plans in it.
 #[derive(Clone, Debug)]
 pub struct LearnedEgo {
     pub(super) surrogate: Arc<Surrogate>,
-    /// What the ado learned inside it.
+    /// Policy that the ado learned inside the surrogate.
     pub(super) trained_on: Option<Arc<Bundle>>,
-    /// What was seen of the ego.
+    /// Facts recorded while the ego was learned.
     pub from: LearnedFrom,
 }
 
-/// Records an ego and learns a surrogate of it. `None`: stopped, nobody drives
-/// in the world, or the ego never ran.
+/// Records an ego and fits a surrogate to it.
 ///
-/// Equal requests give equal answers, on any number of threads, if the ego
-/// answers twice alike.
+/// Returns `None` if stopped, if the world has no driving scene, or if the ego never ran.
+///
+/// Equal requests give equal results on any number of threads, if the ego is
+/// deterministic.
 pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<LearnedEgo> {
     let LearnEgoRequest {
         nominal,
@@ -192,6 +205,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
     let mut learned = |runs: &[Run], (brake, updates): (Option<EmergencyBrake>, u64)| {
         let answered = answered(ego, runs)?;
         let found = likenesses(&answered, &kinds, seed, watch);
+        // Later rounds fit only the kinds that came close in the round before.
         let alike: Arc<[Likeness]> = found.nearest.into();
         kinds = found.kinds;
         let asked = (brake, updates, seed);
@@ -219,8 +233,9 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
     let mut inside = None;
     for (round, starts) in rounds.iter().enumerate() {
         let is_last = round + 1 == rounds.len();
-        // The runs of the last round are played as those to come.
+        // The runs of the last round are played like the test starts.
         if is_last {
+            // A second policy is therefore available from this round on.
             inside = trained_on(ego, kept, (&surrogate, seed), watch);
         }
         let followed = inside.as_ref().and_then(|inside| load_policy(inside).ok());
@@ -230,6 +245,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         };
         let model = (&surrogate, from.judged_on);
         let planner = || Planner::new(ego, model, (policies, Care::BRIEF), watch);
+        // Half of the last round tests fixed actions if the surrogate does not predict the ego.
         let doubts = is_last && from.error.is_some_and(|error| !error.is_telling());
         let [to_plan, to_compare] = match doubts {
             true => in_turn(starts),
@@ -249,6 +265,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         if watch.stopped() {
             return None;
         }
+        // The error is measured before the refit, so these runs are new to the surrogate.
         from.error = error_of(ego, &surrogate, &found).or(from.error);
         from.planned = found.len() as u64;
         from.planned_successes = found.iter().filter(|run| run.is_success).count() as u64;
@@ -258,6 +275,7 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
     }
     from.alike = surrogate.alike.to_vec();
     from.brake = surrogate.brake;
+    // The training continues from the policy of the last round.
     let inside = trained_on(ego, inside.as_ref().or(kept), (&surrogate, seed), watch);
     if watch.stopped() {
         return None;
@@ -269,12 +287,12 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
     })
 }
 
-/// Every other start, and those between.
+/// Splits the starts into two interleaved halves.
 fn in_turn(starts: &[(Start, u64)]) -> [Vec<(Start, u64)>; 2] {
     [0, 1].map(|from| starts.iter().skip(from).step_by(2).cloned().collect())
 }
 
-/// How far a surrogate is off in runs it was not fitted to.
+/// Returns the error of a surrogate in runs outside its fit.
 fn error_of(world: &Scenario, surrogate: &Arc<Surrogate>, runs: &[Run]) -> Option<SurrogateError> {
     let mut model = ModelBench::quick(world)?;
     let (mut squares, mut count) = ([0.0; 2], 0u32);
@@ -292,9 +310,10 @@ fn error_of(world: &Scenario, surrogate: &Arc<Surrogate>, runs: &[Run]) -> Optio
     })
 }
 
-/// How far the surrogate, and an ego that keeps its acceleration, are from the
-/// ego, [`AHEAD_S`] after every so many seconds of a run, or where the first of them
-/// ends.
+/// Returns the errors of the surrogate and of constant acceleration along a run.
+///
+/// They are taken [`AHEAD_S`] after every start of a window, or at the earlier end of
+/// the first of the motions.
 fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Vec<[f64; 2]> {
     let clock = *model.bench.clock();
     let ahead = (AHEAD_S / clock.sample_s).round() as usize;
@@ -303,6 +322,7 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
     let mut errors = Vec::new();
     for decision in (0..actions.len()).step_by(step) {
         let now = decision * clock.samples_per_decision();
+        // A window that exceeds the recorded run has no true position to compare with.
         if motion.len() <= now + ahead {
             break;
         }
@@ -315,8 +335,9 @@ fn errors_m(model: &mut ModelBench, surrogate: &Arc<Surrogate>, run: &Run) -> Ve
             model.go_on(&actions[decision..]);
             model.motion()
         };
+        // Both predictions start from the same recorded motion.
         let foreseen = [foreseen(Some(surrogate)), foreseen(None)];
-        // A model's run may end where the ego's goes on: nothing is foreseen of later.
+        // A predicted run may end before the ego's run, and nothing is predicted after it.
         let ends = foreseen.iter().map(|motion| motion.len().saturating_sub(1));
         let at = ends.fold(now + ahead, usize::min);
         let off_m = |moments: Vec<Moment>| Some(moments.get(at)?.distance_m(&motion[at]));
@@ -356,7 +377,7 @@ mod tests {
         assert_eq!(seen((20, 32), (4, 8), None).acts(), Acts::Planned);
         assert_eq!(seen((2, 32), (8, 8), None).acts(), Acts::AsTrained);
         assert_eq!(seen((5, 16), (2, 8), Some((5, 16))).acts(), Acts::Planned);
-        // 5 of 16 may be 56 % as well.
+        // The true rate of 5 of 16 may be 56 % as well.
         assert_eq!(seen((5, 16), (2, 8), Some((8, 16))).acts(), Acts::Planned);
         assert_eq!(seen((0, 16), (0, 8), Some((1, 16))).acts(), Acts::Planned);
         let alike = seen((5, 16), (2, 8), Some((10, 16)));
@@ -370,8 +391,8 @@ mod tests {
         let shipped = |name| Scenario::shipped(name).expect("shipped").expect("sound");
         let (structures, world) = (shipped("acc_structures"), shipped("merge_fair"));
         let ego = world.with(&structures.reuse()["rss"]).expect("an ego");
-        // It is cut in upon and brakes; one that keeps its acceleration is hit at once,
-        // and was exact so far.
+        // The ego is cut off and brakes. Constant acceleration is hit at once and was exact
+        // until then.
         let from = starts(&world, 24, 8);
         let mut actions = vec![2; 6];
         actions.push(4);
@@ -387,7 +408,7 @@ mod tests {
             brake: None,
         });
         let error = error_of(&ego, &keeps, &runs).expect("long enough");
-        // With what the ego did afterwards it would be 3 m.
+        // With the motion of the ego afterwards the error would be 3 m.
         assert!(error.rms_m < 0.5, "{error:?}");
         assert_eq!(error.rms_m, error.keeps_acceleration_m);
         assert!(error.is_telling(), "nothing is left to foresee");

@@ -1,20 +1,21 @@
-//! An ado for an ego nobody here wrote: a learned surrogate of that ego, in
-//! which every start is planned, and one real run that confirms the plan.
+//! Ado for an unknown ego: plans in a learned surrogate, confirmed by real runs.
 //!
-//! No ado that was trained on some controllers carried over to one of another
-//! structure: with a memory, told what is nearest, or as one of many, it solved
-//! about half of what can be solved. What works is to record some runs of the
-//! ego, to fit a network to what it did next ([`fit`]), and to look for the ado's
-//! actions in a model of the world with that network as the ego ([`plan`]). Two
-//! thirds of the runs are planned themselves, so the network sees what plans
-//! lead to. Every counterexample is a run of the real ego: a surrogate that is
-//! wrong can miss, but it can claim nothing false.
+//! Ados trained on some controllers did not transfer to a controller of another structure.
+//! With memory, with the nearest known structure as an input, or trained on many
+//! structures, they solved about half of the solvable starts.
+//! This module records some runs of the ego and fits a network to its motion ([`fit`]).
+//! It then searches the ado's actions in a model of the world with the network in the
+//! ego's place ([`plan`]).
+//! Two thirds of the runs are themselves planned, so the network sees the situations that
+//! plans lead to.
+//! Every counterexample is a run of the real ego. A wrong surrogate can miss failures but
+//! cannot claim false ones.
 //!
-//! What an ego does beyond a threshold, a network rounds off: its emergency brake is
-//! looked for first ([`braking`]).
+//! A network rounds off reactions beyond a threshold, so the emergency brake is fitted
+//! first ([`braking`]).
 //!
-//! The trained policy is one of the strategies that a plan has to beat, and what
-//! acts where none is found.
+//! The trained policy is a strategy that every plan has to beat. It acts where no plan is
+//! found.
 
 mod adapted_policy;
 mod brake_detection;

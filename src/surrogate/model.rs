@@ -1,4 +1,4 @@
-//! The surrogate of an ego: what it does next, as a network says.
+//! Surrogate of an ego: a network that predicts its next motion.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -10,42 +10,43 @@ use crate::ego::{Briefing, Command, Controller, Fault, Percept};
 use crate::rl::nn::Mlp;
 use crate::scene::drive::ControllerFactory;
 
-/// Inputs are held within so many standard deviations: beyond what was seen the
-/// network goes on as if it were at the edge.
+/// Bound on scaled inputs, in standard deviations.
+///
+/// Beyond the recorded range the network answers as at the edge.
 const EDGE: f32 = 6.0;
-/// No car does more.
+/// Largest acceleration of a car, m/s².
 const MOST_ACCEL_MPS2: f64 = 15.0;
-/// Nor moves faster across the road.
+/// Largest lateral speed of a car, m/s.
 const MOST_LATERAL_MPS: f64 = 4.0;
 
-/// Networks that answer as an ego did in its recorded runs.
+/// Networks that reproduce the answers of an ego in its recorded runs.
 ///
-/// Each of them says by how much the ego's acceleration changes until the next
-/// sample, and how fast it moves across the road. They differ in what they were
-/// born with and in the order in which they saw the samples, so where they
-/// agree there were samples.
+/// Each network predicts the change of the ego's acceleration until the next sample and
+/// its lateral speed.
+/// The networks differ in their initial weights and in the order of samples.
+/// They agree where the samples determine the answer.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Surrogate {
     /// Mean of each input over the samples.
     pub mean: Vec<f32>,
-    /// One over its standard deviation.
+    /// Inverse standard deviation of each input.
     pub inverse_sd: Vec<f32>,
-    /// What an output of 1 stands for: m/s² and m/s.
+    /// Value of an output of 1: m/s² and m/s.
     pub unit: [f64; 2],
-    /// The hardest braking and acceleration that were seen, m/s²: it does no more.
+    /// Hardest recorded braking and acceleration, m/s², which bound the prediction.
     pub range_mps2: [f64; 2],
-    /// The stock controllers that it is most like; what they would do is part of
-    /// a row.
+    /// Most similar stock controllers. Their answers are part of a row.
     pub alike: Arc<[Likeness]>,
     /// The members of the ensemble.
     pub members: Vec<Mlp>,
-    /// An emergency brake over all of them.
+    /// Emergency brake over all members.
     pub brake: Option<EmergencyBrake>,
 }
 
 impl Surrogate {
-    /// Change of acceleration, and speed across the road: what one member says, or
-    /// the mean of all, without the brake.
+    /// Returns the change of acceleration and the lateral speed, without the brake.
+    ///
+    /// `member` selects a network. `None`: the mean of all.
     fn answer(&self, member: Option<usize>, row: &[f32], scaled: &mut Vec<f32>) -> [f64; 2] {
         scaled.clear();
         scaled.extend(self.scaled(row));
@@ -62,7 +63,7 @@ impl Surrogate {
         [change + expected_mps2(&self.alike, row), across]
     }
 
-    /// A row in standard deviations from the mean.
+    /// Scales a row to standard deviations from the mean.
     pub fn scaled<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         let scales = self.mean.iter().zip(&self.inverse_sd);
         let pairs = row.iter().zip(scales);
@@ -70,49 +71,53 @@ impl Surrogate {
     }
 }
 
-/// Outputs of a network: change of acceleration, speed across the road, by how much
-/// the former is another one behind a gate, and how far that is open.
+/// Number of outputs of a network.
+///
+/// The outputs are the change of acceleration, the lateral speed, a second change behind
+/// a gate, and the opening of that gate.
 pub(super) const OUTPUTS: usize = 4;
-/// How steep the gate is.
+/// Steepness of the gate.
 const STEEP: f32 = 16.0;
 
-/// What a network's outputs say, change of acceleration and speed across the road, and
-/// the slopes of both in all outputs.
+/// Converts outputs to change of acceleration and lateral speed, with their slopes.
 ///
-/// Many an ego brakes in quite another way beyond a threshold; a network of straight
-/// pieces rounds that off, a gate does not.
+/// Many egos brake quite differently beyond a threshold. A piecewise linear network
+/// rounds this step off, and the gate does not.
 pub(super) fn said(out: &[f32]) -> ([f32; 2], [[f32; OUTPUTS]; 2]) {
     let open = 1.0 / (1.0 + libm::expf(-STEEP * out[3]));
+    // The derivative of the logistic function is open · (1 − open).
     let by_gate = out[2] * STEEP * open * (1.0 - open);
     let slopes = [[1.0, 0.0, open, by_gate], [0.0, 1.0, 0.0, 0.0]];
     ([out[0] + open * out[2], out[1]], slopes)
 }
 
-/// The change of acceleration that the networks' answer is added to: what the
-/// stock controller would do that the ego is like, if it is like one.
+/// Returns the change of acceleration that the networks' answer is added to.
+///
+/// It is the answer of the nearest stock controller if that is close, and 0 otherwise.
 pub(super) fn expected_mps2(alike: &[Likeness], row: &[f32]) -> f64 {
     match alike.first() {
+        // The answers of the stock controllers are the last inputs, the nearest first.
         Some(first) if first.is_close() => f64::from(row[row.len() - MODELS]),
         _ => 0.0,
     }
 }
 
-/// How the driver of a model acts in the next episode.
+/// Behaviour of a model's driver in the next episode.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Part {
-    /// What the ego is known to have done: it does so again, sample by sample.
+    /// Recorded motion of the ego, which is repeated sample by sample.
     pub known: Arc<[Moment]>,
-    /// What it does after that; without one it keeps its acceleration.
+    /// Behaviour afterwards. `None`: constant acceleration.
     pub surrogate: Option<Arc<Surrogate>>,
-    /// Which member of the ensemble; `None`: the mean of all.
+    /// Member of the ensemble. `None`: the mean of all.
     pub member: Option<usize>,
-    /// Added to every answer: an ego that is a little more, or less, careful.
+    /// Jerk added to every answer, which makes the ego more or less careful.
     pub bias_mps3: f64,
-    /// Where the percepts of every sample are written down.
+    /// Record of the percepts of every sample.
     pub heard: Option<Arc<Mutex<Heard>>>,
 }
 
-/// Hands a part to the driver of a model; it is taken when an episode begins.
+/// Slot that hands a part to the driver of a model at the start of an episode.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Casting(Arc<Mutex<Part>>);
 
@@ -128,7 +133,7 @@ impl Casting {
             .clone()
     }
 
-    /// Makes drivers that play the parts given here.
+    /// Returns a factory of drivers that play the parts given here.
     pub fn factory(&self) -> ControllerFactory {
         let casting = self.clone();
         Arc::new(move || {
@@ -145,7 +150,7 @@ impl Casting {
     }
 }
 
-/// Drives as an ego did, and from then on as its surrogate says.
+/// Driver that repeats the recorded motion and then follows the surrogate.
 #[derive(Clone)]
 struct ModelDriver {
     casting: Casting,
@@ -162,7 +167,7 @@ impl ModelDriver {
         let own = &percept.own;
         let known = &self.part.known;
         if let (Some(here), Some(next)) = (known.get(self.sample), known.get(self.sample + 1)) {
-            // From the model's own speed, so that what it was off by is made good.
+            // The command starts from the model's own speed, so deviations are corrected.
             return Command {
                 accel_mps2: (next.speed_mps - own.speed_mps) / percept.sample_s,
                 lateral_mps: (next.lateral_m - here.lateral_m) / percept.sample_s,
@@ -176,8 +181,10 @@ impl ModelDriver {
         let braking_mps2 = surrogate
             .brake
             .and_then(|brake| brake.change_mps2(&Situation::of(percept)));
+        // The brake only adds braking, so the harder of both applies.
         let change_mps2 = braking_mps2.map_or(change_mps2, |braking| change_mps2.min(braking));
         let accel_mps2 = own.accel_mps2 + change_mps2 + self.part.bias_mps3 * percept.sample_s;
+        // A prediction outside the recorded range would be an extrapolation.
         let [least, most] = surrogate.range_mps2;
         Command {
             accel_mps2: accel_mps2.clamp(least, most),
@@ -202,6 +209,7 @@ impl Controller for ModelDriver {
             heard.percepts.push(percept.clone());
             heard.briefing = self.briefing.clone();
         }
+        // The row is read during the recorded motion too, because it holds past frames.
         if let Some(surrogate) = &self.part.surrogate {
             if self.sample == 0 {
                 self.reading
@@ -274,7 +282,7 @@ mod tests {
                 }
             }
         }
-        // All of it, or nothing.
+        // The gate is fully open, then fully closed.
         assert_eq!(said(&[0.3, 0.0, -1.5, 9.0]).0[0], -1.2);
         assert_eq!(said(&[0.3, 0.0, -1.5, -9.0]).0[0], 0.3);
     }
@@ -289,7 +297,7 @@ mod tests {
             },
             ..Percept::default()
         };
-        // An answer of this size is beyond anything.
+        // An answer of this size exceeds every limit.
         for unit_mps2 in [1e6, -1e6] {
             let casting = Casting::default();
             casting.give(Part {

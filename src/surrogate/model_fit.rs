@@ -1,11 +1,11 @@
-//! Which stock controllers an ego is like: their parameters, fitted to its runs.
+//! Stock controllers that an ego resembles, with parameters fitted to its runs.
 //!
-//! Many an ego is a published model with other numbers, or contains one. So before
-//! a network is fitted, every stock controller is asked what it would have done at
-//! every recorded sample, and cross-entropy search and Gauss-Newton steps look for
-//! the parameters with which that is most what the ego did. The best of them are
-//! among the inputs of the surrogate; if one of them says nearly all of it, the
-//! networks learn only what is left.
+//! Many egos are a published model with other numbers, or contain a published model.
+//! Every stock controller is therefore fitted to the recorded commands before a network.
+//! Cross-entropy search and Gauss-Newton steps minimize the deviation from the recorded
+//! changes of acceleration.
+//! The best controllers become inputs of the surrogate. If a controller explains nearly
+//! all changes, the networks learn only the residual.
 
 use super::fitted_model::{Answered, Likeness, MODELS, late};
 use super::model_library::Kind;
@@ -14,27 +14,27 @@ use crate::experiment::{EpisodeLoop, Watch};
 use crate::seed;
 use crate::stats::{Search, descend};
 
-/// Samples for searching, and those on which what was found is settled.
+/// Number of samples for the search and for the final fit.
 const SAMPLES: [usize; 2] = [600, 3000];
-/// How many kinds are tried again when more is known of an ego.
+/// Number of kinds that are fitted again after later rounds.
 const WORTH: usize = 6;
 /// Searches per kind.
 const RESTARTS: u64 = 2;
-/// A sample in which the ego accelerates or brakes harder than this says more.
+/// Acceleration from which a sample counts as critical, m/s².
 const CRITICAL_MPS2: f64 = 1.0;
 
-/// The stock controllers that an ego is most like.
+/// Stock controllers that an ego resembles most.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Likenesses {
-    /// The nearest first.
+    /// Fitted controllers, the nearest first.
     pub nearest: Vec<Likeness>,
-    /// The kinds with which it is worth going on.
+    /// Kinds that are worth fitting again.
     pub kinds: Vec<&'static str>,
 }
 
-/// The stock controllers of some kinds that an ego is most like.
+/// Fits stock controllers of the given kinds to the runs of an ego.
 ///
-/// Equal requests give equal answers, on any number of threads.
+/// Equal requests give equal results on any number of threads.
 pub(super) fn likenesses(
     runs: &[Answered],
     kinds: &[&'static str],
@@ -47,6 +47,7 @@ pub(super) fn likenesses(
     };
     let asked = KINDS.iter().filter(|(kind, _)| kinds.contains(kind));
     let kinds: Vec<Kind> = asked.filter_map(Kind::of).collect();
+    // The parallel fits report no progress of their own.
     let quiet = watch.quiet();
     let all = EpisodeLoop::uncounted(&quiet);
     let one = |_: &mut (), kind: &Kind, _: &_| {
@@ -55,7 +56,7 @@ pub(super) fn likenesses(
         nearest(settled)
     };
     let alone: Vec<Option<Found>> = all.run(&kinds, || (), one);
-    // What one controller says is begun with by all that have more to say.
+    // Composite controllers start from the best simple controller and share its parameters.
     let pairs = alone.iter().zip(&kinds);
     let pairs = pairs.filter_map(|(found, kind)| Some((found.as_ref()?, kind)));
     let Some(first) = pairs.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)) else {
@@ -69,13 +70,14 @@ pub(super) fn likenesses(
     let both = alone.iter().cloned().zip(with_first).zip(&kinds);
     let both = both.filter_map(|((a, b), kind)| Some((nearest(a.into_iter().chain(b))?, kind)));
     let mut tried: Vec<(Found, &Kind)> = both.collect();
-    // Equals stay in the order of the list: a stable sort.
+    // The sort is stable, so equal candidates keep the order of the list.
     tried.sort_by(|a, b| a.0.cost.total_cmp(&b.0.cost));
     let kinds = tried
         .iter()
         .take(WORTH)
         .map(|(_, kind)| kind.kind)
         .collect();
+    // Only the inputs of the surrogate are worth the slow local search.
     tried.truncate(MODELS);
     let again = |_: &mut (), (found, kind): &(Found, &Kind), _: &_| {
         let near = many.near(kind, found.point.clone(), seed);
@@ -89,34 +91,35 @@ pub(super) fn likenesses(
     Likenesses { nearest, kinds }
 }
 
-/// Where a search ended.
+/// End point of a search.
 #[derive(Clone, Debug)]
 struct Found {
     point: Vec<f64>,
-    /// The mean square of the deviations.
+    /// Mean square of the deviations.
     cost: f64,
 }
 
 fn nearest(found: impl Iterator<Item = Found>) -> Option<Found> {
     found.min_by(|a, b| a.cost.total_cmp(&b.cost))
 }
-/// Runs to fit stock controllers to.
+/// Runs that stock controllers are fitted to.
 struct Fitting<'a> {
     runs: Vec<&'a Answered>,
-    /// What an error of 1 is.
+    /// Acceleration error that counts as 1.
     unit_mps2: f64,
-    /// Weight of a critical sample and of any other, so that both kinds of samples
-    /// count alike.
+    /// Weights of critical and other samples, so that both kinds count alike.
     weights: [f64; 2],
-    /// What an ego costs that keeps its acceleration.
+    /// Cost of constant acceleration.
     nothing: f64,
 }
 
 impl<'a> Fitting<'a> {
-    /// For runs with about so many samples together. `None`: there are none in
-    /// which the acceleration changes.
+    /// Selects runs with about `samples` samples together.
+    ///
+    /// `None`: the acceleration never changes in them.
     fn of(runs: &'a [Answered], samples: usize) -> Option<Fitting<'a>> {
         let all: usize = runs.iter().map(|run| run.answers.len()).sum();
+        // Whole runs are skipped, because delays and lags need consecutive samples.
         let every = (all / samples).max(1);
         let runs: Vec<&Answered> = runs.iter().step_by(every).collect();
         let changes = || {
@@ -158,8 +161,10 @@ impl<'a> Fitting<'a> {
         CRITICAL_MPS2 < percept.own.accel_mps2.abs() || self.unit_mps2 < change_mps2.abs()
     }
 
-    /// By how much what a maker of models, one per run, says is off at each sample:
-    /// numbers whose squares are twice the weighted Huber loss.
+    /// Returns the deviations of a model from the recorded changes.
+    ///
+    /// `model` makes a model per run. The squares of the numbers are twice the weighted
+    /// Huber loss.
     fn deviations<M: FnMut(&Percept, usize) -> f64>(
         &self,
         mut model: impl FnMut(&'a Answered) -> M,
@@ -171,6 +176,7 @@ impl<'a> Fitting<'a> {
             for (sample, (percept, &[change_mps2, _])) in samples.enumerate() {
                 let off = (model(percept, sample) - change_mps2) / self.unit_mps2;
                 let weight = self.weights[usize::from(!self.is_critical(percept, change_mps2))];
+                // Gauss-Newton minimizes squares, so the Huber loss is written as a square.
                 let twice_huber = match off.abs() < 1.0 {
                     true => off * off,
                     false => 2.0 * off.abs() - 1.0,
@@ -181,14 +187,14 @@ impl<'a> Fitting<'a> {
         deviations
     }
 
-    /// What a stock controller deviates by.
+    /// Returns the deviations of a stock controller.
     fn deviations_of(&self, like: &Likeness) -> Vec<f64> {
         self.deviations(|run| {
             let mut model = like.model(&run.heard.briefing);
             let delay = std::mem::take(&mut model.delay);
             move |percept: &Percept, sample: usize| match delay {
                 0 => model.change_mps2(percept),
-                // All percepts are here: none need be kept.
+                // All percepts are at hand, so the model need not store delayed ones.
                 _ => {
                     let then = &run.heard.percepts[sample.saturating_sub(delay)];
                     model.change_mps2(&late(percept, then))
@@ -202,14 +208,16 @@ impl<'a> Fitting<'a> {
         measured.map(|like| self.deviations_of(&like)).collect()
     }
 
-    /// A point from which to go on, by cross-entropy search. At every other
-    /// restart an ego answers what it sees now.
+    /// Returns a starting point, found by cross-entropy search.
+    ///
+    /// Every second restart fixes the delay at 0.
     fn begun(&self, kind: &Kind, (seed, restart): (u64, u64)) -> Vec<f64> {
         let mut dice = seed::generator(kind.kind, &[seed, restart]);
         let at_once = restart.is_multiple_of(2);
         let with_delay = |point: &Vec<f64>| {
             let mut point = point.clone();
             if at_once {
+                // The coordinate −1 is a delay of 0.
                 point.push(-1.0);
             }
             point
@@ -222,13 +230,15 @@ impl<'a> Fitting<'a> {
         with_delay(&Search::WIDE.run(middle, &mut dice, &costs).point)
     }
 
-    /// A point at which a kind has the parameters that it shares with what was found
-    /// for another one; the others are searched. `None`: it shares none or has no
-    /// other.
+    /// Returns a starting point that shares the parameters of another kind.
+    ///
+    /// The remaining parameters are searched. `None`: no parameters are shared, or none
+    /// remain.
     fn begun_with(&self, kind: &Kind, (found, of): (&Found, &Kind), seed: u64) -> Option<Vec<f64>> {
         let shared =
             |range: &(&str, f64, f64)| of.ranges.iter().position(|other| other.0 == range.0);
         let shared: Vec<Option<usize>> = kind.ranges.iter().map(shared).collect();
+        // The lag is shared by all kinds, so it alone does not relate two of them.
         let own = shared.iter().filter(|shared| shared.is_none()).count();
         if own == 0 || own + 1 == shared.len() {
             return None;
@@ -253,8 +263,9 @@ impl<'a> Fitting<'a> {
         ))
     }
 
-    /// Searches on around a point: an ego that reacts beyond a threshold has no
-    /// slopes either.
+    /// Continues the search around a point.
+    ///
+    /// Gauss-Newton steps find no slope if an ego reacts beyond a threshold.
     fn near(&self, kind: &Kind, point: Vec<f64>, seed: u64) -> Vec<f64> {
         let mut dice = seed::generator(kind.kind, &[seed, RESTARTS]);
         let costs = |points: &[Vec<f64>]| self.costs(kind, points);
@@ -266,9 +277,9 @@ impl<'a> Fitting<'a> {
         measured.iter().map(|off| mean_square(off)).collect()
     }
 
-    /// Where Gauss-Newton steps lead to.
+    /// Refines a point by Gauss-Newton steps.
     fn settled(&self, kind: &Kind, point: Vec<f64>) -> Found {
-        // The delay is a whole number of samples: it has no slope.
+        // The delay is a whole number of samples and so has no slope.
         let free: Vec<usize> = (0..kind.ranges.len()).collect();
         let measure = |points: &[Vec<f64>]| self.measured(kind, points);
         let point = descend(point, &free, &measure).point;
@@ -324,7 +335,7 @@ mod tests {
         close("time_gap_s", 0.35);
         close("comfort_brake_mps2", 5.0);
         close("lag_s", 0.4);
-        // The same on one thread or two.
+        // The result does not depend on the number of threads.
         assert_eq!(likenesses(&idm, &kinds, 1, &watch), found);
 
         let unknown = kinds_but(&["Idm", "FsmDriver", "RssDriver", "IsoAcc", "PoliteAcc"]);
@@ -341,7 +352,7 @@ mod tests {
         let runs = runs_of("filter", PlantKind::Kinematic, 33);
         let kinds = ["Acc", "FilteredAcc", "Gipps"];
         let found = likenesses(&runs, &kinds, 1, &Watch::unwatched()).nearest;
-        // It follows as the ACC does, and now and then its filter brakes.
+        // It follows like the ACC, and its filter brakes now and then.
         assert_eq!(found[0].controller.controller.kind(), "FilteredAcc");
         let margin_m = parameter(&found[0], "filter_margin_m");
         assert!((margin_m - 0.2).abs() < 0.15, "{margin_m}");

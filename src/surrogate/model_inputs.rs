@@ -1,5 +1,6 @@
-//! What a surrogate's networks are told at a sample: features of what the ego
-//! sees, and what the stock controllers would do that it is like.
+//! Inputs of a surrogate's networks at a sample.
+//!
+//! They combine features of the percept with the answers of similar stock controllers.
 
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use super::features::Features;
 use super::fitted_model::{Likeness, MODELS, StockModel};
 use crate::ego::{Briefing, Percept};
 
-/// Turns percepts into the rows of a surrogate.
+/// Converter from percepts to the rows of a surrogate.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reading {
     features: Features,
@@ -19,6 +20,7 @@ impl Reading {
     /// Begins an episode with its first percept.
     pub fn begin(&mut self, alike: &Arc<[Likeness]>, briefing: &Briefing, percept: &Percept) {
         self.features = Features::begin(percept);
+        // Building controllers is slow, so the same surrogate reuses those of the last episode.
         match Arc::ptr_eq(&self.of, alike) {
             true => self.models.iter_mut().for_each(StockModel::reset),
             false => {
@@ -37,6 +39,7 @@ impl Reading {
             .iter_mut()
             .map(|model| model.change_mps2(percept));
         let row_of = changes.map(|change_mps2| change_mps2 as f32);
+        // Missing controllers are padded with zeros, so every row has the same length.
         let rest = MODELS - self.of.len();
         row.extend(row_of.chain(std::iter::repeat_n(0.0, rest)));
     }

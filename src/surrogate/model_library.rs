@@ -1,13 +1,14 @@
-//! The kinds of stock controllers, and where their parameters may be.
+//! Kinds of stock controllers and the ranges of their parameters.
 
 use super::fitted_model::Likeness;
 use crate::ego::{Actuated, KINDS};
 
-/// An ego answers what it saw up to so long ago.
+/// Longest delay of an ego's reaction, s.
 const LONGEST_DELAY_S: f64 = 0.75;
 
-/// Where parameters of stock controllers may be, by name. A kind that has any
-/// other is not tried.
+/// Ranges of the parameters of stock controllers, by name.
+///
+/// A kind with any other parameter is not tried.
 const RANGES: &[(&str, f64, f64)] = &[
     ("lag_s", 0.0, 1.0),
     ("kp_per_s2", 0.02, 1.5),
@@ -58,28 +59,32 @@ const RANGES: &[(&str, f64, f64)] = &[
     ("safe_margin_m", 0.0, 2.0),
     ("passing_margin_s", 0.0, 1.0),
 ];
-/// All kinds but those in `unknown`.
+/// Returns all kinds except those in `unknown`.
 pub(super) fn kinds_but(unknown: &[&str]) -> Vec<&'static str> {
     let kinds = KINDS.iter().map(|(kind, _)| *kind);
     kinds.filter(|kind| !unknown.contains(kind)).collect()
 }
 
-/// A kind of stock controller, and where its parameters may be.
+/// Kind of stock controller and the ranges of its parameters.
 pub(super) struct Kind {
     pub kind: &'static str,
     pub ranges: Vec<(&'static str, f64, f64)>,
 }
 
 impl Kind {
-    /// `None`: nothing is known of one of its parameters.
+    /// Returns the kind, or `None` if a range of its parameters is missing.
     pub fn of(&(kind, names): &(&'static str, &[&'static str])) -> Option<Kind> {
         let range = |name: &str| RANGES.iter().find(|range| range.0 == name).copied();
+        // Every kind is tried with an actuator lag.
         let ranges = names.iter().map(|name| range(name)).chain([range("lag_s")]);
         let ranges: Vec<_> = ranges.collect::<Option<_>>()?;
+        // A kind with the lag as its only parameter cannot be fitted.
         (1 < ranges.len()).then_some(Kind { kind, ranges })
     }
 
-    /// At a point of the box, −1 to 1 per parameter and for the delay.
+    /// Returns the controller at a point of the box.
+    ///
+    /// Coordinates run from −1 to 1, one per parameter and one for the delay.
     pub fn at(&self, point: &[f64]) -> Option<Likeness> {
         let within = |at: f64, low: f64, high: f64| low + 0.5 * (at + 1.0) * (high - low);
         let pairs = self.ranges.iter().zip(point);

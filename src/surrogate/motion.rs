@@ -1,4 +1,4 @@
-//! How an ego moved, as seen from outside.
+//! Motion of an ego, as seen from outside.
 
 use std::sync::Arc;
 
@@ -7,25 +7,24 @@ use crate::sim::Pose;
 use crate::testbench::Testbench;
 use crate::world::Scenario;
 
-/// Where an ego was at one sample, and how fast.
+/// Position and speed of an ego at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Moment {
-    /// Along the road.
+    /// Position along the road.
     pub s_m: f64,
-    /// To the left of lane 0's middle.
+    /// Position to the left of the middle of lane 0.
     pub lateral_m: f64,
-    /// Along its heading.
+    /// Speed along the heading.
     pub speed_mps: f64,
 }
 
 impl Moment {
-    /// Between two places on the road.
+    /// Returns the distance between two positions on the road.
     pub fn distance_m(&self, other: &Moment) -> f64 {
         libm::hypot(self.s_m - other.s_m, self.lateral_m - other.lateral_m)
     }
 
-    /// Whether two motions are so far apart that a plan for one may not do for
-    /// the other.
+    /// Returns whether two motions differ too much to share a plan.
     pub fn strays_from(&self, other: &Moment) -> bool {
         const APART_M: f64 = 0.1;
         const APART_MPS: f64 = 0.1;
@@ -33,7 +32,7 @@ impl Moment {
     }
 }
 
-/// Reads the ego's motion off the traces of a world.
+/// Reader of the ego's motion from the traces of a world.
 #[derive(Clone, Debug)]
 pub(super) struct MotionReader {
     columns: [usize; 3],
@@ -41,7 +40,7 @@ pub(super) struct MotionReader {
 }
 
 impl MotionReader {
-    /// For the traces of `world`; `None`: nobody drives in it.
+    /// Returns a reader for the traces of `world`, or `None` without a driving scene.
     pub fn of(world: &Scenario) -> Option<MotionReader> {
         let spec = world.drive()?;
         let ego = &spec.agents[spec.egos().next()?].name;
@@ -53,15 +52,16 @@ impl MotionReader {
         })
     }
 
-    /// Adds the samples of a bench that `motion` does not hold yet.
+    /// Appends the samples of a bench that `motion` does not hold yet.
     pub fn follow(&self, bench: &Testbench, motion: &mut Vec<Moment>) {
         let [x, y, speed] = self.columns.map(|column| bench.trace().column(column));
-        // Where a contact is held to the horizon the trace goes on, the motion not.
+        // After a held contact the trace continues to the horizon, but the motion ends.
         let moved = bench.physics_steps() / u64::from(bench.clock().substeps);
         for sample in motion.len()..=moved as usize {
             let at = self.course.locate(&Pose {
                 x_m: x[sample],
                 y_m: y[sample],
+                // The heading has no influence on the position along the road.
                 heading_rad: 0.0,
             });
             motion.push(Moment {

@@ -1,4 +1,4 @@
-//! Actions that are the same from every start: what plans must not be below.
+//! Actions that are the same from every start, as a baseline for plans.
 
 use std::sync::Arc;
 
@@ -10,39 +10,40 @@ use crate::rulebook::Verdict;
 use crate::scene::Start;
 use crate::world::Scenario;
 
-/// When the second action takes over, as shares of the horizon.
+/// Times of the switch to the second action, as shares of the horizon.
 const SWITCH_AT: [f64; 3] = [0.125, 0.25, 0.5];
-/// With more actions than this only some second ones are tried: the best constants.
+/// Number of actions above which only the best constants are tried second.
 const MANY: usize = 6;
-/// So many of these.
+/// Number of constants tried second in that case.
 const SECOND: usize = 3;
-/// Starts on which the candidates are compared, in the surrogate.
+/// Starts in the surrogate on which the candidates are compared.
 const STARTS: usize = 40;
 
-/// Actions that were tried on an ego, the same from every start.
+/// Actions tried on an ego, the same from every start.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TriedActions {
-    /// In order, the last one held.
+    /// Actions in order, the last action held.
     pub actions: Vec<usize>,
     /// Runs of the ego under them.
     pub runs: u64,
-    /// Those among them in which it failed, every rule kept.
+    /// Runs in which the ego failed and the ado kept every rule.
     pub successes: u64,
 }
 
-/// What actions come to on the surrogate.
+/// Result of actions on the surrogate.
 #[derive(Clone, Copy, Debug, Default)]
 struct Worth {
     successes: usize,
-    /// Starts on which a rule was broken, or nothing counted.
+    /// Starts with a broken rule or without a counted verdict.
     fouls: usize,
-    /// Over all other starts.
+    /// Sum of the margins over all other starts.
     margins: f64,
 }
 
-/// The constant, or one action and then another, with most successes on the
-/// surrogate; of equals the one that breaks fewest rules, and then the one that comes
-/// nearest elsewhere. `None`: nobody drives.
+/// Returns the best constant action or pair of actions on the surrogate.
+///
+/// Candidates are ordered by successes, then by broken rules, then by margin.
+/// `None`: the world has no driving scene.
 pub(super) fn best_fixed(
     world: &Scenario,
     surrogate: &Arc<Surrogate>,
@@ -51,6 +52,7 @@ pub(super) fn best_fixed(
     let mut model = ModelBench::quick(world)?;
     let actions = model.bench.spaces().actions;
     let decisions = model.bench.clock().decisions();
+    // All candidates play the same starts, so their counts are comparable.
     let starts = &starts[..starts.len().min(STARTS)];
     let mut worth = |actions: &[usize]| {
         let mut worth = Worth::default();
@@ -69,12 +71,14 @@ pub(super) fn best_fixed(
     let mut tried: Vec<(Vec<usize>, Worth)> = (0..actions)
         .map(|action| (vec![action], worth(&[action])))
         .collect();
+    // The constants must be ranked before the best of them are taken as second actions.
     sort(&mut tried);
     let second = if MANY < actions { SECOND } else { actions };
     let last: Vec<usize> = tried.iter().take(second).map(|one| one.0[0]).collect();
     for first in 0..actions {
         for &then in last.iter().filter(|&&then| then != first) {
             for share in SWITCH_AT {
+                // At least one decision, so that the first action is played at all.
                 let held = ((share * decisions as f64).round() as usize).max(1);
                 let mut sequence = vec![first; held];
                 sequence.push(then);
@@ -87,13 +91,14 @@ pub(super) fn best_fixed(
     tried.into_iter().next().map(|(actions, _)| actions)
 }
 
-/// The best first; equals stay in their order.
+/// Sorts the candidates, the best first, and keeps the order of equals.
 fn sort(tried: &mut [(Vec<usize>, Worth)]) {
     tried.sort_by(|(_, a), (_, b)| {
         let by_successes = b.successes.cmp(&a.successes);
         let by_fouls = a.fouls.cmp(&b.fouls);
         by_successes
             .then(by_fouls)
+            // A smaller margin means that the ego came closer to a failure.
             .then(a.margins.total_cmp(&b.margins))
     });
 }
@@ -108,7 +113,7 @@ mod tests {
     fn of_actions_that_are_the_same_everywhere_those_with_most_successes_are_found() {
         let world = Scenario::shipped("acc").expect("shipped").expect("sound");
         let width = super::super::surrogate_sim::width_of(&world);
-        // A surrogate that keeps its acceleration, whatever it sees.
+        // Surrogate that keeps its acceleration whatever it sees.
         let idle = Arc::new(Surrogate {
             mean: vec![0.0; width],
             inverse_sd: vec![1.0; width],
@@ -124,8 +129,7 @@ mod tests {
         });
         let from = super::super::dataset::starts(&world, 20, 3);
         let found = best_fixed(&world, &idle, &from).expect("driven");
-        // Whoever coasts behind is hit most surely by braking at once; who brakes to a
-        // stop breaks a rule.
+        // A coasting follower is hit most surely by braking at once. A stop breaks a rule.
         let (last, before) = found.split_last().expect("an action");
         assert!(
             !before.is_empty() && before.iter().all(|&action| action == 0),

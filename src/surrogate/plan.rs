@@ -1,4 +1,4 @@
-//! Planning a start inside the surrogate, and acting on it in the real world.
+//! Planning of a start inside the surrogate, and execution in the real world.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -17,39 +17,43 @@ use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Testbench};
 use crate::world::Scenario;
 
-/// Most switches of action in a plan.
+/// Largest number of action switches in a plan.
 const SWITCHES: usize = 2;
-/// Sequences that are tried on all variations, per number of switches.
+/// Largest number of sequences per number of switches that are tried on all variations.
 const TRIED: usize = 64;
-/// Beyond the first of them only every so many-th that is found is tried, so
-/// that they are not all alike.
+/// Number of found sequences after which only every `EVERY`-th is tried.
+///
+/// This keeps the tried sequences diverse.
 const FIRST: usize = 16;
 const EVERY: usize = 8;
-/// Variations on which a plan must succeed to be taken without looking at
-/// sequences with more switches, or to be kept when the ego strays from it.
+/// Number of variations on which a plan must succeed to end the search.
+///
+/// Such a plan is also kept when the ego strays from the prediction.
 const ENOUGH: usize = 7;
-/// Decisions after which one who has no sure plan looks for one again.
+/// Decisions after which an unsure plan is searched again.
 const PATIENCE: usize = 4;
-/// The variations that plans are made for, as positions in [`VARIATIONS`]: where
-/// nothing succeeds on the surrogate, what would if the ego were a little less
-/// careful, this way or that. Such a plan may succeed, and if it does not it has
-/// led to where the surrogate should have known better.
+/// Positions in [`VARIATIONS`] that plans are made for, in order.
+///
+/// If no plan succeeds on the surrogate, a plan for a slightly different ego may.
+/// If it fails too, its run shows where the surrogate was wrong.
 const LEADS: [usize; 4] = [0, 4, 5, 10];
 
-/// A strategy, and what it is worth.
+/// Strategy with its score.
 #[derive(Clone, Debug)]
 pub(super) struct Choice {
     pub strategy: Strategy,
-    /// Which of the leading variations it was made for, the first one being that
-    /// of the attempt; their number: it succeeds on none.
+    /// Rank of the leading variation that it was made for.
+    ///
+    /// 0 is the variation of the attempt. `LEADS.len()`: it succeeds on none.
     lead: usize,
-    /// On how many variations it succeeds.
+    /// Number of variations on which it succeeds.
     score: usize,
 }
 
 impl Choice {
-    /// Whether it succeeds on the variation of the attempt, at first the surrogate
-    /// itself.
+    /// Returns whether it succeeds on the variation of the attempt.
+    ///
+    /// In the first attempt this is the surrogate itself.
     fn is_sure(&self) -> bool {
         self.lead == 0 && 0 < self.score
     }
@@ -59,47 +63,50 @@ impl Choice {
     }
 }
 
-/// A run of the real ego under a choice.
+/// Run of the real ego under a choice.
 #[derive(Clone, Debug)]
 pub(super) struct PlannedRun {
-    /// What was chosen at the start.
+    /// Choice at the start.
     pub first: Choice,
-    /// What the ado did and how the ego moved.
+    /// Actions of the ado and motion of the ego.
     pub so_far: SoFar,
-    /// How often another choice was made on the way.
+    /// Number of later changes of strategy.
     pub replans: u32,
 }
 
 impl PlannedRun {
-    /// What the ado kept to from beginning to end.
+    /// Returns the strategy that the ado followed from beginning to end.
     pub fn kept(&self) -> Option<&Strategy> {
         (self.replans == 0).then_some(&self.first.strategy)
     }
 }
 
-/// Plans and acts; one per thread.
+/// Planner of one thread, which also executes its plans.
 pub(super) struct Planner<'a> {
-    /// Explores the tree of sequences, on the kinematic plant.
+    /// Model on the kinematic plant that explores the tree of sequences.
     tree: ModelBench,
-    /// Plays one sequence after the other, on the world's own plant where somebody moves
-    /// otherwise on the kinematic one: where a rule is kept by centimetres, what succeeds
-    /// on that mostly breaks it.
+    /// Model that plays sequences in turn.
+    ///
+    /// It uses the world's own plant where vehicles move differently on the kinematic plant.
+    /// A rule kept by centimetres there is mostly broken on the own plant.
     judge: ModelBench,
     reader: MotionReader,
     surrogate: Arc<Surrogate>,
     policies: Policies<'a>,
     care: Care,
-    /// Searches on the way of the run at hand that found nothing.
+    /// Number of searches in vain during the present run.
     in_vain: u32,
-    /// Earlier runs from the start at hand.
+    /// Earlier runs from the present start.
     earlier: Earlier,
-    /// By how many the leading variations are moved on.
+    /// Rotation of the leading variations.
     attempt: usize,
     watch: &'a Watch<'a>,
 }
 
 impl<'a> Planner<'a> {
-    /// For `world`, plans being judged on a plant; `None`: nobody drives in it.
+    /// Returns a planner for `world`, or `None` without a driving scene.
+    ///
+    /// Plans are judged on `plant`.
     pub fn new(
         world: &Scenario,
         (surrogate, plant): (&Arc<Surrogate>, PlantKind),
@@ -120,8 +127,9 @@ impl<'a> Planner<'a> {
         })
     }
 
-    /// The strategy that succeeds on most variations, from what is so far on; on
-    /// the first of so many leading ones on which anything does.
+    /// Returns the strategy that succeeds on most variations, from `so_far` on.
+    ///
+    /// The leading variations are tried in order until a strategy succeeds on one of them.
     fn choose(&mut self, from: Origin<'_>, so_far: &SoFar, leads: usize) -> Choice {
         let bench = &self.judge.bench;
         let size = (bench.spaces().actions, bench.clock().decisions());
@@ -132,6 +140,7 @@ impl<'a> Planner<'a> {
                 lead,
                 score: 0,
             };
+            // Policies are judged before sequences, because they cost one episode each.
             for strategy in self.policies.strategies() {
                 if ENOUGH <= best.score {
                     break;
@@ -152,6 +161,7 @@ impl<'a> Planner<'a> {
                 let stride = self.care.stride(size, switches, is_first);
                 self.search(from, so_far, (switches, stride), &mut best);
             }
+            // The finest search is slow, so it runs once per start and only if all else failed.
             if best.score == 0
                 && is_first
                 && self.earlier.count() == 0
@@ -170,9 +180,10 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// The strategy for a start that was played before: of all places where an
-    /// earlier run can be left, the one from which a plan succeeds on most
-    /// variations. Where none does, one for another variation of the surrogate.
+    /// Returns the strategy for a start that was played before.
+    ///
+    /// Plans may leave an earlier run at any of its beginnings, and the plan with the most
+    /// variations is taken. Without any, another variation of the surrogate leads.
     fn choose_again(&mut self, from: Origin<'_>, so_far: &SoFar) -> Choice {
         let samples = self.judge.bench.clock().samples_per_decision();
         let mut best = self.choose(from, so_far, 1);
@@ -181,7 +192,7 @@ impl<'a> Planner<'a> {
                 return best;
             }
             let other = self.choose(from, &beginning, 1);
-            // By itself no policy would come by there.
+            // A policy would not reach this beginning by itself, so only plans count here.
             if matches!(other.strategy, Strategy::Plan(_)) && best.score < other.score {
                 best = other;
             }
@@ -193,7 +204,7 @@ impl<'a> Planner<'a> {
         best
     }
 
-    /// Looks through all sequences with so many switches for a better one.
+    /// Searches all sequences with this number of switches for a better strategy.
     fn search(
         &mut self,
         from: Origin<'_>,
@@ -216,6 +227,7 @@ impl<'a> Planner<'a> {
         let (mut found, mut tried) = (0, 0);
         let mut accept = |actions: &[usize], _: &Testbench| {
             found += 1;
+            // Neighbours in the tree are similar, so later finds are thinned out.
             if FIRST < found && !found.is_multiple_of(EVERY) {
                 return Next::Continue;
             }
@@ -255,13 +267,14 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// Position in [`VARIATIONS`] of a leading one.
+    /// Returns the position in [`VARIATIONS`] of a leading variation.
     fn variation(&self, lead: usize) -> usize {
         LEADS[(lead + self.attempt) % LEADS.len()]
     }
 
-    /// On how many variations a strategy succeeds that was made for a leading one;
-    /// no more than `enough` are counted.
+    /// Returns the number of variations on which a strategy succeeds, at most `enough`.
+    ///
+    /// `lead` is the leading variation that it was made for.
     fn score(
         &mut self,
         from: Origin<'_>,
@@ -282,8 +295,7 @@ impl<'a> Planner<'a> {
         trial.score(strategy, 0..enough)
     }
 
-    /// Where nothing succeeds: what comes nearest to it, of the policies and the
-    /// constants.
+    /// Returns the policy or constant that comes nearest to a success.
     fn nearest(&mut self, from: Origin<'_>, so_far: &SoFar) -> Strategy {
         let actions = self.judge.bench.spaces().actions;
         let constants = (0..actions).map(|action| {
@@ -293,6 +305,7 @@ impl<'a> Planner<'a> {
         });
         let mut best = (f64::INFINITY, Strategy::AsTrained);
         for strategy in self.policies.strategies().chain(constants) {
+            // The outcome of an earlier run is known, and it was no success.
             if self.earlier.has_followed(&strategy) {
                 continue;
             }
@@ -301,6 +314,7 @@ impl<'a> Planner<'a> {
             go_on(&mut self.judge, so_far, (&strategy, self.policies));
             let margin = match self.judge.bench.verdict() {
                 Some(Verdict::Held { margin }) => margin,
+                // The ego failed here, counted or not, so no strategy comes nearer.
                 Some(Verdict::Uncounted { .. } | Verdict::Counterexample { .. }) => 0.0,
                 _ => f64::INFINITY,
             };
@@ -311,7 +325,7 @@ impl<'a> Planner<'a> {
         best.1
     }
 
-    /// How the ego would move.
+    /// Predicts the motion of the ego under a strategy.
     fn predict(&mut self, from: Origin<'_>, so_far: &SoFar, strategy: &Strategy) -> Vec<Moment> {
         let samples = self.judge.bench.clock().samples_per_decision();
         let known = match strategy {
@@ -324,9 +338,10 @@ impl<'a> Planner<'a> {
         self.judge.motion()
     }
 
-    /// A better choice than the present one, whose worth is found anew.
+    /// Returns a better choice than the present choice, after updating its score.
     fn rethink(&mut self, from: Origin<'_>, so_far: &SoFar, now: &mut Choice) -> Option<Choice> {
         now.score = self.score(from, so_far, (&now.strategy, now.lead), ENOUGH);
+        // A robust plan is kept, because a search costs more than its likely gain.
         if now.is_sure() && ENOUGH <= now.score {
             return None;
         }
@@ -335,11 +350,11 @@ impl<'a> Planner<'a> {
         other.is_better_than(now).then_some(other)
     }
 
-    /// Plays a start of the real world, and chooses anew when the ego strays
-    /// from what was predicted.
+    /// Plays a start of the real world and replans when the ego strays.
     ///
-    /// Every further attempt at a start knows what came of the earlier ones: it
-    /// leaves one of them where a plan succeeds from there.
+    /// The ego strays if it leaves the predicted motion.
+    /// Further attempts use the motions of the earlier ones and leave one of them where a
+    /// plan succeeds from there.
     pub fn run(
         &mut self,
         real: &mut Testbench,
@@ -349,6 +364,7 @@ impl<'a> Planner<'a> {
     ) -> PlannedRun {
         real.begin(from.0, from.1, aftermath);
         let mut so_far = SoFar::default();
+        // The motion holds the sample at the start before any decision.
         self.reader.follow(real, &mut so_far.motion);
         self.earlier = earlier.clone();
         self.attempt = 0;
@@ -372,9 +388,9 @@ impl<'a> Planner<'a> {
                     real.observe(&mut obs);
                     policy.act(&obs)
                 }
-                // Invariant: a plan holds an action at least.
+                // Invariant: a plan holds at least one action.
                 (Strategy::Plan(plan), _) => *plan.get(decision).or(plan.last()).unwrap_or(&0),
-                // Invariant: nobody chooses a policy that there is not.
+                // Invariant: `Policies::strategies` lists present policies only.
                 _ => 0,
             };
             real.decide(action);
@@ -384,10 +400,12 @@ impl<'a> Planner<'a> {
                 continue;
             }
             let here = so_far.motion.len() - 1;
+            // A predicted run that ended earlier than the real run counts as straying.
             let strays = predicted
                 .get(here)
                 .is_none_or(|expected| so_far.motion[here].strays_from(expected));
             let late = !now.is_sure() && PATIENCE <= decision + 1 - chosen_at;
+            // Pauses grow with searches in vain, since another search would rarely find a plan.
             let rests = decision + 1 - chosen_at < self.care.rest(self.in_vain);
             if rests || (!strays && !late) {
                 continue;

@@ -1,52 +1,54 @@
-//! How much is thought over a run before and while it is played.
+//! Planning effort before and during a run.
 
-/// Where a sequence of actions may be switched.
+/// Spacing of the decisions at which a sequence may switch actions.
 #[derive(Clone, Copy, Debug)]
 struct Grid {
-    /// With one switch: at every so many-th decision.
+    /// Spacing with one switch, decisions.
     one: usize,
-    /// With two: at every so many-th at least.
+    /// Smallest spacing with two switches, decisions.
     two: usize,
-    /// With many actions or decisions two switches are further apart: so many
-    /// sequences are looked through at most.
+    /// Largest number of sequences with two switches.
+    ///
+    /// Many actions or decisions widen the spacing until this limit holds.
     most: usize,
 }
 
-/// Two switches, as many as three actions and 30 decisions come to.
+/// Spacing that suits three actions and 30 decisions.
 const FINE: Grid = Grid {
     one: 1,
     two: 2,
     most: 6_000,
 };
-/// So many sequences are looked through where nothing else was found: some five times
-/// as long.
+/// Largest number of sequences if nothing else was found, about five times as slow.
 const FINEST: usize = 30_000;
-/// What is looked through again and again.
+/// Spacing for searches that are repeated often.
 const QUICK: Grid = Grid {
     one: 1,
     two: 4,
     most: 2_000,
 };
 
-/// How much is thought over a run.
+/// Planning effort of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Care {
-    /// Leading variations that a plan is looked for on where there is none for the
-    /// surrogate itself.
+    /// Number of leading variations to plan for.
+    ///
+    /// They are tried if the surrogate itself has no plan.
     pub leads: usize,
-    /// Where nothing was played yet, for the surrogate itself.
+    /// Spacing before the first action, for the surrogate itself.
     first: Grid,
-    /// For its variations, and on the way.
+    /// Spacing for its variations and during the run.
     later: Grid,
-    /// Whether switches are closer together in the end where nothing else was found.
+    /// Whether a last, finer search follows if nothing else was found.
     is_finest: bool,
-    /// After a search in vain so many decisions pass until the next one, and after
-    /// every further one twice as many.
+    /// Decisions without a search after the first search in vain.
+    ///
+    /// Every further search in vain doubles them.
     rest: usize,
 }
 
 impl Care {
-    /// For a run that counts.
+    /// Effort for a run that counts.
     pub const FULL: Care = Care {
         leads: 4,
         first: FINE,
@@ -54,8 +56,9 @@ impl Care {
         is_finest: true,
         rest: 0,
     };
-    /// For a run that is recorded to learn from: it need not succeed, and there are
-    /// many of them.
+    /// Effort for a run that is recorded for learning.
+    ///
+    /// Such a run need not succeed, and there are many of them.
     pub const BRIEF: Care = Care {
         leads: 2,
         first: QUICK,
@@ -64,8 +67,9 @@ impl Care {
         rest: 4,
     };
 
-    /// How far apart switches are in sequences with so many of them, of so many
-    /// actions and decisions.
+    /// Returns the spacing of the switches of a sequence.
+    ///
+    /// `size` holds the number of actions and of decisions.
     pub fn stride(&self, size: (usize, usize), switches: usize, is_first: bool) -> usize {
         let grid = if is_first { self.first } else { self.later };
         match switches {
@@ -74,30 +78,32 @@ impl Care {
         }
     }
 
-    /// The same where nothing was found and more is looked at, if that is any finer.
+    /// Returns the spacing of the last search, if it is finer than the first search.
     pub fn finest(&self, size: (usize, usize)) -> Option<usize> {
         let finest = stride(size, 1, FINEST);
         (self.is_finest && finest < self.stride(size, 2, true)).then_some(finest)
     }
 
-    /// For how many decisions nothing is thought over after so many searches in vain.
+    /// Returns the number of decisions without a search after `in_vain` failures.
     pub fn rest(&self, in_vain: u32) -> usize {
         match in_vain {
             0 => 0,
+            // The shift is bounded, so the pause cannot overflow.
             _ => self.rest << (in_vain - 1).min(8),
         }
     }
 }
 
-/// How far apart two switches are, at least so many decisions, for so many sequences
-/// of actions at most.
+/// Returns the smallest spacing, at least `least`, with at most `most` sequences.
 fn stride((actions, decisions): (usize, usize), least: usize, most: usize) -> usize {
     let others = actions.saturating_sub(1);
     let sequences = |stride: usize| {
         let places = decisions / stride;
+        // Three actions in a row, neighbours different, and two ordered places.
         actions * others * others * places * places.saturating_sub(1) / 2
     };
     (least..decisions)
+        // A run too short for any switch gets a spacing of its whole length.
         .find(|&stride| sequences(stride) <= most)
         .unwrap_or(decisions.max(1))
 }
@@ -108,8 +114,8 @@ mod tests {
 
     #[test]
     fn with_many_actions_switches_are_further_apart() {
-        // `acc`: all of them; `cut_in`: every fifth decision, every seventh, and every
-        // other one in the end.
+        // `acc` is searched completely. `cut_in` is searched at every fifth or seventh
+        // decision, and at every second decision in the last search.
         assert_eq!(Care::FULL.finest((3, 30)), Some(1));
         assert_eq!(Care::FULL.stride((3, 30), 2, true), 2);
         assert_eq!(Care::FULL.stride((3, 30), 2, false), 4);
@@ -117,7 +123,7 @@ mod tests {
         assert_eq!(Care::FULL.finest((10, 100)), Some(11));
         assert_eq!(Care::FULL.stride((6, 40), 2, true), 5);
         assert_eq!(Care::FULL.stride((6, 40), 2, false), 7);
-        // Nothing to switch to, and so much that nothing is left to switch at.
+        // A single action has no switches, and too many actions leave no place for them.
         assert_eq!(stride((1, 40), 1, 6_000), 1);
         assert_eq!(stride((1000, 40), 1, 6_000), 21);
         assert_eq!(stride((3, 1), 1, 6_000), 1);

@@ -1,4 +1,4 @@
-//! On which plant a model of a world is true to it.
+//! Selection of the plant on which a model matches its world.
 
 use super::dataset::Run;
 use super::surrogate_sim::{ModelBench, VARIATIONS};
@@ -6,14 +6,15 @@ use crate::sim::PlantKind;
 use crate::testbench::Testbench;
 use crate::world::Scenario;
 
-/// Nobody may be further from where they are on the other plant.
+/// Largest difference of a coordinate between the plants, m.
 const ALIKE_M: f64 = 0.005;
 
-/// The plant to judge plans on: the kinematic one, which is some ten times as fast,
-/// if everybody moves on it as in these runs on the world's own one; else that.
+/// Returns the plant on which plans are judged.
 ///
-/// Along a lane both plants obey alike; who changes lanes on the rigid one is some
-/// centimetres elsewhere, and rules are kept or broken by centimetres.
+/// The kinematic plant is about ten times as fast. It is used if all vehicles move on it
+/// as on the world's own plant in these runs.
+/// Along a lane both plants agree. A lane change differs by some centimetres on the rigid
+/// plant, and centimetres decide whether a rule is kept.
 pub(super) fn judged_on(world: &Scenario, runs: &[Run]) -> Option<PlantKind> {
     let own = world.drive()?.plant;
     let Some(columns) = places(world) else {
@@ -24,6 +25,7 @@ pub(super) fn judged_on(world: &Scenario, runs: &[Run]) -> Option<PlantKind> {
         for model in [&mut there, &mut here] {
             model.begin(run.from(), &run.so_far, None, VARIATIONS[0]);
         }
+        // Beyond the recorded motion no ego is there to compare with.
         let samples = run.so_far.motion.len();
         columns.iter().all(|&column| {
             let of = |bench: &Testbench| bench.trace().column(column).to_vec();
@@ -38,7 +40,7 @@ pub(super) fn judged_on(world: &Scenario, runs: &[Run]) -> Option<PlantKind> {
     })
 }
 
-/// The columns in which everybody's place is published.
+/// Returns the columns of all published positions.
 fn places(world: &Scenario) -> Option<Vec<usize>> {
     let schema = world.world().schema();
     let agents = world.drive()?.agents.iter();
@@ -67,7 +69,7 @@ mod tests {
         let merging = [1, 4, 4];
         assert_eq!(judged("cut_in", Rigid, &merging), Some(Rigid));
         assert_eq!(judged("cut_in", Kinematic, &merging), Some(Kinematic));
-        // Nobody drives there.
+        // This world has no driving scene.
         assert_eq!(judged("grid", Rigid, &[0]), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Recorded runs, for tests.
+//! Recorded runs for tests.
 
 use super::dataset::{answered, mixed, starts};
 use super::fitted_model::Answered;
@@ -7,7 +7,7 @@ use crate::rl::Policy;
 use crate::sim::PlantKind;
 use crate::world::Scenario;
 
-/// So many runs of an ego of `acc_structures` under mixed actions.
+/// Returns runs of an ego of `acc_structures` under mixed actions.
 pub(super) fn runs_of(name: &str, plant: PlantKind, count: u64) -> Vec<Answered> {
     struct Coasts;
 

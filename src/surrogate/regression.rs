@@ -1,13 +1,13 @@
-//! Least squares by normal equations, and logistic regression by Newton steps.
+//! Least squares by normal equations, and logistic regression by Newton's method.
 
 use nalgebra::{DMatrix, DVector};
 
-/// What large weights cost, in standard deviations.
+/// Regularisation of the weights, in standard deviations.
 pub(super) const SMALL_WEIGHTS: f64 = 1e-4;
-/// Steps of a logistic regression.
+/// Largest number of Newton steps.
 const NEWTON_STEPS: usize = 40;
 
-/// Adds a row to normal equations, with a weight and what it should come to.
+/// Adds a weighted row with its target to the normal equations.
 pub(super) fn add(
     left: &mut DMatrix<f64>,
     right: &mut DVector<f64>,
@@ -22,9 +22,10 @@ pub(super) fn add(
     }
 }
 
-/// Logistic regression of the signs of `worths`, which are weights as well, on rows
-/// whose last but one column is constant: Newton steps, halved where they go too far.
-/// `None`: it has no solution.
+/// Fits a logistic regression to the signs of `worths`.
+///
+/// Their magnitudes weight the rows. The second to last column must be constant.
+/// Newton steps are halved where they overshoot. `None`: the problem has no solution.
 pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
     let width = rows.first()?.len();
     let constant = width - 2;
@@ -38,7 +39,7 @@ pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
         true => 1.0,
         false => {
             let squares = rows.iter().map(|row| (row[i] - means[i]).powi(2));
-            // What is the same everywhere is not blown up.
+            // A constant column is not amplified.
             let sd = (squares.sum::<f64>() / count).sqrt();
             sd.max(1e-6 * (1.0 + means[i].abs()))
         }
@@ -55,6 +56,7 @@ pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
     };
     let loss = |weights: &DVector<f64>| {
         let losses = rows.iter().zip(worths).map(|(row, worth)| {
+            // This form of the logistic loss does not overflow for large arguments.
             let wrong = -worth.signum() * at(weights, row);
             worth.abs() * (wrong.max(0.0) + libm::log1p(libm::exp(-wrong.abs())))
         });
@@ -67,9 +69,10 @@ pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
         let mut right = &weights * -SMALL_WEIGHTS;
         for (row, worth) in rows.iter().zip(worths) {
             let braked = 1.0 / (1.0 + libm::exp(-at(&weights, row)));
+            // The floor keeps the division below finite for certain rows.
             let curved = worth.abs() * (braked * (1.0 - braked)).max(1e-12);
             let wanted = f64::from(u8::from(0.0 < *worth)) - braked;
-            // The gradient, as a row that should come to it.
+            // The gradient, expressed as a weighted row with a target.
             let wanted = worth.abs() * wanted / curved;
             add(&mut left, &mut right, row, (curved, wanted));
         }
@@ -83,15 +86,18 @@ pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
             share *= 0.5;
         };
         let lower = loss(&there);
+        // A share below 1e-3 ends the halving, and the loss check below rejects the step.
         if here <= lower {
             break;
         }
         let gained = here - lower;
         (weights, here) = (there, lower);
+        // A relative gain this small cannot change the threshold noticeably.
         if gained < 1e-6 * here {
             break;
         }
     }
+    // Back from scaled to raw columns, with the means absorbed by the constant.
     let mut raw: Vec<f64> = weights
         .iter()
         .zip(&sds)

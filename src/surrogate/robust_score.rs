@@ -1,4 +1,4 @@
-//! Trying a strategy on the surrogate and its variations.
+//! Trial of a strategy on the surrogate and its variations.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -9,13 +9,14 @@ use super::model::Surrogate;
 use super::strategy::{Policies, Strategy};
 use super::surrogate_sim::{ModelBench, Origin, SoFar, VARIATIONS};
 
-/// Goes on from what is so far.
+/// Continues from `so_far` with a strategy.
 pub(super) fn go_on(
     judge: &mut ModelBench,
     so_far: &SoFar,
     (strategy, policies): (&Strategy, Policies<'_>),
 ) {
     if let Strategy::Plan(actions) = strategy {
+        // The last action is held, so at least one action remains to be played.
         let from = so_far.actions.len().min(actions.len().saturating_sub(1));
         judge.go_on(&actions[from..]);
     } else if let Some(policy) = policies.of(strategy) {
@@ -23,7 +24,7 @@ pub(super) fn go_on(
     }
 }
 
-/// Tries strategies on all variations.
+/// Trial of strategies on all variations.
 pub(super) struct Trial<'a> {
     pub judge: &'a mut ModelBench,
     pub surrogate: &'a Arc<Surrogate>,
@@ -35,11 +36,13 @@ pub(super) struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// On how many variations a strategy succeeds, none if not on the leading
-    /// one; no more than the first number if that is not surpassed, nor than the
-    /// second.
+    /// Returns the number of variations on which a strategy succeeds.
+    ///
+    /// A failure on the leading variation gives 0. Counting ends at `asked.end`, or as soon
+    /// as `asked.start` cannot be exceeded.
     pub fn score(&mut self, strategy: &Strategy, asked: Range<usize>) -> usize {
         let samples = self.judge.bench.clock().samples_per_decision();
+        // The real ego has already survived this strategy from this start.
         if self.so_far.actions.is_empty() && self.earlier.has_followed(strategy) {
             return 0;
         }

@@ -1,34 +1,34 @@
-//! What an ado may do from a start on.
+//! Strategies of an ado from a start on.
 
 use crate::rl::Policy;
 
-/// How the ado goes on.
+/// Behaviour of the ado from a start on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Strategy {
-    /// As it was trained.
+    /// Follows the trained policy.
     AsTrained,
-    /// As it learned to inside the surrogate.
+    /// Follows the policy trained inside the surrogate.
     TrainedOn,
-    /// These actions from the start on, the last one held.
+    /// Plays these actions from the start on, the last action held.
     Plan(Vec<usize>),
 }
 
-/// The ado's policies.
+/// Policies of the ado.
 #[derive(Clone, Copy)]
 pub(super) struct Policies<'a> {
     pub as_trained: &'a dyn Policy,
-    /// What it learned inside the surrogate, if it did.
+    /// Policy trained inside the surrogate, if any.
     pub trained_on: Option<&'a dyn Policy>,
 }
 
 impl<'a> Policies<'a> {
-    /// The ones there are, as strategies.
+    /// Returns the available policies as strategies.
     pub fn strategies(self) -> impl Iterator<Item = Strategy> {
         let trained_on = self.trained_on.map(|_| Strategy::TrainedOn);
         std::iter::once(Strategy::AsTrained).chain(trained_on)
     }
 
-    /// The one that a strategy follows; `None`: it follows none.
+    /// Returns the policy of a strategy, or `None` for a plan.
     pub fn of(self, strategy: &Strategy) -> Option<&'a dyn Policy> {
         match strategy {
             Strategy::AsTrained => Some(self.as_trained),

@@ -1,4 +1,4 @@
-//! A model of a world: its road and rules, and the ego's surrogate in its place.
+//! Model of a world: its road and rules, with the surrogate in the ego's place.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,10 +12,10 @@ use crate::sim::PlantKind;
 use crate::testbench::{Aftermath, Testbench};
 use crate::world::Scenario;
 
-/// A start with the seed of its noise.
+/// Start with the seed of its noise.
 pub(super) type Origin<'a> = (&'a Start, u64);
 
-/// What an ego is known to have done under these actions, up to now.
+/// Known actions of the ado and motion of the ego, up to now.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SoFar {
     pub actions: Vec<usize>,
@@ -23,8 +23,9 @@ pub(super) struct SoFar {
 }
 
 impl SoFar {
-    /// What was known after so many decisions.
+    /// Returns the part up to a number of decisions.
     pub fn up_to(&self, decisions: usize, samples_per_decision: usize) -> SoFar {
+        // A motion has a sample more than intervals: the sample at the start.
         let moments = (decisions * samples_per_decision + 1).min(self.motion.len());
         SoFar {
             actions: self.actions[..decisions].to_vec(),
@@ -33,21 +34,23 @@ impl SoFar {
     }
 }
 
-/// Another ego that might be there instead: what a member of the ensemble says, or
-/// the mean of all, made a little more or less careful.
+/// Variation of the predicted ego.
+///
+/// It uses one member of the ensemble or the mean of all members. The bias makes the
+/// ego a little more or less careful.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Variation {
     pub member: Option<usize>,
     pub bias_mps3: f64,
 }
 
-/// The ones a plan is tried on, the surrogate itself first.
+/// Variations that a plan is tried on, the surrogate itself first.
 ///
-/// What succeeds on all of them leaves the ego some room to differ: one that
-/// eases off, or brakes, a little more at every sample than it was seen to do.
-/// The more careful ones are close together: an ego that brakes at the last moment
-/// leaves some centimetres, and of the plans that fit them the one with most room
-/// is to be found.
+/// A plan that succeeds on all of them tolerates a small prediction error.
+/// The variations ease off, or brake, a little more at every sample than predicted.
+/// The careful variations are close together, because an ego that brakes at the last
+/// moment leaves only centimetres. Among the plans that fit these centimetres, the
+/// search must find the plan with the largest margin.
 pub(super) const VARIATIONS: [Variation; 12] = {
     const fn mean(bias_mps3: f64) -> Variation {
         let member = None;
@@ -73,14 +76,14 @@ pub(super) const VARIATIONS: [Variation; 12] = {
     ]
 };
 
-/// Length of a row of inputs in a world.
+/// Returns the number of inputs per sample in a world.
 pub(super) fn width_of(world: &Scenario) -> usize {
     let agents = world.drive().map_or(1, |spec| spec.agents.len());
     let lights = world.drive().map_or(0, |spec| spec.lights.len());
     Features::width(agents.saturating_sub(1), lights) + MODELS
 }
 
-/// A model world, played decision by decision.
+/// Model world that is played decision by decision.
 pub(super) struct ModelBench {
     pub bench: Testbench,
     pub casting: Casting,
@@ -89,16 +92,19 @@ pub(super) struct ModelBench {
 }
 
 impl ModelBench {
-    /// A model of `world` on the kinematic plant, which is the faster one, and of the
-    /// motion of who changes lanes some centimetres off; `None`: nobody drives in it.
+    /// Returns a model of `world` on the kinematic plant.
+    ///
+    /// It is faster than the rigid plant. Lane changes differ by some centimetres.
+    /// `None`: the world has no driving scene.
     pub fn quick(world: &Scenario) -> Option<ModelBench> {
         ModelBench::on(world, PlantKind::Kinematic)
     }
 
-    /// The same on any plant.
+    /// Returns the same model on any plant.
     pub fn on(world: &Scenario, plant: PlantKind) -> Option<ModelBench> {
         let reader = MotionReader::of(world)?;
         let casting = Casting::default();
+        // The bench takes its driver from `casting`, so the part can change between episodes.
         let bench = world.as_model(plant, casting.factory()).bench();
         Some(ModelBench {
             obs: vec![0.0; bench.spaces().observation],
@@ -108,7 +114,7 @@ impl ModelBench {
         })
     }
 
-    /// Begins at a start and does again what is known.
+    /// Begins at a start and repeats the known actions.
     pub fn begin(
         &mut self,
         from: Origin<'_>,
@@ -119,6 +125,7 @@ impl ModelBench {
         self.cast(so_far, surrogate, variation);
         self.bench.begin(from.0, from.1, Aftermath::Skip);
         for &action in &so_far.actions {
+            // The model can reach its verdict earlier than the recorded run did.
             if self.bench.is_done() {
                 break;
             }
@@ -126,7 +133,7 @@ impl ModelBench {
         }
     }
 
-    /// Tells the ego how to act in the next episodes.
+    /// Sets the motion and the surrogate that the ego follows in the next episodes.
     pub fn cast(&self, so_far: &SoFar, surrogate: Option<&Arc<Surrogate>>, variation: Variation) {
         self.casting.give(Part {
             known: so_far.motion.as_slice().into(),
@@ -137,17 +144,18 @@ impl ModelBench {
         });
     }
 
-    /// Goes on with `actions`, the last one held, to the verdict.
+    /// Plays `actions`, the last action held, until the verdict.
     pub fn go_on(&mut self, actions: &[usize]) {
         let mut rest = actions.iter();
         let mut action = 0;
         while !self.bench.is_done() {
+            // An empty plan holds action 0.
             action = *rest.next().unwrap_or(&action);
             self.bench.decide(action);
         }
     }
 
-    /// Goes on as a policy acts; what it did.
+    /// Follows a policy until the verdict and returns its actions.
     pub fn follow(&mut self, policy: &dyn Policy) -> Vec<usize> {
         let mut actions = Vec::new();
         while !self.bench.is_done() {
@@ -159,23 +167,24 @@ impl ModelBench {
         actions
     }
 
-    /// Whether the ego failed in a way that counts, every rule kept.
+    /// Returns whether the ego violated its specification and the ado kept every rule.
     pub fn is_success(&self) -> bool {
         self.bench
             .verdict()
             .is_some_and(|verdict| verdict.is_success())
     }
 
-    /// How the ego moved.
+    /// Returns the motion of the ego.
     pub fn motion(&self) -> Vec<Moment> {
         let mut motion = Vec::new();
         self.reader.follow(&self.bench, &mut motion);
         motion
     }
 
-    /// What the ego saw in a run, sample by sample.
+    /// Returns the ego's percepts in a run, sample by sample.
     pub fn percepts(&mut self, from: Origin<'_>, run: &SoFar) -> Heard {
         let heard = Arc::new(Mutex::new(Heard::default()));
+        // Without a surrogate the ego follows the recorded motion only.
         self.casting.give(Part {
             known: run.motion.as_slice().into(),
             heard: Some(Arc::clone(&heard)),
@@ -193,12 +202,12 @@ mod tests {
     use crate::seed::{Purpose, StartKey};
     use crate::testbench::{HOLD_DECISIONS, HeldRandom, play};
 
-    /// A model on the world's own plant.
+    /// Returns a model on the world's own plant.
     fn own(world: &Scenario) -> Option<ModelBench> {
         ModelBench::on(world, world.drive()?.plant)
     }
 
-    /// A run of the real ego of `world` under random actions.
+    /// Returns a run of the real ego of `world` under random actions.
     fn run_of(world: &Scenario, index: u64) -> (Start, u64, SoFar) {
         let mut bench = world.bench();
         let key = StartKey {

@@ -1,4 +1,4 @@
-//! Learned egos, kept in the run directory of the ado that met them.
+//! Learned egos in the run directory of the ado.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -13,17 +13,20 @@ use crate::rl::{Bundle, BundleError, load_policy_for};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::sysid::{DIR, place_of};
 use crate::world::Scenario;
+use crate::world::file_bytes;
 
-/// The tensor that holds a whole bundle: what the ado learned in the surrogate.
+/// Tensor with a whole bundle: the policy trained in the surrogate.
 const TRAINED_ON: &str = "trained_on";
-/// The tensor that holds the SHA-256 of the bundle without it, in digits.
+/// Tensor with the SHA-256 of the bundle without it, as digits.
 const SEAL: &str = "seal";
 
-/// The learned ego of a request: the one that `run` keeps, or learned now and
-/// kept there, if it is one that files say. `None`: as [`learn_ego`].
+/// Returns the stored learned ego of a request, or learns and stores it.
+///
+/// Only egos that are described by files are stored. Returns `None` as [`learn_ego`]
+/// does.
 ///
 /// # Errors
-/// The disk refuses.
+/// Returns an error if a file cannot be written.
 pub(crate) fn learned(
     run: &RunDir,
     ego: &EgoUnderTest,
@@ -33,13 +36,14 @@ pub(crate) fn learned(
     let Some(path) = path_of(run, ego, request) else {
         return Ok(learn_ego(request, watch));
     };
-    if let Ok(bytes) = std::fs::read(&path) {
+    if let Ok(bytes) = file_bytes(&path) {
         let (name, path) = (ego.name(), path.display());
         match read(&bytes, request.ego) {
             Ok(kept) => {
                 watch.note(&format!("`{name}`: learned before ({path})"));
                 return Ok(Some(kept));
             }
+            // A damaged file is no reason to stop, because the ego can be learned again.
             Err(error) => watch.note(&format!("{path}: {error}; learned anew")),
         }
     }
@@ -55,7 +59,7 @@ pub(crate) fn learned(
     Ok(found)
 }
 
-/// The file of what is asked: it depends on the ado as well.
+/// Returns the file of a request. Its name depends on the ado as well.
 fn path_of(run: &RunDir, ego: &EgoUnderTest, request: &LearnEgoRequest<'_>) -> Option<PathBuf> {
     let asked = serde_json::json!({
         "learned_for_policy_sha256": run.manifest().policy_sha256,
@@ -90,7 +94,7 @@ fn written(learned: &LearnedEgo) -> Result<Vec<u8>, BundleError> {
     bundle.to_bytes()
 }
 
-/// A bundle as it was written: whatever bit of it was flipped, it is none.
+/// Returns the bundle if its seal matches, so any flipped bit is detected.
 fn unsealed(bytes: &[u8]) -> Result<Bundle, BundleError> {
     let sealed = Bundle::from_bytes(bytes)?;
     let says = sealed.rows::<u8>(SEAL, &[])?.to_vec();
@@ -116,6 +120,7 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
     let members: Vec<Mlp> = members.collect::<Result<_, _>>()?;
     let width = super::surrogate_sim::width_of(world);
     for member in &members {
+        // A file of another version may have other inputs, so the shape is checked on reading.
         if member.ends() != [width, OUTPUTS] {
             return Err(BundleError::Mismatch {
                 what: "the surrogate",
@@ -140,6 +145,7 @@ fn read(bytes: &[u8], world: &Scenario) -> Result<LearnedEgo, BundleError> {
         None => None,
     };
     if let Some(policy) = &trained_on {
+        // Loading once here reports a damaged policy before any start is planned.
         load_policy_for(&world.spaces(), policy)?;
     }
     Ok(LearnedEgo {

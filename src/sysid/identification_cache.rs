@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use crate::content_hash::{fingerprint, sha256};
 use crate::experiment::EgoUnderTest;
 use crate::run_dir::RunDir;
+use crate::world::file_bytes;
 
 /// The directory in a run.
 pub(crate) const DIR: &str = "learned";
@@ -22,7 +23,7 @@ pub(crate) fn place_of(run: &RunDir, ego: &EgoUnderTest, asked: &Value) -> Optio
     }
     let program = ego.scenario().program();
     let files = program.iter().flat_map(|program| &program.command);
-    let files = files.filter_map(|path| std::fs::read(Path::new(path)).ok());
+    let files = files.filter_map(|path| file_bytes(Path::new(path)).ok());
     let files: Vec<String> = files.map(|bytes| sha256(&bytes)).collect();
     let name = fingerprint(&json!({
         "brakecheck": env!("CARGO_PKG_VERSION"),

@@ -10,6 +10,7 @@ use crate::content_hash::{BLANK, check, seal};
 use crate::experiment::{EgoUnderTest, Watch};
 use crate::run_dir::{RunDir, RunError, make_dir, write_file};
 use crate::sim::PlantKind;
+use crate::world::file_text;
 use crate::world::{Family, Member, Scenario};
 
 /// An ego as the nearest member of a family, and how far that is to be trusted.
@@ -138,7 +139,7 @@ pub(super) fn identified(
     let asked = serde_json::json!({ "identified_from": runs, "seed": seed });
     let place = place_of(run, ego, &asked).map(|place| place.with_extension("json"));
     if let Some(place) = &place
-        && let Ok(text) = std::fs::read_to_string(place)
+        && let Ok(text) = file_text(place)
     {
         let (name, place) = (ego.name(), place.display());
         match Kept::read(&text) {

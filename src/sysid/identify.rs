@@ -1,13 +1,12 @@
-//! Identifying an ego seen only from outside as a member of a family.
+//! Identification of an ego, seen from outside, as a member of a family.
 //!
-//! Some runs of the ego are recorded: where it was and how fast, while the ado
-//! took held random actions. Members of the family then drive the same starts
-//! under the same actions in the simulator, and cross-entropy search, followed
-//! by Gauss-Newton steps, looks for the one that stays nearest. Nothing of the ego's inside is used.
+//! Some runs of the ego are recorded under held random actions of the ado. The recordings
+//! hold position and speed only, and nothing internal to the ego is used.
+//! Members of the family drive the same starts under the same actions in the simulator.
+//! Cross-entropy search and Gauss-Newton steps minimize the distance to the recordings.
 //!
-//! The residual is the root of the mean, over all samples of all runs, of the
-//! squared distance between the ego and the member, in m; a difference of
-//! 1 m/s in speed counts like 1 m.
+//! The residual is the root mean square distance between ego and member over all samples
+//! of all runs, in m. A speed difference of 1 m/s counts like 1 m.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -22,50 +21,54 @@ pub(super) use crate::stats::descend;
 use crate::stats::{Fit, Search, cost};
 use crate::world::{Family, Member, Scenario};
 
-/// Independent fits, to see whether they agree.
+/// Number of independent fits, which show if they agree.
 const REFITS: u64 = 3;
-/// Share of the nominal residual up to which a member says something of an ego
-/// that it does not explain.
+/// Share of the nominal residual up to which a member describes an ego.
+///
+/// It applies to members that do not explain the ego.
 const TELLING: f64 = 0.5;
-/// A member explains an ego that it follows as closely as this, on top of the
-/// ego's own noise: about the depth of a violation between two cars.
+/// Distance from an ego, beyond its own noise, within which a member explains it.
+///
+/// It is about the depth of a violation between two cars.
 const CLOSE_M: f64 = 0.1;
-/// A quantity shows in the runs if its range moves the residual by this much,
+/// Change of the residual over a quantity's range from which it is observable.
 const SHOWS_M: f64 = 0.05;
-/// or by this share of it, whichever is more.
+/// Share of the residual that has the same effect, if it is more.
 const SHOWS_SHARE: f64 = 0.05;
 
-/// The member found, and how far it is to be trusted.
+/// Identified member and the confidence in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
-    /// The nearest member; quantities that do not show are nominal.
+    /// Nearest member. Quantities that are not observable are nominal.
     pub member: Member,
     /// Standard deviation of each quantity over independent fits.
     pub spread: Vec<f64>,
-    /// Quantities that do not show in the runs.
+    /// Whether each quantity is not observable in the runs.
     pub hidden: Vec<bool>,
-    /// How far the member stays from the ego.
+    /// Residual of the member, m.
     pub residual_m: f64,
-    /// How far the nominal ego stays from it.
+    /// Residual of the nominal ego, m.
     pub nominal_residual_m: f64,
-    /// How far its noise may move the recorded runs; 0 without any.
+    /// Influence of the ego's noise on the recorded runs, m. 0 without noise.
     pub noise_m: f64,
-    /// The residuals of all independent fits.
+    /// Residuals of all independent fits, m.
     pub refits_m: Vec<f64>,
-    /// Runs recorded of the ego.
+    /// Recorded runs of the ego.
     pub recorded: u64,
-    /// Runs simulated of members.
+    /// Simulated runs of members.
     pub simulations: u64,
 }
 
 impl Identified {
-    /// Whether the member follows the ego about as closely as noise allows.
+    /// Returns whether the member follows the ego about as closely as noise allows.
     pub fn explains(&self) -> bool {
         self.residual_m <= self.bound_m()
     }
 
-    /// What a conditional ado is to be told of the ego: the member, or the
-    /// nominal values if it says nothing of the ego ([`is_telling`]).
+    /// Returns the parameters for a conditional ado, with their origin.
+    ///
+    /// They are those of the member, or nominal if the member does not describe the ego
+    /// ([`is_telling`]).
     pub fn told(&self, family: &Family) -> (Member, &'static str) {
         match is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
             true => (self.member.clone(), "identified"),
@@ -73,61 +76,60 @@ impl Identified {
         }
     }
 
-    /// The residual up to which a member explains the ego.
+    /// Returns the residual up to which a member explains the ego, m.
     pub fn bound_m(&self) -> f64 {
         bound_m(self.noise_m)
     }
 }
 
-/// The residual up to which a member explains an ego with such a noise.
+/// Returns the residual up to which a member explains an ego with this noise, m.
 fn bound_m(noise_m: f64) -> f64 {
     CLOSE_M + noise_m
 }
 
-/// Whether a member says something of an ego: it explains it, or strays from
-/// it by at most half of what the nominal ego does.
+/// Returns whether a member describes an ego.
 ///
-/// The nearest member of a family that an ego is none of may be far from it; an
-/// ado that is told such a one does worse than one that takes the ego for the
-/// nominal one.
+/// It explains the ego, or its residual is at most half the nominal residual.
+/// The nearest member may be far from an ego outside the family. An ado that is
+/// conditioned on such a member does worse than with nominal parameters.
 pub fn is_telling(explains: bool, residual_m: f64, nominal_residual_m: f64) -> bool {
     explains || residual_m <= TELLING * nominal_residual_m
 }
 
-/// An ego could not be identified.
+/// Error of an identification.
 #[derive(Debug, thiserror::Error)]
 pub enum IdentifyError {
     /// The world has no family.
     #[error("`{world}` names no family of egos")]
     NoFamily {
-        /// The world.
+        /// Name of the world.
         world: String,
     },
-    /// A quantity to be left nominal is not in the family.
+    /// A quantity to be kept nominal is not in the family.
     #[error("the family does not vary `{name}`; it varies {known}")]
     NotVaried {
-        /// The quantity.
+        /// Name of the quantity.
         name: String,
-        /// All there are.
+        /// All quantities of the family.
         known: String,
     },
-    /// Nothing is left to fit.
+    /// No quantity is left to fit.
     #[error("every quantity of the family is left out: nothing is fitted")]
     NothingToFit,
     /// The ego failed in every run.
     #[error("the ego failed in each of {runs} runs: nothing was recorded")]
     NoRuns {
-        /// Runs tried.
+        /// Number of attempted runs.
         runs: usize,
     },
 }
 
 /// Fits the family to recorded runs of an ego. `None`: stopped from outside.
 ///
-/// Equal requests give equal answers, on any number of threads.
+/// Equal requests give equal results on any number of threads.
 ///
 /// # Errors
-/// There is no family, nothing to fit, or nothing could be recorded.
+/// Returns an error without a family, without free quantities, or without recordings.
 pub fn identify(
     request: &IdentifyRequest<'_>,
     watch: &Watch<'_>,
@@ -162,11 +164,11 @@ pub fn identify(
         (watch.progress)(refit + 1, total);
     }
     let concluded = lab.conclude(&free, spec.plant, &fits);
-    // Once stopped, nothing is measured: what was concluded then says nothing.
+    // A stopped measurement returns no deviations, so the conclusion is meaningless.
     Ok((!watch.stopped()).then_some(concluded))
 }
 
-/// Positions of the quantities that are fitted.
+/// Returns the positions of the fitted quantities.
 fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> {
     let names: Vec<&str> = family.quantities.iter().map(|q| q.varied.name()).collect();
     if let Some(name) = fixed.iter().find(|name| !names.contains(&name.as_str())) {
@@ -176,7 +178,7 @@ fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> 
         });
     }
     let quantities = family.quantities.iter().enumerate();
-    // What an ego does on average tells nothing about noise.
+    // Runs are compared by their mean, which contains no information on noise.
     let free = quantities
         .filter(|(_, q)| !q.varied.is_noise() && !fixed.iter().any(|name| name == q.varied.name()));
     let free: Vec<usize> = free.map(|(i, _)| i).collect();
@@ -186,7 +188,7 @@ fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> 
     }
 }
 
-/// The recordings, and members to be tried on them.
+/// Recordings, with the members to be tried on them.
 struct Lab<'a> {
     world: &'a Scenario,
     family: &'a Family,
@@ -196,12 +198,13 @@ struct Lab<'a> {
 }
 
 impl Lab<'_> {
-    /// One independent fit, from the nominal ego.
+    /// Runs one independent fit from the nominal ego.
     ///
-    /// The kinematic plant, which is some ten times faster, finds the region;
-    /// on another plant the search then goes on there, and on either it begins
-    /// anew nearby if the ego is not explained, but the fit strays by at most
-    /// half as much as the nominal ego, or by more.
+    /// The kinematic plant is about ten times faster and finds the region. On another plant
+    /// the descent continues there.
+    /// If the ego is still unexplained, a second search starts nearby. Its centre is the
+    /// nominal ego if that fits better. Otherwise it is the present fit, if its residual is
+    /// at most half the nominal residual.
     fn fit(&self, free: &[usize], plant: PlantKind, seed: u64, refit: u64) -> Fit {
         let mut dice = seed::generator("identify", &[seed, refit]);
         let coarse = |points: &[Vec<f64>]| self.measure(free, PlantKind::Kinematic, points);
@@ -213,7 +216,7 @@ impl Lab<'_> {
             .filter(|&d| self.family.quantities[free[d]].step == 0.0)
             .collect();
         found = descend(found.point, &smooth, &coarse);
-        // What comes in whole steps has no slope: every value of it is tried.
+        // Quantities in whole steps have no slope, so every value is tried.
         for (d, &i) in free.iter().enumerate() {
             for unit in self.family.quantities[i].steps() {
                 let mut point = found.point.clone();
@@ -231,10 +234,10 @@ impl Lab<'_> {
         if found.cost <= self.bound_m() {
             return found;
         }
-        // A controller that switches is moved by some quantities in whole
-        // samples only: flat steps, on which no slope leads on. So the search
-        // begins anew nearby, unless there is little to be found.
+        // Some quantities act in whole samples on a switching controller, so the cost has
+        // flat steps without slopes. The search restarts nearby if that is promising.
         let costs = |points: &[Vec<f64>]| fine(points).iter().map(|d| cost(d)).collect();
+        // The decision needs the nominal residual on the real plant, not on the kinematic plant.
         let nominal_cost = self.residual_m(&self.family.nominal(plant));
         let centre = if nominal_cost < found.cost {
             nominal
@@ -255,7 +258,7 @@ impl Lab<'_> {
         bound_m(noise_m(&self.recorded.recordings))
     }
 
-    /// Deviations of points of the free quantities, scaled to −1 ..= 1.
+    /// Returns the deviations at points of the free quantities, scaled to −1 ..= 1.
     fn measure(&self, free: &[usize], plant: PlantKind, points: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let members = points.par_iter();
         members
@@ -278,17 +281,17 @@ impl Lab<'_> {
 
     fn deviations(&self, member: &Member) -> Vec<f64> {
         let mut variant = self.family.variant(member);
-        // Members drive as they would on average.
+        // Members drive without noise, as they do on average.
         variant.sensors.position_sd_m = 0.0;
         variant.sensors.speed_sd_mps = 0.0;
         if self.watch.stopped() {
-            // `identify` throws away whatever comes of it.
+            // `identify` discards the result after a stop.
             return Vec::new();
         }
         let recordings = &self.recorded.recordings;
         let runs = recordings.len() as u64;
         self.simulations.fetch_add(runs, Ordering::Relaxed);
-        // Invariant: a world with a family is driven.
+        // Invariant: a world with a family has a driving scene.
         let scene = self.world.scene_of(&variant);
         scene.map_or_else(Vec::new, |mut scene| {
             deviations(&mut *scene, self.world, recordings)
@@ -324,18 +327,18 @@ impl Lab<'_> {
         }
     }
 
-    /// Makes a quantity nominal if its whole range would do about as well.
+    /// Sets a quantity to nominal if its whole range fits about as well.
     fn hide(&self, member: &mut Member, i: usize, cost_m: f64) -> bool {
         let quantity = &self.family.quantities[i];
         let bound_m = self.bound_m();
         let allowed_m = cost_m + SHOWS_M.max(SHOWS_SHARE * cost_m);
-        // What explains the ego does so afterwards.
+        // A member that explains the ego must still do so afterwards.
         let allowed_m = match cost_m <= bound_m {
             true => allowed_m.min(bound_m),
             false => allowed_m,
         };
         let mut other = member.clone();
-        // The nominal value last, to be kept.
+        // The nominal value comes last, because the last value is kept.
         let hidden = [quantity.lo, quantity.hi, quantity.nominal]
             .into_iter()
             .all(|value| {

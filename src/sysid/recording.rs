@@ -1,4 +1,4 @@
-//! Runs of an ego as seen from outside, and how far a model strays from them.
+//! Recorded runs of an ego, and deviations of a model from them.
 
 use crate::ego::Fault;
 use crate::experiment::Watch;
@@ -7,16 +7,18 @@ use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Actor, HOLD_DECISIONS, HeldRandom};
 use crate::world::Scenario;
 
-/// Whom to identify, in which family.
+/// Request to identify an ego within a family.
 #[derive(Clone, Copy)]
 pub struct IdentifyRequest<'a> {
-    /// The world with its family: the model.
+    /// World with the family, which is the model.
     pub world: &'a Scenario,
-    /// The ego, which is only run.
+    /// World with the ego under test, which is only run.
     pub ego: &'a Scenario,
-    /// Starts to record it from.
+    /// Number of starts to record from.
     pub runs: usize,
-    /// Runs of it at most: the first start, and with noise every start, is run twice.
+    /// Largest number of runs of the ego.
+    ///
+    /// The first start is run twice, and with noise every start is.
     pub at_most: u64,
     /// Seed of the runs and of the search.
     pub seed: u64,
@@ -24,20 +26,19 @@ pub struct IdentifyRequest<'a> {
     pub fixed: &'a [String],
 }
 
-/// Position along x and y and speed of the ego.
+/// Position x, y and speed of the ego.
 type Seen = [f64; 3];
 
-/// Runs of one start under the same actions: what led to them, and where the
-/// ego was, on average.
+/// Runs from one start under the same actions, with the ego's mean motion.
 pub(super) struct Recording {
     start: Start,
     actions: Vec<usize>,
     seen: Vec<Seen>,
-    /// Sum of squares between two runs under different noise.
+    /// Sum of squared differences between two runs under different noise.
     apart: f64,
 }
 
-/// The recordings, and how many runs of the ego they took.
+/// Recordings and the number of runs that they took.
 pub(super) struct Recorded {
     pub recordings: Vec<Recording>,
     pub runs: u64,
@@ -45,10 +46,10 @@ pub(super) struct Recorded {
 
 /// Records runs of an ego under held random actions, to contact or T.
 ///
-/// Starts are of the calibration stream: never those that are reported. The
-/// first start is run twice under different noise; if that makes a difference
-/// every start is, and the two runs are averaged. Starts on which the ego fails
-/// at once are left out, and so are those for which too few runs are left.
+/// The starts come from the calibration stream and are never reported.
+/// The first start is run twice under different noise. If the runs differ, every start is
+/// run twice and the two runs are averaged.
+/// A start is left out if the ego fails at once or if too few runs are left.
 pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Recorded {
     let (ego, starts, seed) = (request.ego, request.runs, request.seed);
     let mut scene = ego.world().scene();
@@ -61,6 +62,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
     let mut noisy = false;
     for index in 0..starts as u64 {
         let left = request.at_most - recorded.runs;
+        // A noisy ego needs two runs per start, and a single run would bias the fit.
         if watch.stopped() || left < 1 + u64::from(noisy) {
             break;
         }
@@ -73,6 +75,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
         let noise = bench.noise_of(key);
         let mut actor = HeldRandom::new(bench.spaces().actions, HOLD_DECISIONS);
         actor.begin(noise, &start);
+        // The actions are fixed in advance, so members can repeat them exactly.
         let actions = (0..bench.clock().decisions()).map(|_| actor.act(&[]));
         let actions: Vec<usize> = actions.collect();
         let first = run(&mut *scene, &start, noise, &actions, columns);
@@ -83,6 +86,7 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
         };
         let mut apart = 0.0;
         if noisy || (index == 0 && 1 < left) {
+            // Inverted bits give the second run another noise seed.
             let again = run(&mut *scene, &start, !noise, &actions, columns);
             recorded.runs += 1;
             watch.faults.note(index, again.as_ref().err());
@@ -90,10 +94,12 @@ pub(super) fn record(request: &IdentifyRequest<'_>, watch: &Watch<'_>) -> Record
                 continue;
             };
             noisy = noisy || again != seen;
+            // One of the runs may have ended in contact earlier.
             seen.truncate(again.len());
             apart = squares(&seen, &again);
             seen = mean(&seen, &again);
         }
+        // A single sample contains no motion.
         if 1 < seen.len() {
             recorded.recordings.push(Recording {
                 start,
@@ -113,9 +119,9 @@ fn mean(one: &[Seen], other: &[Seen]) -> Vec<Seen> {
         .collect()
 }
 
-/// By how much a model deviates from the recordings, number by number.
+/// Returns the deviations of a model from the recordings, number by number.
 ///
-/// Where the model's run is the shorter one, the model stays where it ended.
+/// If the model's run ends first, its last sample is repeated.
 pub(super) fn deviations(
     scene: &mut dyn Scene,
     world: &Scenario,
@@ -124,7 +130,7 @@ pub(super) fn deviations(
     let columns = columns(world);
     let mut all = Vec::new();
     for recording in recordings {
-        // A member that fails to run stays where it was: it is no good fit.
+        // A member with a fault stays at its first sample, which is a poor fit.
         let model = run(scene, &recording.start, 0, &recording.actions, columns);
         let model = model.unwrap_or_else(|_| recording.seen[..1].to_vec());
         let pairs = pairs(&recording.seen, &model);
@@ -133,18 +139,18 @@ pub(super) fn deviations(
     all
 }
 
-/// Samples of a recording beside those of a run, held where it ended.
+/// Pairs the samples of a recording with those of a run, extended by its last sample.
 fn pairs<'a>(seen: &'a [Seen], run: &'a [Seen]) -> impl Iterator<Item = (&'a Seen, &'a Seen)> {
     // Invariant: every run has a first sample.
     let rest = run.last().into_iter().cycle();
     seen.iter().zip(run.iter().chain(rest))
 }
 
-/// How far an ego's averaged runs may stray from its true mean, by its noise.
+/// Returns the error of an ego's averaged runs due to its noise, m.
 pub(super) fn noise_m(runs: &[Recording]) -> f64 {
     let sum: f64 = runs.iter().map(|run| run.apart).sum();
     let count: usize = runs.iter().map(|run| run.seen.len()).sum();
-    // Two runs differ by √2 σ, the mean of two from the true one by σ/√2.
+    // Two runs differ by √2 σ, and their mean differs from the true mean by σ/√2.
     0.5 * (sum / count.max(1) as f64).sqrt()
 }
 
@@ -154,13 +160,13 @@ fn squares(one: &[Seen], other: &[Seen]) -> f64 {
     pairs(one, other).map(square).sum()
 }
 
-/// Where a row holds the ego's x, y and speed.
+/// Returns the columns of the ego's x, y and speed in a row.
 fn columns(scenario: &Scenario) -> [usize; 3] {
     let schema = scenario.world().schema();
     let spec = scenario.drive();
     let ego = spec.and_then(|spec| Some(&spec.agents[spec.egos().next()?].name));
     let name = ego.map_or("", String::as_str);
-    // Invariant: every trace holds these three of every road user.
+    // Invariant: every trace holds these three columns of every road user.
     ["x", "y", "speed"].map(|field| schema.position(&format!("{name}.{field}")).unwrap_or(0))
 }
 

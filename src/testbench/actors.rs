@@ -1,4 +1,4 @@
-//! Who plays the ado: a trained policy, a baseline, or a recording.
+//! Actors that play the ado: a trained policy, a baseline, or a recording.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -7,11 +7,11 @@ use crate::rl::Policy;
 use crate::scene::Start;
 use crate::seed;
 
-/// Somebody who picks the ados' joint action at each decision.
+/// Source of the ados' joint action at each decision.
 pub trait Actor {
-    /// Begins an episode; `seed` feeds whatever randomness it has.
+    /// Begins an episode. All randomness must derive from `seed`.
     fn begin(&mut self, seed: u64, start: &Start);
-    /// The action at this decision.
+    /// Returns the action at this decision.
     fn act(&mut self, obs: &[f32]) -> usize;
 }
 
@@ -26,7 +26,7 @@ impl Actor for PolicyActor<'_> {
     }
 }
 
-/// The same action all the time.
+/// A constant action.
 pub struct Constant(pub usize);
 
 impl Actor for Constant {
@@ -50,7 +50,7 @@ pub struct HeldRandom {
 }
 
 impl HeldRandom {
-    /// Each action is held for `hold` ≥ 1 decisions.
+    /// Creates an actor that holds each action for `hold` ≥ 1 decisions.
     pub fn new(actions: usize, hold: usize) -> HeldRandom {
         HeldRandom {
             actions,
@@ -64,6 +64,8 @@ impl HeldRandom {
 
 impl Actor for HeldRandom {
     fn begin(&mut self, seed: u64, _start: &Start) {
+        // The key contains the hold, so baselines of different holds draw
+        // independent actions.
         self.rng = seed::generator("held", &[seed, self.hold as u64]);
         self.left = 0;
     }
@@ -78,11 +80,11 @@ impl Actor for HeldRandom {
     }
 }
 
-/// Uniformly random actions, a new one at each decision.
+/// Uniformly random actions, with a new action at each decision.
 pub struct Random(HeldRandom);
 
 impl Random {
-    /// Draws among `actions`.
+    /// Creates an actor that draws from `actions` actions.
     pub fn new(actions: usize) -> Random {
         Random(HeldRandom::new(actions, 1))
     }
@@ -106,7 +108,7 @@ pub struct Replay<'a> {
 }
 
 impl<'a> Replay<'a> {
-    /// Plays `actions` in order and holds the last one when they run out.
+    /// Plays `actions` in order and then holds the last action.
     pub fn holding(actions: &'a [usize]) -> Replay<'a> {
         Replay {
             actions,
@@ -115,7 +117,7 @@ impl<'a> Replay<'a> {
         }
     }
 
-    /// Plays `actions` in order, and `after` when they run out.
+    /// Plays `actions` in order and then `after`.
     pub fn then(actions: &'a [usize], after: usize) -> Replay<'a> {
         Replay {
             actions,
@@ -133,6 +135,7 @@ impl Actor for Replay<'_> {
     fn act(&mut self, _obs: &[f32]) -> usize {
         let action = self.actions.get(self.next).copied();
         self.next += 1;
+        // Without any recorded action, action 0 exists in every world.
         let last = self.after.or(self.actions.last().copied());
         action.or(last).unwrap_or(0)
     }

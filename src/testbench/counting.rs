@@ -1,4 +1,4 @@
-//! Whether a violation that ended in contact is one that counts.
+//! Decision whether a violation that ended in contact counts.
 
 use std::sync::Arc;
 
@@ -8,8 +8,10 @@ use crate::preventability::Replayer;
 use crate::rulebook::{Counts, Verdict};
 
 impl Testbench {
-    /// The verdict as the world counts it: the rulebook reads traces, and what
-    /// a contact was is known to the scene.
+    /// Returns the verdict under the world's definition of a counterexample.
+    ///
+    /// The rulebook only reads traces, so the scene's contact is evaluated
+    /// here.
     pub(super) fn counted(&mut self, verdict: Verdict) -> Verdict {
         match verdict {
             Verdict::Counterexample { by } if !self.counts() => Verdict::Uncounted { by },
@@ -23,6 +25,8 @@ impl Testbench {
         let Some(least_mps) = counts.closing_mps() else {
             return true;
         };
+        // A world that counts contacts does not count a violation without a
+        // contact.
         let Some(touch) = &self.contact else {
             return false;
         };
@@ -36,8 +40,9 @@ impl Testbench {
         }
     }
 
-    /// Whether any of these drivers in the ego's place would have avoided it.
+    /// Returns whether any of these drivers would have avoided the contact.
     fn was_preventable(&mut self, by: &[ReferenceDriver]) -> bool {
+        // Built on first use: most episodes end without such a contact.
         if self.replayer.is_none() {
             let world = self.scene.driven();
             self.replayer =

@@ -1,4 +1,4 @@
-//! Counting faults: an ego that fails to run is no ego that held.
+//! Counts of faults, so that a faulty ego does not pass as a safe ego.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,22 +7,22 @@ use serde::{Deserialize, Serialize};
 
 use crate::ego::{Fault, FaultKind};
 
-/// Faults of one kind in a row, after which nothing more is expected.
+/// Number of consecutive faults of a kind after which an ego is given up.
 const PATIENCE: u32 = 3;
 
-/// Faults of one kind among the episodes of a row.
+/// Faults of a kind among the episodes of a row.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FaultCount {
-    /// What kind.
+    /// Kind of the faults.
     pub kind: FaultKind,
-    /// What happened on the first of these starts.
+    /// Message of the fault on the first of these starts.
     pub message: String,
-    /// The end of the program's stderr then; empty where there was none.
+    /// Last part of the program's stderr on that start, or empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub stderr: String,
-    /// The first start it happened on, counted from 0.
+    /// First start with such a fault, counted from 0.
     pub first_start: u64,
-    /// On how many starts it happened.
+    /// Number of starts with such a fault.
     pub count: u64,
 }
 
@@ -57,6 +57,8 @@ pub fn count_faults<'a>(faults: impl IntoIterator<Item = (u64, &'a Fault)>) -> V
             continue;
         };
         known.count += 1;
+        // Parallel episodes can report in any order, so the first start is kept
+        // and not the first report.
         if start < known.first_start {
             known.first_start = start;
             known.message.clone_from(&fault.message);
@@ -67,19 +69,18 @@ pub fn count_faults<'a>(faults: impl IntoIterator<Item = (u64, &'a Fault)>) -> V
     counts
 }
 
-/// What went wrong over a whole campaign, told by everybody who plays.
+/// Log of the faults of a campaign, filled by every phase that runs episodes.
 ///
-/// It gives up on an ego that does not run: when a program cannot be started,
-/// or when three episodes in a row end with a fault of one kind. Where
-/// some faults are allowed, only an ego that never ran at all is given up.
-///
-/// Clones share what they count.
+/// It gives up on an ego that does not run: if a program cannot be started, or
+/// if three consecutive episodes end with a fault of the same kind. If some
+/// faults are allowed, only an ego that never ran is given up. Clones share
+/// their counts.
 #[derive(Clone, Debug, Default)]
 pub struct FaultLog(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// Largest share of invalid episodes that is allowed in any row.
+    /// Largest allowed share of invalid episodes in a row.
     allowed: f64,
     given_up: AtomicBool,
     state: Mutex<State>,
@@ -89,14 +90,14 @@ struct Shared {
 struct State {
     episodes: u64,
     faults: Vec<FaultCount>,
-    /// The latest faults, all of this kind, with nothing good between them.
+    /// Kind and number of the latest faults without a valid episode between them.
     streak: Option<(FaultKind, u32)>,
-    /// The largest share of invalid episodes in a row, and which row it was.
+    /// Largest share of invalid episodes in a row of results, with the row's name.
     worst: Option<(f64, String)>,
 }
 
 impl FaultLog {
-    /// Allows a share of invalid episodes per row, from 0 to 1.
+    /// Creates a log that allows a share of invalid episodes per row, from 0 to 1.
     pub fn allowing(share: f64) -> FaultLog {
         FaultLog(Arc::new(Shared {
             allowed: share,
@@ -104,7 +105,7 @@ impl FaultLog {
         }))
     }
 
-    /// An episode has ended, with or without a fault.
+    /// Records an episode that has ended, with or without a fault.
     pub fn note(&self, start: u64, fault: Option<&Fault>) {
         let mut state = self.lock();
         state.episodes += 1;
@@ -122,12 +123,13 @@ impl FaultLog {
         let invalid: u64 = state.faults.iter().map(|fault| fault.count).sum();
         let never_ran = invalid == state.episodes;
         let patient = 0.0 < self.0.allowed && !never_ran;
+        // A program that cannot be started will not start later either.
         if fault.kind == FaultKind::CannotStart || (PATIENCE <= streak && !patient) {
             self.0.given_up.store(true, Ordering::Relaxed);
         }
     }
 
-    /// A row is finished, and this is the share of invalid episodes in it.
+    /// Records the share of invalid episodes of a finished row.
     pub fn note_row(&self, row: impl FnOnce() -> String, share: f64) {
         if share == 0.0 {
             return;
@@ -138,16 +140,18 @@ impl FaultLog {
         }
     }
 
-    /// Whether the ego was given up.
+    /// Returns whether the ego was given up.
     pub fn has_given_up(&self) -> bool {
         self.0.given_up.load(Ordering::Relaxed)
     }
 
-    /// What there is to complain about; `None`: no more faults than allowed.
+    /// Returns the complaint, or `None` if no more faults occurred than allowed.
     pub fn complaint(&self) -> Option<Complaint> {
         let state = self.lock();
         let invalid: u64 = state.faults.iter().map(|fault| fault.count).sum();
         let overall = invalid as f64 / state.episodes.max(1) as f64;
+        // Rows decide if there are any: a bad row must not vanish in the
+        // average.
         let worst = state.worst.as_ref().map_or(overall, |(worst, _)| *worst);
         let tolerated = worst <= self.0.allowed && !self.has_given_up();
         if invalid == 0 || tolerated {
@@ -163,7 +167,7 @@ impl FaultLog {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, State> {
-        // Counters stay sound if somebody panicked beside them.
+        // Counters stay valid if a thread panics while it holds the lock.
         self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -185,19 +189,19 @@ fn merged(mut counts: Vec<FaultCount>, more: Vec<FaultCount>) -> Vec<FaultCount>
     counts
 }
 
-/// More faults than allowed: nothing that was computed is a verdict on the ego.
+/// Error: more faults than allowed, so no result is a verdict on the ego.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}", self.in_words())]
 pub struct Complaint {
-    /// Invalid episodes.
+    /// Number of invalid episodes.
     pub invalid: u64,
-    /// Episodes in all.
+    /// Number of all episodes.
     pub episodes: u64,
-    /// By kind.
+    /// Faults by kind.
     pub faults: Vec<FaultCount>,
-    /// The row with the largest share of them.
+    /// Row with the largest share of invalid episodes.
     pub row: Option<String>,
-    /// Whether playing ended early for it.
+    /// True if the campaign ended early because of them.
     pub given_up: bool,
 }
 

@@ -1,22 +1,22 @@
-//! The test bench as learners see it.
+//! The test bench as an environment for learners.
 
 use serde::{Deserialize, Serialize};
 
-use super::{Aftermath, FaultLog, Testbench};
+use super::{Aftermath, Episode, FaultLog, Testbench};
 use crate::rl::{self, End, Spaces, Step};
 use crate::rulebook::Verdict;
 use crate::scene::Start;
 use crate::seed::{Purpose, StartKey};
 
-/// An episode of a learner in which the ego failed with all rules kept.
+/// An episode of a learner in which the ego failed without rule violations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Success {
-    /// Decisions that were taken in all when it ended.
+    /// Total number of decisions taken when it ended.
     pub decisions: u64,
     /// Index of its start in the stream.
     pub index: u64,
-    /// Where it began.
+    /// Start of the episode.
     pub start: Start,
     /// The ados' joint actions.
     pub actions: Vec<usize>,
@@ -24,23 +24,24 @@ pub struct Success {
     pub by: f64,
 }
 
-/// The test bench as learners see it: an episodic decision problem.
+/// The test bench as an environment: an episodic decision problem.
 ///
-/// Starts come from the stream (purpose, seed); `reset(i)` begins its i-th.
+/// Starts come from the stream (purpose, seed), and `reset(i)` begins its i-th.
 pub struct Gym {
     bench: Testbench,
     purpose: Purpose,
     seed: u64,
-    /// The running episode.
+    /// Index of the running episode.
     index: u64,
     start: Start,
     actions: Vec<usize>,
     spent: Spent,
     successes: Option<Vec<Success>>,
     faults: FaultLog,
+    aftermath: Aftermath,
 }
 
-/// What the episodes of a [`Gym`] cost so far.
+/// Cost of the episodes of a [`Gym`] so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Spent {
     /// Decisions taken.
@@ -50,7 +51,7 @@ pub struct Spent {
 }
 
 impl Gym {
-    /// Training starts of `seed` on `bench`.
+    /// Creates a gym with training starts of `seed` on `bench`.
     pub fn new(bench: Testbench, purpose: Purpose, seed: u64) -> Gym {
         // Invariant: training never sees a test start.
         assert!(purpose != Purpose::Test, "learners get no test starts");
@@ -64,15 +65,41 @@ impl Gym {
             spent: Spent::default(),
             successes: None,
             faults: FaultLog::default(),
+            aftermath: Aftermath::Skip,
         }
     }
 
-    /// Tells `faults` how every episode ends.
+    /// Plays on after a success, its last action held, to the contact or the
+    /// horizon; the learner decides no more.
+    pub(crate) fn play_aftermath(&mut self) {
+        self.aftermath = Aftermath::Play;
+    }
+
+    /// The episode that has just ended, if it is a success.
+    pub(crate) fn success(&self) -> Option<Episode> {
+        let success = self.bench.verdict()?.is_success();
+        let noise = self.bench.noise_of(self.key(self.index));
+        let actions = self.actions.clone();
+        success.then(|| self.bench.episode(&self.start, noise, actions))
+    }
+
+    /// Reward of the success that has just ended, which reaches the goals of the
+    /// training to a share in [0, 1]; 0 if it is none.
+    pub(crate) fn reward_for(&self, share: f64) -> f32 {
+        match self.bench.verdict() {
+            Some(Verdict::Counterexample { by }) => {
+                self.bench.rulebook.reward.success(by, share) as f32
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Reports the end of every episode to `faults`.
     pub fn tell_faults(&mut self, faults: FaultLog) {
         self.faults = faults;
     }
 
-    /// Counts what it costs from `spent` on.
+    /// Continues the count of costs from `spent`.
     pub fn count_from(&mut self, spent: Spent) {
         self.spent = spent;
     }
@@ -82,7 +109,7 @@ impl Gym {
         self.successes = Some(Vec::new());
     }
 
-    /// The successes since they were last taken, in order.
+    /// Returns the successes since the last call, in order.
     pub fn take_successes(&mut self) -> Vec<Success> {
         self.successes
             .as_mut()
@@ -90,7 +117,7 @@ impl Gym {
             .unwrap_or_default()
     }
 
-    /// What it has cost so far.
+    /// Returns the cost so far.
     pub fn spent(&self) -> Spent {
         self.spent
     }
@@ -109,12 +136,12 @@ impl Gym {
         }
     }
 
-    /// The bench it plays on.
+    /// Returns the bench on which it plays.
     pub fn bench(&mut self) -> &mut Testbench {
         &mut self.bench
     }
 
-    /// Names the episode that `reset(index)` begins.
+    /// Returns the key of the episode that `reset(index)` begins.
     pub fn key(&self, index: u64) -> StartKey {
         StartKey {
             purpose: self.purpose,
@@ -135,7 +162,7 @@ impl rl::Env for Gym {
         self.start = self.bench.draw(key);
         self.actions.clear();
         let noise = self.bench.noise_of(key);
-        self.bench.begin(&self.start, noise, Aftermath::Skip);
+        self.bench.begin(&self.start, noise, self.aftermath);
         self.bench.observe(obs);
     }
 
@@ -150,13 +177,20 @@ impl rl::Env for Gym {
                 end: None,
             };
         };
+        // An observation after the verdict looks like one before it and is worth
+        // something else, so no learner gets to see one.
+        while !self.bench.is_done() {
+            self.bench.decide(action);
+        }
         self.note_end(verdict);
         match self.bench.rulebook.reward_of(&verdict) {
-            // The one cast from rewards to learners.
+            // The one cast from rewards to learners (see ARCHITECTURE.md).
             Some(reward) => Step {
                 reward: reward as f32,
                 end: Some(End::Terminated),
             },
+            // An invalid episode has no reward. `Aborted` keeps it out of the
+            // updates.
             None => Step {
                 reward: 0.0,
                 end: Some(End::Aborted),

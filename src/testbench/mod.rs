@@ -1,8 +1,8 @@
 //! The test bench: a scene and a rulebook, played decision by decision.
 //!
-//! This is the only place where the two meet. A [`Testbench`] plays one episode
-//! at a time; [`Gym`] shows it to learners as an `rl::Env`, and [`play`] lets
-//! any [`Actor`] act in it and records the [`Episode`].
+//! Only this module combines the two. A [`Testbench`] plays an episode at a
+//! time. [`Gym`] presents it to learners as an `rl::Env`. [`play`] lets any
+//! [`Actor`] act in it and records the [`Episode`].
 
 mod actors;
 mod counting;
@@ -28,50 +28,51 @@ use crate::seed::StartKey;
 use crate::trace::{Schema, Trace};
 use recording::Recording;
 
-/// Everything about one played episode.
+/// Record of a played episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// Where it began.
+    /// Start of the episode.
     pub start: Start,
-    /// Seed of all noise in it.
+    /// Seed of all noise in the episode.
     pub noise: u64,
-    /// The ados' joint actions, one per decision, the aftermath included.
+    /// The ados' joint actions per decision, including the aftermath.
     pub actions: Vec<usize>,
-    /// All samples, the aftermath included.
+    /// All samples, including the aftermath.
     pub trace: Trace,
-    /// Samples on which the verdict rests; what follows is aftermath.
+    /// Number of samples on which the verdict rests. The rest is aftermath.
     pub judged: usize,
-    /// How it was judged.
+    /// Verdict.
     pub verdict: Verdict,
     /// ρ(ψ_ego) of the judged samples.
     pub robustness: f64,
     /// The first contact, if the agents touched.
     pub contact: Option<Touch>,
-    /// After a success that ended in contact: whether the rules held up to it.
+    /// After a success that ended in contact: rules kept or broken up to the contact.
     pub rules_until_contact: Option<RulesUntilContact>,
-    /// What failed, if the verdict is invalid.
+    /// Fault that made the verdict invalid.
     pub fault: Option<Fault>,
-    /// What an ego that nobody here wrote commanded, sample by sample; empty
-    /// for the others, which answer alike each time.
+    /// Commands of an external ego, per sample.
+    ///
+    /// Empty for other egos, which are deterministic.
     pub commands: Vec<Command>,
     /// Physics steps spent.
     pub physics_steps: u64,
 }
 
 impl Episode {
-    /// Whether an ado broke a rule between a success and the contact.
+    /// Returns whether an ado violated a rule between a success and the contact.
     pub fn is_foul_before_contact(&self) -> bool {
         let rules = self.rules_until_contact.as_ref();
         rules.is_some_and(|rules| !rules.is_kept())
     }
 }
 
-/// Whether a decided episode is played on to report contact and closing speed.
+/// Option to continue a decided episode, to record contact and closing speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Aftermath {
     /// Stop at the verdict.
     Skip,
-    /// After a success, go on with the same ado to contact or the horizon.
+    /// After a success, continue with the same ado to contact or the horizon.
     Play,
 }
 
@@ -85,19 +86,19 @@ pub struct Testbench {
     verdict: Option<Verdict>,
     judged: usize,
     contact: Option<Touch>,
-    /// The first rule lost after a success, and when.
+    /// First rule violated after a success, with its time.
     lost: Option<(usize, f64)>,
     fault: Option<Fault>,
     decisions: usize,
     advances: u64,
     aftermath: Aftermath,
     recording: Recording,
-    /// Puts reference drivers into the ego's place; made when it is first needed.
+    /// Replays with reference drivers in the ego's place, created on first use.
     replayer: Option<Replayer>,
 }
 
 impl Testbench {
-    /// A bench on which `scene` is judged by `rulebook`.
+    /// Creates a bench on which `rulebook` judges `scene`.
     pub fn new(scene: Box<dyn Scene>, rulebook: Arc<Rulebook>) -> Testbench {
         let schema = Arc::clone(scene.schema());
         Testbench {
@@ -119,7 +120,7 @@ impl Testbench {
         }
     }
 
-    /// Plays on another scene from the next episode on.
+    /// Plays on a different scene from the next episode on.
     ///
     /// It must publish the same signals on the same clocks.
     pub fn restage(&mut self, scene: Box<dyn Scene>) {
@@ -129,50 +130,51 @@ impl Testbench {
             "another scene publishes the same signals"
         );
         self.scene = scene;
+        // The replayer belongs to the old scene's world.
         self.replayer = None;
     }
 
-    /// The rulebook in force.
+    /// Returns the rulebook.
     pub fn rulebook(&self) -> &Rulebook {
         &self.rulebook
     }
 
-    /// Shapes of observations and joint actions.
+    /// Returns the shapes of observations and joint actions.
     pub fn spaces(&self) -> &Spaces {
         self.scene.spaces()
     }
 
-    /// The clocks.
+    /// Returns the clocks.
     pub fn clock(&self) -> &Clock {
         self.scene.clock()
     }
 
-    /// X_init.
+    /// Returns the axes of X_init.
     pub fn axes(&self) -> &[Axis] {
         self.scene.axes()
     }
 
-    /// The published signals.
+    /// Returns the schema of the published signals.
     pub fn schema(&self) -> &Arc<Schema> {
         self.scene.schema()
     }
 
-    /// The start of a key.
+    /// Returns the start of a key.
     pub fn draw(&self, key: StartKey) -> Start {
         self.scene.draw(key)
     }
 
-    /// Seed of the noise in the episode of a key.
+    /// Returns the seed of the noise in the episode of a key.
     pub fn noise_of(&self, key: StartKey) -> u64 {
         key.generator("", "noise").next_u64()
     }
 
-    /// What does not move, for viewers.
+    /// Returns the static content, for viewers.
     pub fn stage(&self) -> Stage {
         self.scene.stage()
     }
 
-    /// Where everybody is now, for viewers.
+    /// Returns the poses of all agents now, for viewers.
     pub fn frame(&self) -> Frame {
         self.scene.frame()
     }
@@ -191,10 +193,11 @@ impl Testbench {
         self.decisions = 0;
         self.advances = 0;
         self.begin_motion(start);
+        // The initial sample can already decide the episode.
         self.record(None);
     }
 
-    /// Takes one joint action; plays until the next decision or the verdict.
+    /// Applies a joint action until the next decision or the verdict.
     pub fn decide(&mut self, action: usize) {
         self.decide_watched(action, &mut |_| {});
     }
@@ -210,43 +213,45 @@ impl Testbench {
             watch(&*self.scene);
         }
         if self.is_done() {
+            // An external ego is released here and not at the next `begin`, so
+            // that its program is available to other workers meanwhile.
             self.scene.finish();
         }
     }
 
-    /// The verdict, once nothing can change it.
+    /// Returns the verdict, once it is final.
     pub fn verdict(&self) -> Option<Verdict> {
         self.verdict
     }
 
-    /// Whether the verdict has fallen.
+    /// Returns whether the verdict is final.
     pub fn is_decided(&self) -> bool {
         self.verdict.is_some()
     }
 
-    /// Whether the motion has ended: contact, fault or the horizon.
+    /// Returns whether the motion has ended: contact, fault or the horizon.
     pub fn is_over(&self) -> bool {
         self.contact.is_some() || self.fault.is_some() || self.samples_left() == 0
     }
 
-    /// Whether there is nothing left to decide or to play.
+    /// Returns whether the episode is decided and its aftermath is complete.
     pub fn is_done(&self) -> bool {
         let played_on = self.aftermath == Aftermath::Play
             && self.verdict.is_some_and(|verdict| verdict.is_success());
         self.is_over() || (self.is_decided() && !played_on)
     }
 
-    /// The samples so far.
+    /// Returns the samples so far.
     pub fn trace(&self) -> &Trace {
         &self.trace
     }
 
-    /// Decisions taken in this episode.
+    /// Returns the number of decisions in this episode.
     pub fn decisions(&self) -> usize {
         self.decisions
     }
 
-    /// Physics steps spent in this episode.
+    /// Returns the number of physics steps in this episode.
     pub fn physics_steps(&self) -> u64 {
         self.advances * u64::from(self.clock().substeps)
     }
@@ -256,19 +261,19 @@ impl Testbench {
         self.scene.observe(&self.row, obs);
     }
 
-    /// What failed, if the episode is invalid.
+    /// Returns the fault, if the episode is invalid.
     pub fn fault(&self) -> Option<&Fault> {
         self.fault.as_ref()
     }
 
-    /// The first contact, if the agents touched.
+    /// Returns the first contact, if the agents touched.
     pub fn contact(&self) -> Option<&Touch> {
         self.contact.as_ref()
     }
 
-    /// After a success that ended in contact: whether the rules held up to it.
+    /// Returns whether the rules held between a success and the contact.
     ///
-    /// `None` as long as there is no contact, and without a success.
+    /// `None` without a success or before the contact.
     pub fn rules_until_contact(&self) -> Option<RulesUntilContact> {
         let success = self.verdict.is_some_and(|verdict| verdict.is_success());
         if !success || self.contact.is_none() {
@@ -287,25 +292,27 @@ impl Testbench {
         })
     }
 
-    /// A copy that continues bit for bit; `None` if the ego cannot be copied.
+    /// Returns a copy that continues bit for bit, or `None` if the ego cannot fork.
     pub fn fork(&self) -> Option<Testbench> {
         Some(self.fork_around(self.trace.clone(), self.scene.fork()?))
     }
 
-    /// A copy like [`Testbench::fork`] that takes the samples along.
+    /// Returns a copy like [`Testbench::fork`], which takes the samples with it.
     ///
-    /// This bench must not go on before [`Testbench::rejoin`] gives them back.
+    /// This bench must not continue before [`Testbench::rejoin`] returns them.
     pub fn branch(&mut self) -> Option<Testbench> {
         let scene = self.scene.fork()?;
+        // Moved and not copied: tree searches branch at every decision, and
+        // copies of the trace would grow with its length.
         let empty = Trace::new(Arc::clone(self.scene.schema()));
         let trace = std::mem::replace(&mut self.trace, empty);
         Some(self.fork_around(trace, scene))
     }
 
-    /// Takes back the samples that [`Testbench::branch`] gave away.
+    /// Takes back the samples that [`Testbench::branch`] moved.
     pub fn rejoin(&mut self, branch: Testbench) {
         self.trace = branch.trace;
-        // One sample at t = 0 and one per advance.
+        // The trace has a sample at t = 0 and a sample per advance.
         self.trace.truncate(self.advances as usize + 1);
     }
 
@@ -348,7 +355,7 @@ impl Testbench {
         self.record(stop);
     }
 
-    /// Publishes, records and judges the present sample.
+    /// Publishes, records and judges the current sample.
     fn record(&mut self, stop: Option<Stop>) {
         self.scene.publish(&mut self.row);
         if self.trace.push(&self.row).is_err() {
@@ -362,7 +369,7 @@ impl Testbench {
             return self.follow_rules();
         }
         if stop == Some(Stop::Contact) && self.rulebook.judge == JudgeKind::WholeRun {
-            // Rigid bodies stop each other: the contact sample holds to T.
+            // Bodies stop each other, so the sample of the contact is held until T.
             while 0 < self.samples_left() && self.trace.push(&self.row).is_ok() {}
         }
         let verdict = self
@@ -374,17 +381,18 @@ impl Testbench {
         }
     }
 
-    /// Notes the first rule that the newest sample of the aftermath costs.
+    /// Records the first rule that the newest sample of the aftermath violates.
     fn follow_rules(&mut self) {
+        // Only the first violated rule is reported.
         if self.lost.is_some() {
             return;
         }
         let broken = self.judge.push_after(&self.rulebook, &self.row);
         self.lost = broken.map(|rule| {
             let sample = self.trace.len() - 1;
-            // Time is i · dt; rounding hides the dust of binary fractions.
+            // Rounded to hide the representation error of i · dt.
             let time_s = (sample as f64 * self.trace.dt_s() * 1e9).round() / 1e9;
-            // The last sample shows the instant of the contact, before its time.
+            // The last sample holds the instant of the contact, which precedes its time.
             let touch = self.contact.as_ref();
             (rule, touch.map_or(time_s, |touch| touch.time_s))
         });
@@ -392,6 +400,7 @@ impl Testbench {
 
     fn fail(&mut self, fault: Fault) {
         self.fault = Some(fault);
+        // A fault in the aftermath does not revoke a verdict.
         if !self.is_decided() {
             self.verdict = Some(Verdict::Invalid);
             self.judged = self.trace.len();
@@ -399,7 +408,7 @@ impl Testbench {
     }
 }
 
-/// Lets `actor` play one episode on `bench` and returns the record of it.
+/// Plays an episode with `actor` on `bench` and returns its record.
 pub fn play(
     bench: &mut Testbench,
     start: &Start,
@@ -420,7 +429,7 @@ pub fn play(
     bench.episode(start, noise, actions)
 }
 
-/// Plays a recorded episode again and returns where everybody was, per sample.
+/// Plays a recorded episode again and returns the poses per sample.
 pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
     bench.begin(&episode.start, episode.noise, Aftermath::Play);
     let mut frames = vec![bench.frame()];
@@ -431,10 +440,12 @@ pub fn film(bench: &mut Testbench, episode: &Episode) -> Vec<Frame> {
 }
 
 impl Testbench {
-    /// The record of what was played from `start` under `actions`.
-    pub(crate) fn episode(&mut self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
+    /// Returns the record of the episode played from `start` under `actions`.
+    pub(crate) fn episode(&self, start: &Start, noise: u64, actions: Vec<usize>) -> Episode {
         let verdict = self.verdict.unwrap_or(Verdict::Invalid);
         let mut scratch = crate::stl::Scratch::default();
+        // Robustness is that of the judged samples, as in the verdict: the
+        // aftermath does not belong to it.
         let mut judged = self.trace.clone();
         judged.truncate(self.judged);
         Episode {

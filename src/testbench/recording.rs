@@ -1,19 +1,19 @@
-//! Everybody's motion, noted while an episode is played.
+//! Recording of all agents' motion while an episode is played.
 
 use super::{Aftermath, Episode, Testbench, film};
 use crate::scene::{BodySample, Motion, Passage, Start};
 
-/// Notes of the running episode.
+/// Recording of the running episode.
 #[derive(Clone, Default)]
 pub(super) struct Recording {
     asked: bool,
     motion: Option<Motion>,
-    /// Everybody's present sample, kept to save the allocation.
+    /// Current sample of every agent, kept to save the allocation.
     bodies: Vec<BodySample>,
 }
 
 impl Recording {
-    /// Notes from the first episode on, if it is asked to.
+    /// Creates a recording that is active from the first episode, if requested.
     pub(super) fn asked(asked: bool) -> Recording {
         Recording {
             asked,
@@ -21,19 +21,19 @@ impl Recording {
         }
     }
 
-    /// The motion so far, where it is noted.
+    /// Returns the motion so far, if it is recorded.
     pub(super) fn motion(&self) -> Option<&Motion> {
         self.motion.as_ref()
     }
 }
 
 impl Testbench {
-    /// From the next episode on, notes how everybody moves.
+    /// Records the motion of all agents from the next episode on.
     pub fn record_motion(&mut self) {
         self.recording.asked = true;
     }
 
-    /// How everybody moved in this episode so far, where that is noted.
+    /// Returns the motion of all agents in this episode so far, if it is recorded.
     pub fn motion(&self) -> Option<&Motion> {
         self.recording.motion.as_ref()
     }
@@ -57,6 +57,7 @@ impl Testbench {
             motion.push(bodies);
             motion.contact = self.contact.clone();
             let time_s = self.advances as f64 * sample_s;
+            // A contact lies within the sample, before its end.
             motion.end_s = motion.contact.as_ref().map_or(time_s, |it| it.time_s);
         }
     }
@@ -67,7 +68,7 @@ impl Testbench {
     }
 }
 
-/// Plays a recorded episode again and returns how everybody moved in it.
+/// Plays a recorded episode again and returns the motion of all agents.
 pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
     bench.record_motion();
     bench.begin(&episode.start, episode.noise, Aftermath::Play);
@@ -77,8 +78,7 @@ pub fn motion_of(bench: &mut Testbench, episode: &Episode) -> Option<Motion> {
     bench.motion().cloned()
 }
 
-/// Plays a recorded episode again and returns how everybody moved in it, and
-/// what the traffic lights showed.
+/// Plays a recorded episode again and returns motion and traffic lights.
 pub fn passage_of(bench: &mut Testbench, episode: &Episode) -> Option<Passage> {
     bench.record_motion();
     let frames = film(bench, episode);

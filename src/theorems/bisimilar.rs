@@ -1,5 +1,7 @@
-//! Definition 5 and Theorem 3 on a grid: where a bisimulation relates two
-//! starts, what makes the one ego fail makes the other fail.
+//! Definition 5 and Theorem 3 on a grid.
+//!
+//! A bisimulation relates starts of two grids. A counterexample from one start is then a
+//! counterexample from the other.
 
 use std::collections::HashMap;
 
@@ -17,12 +19,12 @@ use crate::scene::grid::{Arena, GridWorld, Position, start_of};
 use crate::testbench::{Actor, Aftermath, Episode, PolicyActor, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// Most start pairs that are played, inside the relation and outside it.
+/// Largest number of start pairs played inside and outside the relation.
 const MOST_PLAYED: usize = 900;
-/// Seed of the choice among more start pairs than that.
+/// Seed of the selection if there are more start pairs.
 const CHOICE: u64 = 5;
 
-/// Theorem 3 between a grid and a changed one.
+/// Result of Theorem 3 between a grid and a changed grid.
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem3 {
     /// Name of the change.
@@ -35,46 +37,47 @@ pub struct Theorem3 {
     pub related: usize,
     /// Sweeps of the fixpoint iteration.
     pub sweeps: usize,
-    /// The least ε that relates any start pair; `None`: none, or not computed.
+    /// Smallest ε that relates a start pair. `None`: none, or not computed.
     pub least_epsilon: Option<f64>,
-    /// Start pairs: a start of the changed grid, and the one whose cells hold it.
+    /// Start pairs: a start of the changed grid and the coarse start that contains it.
     pub starts: usize,
-    /// Of these, the related ones.
+    /// Related start pairs.
     pub related_starts: usize,
-    /// Starts of the unchanged grid from which the best ado captures.
+    /// Starts of the unchanged grid from which the optimal ado captures.
     pub capturable: usize,
-    /// Of these, the ones from which the trained ado found a counterexample:
-    /// it has converged if that is all of them.
+    /// Such starts from which the trained ado found a counterexample.
+    ///
+    /// The ado has converged if both numbers are equal.
     pub found: usize,
-    /// Least τ of the trained ado's counterexamples on the unchanged grid.
+    /// Smallest τ of the trained ado's counterexamples on the unchanged grid.
     pub tau: Option<f64>,
-    /// Related start pairs whose unchanged start is a counterexample, ε < τ.
+    /// Related start pairs with a counterexample from the unchanged start and ε < τ.
     pub inside: Carried,
-    /// Start pairs that are not related, the unchanged start a counterexample.
+    /// Unrelated start pairs with a counterexample from the unchanged start.
     pub outside: Carried,
-    /// What is promised and was not kept: each is a bug.
+    /// Broken promises of the theorem, each of which is a bug.
     pub misses: usize,
-    /// What all of it says.
+    /// Overall result of the check.
     pub outcome: TheoremOutcome,
 }
 
-/// Counterexamples that were tried on the changed grid.
+/// Counterexamples that were played on the changed grid.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Carried {
     /// Start pairs played.
     pub pairs: usize,
-    /// The ego failed under the same actions (Definition 5).
+    /// Runs in which the ego failed under the same actions (Definition 5).
     pub replayed: usize,
-    /// The ego failed against the policy acting on the unchanged grid's cells.
+    /// Runs in which the ego failed against the policy acting on the unchanged cells.
     pub by_cell: usize,
-    /// The ego failed against the policy looking at the changed grid.
+    /// Runs in which the ego failed against the policy observing the changed grid.
     pub own_view: usize,
 }
 
-/// The relations on which Theorem 3 is tested: by ε, below `tau`.
+/// Returns the relations on which Theorem 3 is tested: by ε, below `tau`.
 ///
-/// Distances are multiples of a fine cell, so these are all that differ. `None`:
-/// the two grids differ in their size, their horizon or the ado's moves.
+/// Distances are multiples of a fine cell, so no other ε gives another relation. `None`:
+/// the grids differ in size, horizon or the ado's moves.
 pub fn bisimulations(
     nominal: &Scenario,
     changed: &Scenario,
@@ -84,18 +87,21 @@ pub fn bisimulations(
     let [first, second] = &games;
     let comparable = first.arena.size == second.arena.size
         && first.steps == second.steps
+        // Equal moves are needed, because a relation pairs equal actions.
         && first.moves == second.moves;
+    // Both grids are multiples of this common fine cell.
     let refine = first.arena.refine * second.arena.refine;
     let epsilons = (0..).map(|cells| f64::from(cells) / f64::from(refine));
     let below = epsilons.take_while(|epsilon| *epsilon < tau);
     let greatest = below.map(|epsilon| Bisimulation::greatest(first, second, epsilon));
+    // The relations are lazy, so nothing is computed for incomparable grids.
     comparable.then(|| greatest.collect())
 }
 
-/// Checks Theorem 3 on a relation; `policy` was trained on `nominal`.
+/// Checks Theorem 3 on a relation. `policy` was trained on `nominal`.
 ///
 /// # Errors
-/// One of the worlds is no grid.
+/// Returns an error if a world is not a grid.
 pub fn theorem_3(
     nominal: &Scenario,
     (name, changed): (&str, &Scenario),
@@ -116,7 +122,9 @@ pub fn theorem_3(
         .partition(|both| relation.relates(trial.coarse(*both), *both));
     let starts = inside.len() + outside.len();
     let related_starts = inside.len();
+    // A policy on coarse cells acts alike in both grids only for a relation by cell.
     let (inside, unkept) = trial.carried(inside, relation.is_by_cell(), true);
+    // Unrelated pairs are played for comparison, and the theorem promises nothing there.
     let (outside, _) = trial.carried(outside, false, false);
     let taus = trial.nominal.values().map(|found| found.tau);
     let [first, second] = &trial.games;
@@ -144,6 +152,7 @@ pub fn theorem_3(
 impl Theorem3 {
     fn judged(&self) -> TheoremOutcome {
         let pairs = self.inside.pairs;
+        // A broken promise is a bug, whatever the premises, so it is reported first.
         if 0 < self.misses {
             return TheoremOutcome::Refuted {
                 why: format!(
@@ -174,19 +183,20 @@ fn world(scenario: &Scenario) -> Result<&GridWorld, TheoremsError> {
     })
 }
 
-/// A counterexample on the unchanged grid.
+/// Counterexample on the unchanged grid.
 struct FoundAt {
     tau: f64,
     by: f64,
     actions: Vec<usize>,
 }
 
-/// The counterexamples of the trained ado from every start of a map.
+/// Returns the counterexamples of the trained ado from every start of a map.
 fn found(nominal: &Scenario, policy: &dyn Policy) -> HashMap<Position, FoundAt> {
     let arena = nominal.grid().map(|world| world.spec().arena);
     let starts: Vec<Position> = arena.iter().flat_map(Arena::starts).collect();
     let horizon = nominal.bench().clock().samples();
     let one = |bench: &mut Testbench, both: &Position, _: &Turn| {
+        // A grid has no noise, so the seed is 0 everywhere.
         let start = start_of(*both);
         let episode = play(bench, &start, 0, &mut PolicyActor(policy), Aftermath::Skip);
         let witness = Witness::of(nominal.rulebook(), &episode, horizon)?;
@@ -217,14 +227,17 @@ impl Trial<'_> {
         coarse(&self.games[0], &self.games[1], both)
     }
 
-    /// Starts of the changed grid whose cells are a start of the unchanged one.
+    /// Returns the starts of the changed grid that lie in a start of the unchanged grid.
     fn starts(&self) -> impl Iterator<Item = Position> + '_ {
         let starts = self.games[1].arena.starts();
+        // Touching agents are no start, because the episode would end at once.
         starts.filter(|both| !self.games[0].arena.touching(self.coarse(*both)))
     }
 
-    /// Plays counterexamples on the changed grid, at most so many; and how many
-    /// of them break a promise, `by_cell` and at all (`promised`).
+    /// Plays counterexamples on the changed grid and counts broken promises.
+    ///
+    /// `promised` enables the count, and `by_cell` includes the policy on unchanged cells.
+    /// At most [`MOST_PLAYED`] pairs are played.
     fn carried(&self, starts: Vec<Position>, by_cell: bool, promised: bool) -> (Carried, usize) {
         let below = |found: &&FoundAt| !promised || self.epsilon < found.tau;
         let pairs = starts.into_iter().filter_map(|both| {
@@ -233,6 +246,7 @@ impl Trial<'_> {
         });
         let mut pairs: Vec<(Position, &FoundAt)> = pairs.collect();
         if MOST_PLAYED < pairs.len() {
+            // The seed is fixed, so equal requests play the same pairs.
             Dice::new(CHOICE).shuffle(&mut pairs);
             pairs.truncate(MOST_PLAYED);
         }
@@ -260,23 +274,25 @@ impl Trial<'_> {
             carried.replayed += replayed;
             carried.by_cell += cell;
             carried.own_view += own;
-            // Lemma 1: the robustness moves by at most ε, too.
+            // Lemma 1: the robustness changes by at most ε as well.
             let kept = |run: Fate| run.success && by - self.epsilon - ROUNDING <= run.by;
             misses += usize::from(!kept(runs[0]) || (by_cell && !kept(runs[1])));
         }
         (carried, if promised { misses } else { 0 })
     }
 
-    /// The actions of the policy looking at the cells of the unchanged grid.
+    /// Returns the actions of the policy observing the unchanged grid's cells.
     fn lifted(&self, start: Position) -> Vec<usize> {
         lifted(self.worlds, start, self.policy)
     }
 }
 
-/// The actions of a policy that looks at the cells of the first grid while the
-/// second one is played: "the same action as that of the coarser grid cell".
+/// Returns the actions of a policy that observes the first grid's cells.
+///
+/// The second grid is played: "the same action as that of the coarser grid cell".
 pub fn lifted(worlds: [&GridWorld; 2], start: Position, policy: &dyn Policy) -> Vec<usize> {
     let games = worlds.map(Game::of);
+    // The observation comes from the first grid, whatever the second grid looks like.
     let mut scene = worlds[0].scene();
     let mut obs = vec![0.0; worlds[0].spaces().observation];
     games[1].actions(start, |both, step| {
@@ -285,7 +301,7 @@ pub fn lifted(worlds: [&GridWorld; 2], start: Position, policy: &dyn Policy) -> 
     })
 }
 
-/// How a run on the changed grid ended.
+/// Result of a run on the changed grid.
 #[derive(Clone, Copy)]
 struct Fate {
     success: bool,

@@ -1,58 +1,58 @@
-//! Theorem 3 for one pair of runs: τ of the one, ε between the two.
+//! Theorem 3 for a pair of runs: τ of the first, ε between both.
 
 use crate::rulebook::{JudgeKind, Rulebook};
 use crate::stl::{Monitor, Scratch};
 use crate::testbench::Episode;
 use crate::trace::Trace;
 
-/// A counterexample and what it leaves to spare before it ceases to be one.
+/// Counterexample with its margins.
 #[derive(Clone, Debug)]
 pub struct Witness {
     /// τ on the judged samples: min(ρ(¬ψ_ego), min over rules ρ(c)).
     pub tau_at_verdict: f64,
-    /// The largest τ of any longer prefix, at most to the end of the motion.
+    /// Largest τ of any longer prefix, at most to the end of the motion.
     pub tau: f64,
-    /// Samples of that prefix.
+    /// Number of samples in that prefix.
     pub samples: usize,
     spec: Vec<Vec<f64>>,
     rules: Vec<RuleKept>,
     deepest: Option<Deepest>,
 }
 
-/// How a rule was kept: ρ(c), and its secondary signals.
+/// Margin ρ(c) of a rule, and its secondary signals.
 #[derive(Clone, Debug)]
 struct RuleKept {
     margin: f64,
     secondary: Vec<Vec<f64>>,
 }
 
-/// The sample that decides an invariant ψ_ego.
+/// Sample that determines the robustness of an invariant ψ_ego.
 #[derive(Clone, Copy, Debug)]
 struct Deepest {
     sample: usize,
     value: f64,
 }
 
-/// How far another run is from a [`Witness`], on the witness's samples.
+/// Distance of another run from a [`Witness`], on the witness's samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Distance {
     /// ε: the largest distance of a secondary signal of ψ_ego or of a rule.
     ///
     /// Infinite if the other run ended earlier and cannot be compared.
     pub epsilon: f64,
-    /// Signed: by how much ψ_ego's margin is larger at the deepest sample.
+    /// Signed increase of ψ_ego's margin at the deepest sample.
     ///
     /// `None` unless ψ_ego is an invariant.
     pub rise: Option<f64>,
-    /// The distance of each rule's own secondary signals.
+    /// Distance of each rule's own secondary signals.
     pub rules: Vec<f64>,
 }
 
 impl Witness {
-    /// Reads a counterexample; `None` if the episode is none.
+    /// Reads a counterexample. `None`: the episode is not a counterexample.
     ///
-    /// After the verdict depth may still grow while rules lose margin, so the
-    /// prefix with the largest τ is kept: any prefix serves the theorem.
+    /// After the verdict the violation may deepen while rules lose margin. The prefix with
+    /// the largest τ is kept, because the theorem holds for any prefix.
     pub fn of(rulebook: &Rulebook, episode: &Episode, horizon_samples: usize) -> Option<Witness> {
         if !episode.verdict.is_success() {
             return None;
@@ -64,9 +64,11 @@ impl Witness {
         let mut tau_at_verdict = 0.0;
         for sample in 0..episode.trace.len() {
             episode.trace.read_row(sample, &mut row);
+            // A row with a NaN ends the usable prefix.
             if prefix.push(&row).is_err() {
                 break;
             }
+            // Shorter prefixes were not decided yet.
             if prefix.len() < episode.judged {
                 continue;
             }
@@ -74,6 +76,7 @@ impl Witness {
             if prefix.len() == episode.judged {
                 tau_at_verdict = tau;
             }
+            // Strictly larger, so the shortest of equal prefixes is kept.
             if best.is_none_or(|(_, most)| most < tau) {
                 best = Some((prefix.len(), tau));
             }
@@ -94,9 +97,10 @@ impl Witness {
         })
     }
 
-    /// Compares a run on a changed ego, from the same start.
+    /// Compares a run of a changed ego from the same start.
     pub fn distance(&self, rulebook: &Rulebook, other: &Episode, horizon: usize) -> Distance {
         let Some(other) = self.comparable(rulebook, other, horizon) else {
+            // An incomparable run must not be covered by any margin.
             return Distance {
                 epsilon: f64::INFINITY,
                 rise: self.deepest.map(|_| f64::INFINITY),
@@ -109,6 +113,7 @@ impl Witness {
             .map(|(mine, rule)| apart(&mine.secondary, &rule.monitor.secondary(&other)))
             .collect();
         let rise = self.deepest.and_then(|deepest| {
+            // Only the sample that decided the witness matters, since a violation anywhere suffices.
             let values = rulebook.spec.invariant(&other)?;
             Some(difference(values[deepest.sample], deepest.value))
         });
@@ -119,15 +124,15 @@ impl Witness {
         }
     }
 
-    /// Theorem 3: ε < τ, so the other run is a counterexample too.
+    /// Returns whether ε < τ, so that the other run is a counterexample by Theorem 3.
     pub fn covers(&self, distance: &Distance) -> bool {
         distance.epsilon < self.tau
     }
 
-    /// The sharper reading for an invariant ψ_ego, as sound as the other.
+    /// Applies the sharper and equally sound test for an invariant ψ_ego.
     ///
-    /// Only the deepest sample matters, and there only a rise; each rule is
-    /// compared with its own margin. `None` unless ψ_ego is an invariant.
+    /// Only an increase at the deepest sample matters, and each rule is compared with its
+    /// own margin. `None` unless ψ_ego is an invariant.
     pub fn covers_sharply(&self, distance: &Distance) -> Option<bool> {
         let moved = std::iter::once(distance.rise?).chain(distance.rules.iter().copied());
         let margins = self.sharp_margins()?;
@@ -139,23 +144,24 @@ impl Witness {
         )
     }
 
-    /// What the sharper reading has to spare: depth, then each rule's margin.
+    /// Returns the margins of the sharper test: depth, then each rule's margin.
     pub fn sharp_margins(&self) -> Option<Vec<f64>> {
         let depth = -self.deepest?.value;
         let rules = self.rules.iter().map(|rule| rule.margin);
         Some(std::iter::once(depth).chain(rules).collect())
     }
 
-    /// The other run on the witness's samples.
+    /// Returns the other run on the witness's samples.
     ///
-    /// A run that ended by contact is held at its last sample, as `WholeRun`
-    /// does, provided that this changes nothing of what is said about it.
+    /// A run that ended by contact is extended by its last sample, as `WholeRun` does. The
+    /// extension must not change any robustness value.
     fn comparable(&self, rulebook: &Rulebook, other: &Episode, horizon: usize) -> Option<Trace> {
         let mut trace = other.trace.clone();
         if self.samples <= trace.len() {
             trace.truncate(self.samples);
             return Some(trace);
         }
+        // Without contact the motion would have continued, so it cannot be held.
         other.contact.as_ref()?;
         let mut row = vec![0.0; trace.schema().len()];
         trace.read_row(trace.len().checked_sub(1)?, &mut row);
@@ -171,30 +177,33 @@ impl Witness {
             let spec = lost_by(&rulebook.spec, trace, horizon, &mut scratch);
             rules.into_iter().chain([spec]).collect()
         };
-        // The run itself ended by contact, not at the horizon.
+        // The run ended by contact and not at the horizon, so no bound is open.
         (says(&trace, horizon) == says(&other.trace, usize::MAX)).then_some(trace)
     }
 }
 
-/// τ of a prefix; 0 or less where it is no counterexample.
+/// Returns τ of a prefix, at most 0 if it is not a counterexample.
 fn slack(rulebook: &Rulebook, prefix: &Trace, horizon: usize, scratch: &mut Scratch) -> f64 {
     if rulebook.judge == JudgeKind::WholeRun && prefix.len() < horizon {
+        // `WholeRun` judges complete runs only, so a shorter prefix is no counterexample.
         return f64::NEG_INFINITY;
     }
     let violated = -lost_by(&rulebook.spec, prefix, horizon, scratch);
     let rules = rulebook.rules.iter();
+    // A counterexample needs both the violation and every rule, so the smallest margin counts.
     rules.fold(violated, |tau, rule| {
         tau.min(rule.monitor.robustness(prefix, scratch))
     })
 }
 
-/// The greatest ρ(ψ) that may still come; at the horizon, ρ(ψ).
+/// Returns the largest ρ(ψ) that is still possible. At the horizon it is ρ(ψ).
 ///
-/// The judge calls ψ_ego violated only when nothing later can mend it.
+/// The judge reports a violation only when no later sample can repair it.
 fn lost_by(spec: &Monitor, prefix: &Trace, horizon: usize, scratch: &mut Scratch) -> f64 {
     let rho = spec.robustness(prefix, scratch);
     match horizon <= prefix.len() {
         true => rho,
+        // The upper bound covers all continuations of the prefix.
         false => rho.max(spec.interval(prefix, scratch).hi),
     }
 }
@@ -209,14 +218,15 @@ fn deepest(spec: &Monitor, prefix: &Trace) -> Option<Deepest> {
     })
 }
 
-/// Sup-norm distance of two families of signals over the same samples.
+/// Returns the sup-norm distance of two families of signals over the same samples.
 fn apart(ours: &[Vec<f64>], others: &[Vec<f64>]) -> f64 {
     let pairs = ours.iter().flatten().zip(others.iter().flatten());
     let each = pairs.map(|(a, b)| difference(*a, *b).abs());
     each.fold(0.0, f64::max)
 }
 
-/// Boolean signals are ±inf: equal ones are no distance apart.
+/// Subtracts values, where equal infinities of Boolean signals are at distance 0.
 fn difference(a: f64, b: f64) -> f64 {
+    // ∞ − ∞ would be NaN.
     if a == b { 0.0 } else { a - b }
 }

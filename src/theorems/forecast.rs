@@ -1,52 +1,53 @@
-//! Predicting carry-over before running: a conformal bound on the distance.
+//! Prediction of carry-over before a run, by a conformal bound on the distance.
 //!
-//! Split conformal prediction (Vovk, Gammerman, Shafer 2005): of n calibration
-//! distances the ⌈(n + 1)(1 − α)⌉-th smallest bounds a further exchangeable
-//! one with probability at least 1 − α, whatever their distribution.
+//! Split conformal prediction (Vovk, Gammerman, Shafer 2005): of n calibration distances
+//! the ⌈(n + 1)(1 − α)⌉-th smallest is a bound. A further exchangeable distance stays
+//! below it with probability at least 1 − α, whatever the distribution.
 
 use serde::{Serialize, Serializer};
 
 use crate::stats::wilson;
 
-/// Coverage this improbable for exchangeable starts is called a failure.
+/// Probability below which the coverage counts as a failure.
 const TOO_IMPROBABLE: f64 = 1e-3;
 
-/// How a prediction of carry-over came out on the test starts.
+/// Prediction of carry-over, compared with the test starts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
     /// Counterexamples on calibration starts.
     pub calibration: usize,
-    /// What the distance stays below with probability 1 − α: ε, or for the
-    /// sharper reading the rise and then each rule's ε.
+    /// Bounds that the distance stays below with probability 1 − α.
+    ///
+    /// They bound ε, or for the sharper test the increase and then each rule's ε.
     #[serde(serialize_with = "numbers_or_words")]
     pub quantiles: Vec<f64>,
-    /// Share of test pairs that stay below.
+    /// Share of test pairs that stay below the bounds.
     pub coverage: f64,
-    /// Wilson's 95 % interval of it.
+    /// Wilson's 95 % interval of the coverage.
     pub coverage_ci95: [f64; 2],
-    /// Probability of no more coverage than this, if starts are exchangeable.
+    /// Probability of at most this coverage for exchangeable starts.
     pub chance_of_so_little: f64,
     /// Whether coverage agrees with the promised 1 − α.
     pub as_promised: bool,
     /// Share of test pairs for which carry-over was predicted.
     pub predicted: f64,
-    /// Share of the predictions that came true; `None` without predictions.
+    /// Share of correct predictions. `None`: no predictions.
     pub precision: Option<f64>,
-    /// Share of the carried-over pairs that were predicted.
+    /// Share of carried-over pairs that were predicted. `None`: no such pairs.
     pub recall: Option<f64>,
 }
 
-/// One test pair, as a forecast sees it.
+/// Test pair in the form that a forecast uses.
 pub(super) struct Case {
-    /// What the prediction bounded.
+    /// Distances that the prediction bounded.
     pub distances: Vec<f64>,
-    /// What it must stay below to carry over for certain.
+    /// Margins below which carry-over is certain.
     pub margins: Vec<f64>,
-    /// Whether it did carry over.
+    /// True if the pair carried over.
     pub carried: bool,
 }
 
-/// Bounds each component of the distance, all together at level 1 − `alpha`.
+/// Bounds each component of the distance, jointly at level 1 − `alpha`.
 ///
 /// Several components share `alpha` equally (Bonferroni).
 pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[Case], alpha: f64) -> Forecast {
@@ -64,6 +65,7 @@ pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[Case], alpha: f64) -> 
     };
     let promises = |case: &&Case| {
         let mut pairs = quantiles.iter().zip(&case.margins);
+        // Strictly below, as Theorem 3 requires ε < τ.
         pairs.all(|(q, margin)| q < margin)
     };
     let count = |test: &dyn Fn(&&Case) -> bool| tests.iter().filter(test).count();
@@ -72,10 +74,11 @@ pub(super) fn forecast(calibration: &[Vec<f64>], tests: &[Case], alpha: f64) -> 
     let carried = count(&|case| case.carried);
     let both = count(&|case| case.carried && promises(case));
     let n = calibration.len();
+    // A rank beyond n means an infinite bound, which covers everything.
     let rank = rank(n, alpha).min(n + 1);
     let chance = match components {
         1 => chance_of_at_most(covered, tests.len(), rank, n + 1 - rank),
-        // Bonferroni covers more than promised: compare with a plain binomial.
+        // Bonferroni covers more than promised, so a plain binomial is a lenient comparison.
         _ => binomial_at_most(covered, tests.len(), 1.0 - alpha),
     };
     Forecast {
@@ -95,21 +98,23 @@ fn ratio(part: usize, whole: usize) -> Option<f64> {
     (0 < whole).then(|| part as f64 / whole as f64)
 }
 
-/// ⌈(n + 1)(1 − α)⌉; beyond n there is no finite bound.
+/// Returns ⌈(n + 1)(1 − α)⌉. Beyond n there is no finite bound.
 fn rank(n: usize, alpha: f64) -> usize {
+    // Rounding must not lift an integer product to the next rank.
     ((n + 1) as f64 * (1.0 - alpha) - 1e-9).ceil().max(1.0) as usize
 }
 
 fn conformal(mut values: Vec<f64>, alpha: f64) -> f64 {
     values.sort_by(f64::total_cmp);
+    // Ranks count from 1.
     let bound = values.get(rank(values.len(), alpha) - 1);
     bound.copied().unwrap_or(f64::INFINITY)
 }
 
-/// P(at most `k` of `m`) where the chance of each is Beta(`a`, `b`).
+/// Returns P(at most `k` of `m`) with a Beta(`a`, `b`) probability of each.
 ///
-/// That is the coverage of a conformal bound over both draws (Vovk 2012). For
-/// `b` = 0 everything is covered.
+/// This is the coverage of a conformal bound over both draws (Vovk 2012). `b` = 0 covers
+/// everything.
 fn chance_of_at_most(k: usize, m: usize, a: usize, b: usize) -> f64 {
     if b == 0 {
         return if k < m { 0.0 } else { 1.0 };
@@ -117,6 +122,7 @@ fn chance_of_at_most(k: usize, m: usize, a: usize, b: usize) -> f64 {
     let (a, b) = (a as f64, b as f64);
     let term = |j: usize| {
         let (j, m) = (j as f64, m as f64);
+        // Logarithms of the gamma function keep the binomial coefficients finite.
         let choose = ln_gamma(m + 1.0) - ln_gamma(j + 1.0) - ln_gamma(m - j + 1.0);
         choose + ln_beta(j + a, m - j + b) - ln_beta(a, b)
     };
@@ -124,6 +130,7 @@ fn chance_of_at_most(k: usize, m: usize, a: usize, b: usize) -> f64 {
 }
 
 fn binomial_at_most(k: usize, m: usize, p: f64) -> f64 {
+    // A probability of 0 or 1 has no finite logarithm and promises nothing testable.
     if p <= 0.0 || 1.0 <= p {
         return 1.0;
     }
@@ -143,7 +150,7 @@ fn ln_gamma(x: f64) -> f64 {
     libm::lgamma(x)
 }
 
-/// JSON has no infinities: they are the words "inf" and "-inf".
+/// Serializes infinities as the words "inf" and "-inf", because JSON has none.
 fn numbers_or_words<S: Serializer>(values: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(values.iter().map(|value| word(*value)))
 }
@@ -170,7 +177,7 @@ mod tests {
 
     #[test]
     fn chances_are_those_of_the_textbook() {
-        // Uniform chance: every count from 0 to m is equally probable.
+        // With a uniform probability every count from 0 to m is equally likely.
         for k in 0..=10 {
             let chance = chance_of_at_most(k, 10, 1, 1);
             assert!((chance - (k + 1) as f64 / 11.0).abs() < 1e-12);

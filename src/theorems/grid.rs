@@ -1,4 +1,4 @@
-//! Theorems 1 to 3 on a grid world, for one trained ado.
+//! Theorems 1 to 3 on a grid world for a trained ado.
 
 use serde::Serialize;
 
@@ -10,15 +10,17 @@ use crate::scene::grid::exact::Game;
 use crate::scene::grid::values::ValueTable;
 use crate::world::Scenario;
 
-/// α to which value iteration is run for Theorem 2.
+/// α of the stopping rule of value iteration in Theorem 2.
 const ALPHA: f64 = 0.01;
-/// Least τ of the shipped rules: a unit move keeps `speed_inf <= 1.5` by this.
+/// Smallest τ of the shipped rules.
+///
+/// A unit move keeps `speed_inf <= 1.5` with this margin.
 const TAU: f64 = 0.5;
 
-/// All that is checked on a grid.
+/// Results of all checks on a grid.
 #[derive(Clone, Debug, Serialize)]
 pub struct GridTheorems {
-    /// Theorem 1, with V* by backward induction.
+    /// Theorem 1, with V* from backward induction.
     pub theorem_1: Theorem1,
     /// Sweeps of value iteration up to the stopping rule.
     pub sweeps: usize,
@@ -26,16 +28,16 @@ pub struct GridTheorems {
     pub theorem_2: Theorem2,
     /// Theorem 2 for the values of the trained ado.
     pub theorem_2_learned: Theorem2,
-    /// Definition 5 and Theorem 3, changed grid by changed grid and ε by ε.
+    /// Definition 5 and Theorem 3, by changed grid and ε.
     pub theorem_3: Vec<Theorem3>,
-    /// Changed grids that cannot be compared, being of another size.
+    /// Changed grids of another size, which cannot be compared.
     pub not_comparable: Vec<String>,
 }
 
-/// Checks Theorems 1 to 3; `policy` is the trained ado.
+/// Checks Theorems 1 to 3 for the trained ado `policy`.
 ///
 /// # Errors
-/// The world is no grid, or not of the specification that is solved.
+/// Returns an error if the world is not a grid or has an unsupported specification.
 pub fn grid_theorems(
     scenario: &Scenario,
     policy: &dyn Policy,
@@ -45,11 +47,13 @@ pub fn grid_theorems(
     let reward = scenario.rulebook().reward;
     let lawful = |rho: f64| reward.lawful(rho);
     let (iterated, sweeps) = ValueTable::iterated(truth.game(), truth.discount(), lawful, ALPHA);
+    // The stopping rule certifies its α, and the learned values have no such certificate.
     let by_sweeps = Approximation {
         values: &iterated,
         certified: Some(ALPHA),
         policy: None,
     };
+    // The learned values are read from the policy at the states of the exact table.
     let learned = scenario.grid().map(|world| truth.learned(world, policy));
     let learned = Approximation {
         values: learned.as_ref().unwrap_or(&truth),
@@ -76,10 +80,10 @@ pub fn grid_theorems(
     })
 }
 
-/// V* of a grid world under the discount of its learner.
+/// Returns V* of a grid world under the discount of its learner.
 ///
 /// # Errors
-/// The world is no grid.
+/// Returns an error if the world is not a grid.
 pub fn optimal_values(scenario: &Scenario) -> Result<ValueTable, TheoremsError> {
     let Some(world) = scenario.grid() else {
         return Err(TheoremsError::NotSolved {
@@ -94,7 +98,7 @@ pub fn optimal_values(scenario: &Scenario) -> Result<ValueTable, TheoremsError> 
 }
 
 impl GridTheorems {
-    /// Whether a theorem failed, which is a bug of this program.
+    /// Returns whether a theorem failed, which is a bug of this program.
     pub fn is_refuted(&self) -> bool {
         let second = [&self.theorem_2, &self.theorem_2_learned];
         self.theorem_1.is_refuted()

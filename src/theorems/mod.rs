@@ -1,8 +1,9 @@
-//! The paper's theorems as checks that a user can run.
+//! Checks of the paper's theorems for users.
 //!
-//! On a grid V* and the greatest bisimulation are known, so Theorems 1 to 3 are
-//! tested by playing ([`grid_theorems`]). On the road Theorem 3 and Lemma 1 say
-//! when a counterexample carries over to a changed ego ([`carry_over`]).
+//! On a grid V* and the greatest bisimulation are known, so Theorems 1 to 3 are tested by
+//! playing ([`grid_theorems`]).
+//! On the road Theorem 3 and Lemma 1 predict when a counterexample carries over to a
+//! changed ego ([`carry_over`]).
 
 mod bisimilar;
 mod compare;
@@ -26,14 +27,14 @@ use crate::experiment::TestStarts;
 use crate::rl::Policy;
 use crate::world::Scenario;
 
-/// What to check.
+/// Request to check the theorems.
 #[derive(Clone, Copy)]
 pub struct TheoremsRequest<'a> {
-    /// The world, with the nominal ego.
+    /// World with the nominal ego.
     pub nominal: &'a Scenario,
-    /// The same world with changed egos or surroundings, by name.
+    /// Same world with changed egos or surroundings, by name.
     pub changed: &'a [(String, Scenario)],
-    /// The trained ado.
+    /// Policy of the trained ado.
     pub policy: &'a dyn Policy,
     /// The test starts.
     pub starts: &'a TestStarts,
@@ -41,7 +42,7 @@ pub struct TheoremsRequest<'a> {
     pub alpha: f64,
 }
 
-/// A theorem cannot be checked on a world.
+/// Reason that a theorem cannot be checked on a world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TheoremsError {
     /// Equal starts and actions do not give equal episodes.
@@ -52,7 +53,7 @@ pub enum TheoremsError {
         /// Name of the world.
         world: String,
     },
-    /// Some violations are no counterexamples in it.
+    /// Some violations do not count as counterexamples in the world.
     #[error(
         "`{world}` counts some violations only, by how the agents touch, and Theorem 3 speaks of every violation"
     )]
@@ -72,12 +73,12 @@ pub enum TheoremsError {
         /// Name of the world.
         world: String,
     },
-    /// The exact solver does not speak of this world's specification.
+    /// The exact solver does not support this world's specification.
     #[error("the exact solver does not know the specification of `{world}`: {why}")]
     NotSolved {
         /// Name of the world.
         world: String,
-        /// Where it shows.
+        /// Evidence of the difference.
         why: String,
     },
 }

@@ -1,7 +1,7 @@
-//! Theorems 1 and 2 on a grid: what nearby values promise, played.
+//! Theorems 1 and 2 on a grid: promises of nearby values, tested by playing.
 //!
-//! Paper: V*(x0) = γ^T ρ, T fixed; here: γ^T R_T in units of the reward, and T
-//! is the decision that ends the episode, because a capture ends it.
+//! Paper: V*(x0) = γ^T ρ with fixed T. Here: γ^T R_T in units of the reward, and T is the
+//! decision that ends the episode, because a capture ends it.
 
 use serde::Serialize;
 
@@ -11,95 +11,97 @@ use crate::rl::Policy;
 use crate::scene::grid::values::ValueTable;
 use crate::world::Scenario;
 
-/// δ of Theorem 1 and β of Theorem 2: those of RQ4, fixed before anything is
-/// computed.
+/// Values of δ in Theorem 1 and of β in Theorem 2.
+///
+/// They are those of RQ4 and were fixed before any computation.
 pub const DELTAS: [f64; 4] = [0.01, 0.1, 0.5, 1.0];
 
-/// How the check of a theorem ended.
+/// Result of the check of a theorem.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "is")]
 pub enum TheoremOutcome {
-    /// The premises are met, and so is the conclusion, on every pair.
+    /// Premises and conclusion hold on every pair.
     Holds,
-    /// The premises are met by the optimal ado, not the conclusion by this one.
+    /// The premises hold for the optimal ado, and this ado misses the conclusion.
     Fails,
-    /// The theorem says nothing about this ado.
+    /// The theorem does not apply to this ado.
     PremiseNotMet {
-        /// Which premise, with the numbers.
+        /// Missing premise, with its numbers.
         why: String,
     },
-    /// A consequence of true premises is false: a bug, or a planted fault.
+    /// A consequence of true premises is false, by a bug or a planted fault.
     Refuted {
-        /// What is false, with the numbers.
+        /// False consequence, with its numbers.
         why: String,
     },
 }
 
 impl TheoremOutcome {
-    /// Whether it is a bug of this program.
+    /// Returns whether the result shows a bug of this program.
     pub fn is_refuted(&self) -> bool {
         matches!(self, TheoremOutcome::Refuted { .. })
     }
 }
 
-/// Theorem 1 on every pair of starts.
+/// Result of Theorem 1 on every pair of starts.
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem1 {
-    /// γ.
+    /// Discount γ.
     pub discount: f64,
-    /// Starts.
+    /// Number of starts.
     pub starts: usize,
-    /// Largest violation of the optimality equation by the table: 0 for V*.
+    /// Largest violation of the optimality equation by the table, 0 for V*.
     pub residual: f64,
-    /// max |V(x0) − γ^T R_T of the table's greedy policy, played|: 0 for V*.
+    /// max |V(x0) − γ^T R_T| of the table's greedy policy when played, 0 for V*.
     pub unpaid: f64,
-    /// Starts from which the trained ado really found a counterexample.
+    /// Starts from which the trained ado found a counterexample.
     pub found: usize,
-    /// Of these, the ones that were paid V*(x0), as the proof needs.
+    /// Such starts with the discounted reward V*(x0), as the proof requires.
     pub found_optimally: usize,
-    /// max |V_k(x0) − V*(x0)| of the trained ado: 0 if it has converged.
+    /// max |V_k(x0) − V*(x0)| of the trained ado, 0 after convergence.
     pub gap: f64,
-    /// δ by δ.
+    /// Results per δ.
     pub rows: Vec<Theorem1Row>,
 }
 
-/// Theorem 1 for one δ.
+/// Result of Theorem 1 for a value of δ.
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem1Row {
-    /// δ.
+    /// Value of δ.
     pub delta: f64,
-    /// Counterexamples paid V*(x0) with δ < γ^T (g(τ) + 1), the condition.
+    /// Counterexamples with reward V*(x0) and δ < γ^T (g(τ) + 1), the premise.
     pub meets: usize,
-    /// Of these, the ones with V*(x0) − δ above every pay without a capture:
-    /// there the theorem promises a counterexample from every nearby start.
+    /// Such counterexamples with V*(x0) − δ above every reward without a capture.
+    ///
+    /// The theorem then promises a counterexample from every nearby start.
     pub promising: usize,
-    /// Pairs (x0, x0'), x0 meeting the condition, |V*(x0) − V*(x0')| < δ.
+    /// Pairs (x0, x0') with the premise at x0 and |V*(x0) − V*(x0')| < δ.
     pub pairs: u64,
-    /// The optimal continuation from x0', played.
+    /// Results of the optimal continuation from x0'.
     pub optimal: Nearby,
-    /// The trained ado from x0', played.
+    /// Results of the trained ado from x0'.
     pub learned: Nearby,
-    /// What that says of the optimal continuation.
+    /// Outcome for the optimal continuation.
     pub outcome: TheoremOutcome,
-    /// What that says of the trained ado.
+    /// Outcome for the trained ado.
     pub outcome_of_learned: TheoremOutcome,
 }
 
-/// What was played from the nearby starts, pair by pair.
+/// Counts of runs from nearby starts, pair by pair.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Nearby {
-    /// Rules kept and γ^T' R_T' ≥ V*(x0) − δ.
+    /// Pairs with all rules kept and γ^T' R_T' ≥ V*(x0) − δ.
     pub holds: u64,
-    /// Rules kept and the printed bound, g(ρ') ≥ g(τ) − δ/γ^T.
+    /// Pairs with all rules kept and the printed bound, g(ρ') ≥ g(τ) − δ/γ^T.
     pub printed: u64,
-    /// The ego failed.
+    /// Pairs in which the ego failed.
     pub counterexamples: u64,
 }
 
-/// Checks Theorem 1 with the values of `table`; `policy` is the trained ado.
+/// Checks Theorem 1 with the values of `table` for the trained ado `policy`.
 ///
 /// # Errors
-/// The world is no grid, or not of the specification that is solved.
+/// Returns an error if the world is not a grid or has an unsupported specification.
 pub fn theorem_1(
     scenario: &Scenario,
     policy: &dyn Policy,
@@ -131,7 +133,7 @@ pub fn theorem_1(
     Ok(checked)
 }
 
-/// Whether a run was paid what a table says: the proof's V*(x0) = γ^T τ.
+/// Returns whether a run earned the value of a table: the proof's V*(x0) = γ^T τ.
 fn is_paid(run: &Played, value: f64) -> bool {
     (run.paid() - value).abs() <= ROUNDING
 }
@@ -149,9 +151,10 @@ fn theorem_1_row(
 ) -> Theorem1Row {
     let held = grid.held_at_best();
     let counts = grid.sum(|here| {
+        // Three numbers per start, then three for each of the two ados.
         let mut counts = [0; 9];
         let run = played[1][here];
-        // Condition: δ < γ^T (g(τ) + 1), −1 being the mildest foul.
+        // Premise: δ < γ^T (g(τ) + 1), where −1 is the mildest foul.
         let meets =
             run.success && is_paid(&run, values[here]) && delta < run.weight * (run.reward + 1.0);
         if !meets {
@@ -195,6 +198,7 @@ impl Theorem1 {
         row.outcome = self.optimal(&row);
         row.outcome_of_learned = match (&row.outcome, self.learned(&row)) {
             (TheoremOutcome::Holds, outcome) => outcome,
+            // If the optimal continuation fails a premise, the trained ado cannot pass.
             (outcome, _) => outcome.clone(),
         };
         row
@@ -207,6 +211,7 @@ impl Theorem1 {
             optimal,
             ..
         } = row;
+        // The conclusion is checked before the table, because it needs no assumption on it.
         if optimal.holds < *pairs {
             return TheoremOutcome::Refuted {
                 why: format!(
@@ -235,7 +240,7 @@ impl Theorem1 {
         TheoremOutcome::PremiseNotMet { why }
     }
 
-    /// The premises hold for the optimal ado.
+    /// Returns the outcome for the trained ado, if the optimal ado meets the premises.
     fn learned(&self, row: &Theorem1Row) -> TheoremOutcome {
         if row.delta <= self.gap {
             return TheoremOutcome::PremiseNotMet {
@@ -251,69 +256,72 @@ impl Theorem1 {
         }
     }
 
-    /// Whether it is a bug of this program.
+    /// Returns whether the result shows a bug of this program.
     pub fn is_refuted(&self) -> bool {
         self.rows.iter().any(|row| row.outcome.is_refuted())
     }
 }
 
-/// V_k with what is known of its distance from V*.
+/// Values V_k with a bound on their distance from V*.
 pub struct Approximation<'a> {
-    /// V_k.
+    /// Values V_k.
     pub values: &'a ValueTable,
-    /// α as a stopping rule certifies it; `None`: it is measured.
+    /// α certified by a stopping rule. `None`: it is measured.
     pub certified: Option<f64>,
-    /// Who plays it; `None`: its greedy policy.
+    /// Policy that plays. `None`: the greedy policy of V_k.
     pub policy: Option<&'a dyn Policy>,
 }
 
-/// Theorem 2 on every pair of starts.
+/// Result of Theorem 2 on every pair of starts.
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem2 {
-    /// α of the stopping rule, if V_k has one.
+    /// α of the stopping rule, if V_k has it.
     pub certified: Option<f64>,
     /// max |V_k − V*| over all pairs of cells and all numbers of steps left.
     pub alpha: f64,
-    /// The same over the starts only: what the printed bound uses.
+    /// Same maximum over the starts only, as the printed bound uses it.
     pub alpha_of_starts: f64,
-    /// The same over the states that greedy play compares.
+    /// Same maximum over the states that greedy play compares.
     pub alpha_ahead: f64,
-    /// 2α (γ + … + γ^(K−1)): what the greedy policy of V_k loses at most, α being
-    /// certified, or that of the states that it compares.
+    /// 2α (γ + … + γ^(K−1)): the largest loss of V_k's greedy policy.
+    ///
+    /// α is the certified value, or that of the compared states.
     pub loss: f64,
-    /// What it really loses, at worst over all starts.
+    /// Largest actual loss over all starts.
     pub lost: f64,
     /// Starts from which a counterexample was found.
     pub found: usize,
-    /// β by β.
+    /// Results per β.
     pub rows: Vec<Theorem2Row>,
-    /// What all of it says.
+    /// Overall result of the check.
     pub outcome: TheoremOutcome,
 }
 
-/// Theorem 2 for one β.
+/// Result of Theorem 2 for a value of β.
 #[derive(Clone, Debug, Serialize)]
 pub struct Theorem2Row {
-    /// β.
+    /// Value of β.
     pub beta: f64,
-    /// Pairs (x0, x0'), x0 a counterexample, |V_k(x0) − V_k(x0')| ≤ β.
+    /// Pairs (x0, x0') with a counterexample from x0 and |V_k(x0) − V_k(x0')| ≤ β.
     pub pairs: u64,
-    /// Pairs on which the greedy bound promises a counterexample; on the others
-    /// it is vacuous.
+    /// Pairs on which the greedy bound promises a counterexample.
+    ///
+    /// On the remaining pairs the bound is vacuous.
     pub promising: u64,
-    /// Pairs on which the greedy policy misses its bound: bugs.
+    /// Pairs on which the greedy policy misses its bound, each of which is a bug.
     pub misses: u64,
     /// Pairs on which the printed bound promises a counterexample.
     pub printed_promising: u64,
-    /// Pairs on which the ado that plays misses the printed bound,
-    /// g(ρ') ≥ g(τ) − (2α + β)/γ^T.
+    /// Pairs on which the playing ado misses the printed bound.
+    ///
+    /// The bound is g(ρ') ≥ g(τ) − (2α + β)/γ^T.
     pub printed_misses: u64,
 }
 
-/// Checks Theorem 2: `truth` is V*, `approximation` is V_k.
+/// Checks Theorem 2, where `truth` is V* and `approximation` is V_k.
 ///
 /// # Errors
-/// As [`theorem_1`].
+/// Returns the errors of [`theorem_1`].
 pub fn theorem_2(
     scenario: &Scenario,
     truth: &ValueTable,
@@ -326,7 +334,9 @@ pub fn theorem_2(
         Some(policy) => grid.trained(policy)?,
         None => greedy.clone(),
     };
+    // The true distance is known here, so a wrong certificate can be detected.
     let alpha = truth.distance(approximation.values);
+    // A decision compares successor values, so its loss carries one more power of γ.
     let steps = 1..grid.game.steps as i32;
     let later: f64 = steps.map(|t| grid.discount.powi(t)).sum();
     let certified = approximation.certified;
@@ -349,6 +359,7 @@ pub fn theorem_2(
         rows: Vec::new(),
         outcome: TheoremOutcome::Holds,
     };
+    // Without a certificate the bound uses the measured distance at the starts.
     let near = certified.unwrap_or(alpha_of_starts);
     let rows = DELTAS.into_iter().map(|beta| {
         let spent = [2.0 * near + beta, checked.loss];
@@ -359,7 +370,9 @@ pub fn theorem_2(
     Ok(checked)
 }
 
-/// `[spent, loss]`: 2α + β, and what greedy play loses besides.
+/// Counts the pairs of a β.
+///
+/// `[spent, loss]` are 2α + β and the additional loss of greedy play.
 fn theorem_2_row(
     grid: &GridUnderTest<'_>,
     values: &[f64],
@@ -368,6 +381,7 @@ fn theorem_2_row(
     [spent, loss]: [f64; 2],
 ) -> Theorem2Row {
     let held = grid.held_at_best();
+    // The printed bound is undiscounted, so it is compared with an undiscounted reward.
     let held_now = grid.scenario.rulebook().reward.lawful(0.0);
     let counts = grid.sum(|here| {
         let mut counts = [0; 5];
@@ -403,6 +417,7 @@ fn theorem_2_row(
 impl Theorem2 {
     fn judged(&self) -> TheoremOutcome {
         let misses: u64 = self.rows.iter().map(|row| row.misses).sum();
+        // A wrong certificate would invalidate every bound that uses it.
         if let Some(certified) = self.certified
             && certified + ROUNDING < self.alpha
         {

@@ -1,4 +1,4 @@
-//! Episodes of a grid from all of its starts, with what each was paid.
+//! Episodes of a grid from all of its starts, with their discounted rewards.
 
 use rayon::prelude::*;
 
@@ -13,35 +13,35 @@ use crate::scene::grid::{GridWorld, Position, position_of};
 use crate::testbench::{Aftermath, Episode, PolicyActor, Replay, Testbench, play};
 use crate::world::Scenario;
 
-/// Slack of every comparison of values: rounding only.
+/// Tolerance for rounding in every comparison of values.
 pub(super) const ROUNDING: f64 = 1e-9;
 
-/// A grid world with a list of starts, under the discount of its learner.
+/// Grid world with a list of starts, under the discount of its learner.
 pub(super) struct GridUnderTest<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) world: &'a GridWorld,
     pub(super) game: Game,
-    /// γ of the learner.
+    /// Discount γ of the learner.
     pub(super) discount: f64,
     pub(super) starts: Vec<Start>,
     pub(super) positions: Vec<Position>,
 }
 
-/// An episode as Theorems 1 and 2 see it.
+/// Episode in the form that Theorems 1 and 2 use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Played {
-    /// γ^T, T the number of the decision that ended the episode, from 0.
+    /// γ^T, where T is the index of the decision that ended the episode.
     pub(super) weight: f64,
-    /// R_T.
+    /// Reward R_T.
     pub(super) reward: f64,
-    /// Whether every rule was strictly kept.
+    /// True if every rule was strictly kept.
     pub(super) lawful: bool,
-    /// Whether it is a counterexample.
+    /// Whether the episode is a counterexample.
     pub(super) success: bool,
 }
 
 impl Played {
-    /// γ^T R_T.
+    /// Returns γ^T R_T.
     pub(super) fn paid(&self) -> f64 {
         self.weight * self.reward
     }
@@ -78,7 +78,7 @@ impl<'a> GridUnderTest<'a> {
         })
     }
 
-    /// Lets a trained ado play from every start.
+    /// Plays the trained ado from every start.
     pub(super) fn trained(&self, policy: &dyn Policy) -> Result<Vec<Played>, TheoremsError> {
         self.played(|bench, start| play(bench, start, 0, &mut PolicyActor(policy), Aftermath::Skip))
     }
@@ -97,16 +97,18 @@ impl<'a> GridUnderTest<'a> {
         played.into_iter().flatten().collect()
     }
 
-    /// What an episode was paid, if its specification is the one that is solved.
+    /// Reads an episode, if its specification is supported.
     fn read(&self, episode: &Episode) -> Result<Played, TheoremsError> {
         let not_solved = |why: String| not_solved(self.scenario, why);
         let from = &episode.start.0;
         let Some(reward) = self.scenario.rulebook().reward_of(&episode.verdict) else {
             return Err(not_solved(format!("from {from:?} the episode is invalid")));
         };
+        // A held episode and a counterexample both keep all rules.
         let lawful = !matches!(episode.verdict, Verdict::Foul { .. });
         let distances = episode.trace.signal("d_man").unwrap_or_default();
         let least = distances.iter().copied().fold(f64::INFINITY, f64::min);
+        // Backward induction assumes ρ = min d_man − 1, which every lawful episode must show.
         if lawful && ROUNDING < (episode.robustness - (least - 1.0)).abs() {
             return Err(not_solved(format!(
                 "from {from:?} its robustness is {}, but the least d_man is {least}",
@@ -122,25 +124,26 @@ impl<'a> GridUnderTest<'a> {
         })
     }
 
-    /// V of a table at every start.
+    /// Returns V of a table at every start.
     pub(super) fn values(&self, table: &ValueTable) -> Vec<f64> {
         self.positions.iter().map(|both| table.at(*both)).collect()
     }
 
-    /// Above this discounted pay there are counterexamples only.
+    /// Returns the discounted reward above which only counterexamples lie.
     ///
-    /// Without one, a lawful episode is paid at most R(0) ≤ 0, at decision K − 1.
+    /// A lawful episode without a counterexample earns at most R(0) ≤ 0, at decision K − 1.
     pub(super) fn held_at_best(&self) -> f64 {
         let last = self.game.steps.saturating_sub(1);
         self.discount.powi(last as i32) * self.scenario.rulebook().reward.lawful(0.0)
     }
 
-    /// Counts over all pairs (x0, x0'), x0 by x0 in parallel.
+    /// Sums counts over all pairs (x0, x0'), in parallel over x0.
     pub(super) fn sum<const N: usize>(
         &self,
         of_start: impl Fn(usize) -> [u64; N] + Sync + Send,
     ) -> [u64; N] {
         let all = (0..self.starts.len()).into_par_iter().map(of_start);
+        // Integer sums do not depend on the order of the threads.
         all.reduce(
             || [0; N],
             |mut sum, counts| {

@@ -1,4 +1,4 @@
-//! Theorem 3 on the road: which counterexamples carry over to changed egos.
+//! Theorem 3 on the road: carry-over of counterexamples to changed egos.
 
 use serde::{Serialize, Serializer};
 
@@ -11,69 +11,68 @@ use crate::seed::{Purpose, StartKey};
 use crate::testbench::{Actor, Aftermath, Constant, Episode, PolicyActor, Replay, Testbench};
 use crate::world::Scenario;
 
-/// How the ado acts on the changed ego, in the order of the results.
+/// Ways in which the ado acts against the changed ego, in the order of results.
 ///
-/// Definition 5 speaks of equal actions, which is the second; the first is
-/// what an ado does.
+/// An ado acts in closed loop. Definition 5 requires equal actions, which the replay has.
 const ADOS: [&str; 2] = ["closed loop", "actions replayed"];
 
-/// Theorem 3 and Lemma 1, checked on every changed ego.
+/// Result of Theorem 3 and Lemma 1 on every changed ego.
 #[derive(Clone, Debug, Serialize)]
 pub struct CarryOver {
     /// Counterexamples of the nominal ego on the test starts.
     pub counterexamples: usize,
-    /// τ where the verdict falls.
+    /// τ at the verdict.
     pub tau_at_verdict: Spread,
-    /// τ as used: the largest of any prefix up to the end of the motion.
+    /// τ in use: the largest of any prefix up to the end of the motion.
     pub tau: Spread,
     /// Share of starts on which the predicted bound may be exceeded.
     pub alpha: f64,
-    /// A row per changed ego and way to act.
+    /// Row per changed ego and way of acting.
     pub rows: Vec<CarriedOver>,
-    /// Changed egos that the theorem does not speak of.
+    /// Changed egos that the theorem does not cover.
     pub refused: Vec<Refused>,
 }
 
-/// What became of the nominal counterexamples on one changed ego.
+/// Carry-over of the nominal counterexamples to a changed ego.
 #[derive(Clone, Debug, Serialize)]
 pub struct CarriedOver {
-    /// The changed ego.
+    /// Name of the changed ego.
     pub ego: String,
     /// `closed loop`, or `actions replayed`.
     pub ado: &'static str,
-    /// Pairs of runs: one per nominal counterexample.
+    /// Pairs of runs, as many as nominal counterexamples.
     pub pairs: usize,
-    /// Pairs whose changed run is a counterexample too.
+    /// Pairs with a counterexample of the changed ego.
     pub carried: usize,
     /// ε between the runs of a pair.
     pub epsilon: Spread,
-    /// Pairs with ε < τ: the theorem promises a counterexample.
+    /// Pairs with ε < τ, for which the theorem promises a counterexample.
     pub covered: usize,
-    /// Promises that were not kept: each is a bug of this program.
+    /// Broken promises, each of which is a bug of this program.
     pub misses: usize,
-    /// Predicting carry-over by ε, before running.
+    /// Prediction of carry-over by ε, before running.
     pub forecast: Forecast,
-    /// The same for the sharper reading; `None` unless ψ_ego is an invariant.
+    /// Result of the sharper test. `None` unless ψ_ego is an invariant.
     pub sharper: Option<Sharper>,
 }
 
-/// The sharper reading for an invariant ψ_ego: only its deepest sample matters.
+/// Result of the sharper test for an invariant ψ_ego at its deepest sample.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sharper {
-    /// Pairs for which it promises a counterexample.
+    /// Pairs for which the test promises a counterexample.
     pub covered: usize,
-    /// Promises that were not kept: each is a bug of this program.
+    /// Broken promises, each of which is a bug of this program.
     pub misses: usize,
-    /// Predicting carry-over by it, before running.
+    /// Prediction of carry-over by this test, before running.
     pub forecast: Forecast,
 }
 
-/// A changed ego that was left out.
+/// Changed ego that was left out.
 #[derive(Clone, Debug, Serialize)]
 pub struct Refused {
-    /// The changed ego.
+    /// Name of the changed ego.
     pub ego: String,
-    /// Why nothing can be said of it, in a sentence.
+    /// Reason in a sentence.
     pub why: String,
 }
 
@@ -86,7 +85,7 @@ pub struct Spread {
     /// 90th percentile.
     #[serde(serialize_with = "number_or_word")]
     pub p90: f64,
-    /// The largest.
+    /// Maximum.
     #[serde(serialize_with = "number_or_word")]
     pub max: f64,
 }
@@ -100,6 +99,7 @@ impl Spread {
         let mut values: Vec<f64> = values.collect();
         values.sort_by(f64::total_cmp);
         let at = |share: f64| {
+            // The nearest rank, so every number is an observed value.
             let rank = (share * values.len().saturating_sub(1) as f64).round() as usize;
             values.get(rank).copied().unwrap_or(0.0)
         };
@@ -111,14 +111,14 @@ impl Spread {
     }
 }
 
-/// Plays every nominal counterexample on every changed ego and compares.
+/// Plays every nominal counterexample on every changed ego and compares the runs.
 ///
-/// As many calibration starts are drawn as there are test starts, from the
-/// stream of that purpose: no start is in both.
+/// As many calibration starts as test starts are drawn from the calibration stream, so no
+/// start is in both sets. `Ok(None)`: stopped.
 ///
 /// # Errors
-/// The nominal ego is stochastic, nothing is changed, or there is no
-/// counterexample. `Ok(None)`: stopped.
+/// Returns an error if the nominal ego is stochastic, if some violations do not count, if
+/// there are no changed egos, or if there is no counterexample.
 pub fn carry_over(
     request: &TheoremsRequest<'_>,
     watch: &Watch<'_>,
@@ -140,10 +140,12 @@ pub fn carry_over(
     let played = Played {
         request,
         changed: &changed,
+        // Test and calibration starts share a progress bar.
         all: EpisodeLoop::counted(watch, 2 * request.starts.starts.len()),
         watch,
     };
     let tests = played.all(Purpose::Test);
+    // A stopped run may lack counterexamples for that reason alone.
     if tests.is_empty() && !watch.stopped() {
         return Err(TheoremsError::NoCounterexample { world });
     }
@@ -154,6 +156,7 @@ pub fn carry_over(
     let mut rows = Vec::new();
     for (ego, (name, _)) in changed.iter().enumerate() {
         for (ado, word) in ADOS.into_iter().enumerate() {
+            // Invariant: the order matches `Played::compared`, ego by ego and way by way.
             let column = ego * ADOS.len() + ado;
             rows.push(row(name, word, column, (&tests, &calibration), request));
         }
@@ -176,13 +179,13 @@ fn is_stochastic(scenario: &Scenario) -> bool {
     scenario.drive().is_some_and(|spec| spec.sensors.is_noisy())
 }
 
-/// One nominal counterexample beside its runs on the changed egos.
+/// Nominal counterexample with its runs on the changed egos.
 struct Compared {
     tau_at_verdict: f64,
     tau: f64,
-    /// What the sharper reading has to spare; `None` unless it applies.
+    /// Margins of the sharper test. `None` unless it applies.
     sharp_margins: Option<Vec<f64>>,
-    /// Per changed ego and way to act.
+    /// Run per changed ego and way of acting.
     runs: Vec<Run>,
 }
 
@@ -190,11 +193,11 @@ struct Run {
     carried: bool,
     epsilon: f64,
     covered: bool,
-    /// Rise and rule distances, and whether they stay below their margins.
+    /// Increase and rule distances, with the result of the sharper test.
     sharp: Option<(Vec<f64>, bool)>,
 }
 
-/// The nominal bench and one per changed ego.
+/// Bench of the nominal ego and a bench per changed ego.
 type Benches = (Testbench, Vec<Testbench>);
 
 struct Played<'a> {
@@ -205,11 +208,12 @@ struct Played<'a> {
 }
 
 impl Played<'_> {
-    /// The counterexamples of a purpose, in the order of their starts.
+    /// Returns the counterexamples of a purpose, in the order of their starts.
     fn all(&self, purpose: Purpose) -> Vec<Compared> {
         let starts = self.request.starts;
         let compare_one = |benches: &mut Benches, test: &(Start, u64), turn: &Turn| {
             let (start, noise) = match purpose {
+                // The ego fails there by itself, so the ado has no part in the failure.
                 Purpose::Test if starts.trivial[turn.index] => return None,
                 Purpose::Test => test.clone(),
                 _ => self.calibration_start(benches, turn.index)?,
@@ -226,7 +230,7 @@ impl Played<'_> {
         (self.request.nominal.bench(), changed.collect())
     }
 
-    /// A calibration start; `None` if the ego fails there by itself.
+    /// Returns a calibration start, or `None` if the ego fails there by itself.
     fn calibration_start(&self, (nominal, _): &mut Benches, index: usize) -> Option<(Start, u64)> {
         let key = StartKey {
             purpose: Purpose::Calibration,
@@ -251,6 +255,7 @@ impl Played<'_> {
         let horizon = nominal.clock().samples();
         let mut ado = PolicyActor(self.request.policy);
         let (watch, from) = (self.watch, (start, noise));
+        // The run continues after the verdict, because later samples may have a larger τ.
         let first = watch.play(nominal, from, index, &mut ado, Aftermath::Play);
         let witness = Witness::of(nominal.rulebook(), &first, horizon)?;
         let runs = changed.iter_mut().flat_map(|bench| {
@@ -259,6 +264,7 @@ impl Played<'_> {
                 compare(&witness, bench, &other, horizon)
             };
             let closed = run(&mut PolicyActor(self.request.policy));
+            // The replay uses the nominal actions, as Definition 5 requires.
             [closed, run(&mut Replay::holding(&first.actions))]
         });
         Some(Compared {
@@ -305,6 +311,7 @@ fn row(
         .iter()
         .map(|start| vec![start.runs[column].epsilon])
         .collect();
+    // `None` as soon as a case lacks the sharper test, which applies to all or none.
     let sharp: Option<Vec<Case>> = runs()
         .map(|(test, run)| {
             Some(Case {
@@ -331,6 +338,7 @@ fn row(
         pairs: tests.len(),
         carried: promised(|run| run.carried),
         epsilon: Spread::of(runs().map(|(_, run)| run.epsilon)),
+        // The promise is counted on test runs, and the forecast below on calibration runs.
         covered: promised(|run| run.covered),
         misses: promised(|run| run.covered && !run.carried),
         forecast: forecast(&seen, &plain, alpha),

@@ -1,8 +1,9 @@
 //! Whether an ado has learned its world: its successes on calibration starts
 //! beside those of a cheap search, on starts that nothing is reported on.
 
+use super::demonstrations::{Budget, Seeded};
 use super::training_egos::TrainingGym;
-use super::training_search::Scout;
+use super::training_search::{Effort, Scout};
 use crate::experiment::{EpisodeLoop, Watch};
 use crate::rl::{Env, Policy};
 use crate::run_dir::Calibration;
@@ -16,8 +17,9 @@ const STARTS: (u64, u64) = (10, 100);
 const SHARE: u64 = 4;
 /// The same per start where the ego cannot be copied.
 const WITHOUT_COPIES: u64 = 50;
-/// Starts after which it is judged whether one switch is enough.
-const TRIED: usize = 20;
+/// Simulations per decision of the training that a search with two switches of
+/// the starts that one does not solve may spend at most.
+const TWICE: u64 = 1;
 
 /// Calibration starts of a training, and which of them a search solves.
 pub(super) struct Calibrator<'a> {
@@ -37,63 +39,57 @@ pub(super) struct Calibrator<'a> {
 impl<'a> Calibrator<'a> {
     /// Searches the calibration starts of a training; `None`: stopped.
     ///
-    /// With at most one switch of action; two, where one solves none of the
-    /// first starts.
+    /// With at most one switch of action, then with two where one solves nothing,
+    /// as far as the budget goes.
     pub fn new(scenario: &'a Scenario, seed: u64, watch: &Watch<'_>) -> Option<Calibrator<'a>> {
-        let mut calibrator = Calibrator {
-            scenario,
-            seed,
-            solved: Vec::new(),
-            switches: 1,
-            simulations: 0,
-            searched_steps: 0,
-            physics_steps: 0,
-            cpu_s: 0.0,
-        };
         let scout = Scout::new(scenario, Purpose::Calibration, seed);
         let decisions = scenario.learner.decisions();
         let starts = (decisions / 1000).clamp(STARTS.0, STARTS.1);
-        let each = match scout.forks() {
-            true => SHARE.saturating_mul(decisions) / starts,
-            false => WITHOUT_COPIES,
+        let forks = scout.forks();
+        let each = if forks {
+            SHARE.saturating_mul(decisions) / starts
+        } else {
+            WITHOUT_COPIES
         };
         let indices: Vec<u64> = (0..starts).collect();
-        let (first, rest) = indices.split_at(TRIED.min(indices.len()));
-        for (i, part) in [first, rest].into_iter().enumerate() {
-            if 0 < i && !calibrator.solved.contains(&true) {
-                calibrator.switches = 2;
-            }
-            let progress = (calibrator.solved.len(), indices.len());
-            let asked = (calibrator.switches, each.max(20));
-            let found = scout.search(part, asked, progress, watch);
-            if watch.stopped() {
-                return None;
-            }
-            for scouted in found {
-                let scouted = scouted.unwrap_or_default();
-                calibrator.solved.push(scouted.actions.is_some());
-                calibrator.simulations += scouted.simulations;
-                calibrator.searched_steps += scouted.physics_steps;
-                calibrator.cpu_s += scouted.cpu_s;
-            }
+        let progress = (0, indices.len());
+        let effort = Effort::Walk { switches: 1 };
+        let found = scout.search(&indices, (effort, each.max(20)), progress, watch);
+        if watch.stopped() {
+            return None;
         }
-        Some(calibrator)
+        let mut searched = Seeded::default();
+        let unsolved = searched.note(&indices, found);
+        let budget = Budget {
+            simulations: if forks {
+                TWICE.saturating_mul(decisions)
+            } else {
+                WITHOUT_COPIES * unsolved.len() as u64
+            },
+            switches: 2,
+        };
+        searched.search_harder(&scout, &unsolved, budget, watch)?;
+        let mut solved = vec![false; indices.len()];
+        for shown in &searched.demonstrations {
+            solved[shown.index as usize] = true;
+        }
+        Some(Calibrator {
+            scenario,
+            seed,
+            solved,
+            switches: if unsolved.is_empty() { 1 } else { 2 },
+            simulations: searched.sought.simulations,
+            searched_steps: searched.sought.physics_steps,
+            physics_steps: 0,
+            cpu_s: searched.cpu_s,
+        })
     }
 
     /// What an ado does on them; `None`: stopped.
     pub fn of(&mut self, policy: &dyn Policy, watch: &Watch<'_>) -> Option<Calibration> {
         let indices: Vec<u64> = (0..self.solved.len() as u64).collect();
-        let all = EpisodeLoop::counted(watch, indices.len());
-        let gym = || TrainingGym::new(self.scenario, Purpose::Calibration, self.seed);
-        let played = all.run(&indices, gym, |gym, &index, turn| {
-            let before = gym.inner().spent().physics_steps;
-            let success = succeeds(gym, index, policy);
-            let physics_steps = gym.inner().spent().physics_steps - before;
-            Some((success, physics_steps, turn.cpu_s()))
-        });
-        if watch.stopped() {
-            return None;
-        }
+        let of = (self.scenario, Purpose::Calibration, self.seed);
+        let played = successes(of, &indices, policy, watch)?;
         let mut calibration = Calibration {
             starts: indices.len() as u64,
             switches: self.switches as u64,
@@ -101,9 +97,9 @@ impl<'a> Calibrator<'a> {
         };
         self.physics_steps = self.searched_steps;
         for (played, &searched) in played.into_iter().zip(&self.solved) {
-            let (success, physics_steps, cpu_s) = played.unwrap_or_default();
-            self.physics_steps += physics_steps;
-            self.cpu_s += cpu_s;
+            let success = played.success.is_some();
+            self.physics_steps += played.physics_steps;
+            self.cpu_s += played.cpu_s;
             calibration.searched += u64::from(searched);
             calibration.both += u64::from(searched && success);
             calibration.ado_only += u64::from(success && !searched);
@@ -113,17 +109,50 @@ impl<'a> Calibrator<'a> {
     }
 }
 
-/// Whether the greedy ado makes the ego fail with all rules kept: under
+/// What came of one episode of an ado.
+#[derive(Clone, Default)]
+pub(super) struct Attempt {
+    /// The actions, if they made the ego fail with all rules kept.
+    pub success: Option<Vec<usize>>,
+    pub physics_steps: u64,
+    pub cpu_s: f64,
+}
+
+/// Plays the starts of a stream with these indices greedily; `None`: stopped.
+pub(super) fn successes(
+    (scenario, purpose, seed): (&Scenario, Purpose, u64),
+    indices: &[u64],
+    policy: &dyn Policy,
+    watch: &Watch<'_>,
+) -> Option<Vec<Attempt>> {
+    let all = EpisodeLoop::counted(watch, indices.len());
+    let gym = || TrainingGym::new(scenario, purpose, seed);
+    let played = all.run(indices, gym, |gym, &index, turn| {
+        let before = gym.inner().spent().physics_steps;
+        let success = succeeds(gym, index, policy);
+        Some(Attempt {
+            success,
+            physics_steps: gym.inner().spent().physics_steps - before,
+            cpu_s: turn.cpu_s(),
+        })
+    });
+    let played = played.into_iter().map(Option::unwrap_or_default);
+    (!watch.stopped()).then(|| played.collect())
+}
+
+/// The actions of a greedy ado that make the ego fail with all rules kept: under
 /// Definition 4 just then an episode pays more than 0.
-fn succeeds(gym: &mut TrainingGym<'_>, index: u64, policy: &dyn Policy) -> bool {
+fn succeeds(gym: &mut TrainingGym<'_>, index: u64, policy: &dyn Policy) -> Option<Vec<usize>> {
     let mut obs = vec![0.0; gym.spaces().observation];
     gym.reset(index, &mut obs);
-    let mut total = 0.0;
+    let (mut total, mut actions) = (0.0, Vec::new());
     loop {
-        let step = gym.step(policy.act(&obs), &mut obs);
+        let action = policy.act(&obs);
+        actions.push(action);
+        let step = gym.step(action, &mut obs);
         total += step.reward;
         if step.end.is_some() {
-            return 0.0 < total;
+            return (total > 0.0).then_some(actions);
         }
     }
 }

@@ -1,23 +1,37 @@
-//! What a search finds on training starts before a training, to be shown to
-//! learners that want demonstrations.
+//! What a search finds on training starts, to be shown to learners that want
+//! demonstrations: before a training, and where the ado fails later.
 
-use super::training_search::{Scout, Scouted};
+use super::calibration::successes;
+use super::training_search::{Effort, Scout, Scouted};
 use crate::experiment::Watch;
-use crate::rl::{Demonstration, Seeding};
+use crate::rl::{Demonstration, Policy, Seeding};
 use crate::run_dir::Sought;
 use crate::seed::Purpose;
 use crate::world::Scenario;
 
 /// The first start that is searched: no learner gets that far by itself.
 const FIRST_START: u64 = 1 << 40;
+/// The first of those that an ado plays before they are searched.
+const FIRST_PLAYED: u64 = 1 << 41;
+/// Starts that an ado plays at a time.
+const PLAYED: u64 = 300;
 /// Starts that are searched between two looks at what was spent.
 const CHUNK: usize = 10;
-/// Starts after which it is judged whether one switch is enough.
+/// Starts after which it is judged whether one switch is enough to begin with.
 const TRIED: usize = 50;
-/// Share of them that must be solved with one switch: else two are allowed.
+/// Share of them that must be solved with one switch.
 const ENOUGH: f64 = 0.05;
+/// By how many times its equal part of the budget one start may exceed it.
+const UNEVEN: u64 = 3;
+/// Successes from which on those of near starts are changed.
+const FEW: usize = 10;
+/// Successes from which on nothing else is done.
+const MANY: usize = 50;
+/// Simulations per start for that.
+const MUTATIONS: u64 = 200;
 
 /// Demonstrations, and what it took to find them.
+#[derive(Default)]
 pub(super) struct Seeded {
     pub demonstrations: Vec<Demonstration>,
     pub sought: Sought,
@@ -26,60 +40,173 @@ pub(super) struct Seeded {
 
 /// Searches training starts of `seed` for demonstrations; `None`: stopped.
 ///
-/// One switch of action first; two, where one finds nearly nothing. The search
-/// spends no more than two simulations per decision of the training.
+/// With one switch of action first, then harder where that finds nothing. A
+/// training that may go on keeps half of what the first pass leaves for the starts
+/// on which its ado fails ([`seed_failures`]).
 pub(super) fn seed_training(
     scenario: &Scenario,
     seed: u64,
     seeding: &Seeding,
     watch: &Watch<'_>,
 ) -> Option<Seeded> {
-    let decisions = scenario.learner.decisions();
-    let mut most = seeding.simulations.min(decisions.saturating_mul(2));
     let scout = Scout::new(scenario, Purpose::Train, seed);
-    if !scout.forks() {
-        most /= 100;
-    }
+    let most = most_simulations(scenario, &scout, seeding);
     let indices: Vec<u64> = (0..seeding.starts as u64)
         .map(|i| FIRST_START + i)
         .collect();
-    let mut seeded = Seeded {
-        demonstrations: Vec::new(),
-        sought: Sought::default(),
-        cpu_s: 0.0,
-    };
-    let mut switches = 1;
+    let mut seeded = Seeded::default();
+    let mut unsolved = Vec::new();
     for chunk in indices.chunks(CHUNK) {
         let spent = seeded.sought.simulations;
-        if most <= spent {
-            break;
-        }
         let tried = seeded.sought.starts as usize;
         let few = (seeded.demonstrations.len() as f64) < ENOUGH * tried as f64;
-        if switches == 1 && TRIED <= tried && few {
-            switches = 2;
+        if most <= spent || (TRIED <= tried && few) {
+            break;
         }
         let each = ((most - spent) / CHUNK as u64).max(1);
         let progress = (tried, indices.len());
-        let found = scout.search(chunk, (switches, each), progress, watch);
+        let effort = Effort::Walk { switches: 1 };
+        let found = scout.search(chunk, (effort, each), progress, watch);
         if watch.stopped() {
             return None;
         }
-        let pairs = chunk.iter().zip(found.into_iter().flatten());
-        pairs.for_each(|(&index, scouted)| seeded.note(index, scouted));
+        seeded.sought.starts += chunk.len() as u64;
+        unsolved.extend(seeded.note(chunk, found));
     }
+    // Those that were not reached have no success with one switch either.
+    let reached = seeded.sought.starts as usize;
+    let again = unsolved.len();
+    unsolved.extend(&indices[reached..]);
+    let left = most.saturating_sub(seeded.sought.simulations);
+    let keeps = scenario.learner.decisions() < scenario.learner.longest();
+    let budget = Budget {
+        simulations: if keeps { left / 2 } else { left },
+        switches: usize::MAX,
+    };
+    let searched = seeded.search_harder(&scout, &unsolved, budget, watch)?;
+    // A start counts once, however often it was searched.
+    seeded.sought.starts += searched.saturating_sub(again) as u64;
     Some(seeded)
 }
 
-impl Seeded {
-    fn note(&mut self, index: u64, scouted: Scouted) {
-        self.sought.starts += 1;
-        self.sought.simulations += scouted.simulations;
-        self.sought.physics_steps += scouted.physics_steps;
-        self.cpu_s += scouted.cpu_s;
-        if let Some(actions) = scouted.actions {
-            self.sought.solved += 1;
-            self.demonstrations.push(Demonstration { index, actions });
+/// Lets an ado play more training starts and searches those on which it fails,
+/// within what the budget has left; `None`: stopped.
+pub(super) fn seed_failures(
+    (scenario, seed): (&Scenario, u64),
+    (policy, decisions): (&dyn Policy, u64),
+    (seeding, spent): (&Seeding, u64),
+    watch: &Watch<'_>,
+) -> Option<Seeded> {
+    let scout = Scout::new(scenario, Purpose::Train, seed);
+    let left = most_simulations(scenario, &scout, seeding).saturating_sub(spent);
+    let mut seeded = Seeded::default();
+    if left <= PLAYED || seeding.starts == 0 {
+        return Some(seeded);
+    }
+    // Other starts at every look, the same whenever it is repeated.
+    let first = FIRST_PLAYED + decisions * PLAYED;
+    let indices: Vec<u64> = (first..first + PLAYED).collect();
+    let played = successes((scenario, Purpose::Train, seed), &indices, policy, watch)?;
+    let mut failed = Vec::new();
+    for (&index, played) in indices.iter().zip(played) {
+        seeded.sought.simulations += 1;
+        seeded.sought.physics_steps += played.physics_steps;
+        seeded.cpu_s += played.cpu_s;
+        match played.success {
+            Some(actions) => seeded.demonstrations.push(Demonstration { index, actions }),
+            None => failed.push(index),
         }
+    }
+    let own = seeded.demonstrations.len();
+    let budget = Budget {
+        simulations: (left - PLAYED) / 2,
+        switches: usize::MAX,
+    };
+    let searched = seeded.search_harder(&scout, &failed, budget, watch)?;
+    seeded.sought.starts = searched as u64;
+    // Its own successes led the search; the learner has plenty of them.
+    seeded.demonstrations.drain(..own);
+    Some(seeded)
+}
+
+/// What all searches of a training may spend.
+fn most_simulations(scenario: &Scenario, scout: &Scout<'_>, seeding: &Seeding) -> u64 {
+    let decisions = scenario.learner.decisions();
+    let most = seeding.simulations.min(decisions.saturating_mul(2));
+    if scout.forks() { most } else { most / 100 }
+}
+
+/// What a harder search may spend, and how many switches its sequences may have.
+#[derive(Clone, Copy)]
+pub(super) struct Budget {
+    pub simulations: u64,
+    pub switches: usize,
+}
+
+impl Seeded {
+    /// Searches starts on which one switch of action is not enough, in order;
+    /// gives how many of them were searched. `None`: stopped.
+    ///
+    /// As long as few successes are known, all sequences with at most two switches
+    /// are walked through, as far as a fair share of the budget goes. Successes of
+    /// near starts are changed as soon as there are some, which takes far less.
+    pub fn search_harder(
+        &mut self,
+        scout: &Scout<'_>,
+        indices: &[u64],
+        budget: Budget,
+        watch: &Watch<'_>,
+    ) -> Option<usize> {
+        let until = self.sought.simulations + budget.simulations;
+        let mut done = 0;
+        for chunk in indices.chunks(CHUNK) {
+            let left = until.saturating_sub(self.sought.simulations);
+            let share = UNEVEN * left / (indices.len() - done) as u64;
+            let share = share.min(left / chunk.len() as u64);
+            if share == 0 {
+                break;
+            }
+            let progress = (done, indices.len());
+            let known = self.demonstrations.clone();
+            let mut rest = chunk.to_vec();
+            if known.len() >= FEW {
+                let effort = Effort::Mutate {
+                    known: &known,
+                    switches: budget.switches,
+                };
+                let most = MUTATIONS.min(share);
+                let found = scout.search(&rest, (effort, most), progress, watch);
+                rest = self.note(&rest, found);
+            }
+            if known.len() < MANY && !rest.is_empty() {
+                let effort = Effort::Walk { switches: 2 };
+                let found = scout.search(&rest, (effort, share), progress, watch);
+                self.note(&rest, found);
+            }
+            if watch.stopped() {
+                return None;
+            }
+            done += chunk.len();
+        }
+        Some(done)
+    }
+
+    /// Notes what came of some starts; gives those without a success.
+    pub fn note(&mut self, starts: &[u64], found: Vec<Option<Scouted>>) -> Vec<u64> {
+        let mut unsolved = Vec::new();
+        for (&index, scouted) in starts.iter().zip(found) {
+            let scouted = scouted.unwrap_or_default();
+            self.sought.simulations += scouted.simulations;
+            self.sought.physics_steps += scouted.physics_steps;
+            self.cpu_s += scouted.cpu_s;
+            match scouted.actions {
+                Some(actions) => {
+                    self.sought.solved += 1;
+                    self.demonstrations.push(Demonstration { index, actions });
+                }
+                None => unsolved.push(index),
+            }
+        }
+        unsolved
     }
 }

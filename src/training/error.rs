@@ -6,7 +6,7 @@ use super::train_loop::TrainError;
 use crate::experiment::EgoError;
 use crate::rl::ConfigError;
 use crate::run_dir::{KeptError, RunError};
-use crate::world::{Against, guessed};
+use crate::world::{Against, ChangeError, guessed};
 
 /// A training could not begin, go on or end.
 ///
@@ -65,6 +65,9 @@ pub enum SessionError {
         /// Kind asked for.
         asked: Against,
     },
+    /// Goals that the world cannot have.
+    #[error("{}", .0.what)]
+    Goals(ChangeError),
     /// The ego cannot be tested.
     #[error(transparent)]
     Ego(#[from] EgoError),
@@ -155,6 +158,7 @@ impl SessionError {
                  conditional ado with `--against conditional`, any other without"
                     .to_owned()
             }
+            SessionError::Goals(error) => return error.help.clone(),
             SessionError::Ego(error) => return error.help(),
             SessionError::Run(_)
             | SessionError::Train(_)

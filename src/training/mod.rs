@@ -3,6 +3,7 @@
 mod calibration;
 mod demonstrations;
 mod error;
+mod goals;
 mod retrain_baseline;
 mod session;
 mod stopping_rule;
@@ -11,6 +12,8 @@ mod training_egos;
 mod training_search;
 
 pub use error::{OptionClash, SessionError};
+pub use goals::GoalTracker;
 pub use retrain_baseline::retrained;
 pub use session::{Closing, TrainRequest, TrainSession};
 pub use train_loop::{TrainError, TrainingOutcome, train};
+pub use training_egos::TrainingGym;

@@ -11,6 +11,7 @@ use crate::experiment::{
     EgoUnderTest, TestStarts, Watch, consent, consent_to_family, on_plant, test_starts,
 };
 use crate::rl::{LearnerConfig, Policy};
+use crate::rulebook::TrainingGoal;
 use crate::run_dir::{Asked, Beginning, ChangedEgo, Manifest, Row, RunDir, RunError};
 use crate::sim::PlantKind;
 use crate::world::{Against, Change, Scenario};
@@ -28,6 +29,8 @@ pub struct TrainRequest<'a> {
     pub decisions: Option<u64>,
     /// One of the world's `learners`.
     pub learner: Option<&'a str>,
+    /// Which failures to look for, instead of what the world says.
+    pub goals: Option<&'a [TrainingGoal]>,
     /// Against the world's ego, or its family.
     pub against: Against,
     /// A structure of the family that is not met.
@@ -246,6 +249,9 @@ impl TrainRequest<'_> {
             Some(plant) => on_plant(world, plant)?,
             None => world.clone(),
         };
+        if let Some(goals) = self.goals {
+            world = world.training_towards(goals).map_err(SessionError::Goals)?;
+        }
         if let Some(name) = self.learner {
             let none = || SessionError::NoLearner {
                 world: world.name.clone(),
@@ -319,6 +325,9 @@ impl TrainRequest<'_> {
         let begun = run.manifest();
         if let (None, Some(plant)) = (self.plant, begun.plant.plant()) {
             world = world.on(plant);
+        }
+        if self.goals.is_none() {
+            world.goals.clone_from(&begun.goals);
         }
         let left_out = begun
             .left_out

@@ -2,9 +2,12 @@
 //! the ado misses, and going on helps.
 
 use super::calibration::Calibrator;
+use super::demonstrations::seed_failures;
+use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
 use crate::rl::Learner;
-use crate::run_dir::{Calibration, Ended, Manifest};
+use crate::run_dir::{Calibration, Ended, Manifest, Sought};
+use crate::seed::Purpose;
 use crate::world::Scenario;
 
 /// Share of the decisions asked for after which a training that is stuck begins
@@ -30,6 +33,11 @@ pub(super) struct Patience<'a> {
     /// As of the last time that all decisions asked for were taken.
     pub calibration: Option<Calibration>,
     pub ended: Option<Ended>,
+    /// What was searched for demonstrations, before the training and since.
+    pub sought: Option<Sought>,
+    /// Physics steps of searches that nobody has counted yet.
+    uncounted_steps: u64,
+    searched_cpu_s: f64,
 }
 
 impl<'a> Patience<'a> {
@@ -50,6 +58,9 @@ impl<'a> Patience<'a> {
             looked: manifest.decisions_done,
             calibration: manifest.calibration,
             ended: None,
+            sought: manifest.sought,
+            uncounted_steps: 0,
+            searched_cpu_s: 0.0,
         }
     }
 
@@ -70,20 +81,19 @@ impl<'a> Patience<'a> {
         self.asked < self.longest
     }
 
-    /// Lets a training begin anew that is stuck, once, with what it has seen;
-    /// whether that was looked at.
-    pub fn look(&mut self, learner: &mut dyn Learner) -> bool {
+    /// Shows a learner successes where it fails, and lets a training begin anew
+    /// that is stuck, once, with what it has seen; whether that was looked at.
+    /// `None`: stopped while it was looked at, with nothing changed.
+    pub fn look(&mut self, learner: &mut dyn Learner) -> Option<bool> {
         let (before, now) = (self.looked, learner.decisions());
-        self.looked = now;
         let look = self.first_look();
         if !self.adapts() || look <= before || now < look || learner.finished() {
-            return false;
+            self.looked = now;
+            return Some(false);
         }
-        let Some(calibration) = self.calibrate(&*learner) else {
-            // Stopped: whoever goes on looks again.
-            self.looked = before;
-            return true;
-        };
+        let calibration = self.calibrate(&*learner)?;
+        self.study(learner)?;
+        self.looked = now;
         if calibration.recall().is_some_and(|recall| recall < STUCK) {
             learner.renew();
             learner.extend(look.min(self.longest - self.asked));
@@ -92,7 +102,7 @@ impl<'a> Patience<'a> {
                 calibration.both, calibration.searched,
             ));
         }
-        true
+        Some(true)
     }
 
     /// Whether a training that has taken its decisions is over, or stopped while
@@ -102,7 +112,6 @@ impl<'a> Patience<'a> {
         let Some(now) = self.calibrate(&*learner) else {
             return true;
         };
-        self.calibration = Some(now);
         let taken = learner.tally().asked;
         let solved = before.map(|before| before.solved());
         let nothing = now.searched == 0 && now.solved() == 0;
@@ -117,7 +126,10 @@ impl<'a> Patience<'a> {
         } else {
             None
         };
-        self.ended = ended;
+        if ended.is_none() && self.study(learner).is_none() {
+            return true;
+        }
+        (self.calibration, self.ended) = (Some(now), ended);
         if ended.is_none() {
             let more = (EXTENSION * self.asked as f64) as u64;
             learner.extend(more.max(1).min(self.longest - taken));
@@ -127,6 +139,38 @@ impl<'a> Patience<'a> {
             ));
         }
         ended.is_some()
+    }
+
+    /// Searches more training starts on which the ado fails, and shows the learner
+    /// the successes; `None`: stopped, and nothing was shown.
+    fn study(&mut self, learner: &mut dyn Learner) -> Option<()> {
+        let Some(seeding) = self.scenario.learner.seeding() else {
+            return Some(());
+        };
+        let mut sought = self.sought.unwrap_or_default();
+        self.watch.phase("searching starts on which the ado fails");
+        let seeded = seed_failures(
+            (self.scenario, self.seed),
+            (&*learner.policy(), learner.decisions()),
+            (seeding, sought.simulations),
+            self.watch,
+        )?;
+        // A gym of its own: successes that were shown are not the training's.
+        let mut gym = TrainingGym::new(self.scenario, Purpose::Train, self.seed);
+        learner.demonstrate(&mut gym, &seeded.demonstrations);
+        self.uncounted_steps += seeded.sought.physics_steps + gym.inner().spent().physics_steps;
+        self.searched_cpu_s += seeded.cpu_s;
+        sought.starts += seeded.sought.starts;
+        sought.solved += seeded.sought.solved;
+        sought.simulations += seeded.sought.simulations;
+        sought.physics_steps += seeded.sought.physics_steps;
+        self.sought = Some(sought);
+        Some(())
+    }
+
+    /// Physics steps of searches since they were last taken.
+    pub fn take_steps(&mut self) -> u64 {
+        std::mem::take(&mut self.uncounted_steps)
     }
 
     fn calibrate(&mut self, learner: &dyn Learner) -> Option<Calibration> {
@@ -139,9 +183,10 @@ impl<'a> Patience<'a> {
         calibrator.of(&*learner.policy(), self.watch)
     }
 
-    /// What calibrating took so far.
+    /// What calibrating and searching took so far.
     pub fn cpu_s(&self) -> f64 {
-        self.calibrator.as_ref().map_or(0.0, |used| used.cpu_s)
+        let calibrating = self.calibrator.as_ref().map_or(0.0, |used| used.cpu_s);
+        self.searched_cpu_s + calibrating
     }
 
     /// What one calibration takes, that is the same however often a training was

@@ -3,10 +3,11 @@
 use cpu_time::ThreadTime;
 
 use super::demonstrations::seed_training;
+use super::goals::GoalTracker;
 use super::stopping_rule::Patience;
 use super::training_egos::TrainingGym;
 use crate::experiment::Watch;
-use crate::rl::{BundleError, Control, Learner, LearnerReport};
+use crate::rl::{Bundle, BundleError, Control, Learner, LearnerReport};
 use crate::run_dir::{Done, RunDir, RunError, Window};
 use crate::seed::Purpose;
 use crate::testbench::{Complaint, Spent};
@@ -77,7 +78,11 @@ pub fn train(
     let seed = run.manifest().seed;
     let mut gym = TrainingGym::new(scenario, Purpose::Train, seed);
     let spaces = &scenario.spaces();
-    let mut learner = match (run.checkpoint()?, run.from()?) {
+    let checkpoint = run.checkpoint()?;
+    if let Some(goals) = GoalTracker::of(scenario, checkpoint.as_ref())? {
+        gym.pay_by(goals);
+    }
+    let mut learner = match (checkpoint, run.from()?) {
         (Some(checkpoint), _) => scenario.learner.restore(spaces, &checkpoint)?,
         (None, Some(policy)) => scenario.learner.build_from(spaces, seed, &policy)?,
         (None, None) => scenario.learner.build(spaces, seed),
@@ -137,7 +142,12 @@ pub fn train(
             if stores {
                 run.append_counterexamples(&gym.inner().take_successes())?;
             }
-            if own.aside(|| patience.look(&mut *learner)) {
+            let Some(looked) = own.aside(|| patience.look(&mut *learner)) else {
+                // No checkpoint: one of here would say that it was looked at.
+                break;
+            };
+            if looked {
+                note_searches(&mut patience, run, &mut gym);
                 learning.phase("training (decisions)");
                 (watch.progress)(learner.decisions(), learner.tally().asked);
             }
@@ -145,12 +155,13 @@ pub fn train(
                 let cpu_s = spent_s + own.elapsed_s() + patience.cpu_s();
                 let spent = gym.inner().spent();
                 let done = ledger.done(&*learner, &patience, spent, cpu_s);
-                run.save_checkpoint(&learner.checkpoint(), done)?;
+                run.save_checkpoint(&checkpoint_of(&*learner, &gym), done)?;
             }
         }
         if watch.stopped() || own.aside(|| patience.ends(&mut *learner)) {
             break;
         }
+        note_searches(&mut patience, run, &mut gym);
     }
     // While it was searched, trained or judged.
     if let Some(error) = given_up(&*learner, watch) {
@@ -166,7 +177,7 @@ pub fn train(
     let done = ledger.done(&*learner, &patience, spent, cpu_s);
     match (over, learner.finished()) {
         (true, _) => run.save_policy(&learner.policy_bundle(), done)?,
-        (false, true) => run.save_checkpoint(&learner.checkpoint(), done)?,
+        (false, true) => run.save_checkpoint(&checkpoint_of(&*learner, &gym), done)?,
         (false, false) => {}
     }
     Ok(TrainingOutcome {
@@ -174,6 +185,25 @@ pub fn train(
         interrupted: !over,
         aborted: ledger.aborted,
     })
+}
+
+/// Counts what patience searched as part of the training.
+fn note_searches(patience: &mut Patience<'_>, run: &mut RunDir, gym: &mut TrainingGym<'_>) {
+    if let Some(sought) = patience.sought {
+        run.note_sought(sought);
+    }
+    let mut spent = gym.inner().spent();
+    spent.physics_steps += patience.take_steps();
+    gym.inner().count_from(spent);
+}
+
+/// Returns a learner's checkpoint with the counts of its training goals.
+fn checkpoint_of(learner: &dyn Learner, gym: &TrainingGym<'_>) -> Bundle {
+    let mut checkpoint = learner.checkpoint();
+    if let Some(goals) = gym.goals() {
+        goals.save(&mut checkpoint);
+    }
+    checkpoint
 }
 
 /// Processor time of the thread that learns, without what it does as one of the

@@ -1,6 +1,7 @@
 //! Training against a family: another ego in every episode.
 
-use crate::rl::{Env, Spaces, Step};
+use super::goals::GoalTracker;
+use crate::rl::{End, Env, Spaces, Step};
 use crate::seed::Purpose;
 use crate::testbench::Gym;
 use crate::world::{Against, Scenario};
@@ -17,6 +18,8 @@ pub struct TrainingGym<'a> {
     /// Length of the world's own observation.
     seen: usize,
     spaces: Spaces,
+    /// What successes are paid by beside Definition 4.
+    goals: Option<GoalTracker>,
 }
 
 impl<'a> TrainingGym<'a> {
@@ -28,7 +31,20 @@ impl<'a> TrainingGym<'a> {
             told: Vec::new(),
             seen: scenario.world().spaces().observation,
             spaces: scenario.spaces(),
+            goals: None,
         }
+    }
+
+    /// Pays successes by these goals; each is played on to its contact then, the
+    /// last action held, which shows how severe and how distinct it is.
+    pub fn pay_by(&mut self, goals: GoalTracker) {
+        self.gym.play_aftermath();
+        self.goals = Some(goals);
+    }
+
+    /// What the goals have counted so far.
+    pub fn goals(&self) -> Option<&GoalTracker> {
+        self.goals.as_ref()
     }
 
     /// The gym of the ego that is met, for what it counts and keeps.
@@ -66,7 +82,13 @@ impl Env for TrainingGym<'_> {
 
     fn step(&mut self, action: usize, obs: &mut [f32]) -> Step {
         let (seen, told) = obs.split_at_mut(self.seen);
-        let step = self.gym.step(action, seen);
+        let mut step = self.gym.step(action, seen);
+        if step.end == Some(End::Terminated)
+            && let Some(goals) = &mut self.goals
+            && let Some(episode) = self.gym.success()
+        {
+            step.reward = self.gym.reward_for(goals.share(self.scenario, &episode));
+        }
         told.copy_from_slice(&self.told);
         step
     }

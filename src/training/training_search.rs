@@ -5,7 +5,9 @@
 //! whether a trained ado has learned what there is to learn.
 
 use crate::experiment::{EpisodeLoop, Watch};
+use crate::rl::Demonstration;
 use crate::scene::{Dynamics, Start};
+use crate::search::mutate;
 use crate::search::{Next, Tree};
 use crate::seed;
 use crate::seed::{Purpose, StartKey};
@@ -20,6 +22,25 @@ const MAX_CONFIRMATIONS: u64 = 30;
 
 /// Every so many decisions an action may be switched, coarse walks first.
 const STRIDES: [usize; 5] = [16, 8, 4, 2, 1];
+
+/// Known successes from near starts that are tried before any is changed.
+const HINTS: usize = 10;
+/// The best sequences so far, of which one is changed next.
+const ELITES: usize = 5;
+
+/// How a start is searched.
+#[derive(Clone, Copy)]
+pub(super) enum Effort<'a> {
+    /// All sequences with at most so many switches of action, or as many as the
+    /// simulations allow.
+    Walk { switches: usize },
+    /// Successes from the nearest starts, and changes of them, with at most so
+    /// many switches.
+    Mutate {
+        known: &'a [Demonstration],
+        switches: usize,
+    },
+}
 
 /// What a search of one start came to.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -78,15 +99,15 @@ impl<'a> Scout<'a> {
         }
     }
 
-    /// Searches the starts with these indices, in parallel, for sequences with at
-    /// most so many switches, each start with at most so many simulations.
+    /// Searches the starts with these indices, in parallel, each with at most so
+    /// many simulations.
     ///
     /// What could not be tried is left out; `None` only where `watch` stopped it.
     /// Progress counts on from `done` of `total` starts.
     pub fn search(
         &self,
         indices: &[u64],
-        (switches, simulations): (usize, u64),
+        (effort, simulations): (Effort<'_>, u64),
         (done, total): (usize, usize),
         watch: &Watch<'_>,
     ) -> Vec<Option<Scouted>> {
@@ -94,7 +115,7 @@ impl<'a> Scout<'a> {
         let watch = watch.quiet();
         let worker = || self.worker(&watch);
         all.run(indices, worker, |worker, &index, turn| {
-            let mut scouted = worker.search(index, switches, simulations)?;
+            let mut scouted = worker.search(index, effort, simulations)?;
             scouted.cpu_s = turn.cpu_s();
             Some(scouted)
         })
@@ -140,17 +161,19 @@ struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    fn search(&mut self, index: u64, switches: usize, simulations: u64) -> Option<Scouted> {
+    fn search(&mut self, index: u64, effort: Effort<'_>, simulations: u64) -> Option<Scouted> {
         let key = self.scout.key(index);
         self.scout.meet(key, &mut self.first, self.asked.as_mut());
         let (start, noise) = (self.first.draw(key), self.first.noise_of(key));
         let from = (&start, noise);
         self.first.begin(&start, noise, Aftermath::Skip);
         let forks = self.first.fork().is_some();
-        let scouted = if forks {
-            self.walk(from, index, switches, simulations)
-        } else {
-            self.sample(from, index, switches, simulations)
+        let scouted = match effort {
+            Effort::Walk { switches } if forks => self.walk(from, index, switches, simulations),
+            Effort::Walk { switches } => self.sample(from, index, switches, simulations),
+            Effort::Mutate { known, switches } => {
+                self.mutate(from, index, (known, switches), simulations)
+            }
         };
         let found = scouted.actions.is_some();
         (found || !self.watch.stopped()).then_some(scouted)
@@ -263,6 +286,106 @@ impl Worker<'_> {
         }
         scouted
     }
+
+    /// Successes from the nearest starts first, then changes of those that come
+    /// nearest to a success here.
+    ///
+    /// What solves one start often solves another one a decision earlier or later,
+    /// where a walk through all sequences would take thousands of them.
+    fn mutate(
+        &mut self,
+        from: (&Start, u64),
+        index: u64,
+        (known, switches): (&[Demonstration], usize),
+        simulations: u64,
+    ) -> Scouted {
+        let mut scouted = Scouted::default();
+        let actions = self.first.spaces().actions;
+        let decisions = self.first.clock().decisions();
+        let mut dice = seed::generator("scout, mutating", &[from.1, index]);
+        let mut nearest = self.nearest(from.0, known).into_iter();
+        let mut elites: Vec<(f64, Vec<usize>)> = Vec::new();
+        while scouted.simulations < simulations && !self.watch.stopped() {
+            let sequence = match nearest.next() {
+                Some(one) => one,
+                None if elites.is_empty() => break,
+                None => {
+                    let mut one = elites[dice.random_range(0..elites.len())].1.clone();
+                    one.resize(decisions, one.last().copied().unwrap_or(0));
+                    mutate(&mut one, actions, &mut dice);
+                    while dice.random::<bool>() {
+                        mutate(&mut one, actions, &mut dice);
+                    }
+                    one
+                }
+            };
+            let switched = sequence.windows(2).filter(|pair| pair[0] != pair[1]);
+            if switches < switched.count() {
+                // Costs nothing else, so it must not go on for ever.
+                scouted.simulations += 1;
+                continue;
+            }
+            let reward = self.reward(from, &sequence, &mut scouted);
+            if reward > 0.0 {
+                let confirmed = match &mut self.asked {
+                    None => true,
+                    Some(asked) => confirms(asked, from, &sequence, &mut scouted),
+                };
+                if confirmed {
+                    scouted.actions = Some(sequence);
+                    break;
+                }
+            }
+            // The newest of equals first, so that the search moves on.
+            let at = elites.partition_point(|elite| elite.0 > reward);
+            elites.insert(at, (reward, sequence));
+            elites.truncate(ELITES);
+        }
+        scouted
+    }
+
+    /// The sequences of the nearest starts, each axis measured by its spread.
+    fn nearest(&self, start: &Start, known: &[Demonstration]) -> Vec<Vec<usize>> {
+        let starts: Vec<Start> = known
+            .iter()
+            .map(|shown| self.first.draw(self.scout.key(shown.index)))
+            .collect();
+        let spread = |axis: usize| {
+            let values = starts.iter().filter_map(|start| start.0.get(axis));
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| {
+                (low.min(x), high.max(x))
+            });
+            (high - low).max(1e-9)
+        };
+        let spreads: Vec<f64> = (0..start.0.len()).map(spread).collect();
+        let distance = |other: &Start| -> f64 {
+            let pairs = start.0.iter().zip(&other.0).zip(&spreads);
+            pairs
+                .map(|((a, b), spread)| ((a - b) / spread).powi(2))
+                .sum()
+        };
+        let mut ranked: Vec<(f64, usize)> = starts.iter().map(distance).zip(0..).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let near = ranked.into_iter().take(HINTS);
+        near.map(|(_, at)| known[at].actions.clone()).collect()
+    }
+
+    /// What a sequence, its last action held, is worth where sequences are looked
+    /// for; counted.
+    fn reward(&mut self, from: (&Start, u64), actions: &[usize], scouted: &mut Scouted) -> f64 {
+        let mut replay = Replay::holding(actions);
+        let episode = play(
+            &mut self.first,
+            from.0,
+            from.1,
+            &mut replay,
+            Aftermath::Skip,
+        );
+        scouted.simulations += 1;
+        scouted.physics_steps += episode.physics_steps;
+        let reward = self.first.rulebook().reward_of(&episode.verdict);
+        reward.unwrap_or(f64::NEG_INFINITY)
+    }
 }
 
 /// Whether a sequence, its last action held, succeeds on a bench; counted.
@@ -293,7 +416,12 @@ mod tests {
         let watch = Watch::unwatched();
         let indices: Vec<u64> = (0..20).collect();
         let solved = |simulations: u64| {
-            let found = scout.search(&indices, (2, simulations), (0, indices.len()), &watch);
+            let found = scout.search(
+                &indices,
+                (Effort::Walk { switches: 2 }, simulations),
+                (0, indices.len()),
+                &watch,
+            );
             let found: Vec<Scouted> = found.into_iter().flatten().collect();
             let most = found.iter().map(|it| it.simulations).max().unwrap_or(0);
             assert!(most <= simulations, "{most} of {simulations}");
@@ -306,5 +434,45 @@ mod tests {
         // Below the nominal count it still walks, coarsely first.
         assert!(all <= solved(nominal - 1) + 1);
         assert!(all <= 2 * solved(nominal / 20));
+    }
+
+    /// What solves one start is found again on another, a decision apart, in far
+    /// fewer simulations than a walk takes.
+    #[test]
+    fn changes_of_known_successes_solve_other_starts() {
+        let world = Scenario::shipped("acc").expect("shipped").expect("sound");
+        let world = world.on(PlantKind::Kinematic);
+        let scout = Scout::new(&world, Purpose::Calibration, 3);
+        let watch = Watch::unwatched();
+        let indices: Vec<u64> = (0..40).collect();
+        let walk = (Effort::Walk { switches: 2 }, 3000);
+        let walked = scout.search(&indices, walk, (0, 40), &watch);
+        let mut known = Vec::new();
+        let mut solved = 0;
+        for (&index, found) in indices.iter().zip(walked) {
+            let actions = found.and_then(|found| found.actions);
+            solved += usize::from(actions.is_some());
+            if let (0..20, Some(actions)) = (index, actions) {
+                known.push(Demonstration { index, actions });
+            }
+        }
+        assert!(solved > 20 && known.len() > 5, "{solved} {}", known.len());
+        let others: Vec<u64> = (20..40).collect();
+        let count = |known: &[Demonstration]| {
+            let switches = 2;
+            let effort = (Effort::Mutate { known, switches }, 100);
+            let found = scout.search(&others, effort, (0, 20), &watch);
+            let found: Vec<Scouted> = found.into_iter().flatten().collect();
+            assert!(found.iter().all(|it| it.simulations <= 101));
+            let sequences = found.into_iter().filter_map(|it| it.actions);
+            sequences
+                .inspect(|it| {
+                    let switched = it.windows(2).filter(|pair| pair[0] != pair[1]);
+                    assert!(switched.count() <= switches);
+                })
+                .count()
+        };
+        assert!(3 * count(&known) >= 2 * (solved - known.len()));
+        assert_eq!(count(&[]), 0);
     }
 }

@@ -1,4 +1,4 @@
-//! Where the cameras of the spatial views stand, and what they show.
+//! Cameras of the spatial views: their positions and their visible entities.
 
 use rerun::blueprint::components::Eye3DKind;
 use rerun::external::re_sdk_types::blueprint::archetypes::{EyeControls3D, LineGrid3D};
@@ -7,10 +7,10 @@ use super::error::ViewError;
 use super::layout::{Layout, Node};
 use super::story::Story;
 
-/// The entity whose frame the cameras stand in.
+/// Entity whose frame moves the cameras.
 pub(super) const FOLLOW: &str = "/follow";
 
-/// What the spatial views show.
+/// Entities that the spatial views show.
 pub(super) const SPACE: [&str; 4] = [
     "+ /world/**",
     "+ /trails/**",
@@ -36,26 +36,27 @@ pub(super) fn look(
     layout.property(view, "LineGrid3D", &grid)
 }
 
-/// Who is near the ego when it matters: least and greatest places, seen from it.
+/// Extent of the agents near the ego at the verdict, relative to the ego.
 pub(super) struct Around {
-    /// Along its heading.
+    /// Least and greatest position along its heading.
     pub ahead_m: (f32, f32),
-    /// To its left.
+    /// Least and greatest position to its left.
     pub left_m: (f32, f32),
-    /// By how much its rear is farther back than a car's.
+    /// Excess of the ego's length over a car's.
     pub behind_m: f32,
 }
 
 impl Around {
-    /// Beyond this nobody is worth a look from farther away.
+    /// Greatest distance in metres at which an agent widens the view.
     const FAR_M: f64 = 60.0;
-    /// Who is farther behind is not seen from behind the ego.
+    /// Position in metres from which an agent is invisible to a camera behind the ego.
     const BEHIND_M: f32 = -5.5;
-    /// How wide the scene's view is, by the camera's distance: 690 × 420 pixels,
-    /// 55° from its top to its foot.
+    /// Width of the scene's view per camera distance.
+    ///
+    /// It assumes 690 × 420 pixels and 55° of vertical field of view.
     const WIDE: f32 = 1.6;
 
-    /// At the sample of the verdict, or at the last one.
+    /// Returns the extent at the sample of the verdict, or at the last sample.
     pub fn of(story: &Story<'_>) -> Around {
         let mut around = Around {
             ahead_m: (0.0, 0.0),
@@ -67,6 +68,8 @@ impl Around {
             return around;
         };
         let ego = frame.placements[story.ego()];
+        // Only the turn about the vertical matters: the cameras neither pitch
+        // nor roll.
         let [_, _, turn, real] = ego.rotation;
         let (sin, cos) = (2.0 * turn.atan2(real)).sin_cos();
         for other in &frame.placements {
@@ -80,45 +83,53 @@ impl Around {
         around
     }
 
-    /// A camera that sees all of them from behind the ego, or from its right if
-    /// somebody is behind it, and what it looks at.
+    /// Returns the eye and the target of an oblique camera.
+    ///
+    /// It looks from behind the ego, or from its right if an agent is behind
+    /// it.
     pub fn seen_aslant(&self) -> ([f32; 3], [f32; 3]) {
         let (rear_m, front_m) = self.ahead_m;
         if Around::BEHIND_M <= rear_m {
+            // A long ego would fill the picture, so the camera moves back and
+            // up with its length.
             let back_m = self.behind_m.clamp(0.0, 25.0);
             let eye_m = [-10.0 - back_m, 3.6 + 0.2 * back_m, 4.6 + 0.2 * back_m];
             return (eye_m, [3.0, 0.0, 0.4]);
         }
-        // Everybody between those who are nearest before and behind; the ego
-        // stays large enough.
+        // All agents from the nearest behind to the nearest ahead fit. The
+        // limits keep the ego large enough.
         let (rear_m, front_m) = (rear_m.max(-26.0), front_m.min(26.0));
         let far_m = ((front_m - rear_m + 9.0) / Around::WIDE).clamp(14.0, 27.0);
         let middle_m = 0.5 * (rear_m + front_m);
-        // Never so far ahead or behind that the ego is not in the picture.
+        // The target is never so far ahead or behind that the ego leaves the
+        // picture.
         let reach_m = (0.5 * Around::WIDE * far_m - 5.0).max(0.0);
         let at_m = [middle_m.clamp(-reach_m, reach_m), 0.0, 0.4];
         let eye_m = [at_m[0] - 0.22 * far_m, -0.8 * far_m, 0.55 * far_m];
         (eye_m, at_m)
     }
 
-    /// A camera that sees all of them from above, and what it looks at.
+    /// Returns the eye and the target of a camera above the scene.
     pub fn seen_from_above(&self) -> ([f32; 3], [f32; 3]) {
         let ((rear_m, front_m), (right_m, left_m)) = (self.ahead_m, self.left_m);
-        // The view shows about 4.8 times the camera's height along, once across.
+        // The view shows about 4.8 times the camera's height along the road,
+        // and once across it.
         let height_m = ((front_m - rear_m + 16.0) / 4.8).max(left_m - right_m + 4.0);
         let ahead_m = match height_m <= 9.0 {
-            // Most happens ahead.
+            // Most events happen ahead of the ego.
             true => 3.0_f32.min(9.0 + rear_m).max(front_m - 12.0),
             false => 0.5 * (rear_m + front_m),
         };
         let aside_m = 0.5 * (right_m + left_m);
+        // A small lateral offset: a camera exactly above its target has no
+        // defined up.
         let eye_m = [ahead_m, aside_m - 0.01, height_m.max(9.0)];
         (eye_m, [ahead_m, aside_m, 0.0])
     }
 }
 
 fn grown((least, greatest): (f32, f32), by: f64) -> (f32, f32) {
-    // The one cast from places to cameras.
+    // The only cast from places to cameras.
     (least.min(by as f32), greatest.max(by as f32))
 }
 
@@ -126,8 +137,7 @@ fn grown((least, greatest): (f32, f32), by: f64) -> (f32, f32) {
 mod tests {
     use super::*;
 
-    /// Where a place is in the scene's view, in pixels from its middle, and how
-    /// many of them a metre is there.
+    /// Pixel position of a place in the scene's view, and pixels per metre there.
     fn seen(([eye, at], place): ([[f32; 3]; 2], [f32; 3])) -> ([f32; 2], f32) {
         let minus = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -1,8 +1,8 @@
-//! Names of entities: where in a recording something stands.
+//! Names of entities, which are their places in a recording.
 
 use rerun::EntityPath;
 
-/// An entity path from parts that may hold any character.
+/// Entity path from parts with any characters.
 pub(super) fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
     EntityPath::from(
         parts
@@ -12,9 +12,9 @@ pub(super) fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
     )
 }
 
-/// The entity of an agent's body.
+/// Entity of an agent's body.
 pub(super) fn agent_path(name: &str) -> EntityPath {
-    // `/world/road` is taken, and an agent may be called that.
+    // `/world/road` is reserved, and an agent may have that name.
     match name {
         "road" => path(["world", "road (agent)"]),
         name => path(["world", name]),

@@ -1,33 +1,33 @@
-//! Why a recording could not be made.
+//! Errors of recordings.
 
 use std::path::PathBuf;
 
 use rerun::RecordingStreamError;
 
-/// A recording could not be made.
+/// Failure to make a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// The output could not be written.
+    /// Failure to write the output.
     #[error("cannot write `{}`: {source}", path.display())]
     Write {
-        /// The refused path.
+        /// Rejected path.
         path: PathBuf,
-        /// Why.
+        /// Underlying error.
         source: std::io::Error,
     },
-    /// The viewer's library refused the data.
+    /// Rejection of the data by the viewer's library.
     #[error("the recording could not be assembled: {0}")]
     Sdk(#[from] RecordingStreamError),
-    /// The viewer's library could not encode the data.
+    /// Failure of the viewer's library to encode the data.
     #[error("the recording could not be encoded: {what}")]
     Encode {
-        /// What it said.
+        /// Message of the library.
         what: String,
     },
 }
 
 impl ViewError {
-    /// What to do about it.
+    /// Returns advice for the user.
     pub fn help(&self) -> &'static str {
         match self {
             ViewError::Write { .. } => {

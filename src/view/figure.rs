@@ -1,4 +1,4 @@
-//! What road users look like: as large as their bodies, and told by their kind.
+//! Figures of road users: as large as their bodies, with a shape for each kind.
 
 use rerun::{AsComponents, Boxes3D, Capsules3D, Cylinders3D, FillMode, Points3D};
 
@@ -29,8 +29,8 @@ pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Resul
         Figure::Car => cast.name.clone(),
         _ => format!("{} ({})", cast.name, cast.body),
     };
-    // The ego's name to its right, those of others to their left: seen from
-    // above, names of two that touch stand apart.
+    // The ego's name lies to its right and other names to their left. Seen from
+    // above, the names of two touching agents then stay apart.
     let aside_m = 0.5 * scale.width_m + 0.9;
     let aside_m = if who == story.ego() {
         -aside_m
@@ -49,7 +49,7 @@ pub(super) fn log(story: &Story<'_>, who: usize, journal: &mut Journal) -> Resul
     journal.always(agent_path(&cast.name), &parts)
 }
 
-/// The size of a body, as the viewer takes it.
+/// Size of a body in the viewer's precision.
 struct Scale {
     length_m: f32,
     width_m: f32,
@@ -66,7 +66,7 @@ impl Scale {
         }
     }
 
-    /// A place by shares of the body: 0 is its middle, but its foot upwards.
+    /// Place by shares of the body: 0 is the middle, or the foot for z.
     fn place(&self, x: f32, y: f32, z: f32) -> [f32; 3] {
         [
             x * self.length_m,
@@ -82,7 +82,9 @@ impl Scale {
 
 type Part = ([f32; 3], [f32; 3], Rgb);
 
-/// Boxes (centre, size, colour): `colour` tells who it is, `paint` is its own.
+/// Boxes (centre, size, colour) of a figure.
+///
+/// `colour` identifies the agent, and `paint` is its own.
 fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
     let part = |at: [f32; 3], size: [f32; 3], colour: Rgb| -> Part {
         let (place, size) = (
@@ -92,7 +94,7 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
         (place, size, colour)
     };
     let mut parts = match figure {
-        // A face, so that one sees where somebody looks.
+        // A face shows the direction in which a person looks.
         Figure::Person => return vec![part([0.16, 0.0, 0.92], [0.2, 0.16, 0.06], palette::GLASS)],
         Figure::TwoWheeler => {
             return vec![
@@ -107,7 +109,8 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
             part([0.0, 0.0, 0.38], [1.0, 1.0, 0.40], colour),
             part([-0.10, 0.0, 0.74], [0.50, 0.86, 0.36], palette::GLASS),
             part([-0.10, 0.0, 0.96], [0.45, 0.84, 0.08], colour),
-            // A bright bonnet stripe and lights tell the front from the rear.
+            // A bright bonnet stripe and lights distinguish the front from the
+            // rear.
             part([0.325, 0.0, 0.59], [0.31, 0.16, 0.03], palette::MARKING),
         ],
         Figure::Van => vec![
@@ -123,10 +126,11 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
             part([0.40, 0.0, 0.60], [0.20, 0.96, 0.14], palette::GLASS),
             part([0.38, 0.0, 0.72], [0.20, 1.0, 0.12], colour),
             part([-0.12, 0.0, 0.62], [0.75, 1.0, 0.76], paint),
-            // A band in the colour of its role, to be known from behind too.
+            // A band in the colour of its role identifies it from behind too.
             part([-0.12, 0.0, 0.30], [0.756, 1.01, 0.08], colour),
         ],
     };
+    // Pillars in the role's colour hold the roof of a car.
     if figure == Figure::Car {
         for x in [0.13, -0.33] {
             for side in [-0.42, 0.42] {
@@ -150,7 +154,7 @@ fn boxes(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Vec<Part> {
     parts
 }
 
-/// Wheels: four, two on a motorcycle, none on foot.
+/// Wheels: four, or two on a motorcycle, or none on foot.
 fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
     let (axles, sides, radius_m, breadth_m): (_, &[f32], _, _) = match figure {
         Figure::Person => return None,
@@ -161,6 +165,7 @@ fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
         }
         Figure::Truck => ([-0.28, 0.34], &[-0.44, 0.44], 0.48, 0.3),
     };
+    // A flat body limits the radius, since wheels must not reach above it.
     let radius_m = f32::min(radius_m, 0.5 * body.height_m);
     let on_axle = |axle: f32| {
         let sides = sides.iter();
@@ -173,7 +178,7 @@ fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
         })
     };
     let centres: Vec<[f32; 3]> = axles.into_iter().flat_map(on_axle).collect();
-    // A cylinder stands along z: turned by a quarter about x it rolls.
+    // A cylinder is upright along z. A quarter turn about x makes it roll.
     let quarter = std::f32::consts::FRAC_1_SQRT_2;
     let rolling = rerun::Quaternion::from_xyzw([quarter, 0.0, 0.0, quarter]);
     let wheels = Cylinders3D::from_lengths_and_radii(
@@ -187,9 +192,9 @@ fn wheels(figure: Figure, body: &Scale) -> Option<Cylinders3D> {
     Some(wheels)
 }
 
-/// The round parts of people: walking, or riding a motorcycle.
+/// Round parts of people, on foot or on a motorcycle.
 fn limbs(figure: Figure, body: &Scale, colour: Rgb, paint: Rgb) -> Option<Capsules3D> {
-    // Foot of the axis, its length, radius, all by shares of the height.
+    // Foot of the axis, its length and its radius, in shares of the height.
     let upright: &[([f32; 3], f32, f32, Rgb)] = match figure {
         Figure::Person => &[
             ([0.0, -0.2, 0.06], 0.42, 0.05, palette::dimmed(colour, 0.5)),

@@ -1,9 +1,9 @@
 //! Messages for the viewer, assembled in this thread.
 //!
-//! The library's own recording stream batches rows on a thread of its own,
-//! which pays for programs that log while they run. Here everything is known
-//! beforehand, in columns, and starting and joining that thread would cost
-//! more than the recording itself.
+//! The library's own recording stream batches rows on a separate thread, which
+//! helps programs that log while they run. Here all data is known beforehand,
+//! in columns. Starting and joining that thread would cost more than the
+//! recording itself.
 
 use rerun::external::re_log_types::{SetStoreInfo, StoreInfo, StoreSource};
 use rerun::log::{Chunk, ChunkId, LogMsg, RowId};
@@ -15,21 +15,21 @@ use rerun::{
 
 use super::error::ViewError;
 
-/// Names the application under which the viewer keeps the user's layout.
+/// Application under which the viewer keeps the user's layout.
 const APPLICATION: &str = "brakecheck";
-/// The timeline that ends with the verdict, where the episode goes on.
+/// Timeline that ends with the verdict, for episodes that continue after it.
 pub(super) const UNTIL_VERDICT: &str = "until_verdict";
 
-/// The messages of one store: a recording, or a blueprint.
+/// Messages of one store: a recording, or a blueprint.
 pub(super) struct Journal {
     store: StoreId,
     messages: Vec<LogMsg>,
-    /// When the timeline ends that ends before the others, in nanoseconds.
+    /// End of the timeline [`UNTIL_VERDICT`], in nanoseconds.
     until: Option<i64>,
 }
 
 impl Journal {
-    /// A journal that opens a new store.
+    /// Returns a journal that opens a new store.
     pub fn new(kind: StoreKind) -> Journal {
         let store = StoreId::random(kind, APPLICATION);
         let source = StoreSource::Other(concat!("brakecheck ", env!("CARGO_PKG_VERSION")).into());
@@ -44,27 +44,31 @@ impl Journal {
         }
     }
 
-    /// From here on, what is not later than a time stands on one more timeline.
+    /// Adds a timeline that ends at `time_s` to all later messages up to that time.
     ///
-    /// A viewer that follows a timeline opens at its end, and blueprints have no
-    /// other way to say at which time it shall open.
+    /// A viewer that follows a timeline opens at its end. Blueprints have no
+    /// other way to select the opening time.
     pub fn ending_at(mut self, time_s: Option<f64>) -> Journal {
-        // Marks reach a microsecond beyond their instant.
+        // Marks extend one microsecond beyond their instant.
         self.until = time_s.map(|time_s| nanos(time_s + 2e-6));
         self
     }
 
-    /// The store it writes.
+    /// Returns the store that the journal writes.
     pub fn store(&self) -> &StoreId {
         &self.store
     }
 
-    /// Everything so far.
+    /// Returns all messages.
     pub fn into_messages(self) -> Vec<LogMsg> {
         self.messages
     }
 
-    /// What holds at all times.
+    /// Logs components that hold at all times.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the viewer's library rejects the data.
     pub fn always(
         &mut self,
         entity: impl Into<EntityPath>,
@@ -73,7 +77,11 @@ impl Journal {
         self.row(entity.into(), TimePoint::default(), parts)
     }
 
-    /// What holds from an instant (a sample and its time) on.
+    /// Logs components that hold from an instant (a sample and its time) on.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the viewer's library rejects the data.
     pub fn from(
         &mut self,
         (sample, time_s): (usize, f64),
@@ -92,13 +100,13 @@ impl Journal {
         self.row(entity.into(), instant, parts)
     }
 
-    /// A part of a blueprint.
+    /// Logs a part of a blueprint.
     pub fn layout(&mut self, node: String, part: &dyn AsComponents) -> Result<(), ViewError> {
         let once = TimePoint::default().with(Timeline::new_sequence("blueprint"), 0);
         self.row(node.into(), once, &[part])
     }
 
-    /// One row per instant.
+    /// Logs one row per instant.
     pub fn columns(
         &mut self,
         entity: impl Into<EntityPath>,
@@ -118,10 +126,13 @@ impl Journal {
         );
         let chunk = chunk.map_err(RecordingStreamError::from)?;
         let until = self.until.unwrap_or(i64::MIN);
+        // Rows are sorted by time, so those of the shorter timeline come first.
         let early = times.partition_point(|time| *time <= until);
         if early == 0 {
             return self.push(chunk);
         }
+        // All rows of a chunk have the same timelines, so it is split at the
+        // end of the shorter timeline.
         let mut first = chunk.row_sliced_shallow(0, early);
         let times_s = times[..early].iter().map(|time| 1e-9 * *time as f64);
         let column = TimeColumn::new_duration_secs(UNTIL_VERDICT, times_s);
@@ -156,7 +167,7 @@ impl Journal {
     }
 }
 
-/// Both timelines at some instants, each a sample and its time.
+/// Both timelines at some instants, given as samples and times.
 pub(super) fn clock(instants: impl IntoIterator<Item = (usize, f64)>) -> [TimeColumn; 2] {
     let (steps, times_s): (Vec<i64>, Vec<f64>) = instants
         .into_iter()
@@ -168,7 +179,7 @@ pub(super) fn clock(instants: impl IntoIterator<Item = (usize, f64)>) -> [TimeCo
     ]
 }
 
-/// Seconds as the viewer counts them.
+/// Seconds in the viewer's unit.
 pub(super) fn nanos(time_s: f64) -> i64 {
     (1e9 * time_s).round() as i64
 }

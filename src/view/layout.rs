@@ -1,7 +1,7 @@
-//! The blueprint's parts: views, containers and the window around them.
+//! Parts of a blueprint: views, containers and the window around them.
 //!
-//! Written archetype by archetype, because the builder of the viewer's library
-//! reaches neither the 3D camera nor the axes of plots.
+//! It is written archetype by archetype, because the library's builder reaches
+//! neither the 3D camera nor the axes of plots.
 
 use rerun::AsComponents;
 use rerun::blueprint::components::{
@@ -18,13 +18,15 @@ use super::journal::{Journal, UNTIL_VERDICT, nanos};
 use super::lines;
 use super::story::Story;
 
-/// What a plot is high, of which so much is its legend's: a line, and around it.
+/// Height of a plot, of a line of its legend, and of the legend's frame.
 const PLOT_PX: f32 = 140.0;
 const LEGEND_LINE_PX: f32 = 27.0;
 const LEGEND_ROOM_PX: f32 = 62.0;
 
-/// The share of a column that a plot takes: as much as its legend needs, of
-/// `curves` and the marks of the story; without a legend less.
+/// Share of a column that a plot takes.
+///
+/// It suffices for a legend of `curves` and the marks of the story. Without a
+/// legend it is smaller.
 pub(super) fn height_of(story: &Story<'_>, curves: usize) -> f32 {
     let marks = usize::from(story.decided.is_some()) + usize::from(story.episode.contact.is_some());
     match curves {
@@ -36,20 +38,21 @@ pub(super) fn height_of(story: &Story<'_>, curves: usize) -> f32 {
     }
 }
 
-/// How wide a plot is in a window of the usual size, and a letter of its legend.
+/// Width of a plot in a window of usual size, and of a letter of its legend.
 const PLOT_WIDE_PX: f64 = 550.0;
 const LETTER_PX: f64 = 5.7;
 
-/// How much longer than the episode the time axis of plots is: so much that the
-/// longest name of a rule has room behind what happens last, and at most half
-/// of a plot.
+/// Factor by which the time axis of plots is longer than the episode.
+///
+/// The longest name of a rule then has room after the last event. The factor is
+/// limited to half of a plot.
 fn legend_room(story: &Story<'_>) -> f64 {
     let longest = story.rules.iter().map(|rule| rule.name.chars().count());
     let legend_px = 40.0 + LETTER_PX * longest.max().unwrap_or(0) as f64;
     (1.0 / (1.0 - (legend_px / PLOT_WIDE_PX).min(0.5))).max(1.45)
 }
 
-/// Assembles a blueprint, node by node.
+/// Builder of a blueprint, node by node.
 pub(super) struct Layout<'a> {
     journal: &'a mut Journal,
     next: u64,
@@ -60,7 +63,7 @@ impl<'a> Layout<'a> {
         Layout { journal, next: 0 }
     }
 
-    /// Curves over time; `axis` is the range of their values.
+    /// Adds a plot of curves over time. `axis` is the range of their values.
     pub fn plot(
         &mut self,
         story: &Story<'_>,
@@ -71,7 +74,7 @@ impl<'a> Layout<'a> {
     ) -> Result<Node, ViewError> {
         let marks = format!("+ {}/**", lines::MARKS);
         let view = self.view("TimeSeries", title, origin, &["$origin/**", &marks])?;
-        // Marks reach beyond every axis, which has to be fixed for that.
+        // Marks extend beyond every axis, so the axis must be fixed.
         if lines::has_marks(story) || origin == "/robustness" {
             let axis = ScalarAxis::new().with_range(Range1D([axis.0, axis.1]));
             self.property(&view, "ScalarAxis", &axis)?;
@@ -81,8 +84,8 @@ impl<'a> Layout<'a> {
             None => PlotLegend::new().with_visible(false),
         };
         self.property(&view, "PlotLegend", &legend)?;
-        // Room at the end for the legend: beside the curves, not on what
-        // happens last. Plots without one have the same axis, to be compared.
+        // Room at the end keeps the legend off the last events. Plots without a
+        // legend have the same axis, so that they are comparable.
         let end_s = legend_room(story) * story.end_s().max(0.1);
         let instant =
             |time_s: f64| datatypes::TimeRangeBoundary::Absolute(datatypes::TimeInt(nanos(time_s)));
@@ -94,7 +97,7 @@ impl<'a> Layout<'a> {
         Ok(view)
     }
 
-    /// The window around the root: no panels of the viewer's own, and time at the end.
+    /// Adds the window: no panels of the viewer itself, and the time at its end.
     pub fn window(&mut self, story: &Story<'_>, root: &Node) -> Result<(), ViewError> {
         let viewport = ViewportBlueprint::new()
             .with_root_container(datatypes::Uuid {
@@ -107,8 +110,8 @@ impl<'a> Layout<'a> {
             let hidden = PanelBlueprint::new().with_state(PanelState::Collapsed);
             self.journal.layout(panel.into(), &hidden)?;
         }
-        // Following opens at the end of a timeline, where the verdict falls;
-        // playing from there starts over at the speed of life.
+        // Following opens at the end of a timeline, which is the verdict.
+        // Playing from there starts again at real speed.
         let timeline = story.opens_s().map_or("sim_time", |_| UNTIL_VERDICT);
         let time = TimePanelBlueprint::new()
             .with_state(PanelState::Collapsed)
@@ -118,7 +121,7 @@ impl<'a> Layout<'a> {
         self.journal.layout("time_panel".into(), &time)
     }
 
-    /// A view; returns its path in the blueprint.
+    /// Adds a view and returns its node.
     pub fn view(
         &mut self,
         class: &str,
@@ -139,7 +142,7 @@ impl<'a> Layout<'a> {
         Ok(view)
     }
 
-    /// A container; returns its path in the blueprint.
+    /// Adds a container and returns its node.
     pub fn container(
         &mut self,
         kind: ContainerKind,
@@ -173,8 +176,9 @@ impl<'a> Layout<'a> {
         self.journal.layout(format!("{}/{name}", view.path), value)
     }
 
-    /// The viewer wants ids of this shape; any will do.
+    /// Returns a new node with an id of the shape that the viewer requires.
     fn node(&mut self, kind: &str) -> Node {
+        // Consecutive ids keep equal layouts equal, unlike random ids.
         self.next += 1;
         let id = 0xb7a6_e000_0000_4000_8000_0000_0000_0000_u128 + u128::from(self.next);
         let hex = format!("{id:032x}");
@@ -192,10 +196,10 @@ impl<'a> Layout<'a> {
     }
 }
 
-/// Views from the top down, with their shares of a column's height.
+/// Views from top to bottom, with their shares of a column's height.
 pub(super) type Views = Vec<(Node, f32)>;
 
-/// A view or a container in the blueprint.
+/// View or container in the blueprint.
 pub(super) struct Node {
     path: String,
     id: u128,

@@ -1,4 +1,4 @@
-//! Traffic lights: a post beside the stop line, and what it shows over time.
+//! Traffic lights: a post beside the stop line, and its phases over time.
 
 use rerun::{Boxes3D, FillMode, LineStrips3D, Points3D, StateChange, StateConfiguration};
 use rerun::{Color, Transform3D};
@@ -12,19 +12,19 @@ use super::story::Story;
 use crate::ego::Phase;
 use crate::scene::LightPost;
 
-/// How far to the right of the road the post stands.
+/// Distance of the post from the right edge of the road, in metres.
 const ASIDE_M: f32 = 1.0;
-/// Height of the middle lamp.
+/// Height of the middle lamp, in metres.
 const LAMP_M: f32 = 3.2;
-/// From lamp to lamp.
+/// Distance between lamps, in metres.
 const APART_M: f32 = 0.42;
-/// Breadth of the stop line.
+/// Width of the stop line, in metres.
 const LINE_M: f32 = 0.5;
 
-/// The phases, from the uppermost lamp down.
+/// Phases from the top lamp to the bottom lamp.
 const PHASES: [Phase; 3] = [Phase::Red, Phase::Yellow, Phase::Green];
 
-/// Logs every light where it stands, with what is lit.
+/// Logs every light at its place, with its lit lamp.
 pub(super) fn log_posts(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     for (l, light) in story.stage.lights.iter().enumerate() {
         log_post(light, journal)?;
@@ -43,7 +43,7 @@ pub(super) fn log_phases(story: &Story<'_>, journal: &mut Journal) -> Result<(),
     Ok(())
 }
 
-/// The samples at which a light shows something new, the first included.
+/// Samples at which a light changes its phase, including the first.
 pub(super) fn turns(story: &Story<'_>, light: usize) -> Vec<(usize, Phase)> {
     let mut turns: Vec<(usize, Phase)> = Vec::new();
     for (sample, frame) in story.frames.iter().enumerate() {
@@ -55,7 +55,7 @@ pub(super) fn turns(story: &Story<'_>, light: usize) -> Vec<(usize, Phase)> {
     turns
 }
 
-/// What a phase is called.
+/// Word for a phase.
 pub(super) fn word(phase: Phase) -> &'static str {
     match phase {
         Phase::Green => "green",
@@ -64,8 +64,10 @@ pub(super) fn word(phase: Phase) -> &'static str {
     }
 }
 
-/// The post with dark lamps, in the frame of the stop line's right end: x
-/// along the road, y along the line to the left.
+/// Logs the post with dark lamps.
+///
+/// Its frame is at the right end of the stop line: x along the road, y along
+/// the line to the left.
 fn log_post(light: &LightPost, journal: &mut Journal) -> Result<(), ViewError> {
     let [right, left] = light.stop_line_m;
     let turn_rad = (left[1] - right[1]).atan2(left[0] - right[0]) - std::f64::consts::FRAC_PI_2;
@@ -75,6 +77,7 @@ fn log_post(light: &LightPost, journal: &mut Journal) -> Result<(), ViewError> {
     let mast = LineStrips3D::new([[[0.0, -ASIDE_M, 0.0], [0.0, -ASIDE_M, LAMP_M]]])
         .with_radii([0.07])
         .with_colors([palette::POST]);
+    // Dark lamps lie slightly behind the lit lamp, which covers its dark twin.
     let lamps = PHASES.map(|phase| lamp(phase, -0.12));
     let (mut centres, mut sizes) = (vec![[0.0, -ASIDE_M, LAMP_M]], vec![[0.2, 0.5, 1.4]]);
     let mut colours = vec![palette::TYRE];
@@ -94,7 +97,7 @@ fn lamp(phase: Phase, ahead_m: f32) -> [f32; 3] {
     [ahead_m, -ASIDE_M, LAMP_M + (1.0 - down) * APART_M]
 }
 
-/// The lit lamp and the stop line in its colour, from a sample on.
+/// Logs the lit lamp and the stop line in its colour, from a sample on.
 fn log_lit(
     story: &Story<'_>,
     light: &LightPost,
@@ -102,7 +105,7 @@ fn log_lit(
     journal: &mut Journal,
 ) -> Result<(), ViewError> {
     let [right, left] = light.stop_line_m;
-    // The one cast from lengths to pictures here.
+    // The only cast from lengths to pictures here.
     let width_m = distance(right, left) as f32;
     let line =
         Boxes3D::from_centers_and_sizes([[0.0, 0.5 * width_m, 0.02]], [[LINE_M, width_m, 0.03]])
@@ -117,7 +120,7 @@ fn log_lit(
     journal.from(instant, entity, &[&line, &lamp])
 }
 
-/// The phases of one light as coloured lanes.
+/// Logs the phases of one light as coloured lanes.
 fn log_lanes(
     story: &Story<'_>,
     light: &LightPost,

@@ -1,4 +1,4 @@
-//! Curves over time, and the marks that all plots show.
+//! Curves over time, and the marks of all plots.
 
 use rerun::{Color, EntityPath, Scalars, SeriesLines, TimeColumn};
 
@@ -8,20 +8,20 @@ use super::journal::{Journal, clock};
 use super::palette::{self, Rgb};
 use super::story::Story;
 
-/// The entity of the marks that all plots show.
+/// Entity of the marks that all plots show.
 pub(super) const MARKS: &str = "/marks";
-/// How far a mark reaches up and down: beyond the axis of any plot.
+/// Extent of a mark upward and downward, beyond the axis of any plot.
 const MARK_REACH: f64 = 2e3;
 
-/// Whether there is an instant to be marked.
+/// Returns true if there is an instant to mark.
 pub(super) fn has_marks(story: &Story<'_>) -> bool {
     story.decided.is_some() || story.episode.contact.is_some()
 }
 
-/// Upright lines at the instants of the verdict and of the contact.
+/// Logs vertical lines at the instants of the verdict and of the contact.
 pub(super) fn log_marks(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let mut upright = |what: &str, (sample, time_s): (usize, f64), name: &str, rgb: Rgb| {
-        // One curve cannot have two values at one instant.
+        // A curve has one value per instant, so the line takes two instants.
         let instants = clock([(sample, time_s), (sample, time_s + 1e-6)]);
         let entity = path(["marks", what]);
         let ends = vec![-MARK_REACH, MARK_REACH];
@@ -33,6 +33,7 @@ pub(super) fn log_marks(story: &Story<'_>, journal: &mut Journal) -> Result<(), 
         upright("verdict", (sample, time_s), &name, palette::DECIDED)?;
     }
     if let Some(touch) = &story.episode.contact {
+        // A contact lies between two samples, and the later sample shows it.
         let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
         let name = format!("contact {:.2} s", touch.time_s);
         upright("contact", (sample, touch.time_s), &name, palette::CONTACT)?;
@@ -40,10 +41,10 @@ pub(super) fn log_marks(story: &Story<'_>, journal: &mut Journal) -> Result<(), 
     Ok(())
 }
 
-/// How a line is drawn: name, colour, width.
+/// Style of a line: name, colour, width.
 pub(super) type Pen<'a> = (&'a str, Rgb, f32);
 
-/// Lines of one entity: `values` has one per pen for every instant.
+/// Logs the lines of one entity. `values` has one value per pen for every instant.
 pub(super) fn log_lines(
     entity: EntityPath,
     pens: &[Pen<'_>],
@@ -61,13 +62,14 @@ pub(super) fn log_lines(
     journal.columns(entity, instants, scalars)
 }
 
-/// Both clocks at every sample.
+/// Both timelines at every sample.
 pub(super) fn every_sample(story: &Story<'_>) -> [TimeColumn; 2] {
     clock((0..story.samples()).map(|sample| (sample, story.time_s(sample))))
 }
 
-/// An axis with some room above and, for labels, below.
+/// Axis with some room above and, for labels, below.
 pub(super) fn roomy((least, greatest): (f64, f64)) -> (f64, f64) {
+    // A constant curve still gets an axis of height 1.
     let height = (greatest - least).max(1.0);
     (least - 0.12 * height, greatest + 0.05 * height)
 }
@@ -76,7 +78,7 @@ pub(super) fn colour([r, g, b]: Rgb) -> Color {
     Color::from_rgb(r, g, b)
 }
 
-/// The least and the greatest of some finite numbers.
+/// Least and greatest of some finite numbers.
 pub(super) fn span(values: &[f64]) -> (f64, f64) {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let greatest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);

@@ -1,9 +1,9 @@
-//! Watching an episode: a recording for the [rerun] viewer, layout included.
+//! Recordings of episodes for the [rerun] viewer, with their layout.
 //!
-//! A recording holds the cars in 3D, every signal, the running robustness of
-//! the ego's specification and of every rule, the contact, and the verdict in
-//! words, on the timelines `sim_time` and `step`, and up to the verdict on
-//! `until_verdict` where the episode goes on after it:
+//! A recording contains the cars in 3D, every signal, the contact, and the
+//! verdict in words. It also contains the running robustness of the ego's
+//! specification and of every rule. Its timelines are `sim_time` and `step`. If
+//! the episode continues after the verdict, `until_verdict` ends there:
 //!
 //! | panel | of | entity | what it is |
 //! | --- | --- | --- | --- |
@@ -31,19 +31,19 @@
 //! | signals | all | `/signals/<group>` | curves, grouped by unit, e.g. `/signals/speed` |
 //! | verdict | all | `/verdict` | the verdict in words, and why |
 //!
-//! The panel `from above` shows the scene once more, and a grid world is a map in
-//! the plane instead.
+//! The panel `from above` shows the scene a second time. A grid world has a map
+//! in the plane instead of both.
 //!
-//! It opens at the verdict: at its last sample, where most episodes have their
-//! crash, or else at the end of `until_verdict`; playing from there starts over,
-//! and `sim_time` has the whole episode.
+//! A recording opens at the verdict. In most episodes this is the last sample,
+//! with the crash, and otherwise the end of `until_verdict`. Playing from there
+//! starts again, and `sim_time` has the complete episode.
 //!
-//! Running robustness is the end of the interval of values still possible that
-//! says something: for `always` the running minimum. It crosses zero at the
-//! sample from which the formula is lost.
+//! Running robustness is the informative bound of the interval of possible
+//! values. For `always` it is the running minimum. It crosses zero at the sample
+//! from which the formula cannot be satisfied.
 //!
 //! Architecture Invariant: viewing never changes a result. An episode is
-//! borrowed, played again on a bench of its own, and written down.
+//! borrowed, replayed on a bench of its own, and recorded.
 //!
 //! ```no_run
 //! use brakecheck::world::Scenario;
@@ -91,24 +91,25 @@ pub use panel::Entity;
 pub use panels::entities;
 use story::Story;
 
-/// What was written.
+/// Recording file that was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordingFile {
-    /// Where the recording lies.
+    /// Path of the recording.
     pub path: PathBuf,
-    /// Size of the file.
+    /// Size of the file in bytes.
     pub bytes: u64,
-    /// Samples in it.
+    /// Number of samples in it.
     pub samples: usize,
 }
 
-/// Writes `episode` as a recording to `out`, replacing what is there.
+/// Writes `episode` as a recording to `out`, and replaces an existing file.
 ///
-/// `caption` is a sentence shown under the verdict: who played, and why this
-/// episode was kept. The file appears whole or not at all.
+/// `caption` is a sentence below the verdict: the ado, and the reason to keep
+/// this episode. The file appears completely or not at all.
 ///
 /// # Errors
-/// The output cannot be written.
+///
+/// Returns an error if the output cannot be written.
 pub fn record(
     scenario: &Scenario,
     episode: &Episode,
@@ -133,9 +134,11 @@ fn write_whole(out: &Path, bytes: &[u8]) -> std::io::Result<()> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
+    // A rename over a directory would give a less clear error.
     if out.is_dir() {
         return Err(std::io::ErrorKind::IsADirectory.into());
     }
+    // Written beside the target, since a rename does not cross file systems.
     let mut file = tempfile::Builder::new().tempfile_in(directory)?;
     std::io::Write::write_all(&mut file, bytes)?;
     readable(file.as_file())?;
@@ -143,7 +146,10 @@ fn write_whole(out: &Path, bytes: &[u8]) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Temporary files are private to their owner; recordings are ordinary files.
+/// Makes a file readable for all users.
+///
+/// Temporary files are private to their owner, and recordings are ordinary
+/// files.
 #[cfg(unix)]
 fn readable(file: &std::fs::File) -> std::io::Result<()> {
     use std::os::unix::fs::PermissionsExt as _;
@@ -155,19 +161,20 @@ fn readable(_file: &std::fs::File) -> std::io::Result<()> {
     Ok(())
 }
 
-/// An episode made ready for viewing: played again, its formulas followed.
+/// Episode prepared for viewing: replayed, with its formulas evaluated.
 pub struct Recording<'a>(Story<'a>);
 
 impl<'a> Recording<'a> {
-    /// Plays `episode` again to learn where everybody was.
+    /// Replays `episode` to obtain the places of all agents.
     pub fn new(scenario: &'a Scenario, episode: &'a Episode, caption: &'a str) -> Recording<'a> {
         Recording(Story::new(scenario, episode, caption))
     }
 
-    /// Everything, column by column, as messages for the viewer.
+    /// Returns all data, column by column, as messages for the viewer.
     ///
     /// # Errors
-    /// The viewer's library refuses the data.
+    ///
+    /// Returns an error if the viewer's library rejects the data.
     pub fn messages(&self) -> Result<Messages, ViewError> {
         let story = &self.0;
         let mut journal = Journal::new(StoreKind::Recording).ending_at(story.opens_s());
@@ -176,6 +183,7 @@ impl<'a> Recording<'a> {
         panels::log(story, &mut journal)?;
         let mut blueprint = Journal::new(StoreKind::Blueprint);
         panels::lay_out(story, &mut blueprint)?;
+        // A blueprint has no effect until a command activates it.
         let activate = BlueprintActivationCommand::make_active(blueprint.store().clone());
         let mut layout = blueprint.into_messages();
         layout.push(LogMsg::BlueprintActivationCommand(activate));
@@ -185,18 +193,20 @@ impl<'a> Recording<'a> {
         })
     }
 
-    /// The bytes of a recording file.
+    /// Returns the bytes of a recording file.
     ///
-    /// Ids in it are random: two files of one episode differ in bytes, not in
-    /// content.
+    /// Its ids are random, so two files of one episode differ in bytes but not
+    /// in content.
     ///
     /// # Errors
-    /// The viewer's library refuses the data.
+    ///
+    /// Returns an error if the viewer's library rejects the data.
     pub fn encode(&self) -> Result<Vec<u8>, ViewError> {
         let Messages { recording, layout } = self.messages()?;
         let encoded = || -> Result<Vec<u8>, EncodeError> {
-            // A file is a sequence of streams. That of the layout goes without
-            // the index of its chunks, which would be larger than itself.
+            // A file is a sequence of streams. The stream of the layout omits
+            // the index of its chunks, which would be larger than the stream
+            // itself.
             let mut bytes = encoded(&recording, Index::Write)?;
             bytes.extend(encoded(&layout, Index::Omit)?);
             Ok(bytes)
@@ -207,15 +217,15 @@ impl<'a> Recording<'a> {
     }
 }
 
-/// What a recording consists of, as messages for the viewer.
+/// Content of a recording, as messages for the viewer.
 pub struct Messages {
-    /// The episode.
+    /// Messages of the episode.
     pub recording: Vec<LogMsg>,
-    /// Which views there are, and where.
+    /// Messages of the views and their arrangement.
     pub layout: Vec<LogMsg>,
 }
 
-/// Whether a stream ends with an index of its chunks.
+/// Presence of an index of the chunks at the end of a stream.
 #[derive(PartialEq, Eq)]
 enum Index {
     Write,

@@ -1,9 +1,9 @@
-//! The colours: one family per role, so that a glance tells who is who.
+//! Colours: one family per role, so that roles are recognizable at a glance.
 
 use crate::ego::Phase;
 use crate::scene::Role;
 
-/// Red, green, blue.
+/// Red, green and blue.
 pub(super) type Rgb = [u8; 3];
 
 /// Asphalt.
@@ -24,7 +24,7 @@ pub(super) const HEADLIGHT: Rgb = [255, 244, 200];
 pub(super) const TAIL_LIGHT: Rgb = [200, 24, 24];
 /// The zero line of a robustness plot.
 pub(super) const ZERO: Rgb = [235, 235, 235];
-/// The instant the verdict became certain.
+/// Instant at which the verdict became certain.
 pub(super) const DECIDED: Rgb = [255, 210, 60];
 /// Contact.
 pub(super) const CONTACT: Rgb = [255, 64, 92];
@@ -54,7 +54,7 @@ const RULES: [Rgb; 6] = [
     [176, 140, 120],
 ];
 
-/// The colour of the `nth` agent in a role.
+/// Colour of the `nth` agent in a role.
 pub(super) fn of_role(role: Role, nth: usize) -> Rgb {
     match role {
         Role::Ego => EGO[nth % EGO.len()],
@@ -63,17 +63,17 @@ pub(super) fn of_role(role: Role, nth: usize) -> Rgb {
     }
 }
 
-/// The colour of the `nth` curve that belongs to nobody in particular.
+/// Colour of the `nth` curve without an owner.
 pub(super) fn neutral(nth: usize) -> Rgb {
     NEUTRAL[nth % NEUTRAL.len()]
 }
 
-/// The colour of the robustness of the `nth` rule.
+/// Colour of the robustness of the `nth` rule.
 pub(super) fn of_rule(nth: usize) -> Rgb {
     RULES[nth % RULES.len()]
 }
 
-/// The colour of a light.
+/// Colour of a light.
 pub(super) fn of_phase(phase: Phase) -> Rgb {
     match phase {
         Phase::Green => [40, 214, 110],
@@ -82,7 +82,7 @@ pub(super) fn of_phase(phase: Phase) -> Rgb {
     }
 }
 
-/// Between a colour and black.
+/// Mixes a colour with black and keeps the share `keep`.
 pub(super) fn dimmed(colour: Rgb, keep: f32) -> Rgb {
     colour.map(|channel| (f32::from(channel) * keep) as u8)
 }

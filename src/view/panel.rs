@@ -1,4 +1,4 @@
-//! What a panel is: what it writes, and by which views it is seen.
+//! Panels: the entities they write, and the views that show them.
 
 use super::error::ViewError;
 use super::journal::Journal;
@@ -6,33 +6,35 @@ use super::layout::{Layout, Views};
 use super::story::Story;
 use crate::world::Scenario;
 
-/// A part of recordings: a file in `panels/`, and its line in the list there.
+/// Part of recordings, as a file in `panels/` and a line in the list there.
 pub(super) struct Panel {
-    /// What it is called.
+    /// Name of the panel.
     pub name: &'static str,
     pub column: Column,
     pub shown: Shown,
-    /// What it writes, and what each is; see [`Entity::path`].
+    /// Entities with their descriptions, as in [`Entity::path`].
     pub entities: &'static [(&'static str, &'static str)],
-    /// Writes its entities.
+    /// Function that writes the entities.
     pub log: fn(&Story<'_>, &mut Journal) -> Result<(), ViewError>,
-    /// Its views, from the top down, with their shares of the column's height.
+    /// Function that adds the views, from top to bottom, with their shares.
     pub views: fn(&Story<'_>, &mut Layout<'_>) -> Result<Views, ViewError>,
 }
 
-/// Something that recordings consist of, for those who read them by program.
+/// Entity of recordings, for programs that read them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entity {
-    /// The panel that shows it.
+    /// Panel that shows the entity.
     pub panel: &'static str,
-    /// Where it stands; a part such as `<agent>` is a name, and what does not
-    /// happen in an episode is not there.
+    /// Path of the entity.
+    ///
+    /// A part such as `<agent>` is a name. Entities without content in an
+    /// episode are absent.
     pub path: &'static str,
-    /// What is logged there, in a few words.
+    /// Logged content in a few words.
     pub about: &'static str,
 }
 
-/// A column of the window.
+/// Column of the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Column {
     Space,
@@ -41,7 +43,7 @@ pub(super) enum Column {
 }
 
 impl Column {
-    /// All of them from left to right, with their shares of the width.
+    /// All columns from left to right, with their shares of the width.
     pub const ALL: [(Column, &str, f32); 3] = [
         (Column::Space, "space", 5.0),
         (Column::Curves, "curves", 4.0),
@@ -49,7 +51,7 @@ impl Column {
     ];
 }
 
-/// Which worlds a panel is for.
+/// Worlds that have a panel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Shown {
     Everywhere,
@@ -58,7 +60,7 @@ pub(super) enum Shown {
 }
 
 impl Panel {
-    /// Whether recordings of a world have it.
+    /// Returns true if recordings of a world have the panel.
     pub fn applies(&self, scenario: &Scenario) -> bool {
         match self.shown {
             Shown::Everywhere => true,

@@ -1,4 +1,4 @@
-//! The road: surface, verges, lane markings and a post every 10 m.
+//! Road: surface, verges, lane markings and a post every 10 m.
 
 use rerun::{LineStrips3D, Mesh3D};
 
@@ -9,22 +9,22 @@ use super::space::lifted;
 use super::story::Story;
 use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 
-/// What lies beyond the cars' way by more than this is not drawn.
+/// Distance in metres from the cars' paths up to which the road is drawn.
 const MARGIN_M: f64 = 150.0;
-/// How far the ground reaches beside the road.
+/// Width in metres of the ground beside the road.
 const VERGE_M: f64 = 60.0;
-/// How far side roads lie below each other, and the ground below the road.
+/// Depth of side roads below each other, and of the ground, in metres.
 const SUNK_M: f64 = 0.005;
 const GROUND_M: f64 = -0.03;
-/// How far the posts stand beside the road.
+/// Distance of the posts from the road, in metres.
 const POST_M: f64 = 0.6;
 
-/// Logs the part of the road on which something happens.
+/// Logs the part of the road with agents on it.
 pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let reach = reach(&story.frames, MARGIN_M);
     for (number, side) in story.stage.side_roads_m.iter().enumerate() {
-        // A little lower each, so that the surfaces do not flicker where they
-        // cross, the world's own on top.
+        // Each side road lies slightly lower, so that crossing surfaces do not
+        // flicker. The world's own road is on top.
         let sunk_m = SUNK_M * (number + 1) as f64;
         let name = format!("world/road/side_{}", number + 1);
         one_road(&near(side, &reach), (&name, sunk_m), journal)?;
@@ -87,13 +87,15 @@ type Ribbon<'a> = (&'a [GroundPoint], &'a [GroundPoint], f64, Rgb);
 
 /// Flat surfaces (right edge, left edge, height, colour) as one mesh.
 ///
-/// Both edges of a surface have equally many points.
+/// Both edges of a surface have the same number of points.
 fn ribbons<'a>(ribbons: impl IntoIterator<Item = Ribbon<'a>>) -> Mesh3D {
     let (mut corners, mut colours, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
     for (right, left, lift_m, colour) in ribbons {
         for (i, (r, l)) in right.iter().zip(left).enumerate() {
             let at = corners.len() as u32;
             if 0 < i {
+                // Two triangles fill the quadrilateral between two pairs of
+                // edge points.
                 triangles.extend([[at - 2, at, at - 1], [at - 1, at, at + 1]]);
             }
             corners.extend([lifted(*r, lift_m), lifted(*l, lift_m)]);
@@ -105,13 +107,14 @@ fn ribbons<'a>(ribbons: impl IntoIterator<Item = Ribbon<'a>>) -> Mesh3D {
         .with_vertex_colors(colours)
 }
 
-/// Lane markings: 3 m drawn, 6 m not.
+/// Lane markings: 3 m on, 6 m off.
 fn dashes(line: &[GroundPoint], lift_m: f64) -> Vec<Vec<[f32; 3]>> {
     let (on_m, off_m) = (3.0, 6.0);
     let points = along(line, 0.5 * on_m);
     let (on, period) = (2, 2 + (2.0 * off_m / on_m).round() as usize);
     points
         .chunks(period)
+        // A last chunk without a full dash would end in a stump.
         .filter(|chunk| on < chunk.len())
         .map(|chunk| chunk[..=on].iter().map(|at| lifted(*at, lift_m)).collect())
         .collect()

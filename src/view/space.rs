@@ -1,8 +1,8 @@
-//! Places in space, as the viewer takes them.
+//! Places in space for the viewer.
 
-/// A place as the viewer takes it, raised.
+/// Place in the viewer's precision, raised by `by_m`.
 pub(super) fn lifted(point: [f64; 3], by_m: f64) -> [f32; 3] {
-    // The one cast from places to pictures.
+    // The only cast from places to pictures.
     [point[0] as f32, point[1] as f32, (point[2] + by_m) as f32]
 }
 

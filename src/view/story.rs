@@ -1,4 +1,4 @@
-//! What happened in an episode, as numbers: no viewer in sight.
+//! Episode as numbers to show, independent of the viewer.
 
 use super::palette;
 use super::palette::Rgb;
@@ -8,41 +8,43 @@ use crate::stl::{Interval, Monitor};
 use crate::testbench::{Episode, film};
 use crate::world::Scenario;
 
-/// Who opens a recording later than this after the verdict does not see it.
+/// Least aftermath in seconds for which a recording opens at the verdict.
+///
+/// Below it, the end of the episode shows the verdict as well.
 const GOES_ON_S: f64 = 0.3;
 
-/// An episode with everything derived from it that a viewer shows.
+/// Episode with all derived values that a viewer shows.
 pub(super) struct Story<'a> {
     pub scenario: &'a Scenario,
     pub episode: &'a Episode,
     pub caption: &'a str,
     pub stage: Stage,
-    /// One frame per sample of the trace.
+    /// Frames, one per sample of the trace.
     pub frames: Vec<Frame>,
     /// Running robustness of ψ_ego.
     pub spec: Running,
     /// Running robustness of every rule, in the rulebook's order.
     pub rules: Vec<Running>,
-    /// The sample at which what the verdict says became certain.
+    /// Sample at which the verdict became certain.
     pub decided: Option<usize>,
-    /// The first sample at which the re-simulation departs from the record.
+    /// First sample at which the replay departs from the record.
     pub departs: Option<usize>,
-    /// Samples between two decisions.
+    /// Number of samples between two decisions.
     pub samples_per_decision: usize,
 }
 
-/// The robustness of one formula as it develops.
+/// Running robustness of one formula.
 pub(super) struct Running {
-    /// Its name: `ego spec` or the rule's.
+    /// Name: `ego spec`, or that of the rule.
     pub name: String,
-    /// What can still be reached, per sample.
+    /// Informative bound of the robustness, per sample.
     pub values: Vec<f64>,
-    /// The sample from which it can no longer be satisfied.
+    /// Sample from which the formula cannot be satisfied.
     pub lost: Option<usize>,
 }
 
 impl<'a> Story<'a> {
-    /// Plays the episode again and follows its formulas.
+    /// Replays the episode and evaluates its formulas.
     pub fn new(scenario: &'a Scenario, episode: &'a Episode, caption: &'a str) -> Story<'a> {
         let mut bench = scenario.bench();
         let mut frames = film(&mut bench, episode);
@@ -60,6 +62,8 @@ impl<'a> Story<'a> {
         let rules: Vec<Running> = rulebook
             .rules
             .iter()
+            // A rule is broken at ρ = 0 already, unlike the specification of
+            // the ego.
             .map(|rule| follow(&rule.name, &rule.monitor, |now| now.hi <= 0.0))
             .collect();
         let last = episode.judged.saturating_sub(1);
@@ -85,65 +89,69 @@ impl<'a> Story<'a> {
         }
     }
 
-    /// How many samples there are.
+    /// Number of samples.
     pub fn samples(&self) -> usize {
         self.episode.trace.len()
     }
 
-    /// The time of a sample.
+    /// Time of a sample in seconds.
     pub fn time_s(&self, sample: usize) -> f64 {
-        // Time is i · dt; rounding hides the dust of binary fractions.
+        // Time is i · dt. Rounding removes the digits that binary fractions
+        // add.
         (sample as f64 * self.episode.trace.dt_s() * 1e9).round() / 1e9
     }
 
-    /// The time of the last sample.
+    /// Time of the last sample in seconds.
     pub fn end_s(&self) -> f64 {
         self.time_s(self.samples().saturating_sub(1))
     }
 
-    /// When the viewer opens, if the episode goes on for long after the verdict.
+    /// Opening time of the viewer, if the episode continues long after the verdict.
     pub fn opens_s(&self) -> Option<f64> {
         let decided_s = self.time_s(self.decided?);
         (decided_s + GOES_ON_S < self.end_s()).then_some(decided_s)
     }
 
-    /// The position of the ego in the cast.
+    /// Index of the ego in the cast.
     pub fn ego(&self) -> usize {
         let is_ego = |who: &crate::scene::Cast| who.role == Role::Ego;
         self.stage.cast.iter().position(is_ego).unwrap_or(0)
     }
 
-    /// The colour of a member of the cast.
+    /// Colour of a member of the cast.
     pub fn colour(&self, who: usize) -> Rgb {
         let role = self.stage.cast[who].role;
         let before = &self.stage.cast[..who];
         palette::of_role(role, before.iter().filter(|cast| cast.role == role).count())
     }
 
-    /// The samples on which the verdict rests.
+    /// Samples that determine the verdict.
     pub fn judged(&self) -> crate::trace::Trace {
         let mut judged = self.episode.trace.clone();
         judged.truncate(self.episode.judged);
         judged
     }
 
-    /// The first instant of decision `decision`, as a sample.
+    /// First sample of decision `decision`.
     pub fn decision_sample(&self, decision: usize) -> usize {
         decision * self.samples_per_decision
     }
 }
 
-/// The first sample of `episode` that the re-simulation does not reproduce.
+/// First sample of `episode` that the replay does not reproduce.
 fn departure(episode: &Episode, again: &crate::trace::Trace) -> Option<usize> {
     let recorded = &episode.trace;
     let common = recorded.len().min(again.len());
     let signals = recorded.schema().len();
+    // Another number of signals means another build, whose columns do not
+    // correspond.
     if again.schema().len() != signals {
         return Some(0);
     }
     let differs = |sample: &usize| {
         (0..signals).any(|i| recorded.column(i)[*sample] != again.column(i)[*sample])
     };
+    // A replay that ends early departs where the record continues.
     let short = again.len() < recorded.len();
     (0..common).find(differs).or(short.then_some(common))
 }
@@ -178,17 +186,20 @@ impl Running {
     }
 }
 
-/// The end of the interval that says something: for `always` the running
-/// minimum, for `eventually` the running maximum.
+/// Informative end of an interval of possible values.
+///
+/// For `always` it is the running minimum, for `eventually` the running
+/// maximum.
 fn shown(now: Interval, limit: f64) -> f64 {
     match now {
+        // An end at the limit carries no information yet.
         Interval { hi, .. } if hi < limit => hi,
         Interval { lo, .. } if -limit < lo => lo,
         Interval { hi, .. } => hi,
     }
 }
 
-/// Equal neighbours as (first, one past the last, value).
+/// Runs of equal values as (first, end, value), with an exclusive end.
 pub(super) fn action_runs(actions: &[usize]) -> Vec<(usize, usize, usize)> {
     let mut runs: Vec<(usize, usize, usize)> = Vec::new();
     for (i, &action) in actions.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! From a read file to a checked scenario: names resolved, formulas bound.
+//! Assembly of a checked scenario: names are resolved and formulas bound.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ use crate::scene::World;
 use crate::scene::drive::{DriveSpec, DriveWorld};
 use crate::stl::Names;
 
-/// A checked scenario, tried as well.
+/// Returns a checked scenario after trial runs.
 pub(super) fn build(
     file: &str,
     runs: &dyn RunSource,
@@ -33,17 +33,22 @@ pub(super) fn build(
     };
     let mut problems = Problems::new(text);
     let top = Path::top();
+    // Limits come first: beyond them the checks below would take minutes.
     limits::check(&mut problems, &parsed);
     problems.done()?;
     let mut warnings = Warnings::allowing(&mut problems, &top.to("allow"), &parsed.allow);
     problems.done()?;
     warnings.driving(&parsed);
+    // Each stage ends before the next stage, since later checks assume that
+    // earlier checks passed.
     let mut scenario = assemble(origin, text, parsed)?;
     check::reuse(&mut problems, &top.to("reuse"), &scenario);
     vacuous::check(&mut problems, &top, &scenario);
     problems.done()?;
     dry_run::begins_well(&mut problems, &top, &scenario);
     problems.done()?;
+    // A rule that no run keeps is an error. Rules that are only never kept to
+    // the end give a warning.
     let excluding = dry_run::can_be_kept(&mut problems, &scenario);
     problems.done()?;
     let excluding = excluding.or_else(|| dry_run::kept_to_the_end(&scenario));
@@ -56,7 +61,9 @@ pub(super) fn build(
     Ok(scenario)
 }
 
-/// The world of a run that a world names; it was tried when it was trained in.
+/// Assembles the world of a run that a world refers to.
+///
+/// Trial runs are omitted, because they took place before its training.
 fn within(origin: Origin<'_>, text: &str) -> Assembled {
     let one = |problem| vec![problem];
     Ok(match read::kind(text).map_err(one)? {
@@ -71,7 +78,7 @@ fn within(origin: Origin<'_>, text: &str) -> Assembled {
     })
 }
 
-/// A scenario that was not tried.
+/// Assembles a scenario without trial runs.
 fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenario, Vec<Problem>> {
     let mut problems = Problems::new(text);
     let top = Path::top();
@@ -96,6 +103,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         &file.clock,
     );
     let cast = Cast::read(&mut problems, origin, &file, &roads);
+    // Reported together, so that users see all mistakes of the agents at once.
     problems.done()?;
     let Cast {
         agents,
@@ -111,7 +119,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         ..
     } = cast
     else {
-        // Invariant: not to have an ego is a problem, and there was none.
+        // Invariant: a missing ego is a problem, and there was none.
         return Err(Vec::new());
     };
 
@@ -119,6 +127,8 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     let place = top.to("parameters");
     let parameters = points::parameters(&mut problems, &place, &file.parameters, &taken);
 
+    // Signals and formulas are filled in below, since the catalogue depends on
+    // the spec.
     let mut spec = DriveSpec {
         world: file.name.clone(),
         clock: file.clock,
@@ -153,7 +163,8 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
     });
     problems.done()?;
 
-    // Bind everything to all signals there are, then publish what is used.
+    // Formulas are bound to all available signals first. Then only used signals
+    // are published.
     let catalogue = spec.catalogue().into_iter();
     let offers = catalogue.map(|offer| (offer.signal, offer.range));
     let mut language = Language::new(spec.clock.sample_s, offers, constants);
@@ -176,10 +187,12 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         language.bind(&mut problems, &rule.place, &rule.formula, &names);
     }
     let observe = observe.unwrap_or_else(|| list.clone());
+    // Default observations come last, so that listed signals keep their order.
     if sees_usual {
         let usual = spec.usual_observation().into_iter();
         observed.extend(usual.map(|name| (name, observe.clone())));
     }
+    // A world without actions has no ado that observes.
     if spec.action_sets().next().is_some() {
         spec.observe = language.observe(&mut problems, &observed, &observe);
     }
@@ -221,6 +234,8 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         question: file.question,
         source: file.source,
         requirement: file.requirement,
+        // The text replaces run directories by their content, so it is
+        // self-contained.
         text: trained::with_values(text, &written_out),
         ego_spec,
         rules,
@@ -228,6 +243,7 @@ fn assemble(origin: Origin<'_>, text: &str, file: ScenarioFile) -> Result<Scenar
         learner,
         learners,
         learning: None,
+        goals: file.goals,
         against: Against::Nominal,
         left_out: None,
         family: family.map(Arc::new),

@@ -1,4 +1,4 @@
-//! The agents of a driving world: names, bodies, places and who drives them.
+//! Agents of a driving world: names, bodies, places and drives.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -21,13 +21,13 @@ use crate::scene::drive::{
 };
 use crate::sim::Body;
 
-/// Farthest a vehicle may start from the middle of its lane.
+/// Greatest start offset of a vehicle from the middle of its lane, in metres.
 const MAX_OFFSET_M: f64 = 20.0;
 
-/// Everybody in a world file, with what their ados observe and obey.
+/// Agents of a world file, with the observations and rules of their ados.
 pub(super) struct Cast<'a> {
     pub(super) agents: Vec<Agent>,
-    /// The ego's controller, of one of them.
+    /// Controller of the ego.
     pub(super) ego: Option<EgoDrive>,
     /// Position of each agent in the file's list.
     pub(super) entries: Vec<usize>,
@@ -35,22 +35,22 @@ pub(super) struct Cast<'a> {
     /// Position of each light in the file's list.
     pub(super) light_entries: Vec<usize>,
     pub(super) observed: Vec<(String, Path)>,
-    /// Where the first ado says what it observes.
+    /// Place of the first ado's observations in the file.
     pub(super) observe: Option<Path>,
-    /// Whether one of them leaves it out, and so sees what is usual.
+    /// True if an ado has no `observe` and gets the default observation.
     pub(super) sees_usual: bool,
-    /// Rules in the order of the file; lights and road users alike.
+    /// Rules of lights and road users, in the order of the file.
     pub(super) rules: Vec<RuleSpec>,
-    /// Values of the file that are to be written out.
+    /// Values to replace in the text.
     pub(super) written_out: Vec<(Path, String)>,
-    /// Names of the road users read so far, broken ones included.
+    /// Names of the road users so far, including invalid agents.
     declared: Vec<String>,
     roads: &'a PlacedRoads,
     origin: Origin<'a>,
 }
 
 impl Cast<'_> {
-    /// Reads all agents and notes what is wrong with them.
+    /// Reads all agents and reports their mistakes.
     pub(super) fn read<'a>(
         problems: &mut Problems,
         origin: Origin<'a>,
@@ -82,6 +82,7 @@ impl Cast<'_> {
         for (i, entry) in file.agents.iter().enumerate() {
             let path = list.at(i);
             check::agent_name(problems, &path.to("name"), entry.name());
+            // Lights and road users share one name space, that of signals.
             let mut before = file.agents[..i].iter();
             if before.any(|other| other.name() == entry.name()) {
                 let what = format!("two agents are called `{}`", entry.name());
@@ -110,6 +111,8 @@ impl Cast<'_> {
                         cast.agents.push(agent);
                         cast.entries.push(i);
                     }
+                    // Invalid agents are declared as well, so that a reference
+                    // to them is no second error.
                     cast.declared.push(entry.name().to_owned());
                 }
             }
@@ -121,7 +124,8 @@ impl Cast<'_> {
     fn count(&self, problems: &mut Problems, list: &Path) {
         let drives = self.agents.iter().map(|agent| &agent.drive);
         let egos = drives.filter(|d| matches!(d, Drive::Ego)).count();
-        // Agents with a broken body or place are missing, and were reported.
+        // Agents with an invalid body or place are missing here, and were
+        // reported.
         if egos != 1 && problems.is_empty() {
             let what = format!("a world has exactly one ego, not {egos}");
             let help = "one agent has `drive: Ego(…)`".to_owned();
@@ -140,6 +144,7 @@ impl Cast<'_> {
         if let AgentFile::Obstacle { .. } = entry {
             return obstacle(problems, path, file, (entry, number));
         }
+        // Number 0 is the world's own road, and named roads follow from 1.
         let road = match number.checked_sub(1).and_then(|i| self.roads.get_index(i)) {
             Some((_, placed)) => &placed.road,
             None => &file.road,
@@ -197,11 +202,14 @@ impl Cast<'_> {
                 let facing = (Direction::With, facing_rad);
                 (name, body, lateral_m.0, facing, start, drive)
             }
+            // Invariant: obstacles returned above, and the caller handles
+            // lights.
             AgentFile::Obstacle { .. } | AgentFile::Light { .. } => return None,
         };
         if let DriveFile::Ego(_) = drive {
             roads::ego_on_its_own(problems, path, entry);
         }
+        // Read before the body, so that mistakes in both are reported.
         let place = self.place(problems, &path.to("start"), start, number);
         let body = find_body(problems, &path.to("body"), file, body)?;
         let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
@@ -321,6 +329,7 @@ impl Cast<'_> {
                 LightDrive::Trained(self.trained(problems, &path, file, ActsAs::Light)?)
             }
             LightFile::Schedule(schedule) => {
+                // Equal times would leave the order of phases open.
                 let sorted = schedule.0.is_sorted_by(|a, b| a.0 < b.0);
                 if !sorted || schedule.0.iter().any(|(at_s, _)| *at_s < 0.0) {
                     let what = "the times of a schedule rise from 0 on".to_owned();
@@ -355,6 +364,7 @@ impl Cast<'_> {
             self.rules.push(RuleSpec {
                 name: rule.name.clone(),
                 ado: name.to_owned(),
+                // Without a priority, rules are ranked by their position.
                 priority: rule.priority.unwrap_or(self.rules.len()),
                 formula,
                 requirement: rule.requirement.clone(),
@@ -386,9 +396,11 @@ impl Cast<'_> {
             } => {
                 let headway_m = range(problems, "headway_m", headway_m);
                 let speed_mps = range(problems, "speed_mps", speed_mps);
+                // Only earlier agents are known here, so that chains of
+                // positions end.
                 let mut agents = self.agents.iter();
                 let Some(position) = agents.position(|agent| agent.name == *of) else {
-                    // One that is itself broken was reported already.
+                    // An invalid agent was reported already.
                     let before: Vec<&str> = self.declared.iter().map(String::as_str).collect();
                     if !before.contains(&of.as_str()) {
                         problems.unknown(&path.to("of"), "agent declared before", of, &before);
@@ -410,7 +422,7 @@ impl Cast<'_> {
     }
 }
 
-/// The range of lateral positions of who starts beside the middle of a lane.
+/// Range of lateral positions for a start beside the middle of a lane.
 fn beside(
     problems: &mut Problems,
     path: &Path,
@@ -431,7 +443,7 @@ fn beside(
     }
 }
 
-/// Something that stands on a road.
+/// Agent that stands on a road.
 fn obstacle(
     problems: &mut Problems,
     path: &Path,
@@ -474,7 +486,7 @@ fn obstacle(
     })
 }
 
-/// What to do about a field whose bounds follow from others.
+/// Advice for a field whose bounds follow from other fields.
 fn body_help(field: &str) -> Option<String> {
     let help = match field {
         "com_height_m" => {
@@ -496,6 +508,7 @@ fn find_body(
     file: &ScenarioFile,
     name: &str,
 ) -> Option<Body> {
+    // The world's own bodies take precedence over shipped bodies.
     if let Some(body) = file.bodies.0.get(name) {
         return Some(body.clone());
     }

@@ -1,4 +1,4 @@
-//! Applying a change of `reuse` to a driving world.
+//! Application of a `reuse` change to a driving world.
 
 use super::ChangeError;
 use super::check::sensor_flaw;
@@ -9,6 +9,10 @@ use crate::scene::drive::{Drive, DriveSpec, EgoController};
 use crate::sim::Body;
 
 /// Applies a change to a spec.
+///
+/// # Errors
+///
+/// Returns an error with the field for a value that does not fit the world.
 pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeError> {
     let fail = |what: String, help: Option<String>, place: &[&str]| ChangeError {
         what,
@@ -22,6 +26,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         return Err(fail(what, Some(help), &["grid"]));
     }
     if let Some(friction) = change.friction {
+        // The same limits as for the `road` of a world.
         if !(0.01..=2.0).contains(&friction) {
             let what = format!("friction {friction} is outside of 0.01 ..= 2");
             return Err(fail(what, None, &["friction"]));
@@ -37,6 +42,8 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
         }
         spec.sensors = sensors;
     }
+    // The body may come from the world or be a shipped body. Only the ego gets
+    // it.
     if let Some(name) = &change.ego_body {
         let body = ego_body(spec, name)?;
         for agent in &mut spec.agents {
@@ -45,9 +52,11 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
             }
         }
     }
+    // The controller is replaced before its parameters are set below.
     if let Some(controller) = &change.controller {
         spec.ego = controller.clone().map(EgoController::Stock);
     }
+    // A controller of the user's own has no parameters that a file could set.
     let Some(mut stock) = spec.ego.stock() else {
         return Ok(());
     };
@@ -64,6 +73,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
     if let Some((field, what, help)) = stock.controller.program().and_then(Process::flaw) {
         return Err(fail(what, Some(help.to_owned()), &["controller", field]));
     }
+    // This form also rejects NaN, unlike a comparison with the bound.
     if let Some(low) = stock
         .parameters()
         .iter()
@@ -76,7 +86,7 @@ pub(super) fn apply(spec: &mut DriveSpec, change: &Change) -> Result<(), ChangeE
     Ok(())
 }
 
-/// A vehicle for the ego: one of the world's own bodies, or a shipped one.
+/// Vehicle of the ego: one of the world's own bodies, or a shipped one.
 fn ego_body(spec: &DriveSpec, name: &str) -> Result<Body, ChangeError> {
     let fail = |what: String, help: String| ChangeError {
         what,

@@ -1,4 +1,4 @@
-//! Semantic checks of a world: what the types cannot say.
+//! Semantic checks of a world, which the types cannot express.
 
 use indexmap::IndexMap;
 
@@ -16,12 +16,12 @@ use crate::scene::drive::{Actions, DriveSpec, Range, Road, Script, Sensors};
 use crate::sim::BodyControl;
 use crate::stl::Expr;
 
-/// Longest episode, in samples.
+/// Greatest number of samples of an episode.
 const MAX_SAMPLES: f64 = 1e5;
-/// Most lanes of a road.
+/// Greatest number of lanes of a road.
 const MAX_LANES: usize = 100;
 
-/// Notes a number outside of `lo ..= hi`.
+/// Reports a number outside of `lo ..= hi`.
 pub(super) fn within(problems: &mut Problems, path: &Path, value: f64, lo: f64, hi: f64) {
     if !(lo..=hi).contains(&value) {
         let what = format!("{value} is outside of {lo} ..= {hi}");
@@ -35,6 +35,8 @@ pub(super) fn clock(problems: &mut Problems, path: &Path, clock: &Clock) {
         ("decision_s", clock.decision_s),
         ("sample_s", clock.sample_s),
     ];
+    // The ratios below divide by these values, so the check ends at the first
+    // mistake.
     for (field, value) in positive {
         if value <= 0.0 {
             let what = format!("`{field}` is {value}, but time moves forward");
@@ -63,6 +65,7 @@ pub(super) fn clock(problems: &mut Problems, path: &Path, clock: &Clock) {
     ];
     for (field, value, unit_field, unit) in multiples {
         let ratio = value / unit;
+        // A ratio of decimal fractions is only whole up to rounding.
         if ratio.round() < 1.0 || 1e-6 < (ratio - ratio.round()).abs() {
             let what = format!("`{field}` = {value} s is no multiple of `{unit_field}` = {unit} s");
             let below = tidy(ratio.floor().max(1.0) * unit);
@@ -82,12 +85,12 @@ pub(super) fn clock(problems: &mut Problems, path: &Path, clock: &Clock) {
     }
 }
 
-/// A number without the dust of binary fractions.
+/// Rounds to nine decimals, which removes the digits of binary fractions.
 fn tidy(value: f64) -> f64 {
     (value * 1e9).round() / 1e9
 }
 
-/// What every road must be.
+/// Checks the lanes of a road.
 pub(super) fn lanes(problems: &mut Problems, path: &Path, road: &Road) {
     if !(1..=MAX_LANES).contains(&road.lanes()) {
         problems.add(
@@ -112,6 +115,7 @@ pub(super) fn road(problems: &mut Problems, path: &Path, road: &Road) {
     if let Some(limit_mps) = road.speed_limit_mps() {
         within(problems, &path.to("speed_limit_mps"), limit_mps, 0.1, 150.0);
     }
+    // The geometry checks itself, and names the piece that is wrong.
     if let Err(error) = road.course() {
         let list = match road {
             Road::Polyline { .. } => path.to("points_m"),
@@ -145,6 +149,8 @@ pub(super) fn learner(
     LearnerConfig::new(settings.clone()).unwrap_or_else(|error| {
         let place = path.to(error.field);
         problems.add(&place, error.what(), "here", Some(error.help));
+        // A default keeps the check going, so that further mistakes are
+        // reported.
         LearnerConfig::default()
     })
 }
@@ -189,19 +195,20 @@ pub(super) fn signal_name(problems: &mut Problems, path: &Path, name: &str, take
     }
 }
 
-/// A constant's or formula's name: an identifier that means nothing else.
+/// Checks the name of a constant or a formula, which must have no other meaning.
 pub(super) fn free_name(problems: &mut Problems, path: &Path, name: &str, taken: bool) {
     if taken {
         let what = format!("`{name}` is the name of something else already");
         problems.add(path, what, "choose another name", None);
     } else if !is_identifier(name) || name.parse::<Expr>().is_err() {
+        // Words of the language are identifiers, but no expressions.
         let what = format!("`{name}` cannot be a name in formulas");
         let help = "letters, digits and _, and no word of the language".to_owned();
         problems.add(path, what, "here", Some(help));
     }
 }
 
-/// The world's own name, which files are named after.
+/// Checks the world's name, after which files are named.
 pub(super) fn world_name(problems: &mut Problems, path: &Path, name: &str) {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if name.is_empty() || 64 < name.len() || !name.chars().all(plain) {
@@ -216,7 +223,7 @@ fn is_identifier(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
-/// Several runs of each start, and how many failures among them count as one.
+/// Checks the number of runs of each start, and of failures that count.
 pub(super) fn repeats(problems: &mut Problems, path: &Path, repeats: Repeats) {
     let Repeats { runs, gate } = repeats;
     if !(1..=MAX_REPEATS).contains(&runs) {
@@ -240,6 +247,7 @@ pub(super) fn controller(problems: &mut Problems, path: &Path, ego: &Actuated<Co
 
 fn parameters(problems: &mut Problems, path: &Path, parameters: &[Parameter]) {
     for parameter in parameters {
+        // This form also rejects NaN, unlike a comparison with the bound.
         if !(parameter.at_least..).contains(&parameter.value) {
             let what = format!(
                 "`{}` is {}, below {}",
@@ -250,7 +258,7 @@ fn parameters(problems: &mut Problems, path: &Path, parameters: &[Parameter]) {
     }
 }
 
-/// What an ado may do: in range, and fit for its body.
+/// Checks the actions of an ado: their range, and their fit for its body.
 pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body: ActsAs) {
     let list = path.to("actions");
     let numbers: Vec<(Path, f64)> = match &ado.actions {
@@ -323,18 +331,18 @@ pub(super) fn actions(problems: &mut Problems, path: &Path, ado: &AdoFile, body:
     within(problems, &path.to("lag_s"), ado.lag_s, 0.0, 10.0);
 }
 
-/// Whether actions are those of a kind of ado.
+/// Returns true if the actions suit a kind of ado.
 pub(super) fn fits(actions: &Actions, body: ActsAs) -> bool {
     match actions {
         Actions::Accelerations(_) | Actions::Grid(_) => body == ActsAs::Vehicle,
         Actions::Walks(_) => body == ActsAs::Walker,
         Actions::Phases(_) => body == ActsAs::Light,
-        // Only beside a plan, which is of one world.
+        // Deviations require a plan, and a plan belongs to one world.
         Actions::Deviate(_) => false,
     }
 }
 
-/// What is wrong with a plan that is no base for the actions, or is missing.
+/// Mistake of a plan that is missing, or is no base for the actions.
 fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str)> {
     match (&ado.base, &ado.actions) {
         (Some(_), _) if body == ActsAs::Light => Some((
@@ -353,7 +361,7 @@ fn misplanned(ado: &AdoFile, body: ActsAs) -> Option<(&'static str, &'static str
     }
 }
 
-/// Who an ado is, as far as its actions go.
+/// Kind of an ado, with regard to its actions.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum ActsAs {
     Vehicle,
@@ -392,8 +400,9 @@ impl ActsAs {
     }
 }
 
-/// After a change, nobody may start inside anybody else either.
+/// Verifies that no two agents start inside each other after a change.
 pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
+    // The spans are not used, so no text is needed.
     let mut problems = Problems::new("");
     let entries: Vec<usize> = (0..spec.agents.len()).collect();
     super::starts::check(&mut problems, &Path::top(), spec, &entries);
@@ -407,7 +416,7 @@ pub(super) fn still_apart(spec: &DriveSpec) -> Result<(), ChangeError> {
     }
 }
 
-/// A script: times that rise from 0 on, and sound parameters.
+/// Checks a script: times that rise from 0 on, and valid parameters.
 pub(super) fn script(problems: &mut Problems, path: &Path, script: &Script) {
     let times: Vec<f64> = match script {
         Script::ConstantSpeed | Script::Stand => Vec::new(),
@@ -425,14 +434,14 @@ pub(super) fn script(problems: &mut Problems, path: &Path, script: &Script) {
     }
 }
 
-/// The ego's sensors: in range, and a delay of whole samples.
+/// Checks the ego's sensors: their range, and a delay of whole samples.
 pub(super) fn sensors(problems: &mut Problems, path: &Path, sensors: &Sensors, clock: &Clock) {
     if let Some((field, what, help)) = sensor_flaw(sensors, clock) {
         problems.add(&path.to(field), what, "here", Some(help));
     }
 }
 
-/// What is wrong with sensors: the field, what, and the cure.
+/// Mistake of sensors: the field, the problem and the fix.
 pub(super) fn sensor_flaw(
     sensors: &Sensors,
     clock: &Clock,
@@ -454,6 +463,7 @@ pub(super) fn sensor_flaw(
             return Some((field, what, "0 is a perfect sensor".to_owned()));
         }
     }
+    // A delay reads a recorded sample, so it must be a whole number of samples.
     let samples = delay_s / clock.sample_s;
     if 1e-6 < (samples - samples.round()).abs() {
         let what = format!(
@@ -471,7 +481,7 @@ pub(super) fn sensor_flaw(
     None
 }
 
-/// Every change under `reuse` must fit.
+/// Verifies that every change under `reuse` fits.
 pub(super) fn reuse(problems: &mut Problems, path: &Path, scenario: &Scenario) {
     world_name(problems, &Path::top().to("name"), &scenario.name);
     for (name, change) in &scenario.reuse {
@@ -481,6 +491,8 @@ pub(super) fn reuse(problems: &mut Problems, path: &Path, scenario: &Scenario) {
             let help = "`nominal`, `all` and files mean something else to `--ego`".to_owned();
             problems.add(&path.to(name), what, "choose another name", Some(help));
         }
+        // Each change is applied once, which runs all checks that `--ego`
+        // would.
         if let Err(error) = scenario.with(change) {
             let place = error.path(&path.to(name));
             problems.add(&place, error.what, "here", error.help);

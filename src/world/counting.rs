@@ -1,15 +1,22 @@
-//! Checks of `counts`: what it needs of the judge, the reward and the road users.
+//! Checks of `counts` and `goals` against the judge, the reward and the road users.
 
 use super::check;
 use super::file::{AgentFile, DriveFile, ScenarioFile};
 use super::locate::Path;
 use super::problems::Problems;
-use crate::rulebook::{Counts, JudgeKind, Reward};
+use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 
-/// Largest closing speed that a contact may be asked for.
+/// Greatest closing speed that `counts` may require, in m/s.
 const MAX_CLOSING_MPS: f64 = 150.0;
 
 pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
+    let others = file
+        .agents
+        .iter()
+        .filter(|agent| is_other_with_a_body(agent));
+    if let Some((what, help)) = against_goals(&file.goals, Some(others.count())) {
+        problems.add(&top.to("goals"), what, "here", Some(help));
+    }
     let place = top.to("counts");
     let Some(closing_mps) = file.counts.closing_mps() else {
         return;
@@ -36,7 +43,8 @@ pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
         let help = Some("write judge: UntilContact".to_owned());
         problems.add(&place, what, "needs another judge", help);
     }
-    // Lemma 2's order: what does not count is paid below all that does.
+    // Lemma 2 requires a reward for violations that do not count below that of
+    // all that count.
     let stepped = matches!(file.reward, Reward::Tanh { jump, .. } if 0.0 < jump);
     if !stepped {
         let what = "this reward has no step between what counts and what does not".to_owned();
@@ -53,6 +61,31 @@ pub(super) fn check(problems: &mut Problems, top: &Path, file: &ScenarioFile) {
     }
 }
 
+/// Why a training cannot have these goals, and the cure, among so many `others`
+/// with a body; `None`: the world is a grid.
+pub(super) fn against_goals(
+    goals: &[TrainingGoal],
+    others: Option<usize>,
+) -> Option<(String, String)> {
+    let named = |goal: TrainingGoal| goals.iter().filter(|it| **it == goal).count();
+    let (severe, distinct) = (named(TrainingGoal::Severe), named(TrainingGoal::Distinct));
+    let refused = |what: &str, help: &str| Some((what.to_owned(), help.to_owned()));
+    match others {
+        None if !goals.is_empty() => refused(
+            "training goals require a driving world, and this is a grid",
+            "leave out the goals",
+        ),
+        Some(0) if 0 < severe => refused(
+            "the goal `Severe` requires somebody who can touch the ego",
+            "add a vehicle, a pedestrian or an obstacle; or leave out `Severe`",
+        ),
+        _ if 1 < severe || 1 < distinct => {
+            refused("a training goal is named twice", "name each goal once")
+        }
+        _ => None,
+    }
+}
+
 fn is_other_with_a_body(agent: &AgentFile) -> bool {
     match agent {
         AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => {
@@ -63,7 +96,7 @@ fn is_other_with_a_body(agent: &AgentFile) -> bool {
     }
 }
 
-/// Refuses what asks for a contact in a world of cells.
+/// Refuses a judge or a count that requires contacts in a world of cells.
 pub(super) fn nothing_touches(
     problems: &mut Problems,
     top: &Path,

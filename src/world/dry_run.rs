@@ -1,4 +1,4 @@
-//! Trying a world at load: what only a run can show.
+//! Trial runs of a world at load, which reveal mistakes that no text shows.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -14,39 +14,42 @@ use crate::seed::{Purpose, StartKey};
 use crate::sim::{Placement, PlantKind};
 use crate::testbench::{Actor, Aftermath, Constant, HeldRandom, Testbench, play};
 
-/// Starts on which a world is tried at load, besides the corners of X_init.
+/// Number of starts of the trial runs, besides the corners of X_init.
 const TRIED_STARTS: u64 = 32;
-/// Corners of X_init that are tried at most.
+/// Greatest number of corners of X_init that are tried.
 const MAX_CORNERS: u32 = 256;
-/// Samples spent at most on trying coasting runs at load.
+/// Greatest number of samples of the coasting runs at load.
 const TRIED_SAMPLES: usize = 200_000;
-/// Runs in search of one that keeps every rule.
+/// Greatest number of runs in search of a run that keeps every rule.
 const MAX_TRIALS: usize = 200;
-/// Runs that are enough to say of a rule that it cannot be kept.
+/// Least number of runs that show that a rule cannot be kept.
 const LEAST_TRIALS: usize = 10;
-/// Entries of a file's list of agents that are looked through at most.
+/// Greatest number of entries of a file's list of agents that are searched.
 const MAX_AGENTS: usize = 1000;
-/// Decisions for which changing actions are held at most.
+/// Greatest number of decisions for which changing actions are held.
 const MAX_HOLD: usize = 12;
 
-/// Agents whose samples cost about as much as those of two.
+/// Number of agents up to which a sample costs about as much as for two.
 const FEW_AGENTS: usize = 20;
 
-/// Samples that may be spent on a trial: everybody looks at everybody, so those of
-/// a crowd cost more.
+/// Number of samples that a trial may take.
+///
+/// Agents are compared with each other, so samples of many agents cost more.
 fn affordable_samples(scenario: &Scenario) -> usize {
     let agents = scenario.drive().map_or(0, |spec| spec.agents.len());
     TRIED_SAMPLES / (agents / FEW_AGENTS).max(1).pow(2)
 }
 
-/// Starts to try a world on: those it lists, or corners of X_init and draws.
+/// Starts of the trial runs: listed starts, or corners of X_init and random draws.
 fn tried_starts(scenario: &Scenario) -> Vec<Start> {
     let bench = scenario.bench();
     if let Some(starts) = scenario.starts() {
+        // Evenly spread over the list, which may be long.
         let every = starts.len().div_ceil(MAX_CORNERS as usize).max(1);
         return starts.into_iter().step_by(every).collect();
     }
     let axes = bench.axes();
+    // With many axes only the corners of the first axes are tried.
     let corners = 1u32 << axes.len().min(MAX_CORNERS.ilog2() as usize);
     let corner = |bits: u32| {
         let pick = |(i, axis): (usize, &crate::scene::Axis)| match bits >> i & 1 {
@@ -57,6 +60,8 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
     };
     let drawn = (0..TRIED_STARTS).map(|index| {
         bench.draw(StartKey {
+            // Calibration starts, because training and test starts must stay
+            // untouched.
             purpose: Purpose::Calibration,
             seed: 0,
             index,
@@ -64,12 +69,12 @@ fn tried_starts(scenario: &Scenario) -> Vec<Start> {
     });
     match scenario.drive() {
         Some(_) => (0..corners).map(corner).chain(drawn).collect(),
-        // On a grid two corners may be one cell: only draws are starts.
+        // On a grid two corners may be one cell, so only draws are starts.
         None => drawn.collect(),
     }
 }
 
-/// At t = 0 no rule may be broken already, nor ψ_ego be lost.
+/// Checks that no rule is broken, and ψ_ego not violated, at t = 0.
 pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scenario) {
     let tried = scenario.on(PlantKind::Kinematic);
     let mut bench = tried.bench();
@@ -87,6 +92,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
         }
         bench.begin(&start, 0, Aftermath::Skip);
         if bench.trace().is_empty() {
+            // One example suffices: the other starts probably have the same cause.
             let what = "a signal is not finite at the start".to_owned();
             problems.add(
                 &path.to("signals"),
@@ -107,7 +113,8 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
             return;
         }
         bench.trace().read_row(0, &mut row);
-        // What is lost for good on the first sample is, under any judge.
+        // A specification that is lost on the first sample is lost under any
+        // judge.
         let first = match rulebook.judge {
             JudgeKind::UntilContact => Cow::Owned(Rulebook {
                 judge: JudgeKind::UntilViolation,
@@ -136,7 +143,7 @@ pub(super) fn begins_well(problems: &mut Problems, path: &Path, scenario: &Scena
     }
 }
 
-/// The first two bodies that overlap, as seen from above.
+/// First two bodies that overlap from above.
 fn first_overlap(bench: &Testbench) -> Option<(usize, usize)> {
     let (cast, frame) = (bench.stage().cast, bench.frame());
     let boxes: Vec<Footprint> = cast
@@ -148,10 +155,10 @@ fn first_overlap(bench: &Testbench) -> Option<(usize, usize)> {
     pairs.find(|&(i, j)| boxes[i].overlaps(&boxes[j]))
 }
 
-/// A body as a rectangle on the ground.
+/// Body as a rectangle on the ground.
 struct Footprint {
     centre_m: [f64; 2],
-    /// Half of its length along, half of its width across.
+    /// Half length along, and half width across.
     half_m: [[f64; 2]; 2],
 }
 
@@ -167,7 +174,7 @@ impl Footprint {
         }
     }
 
-    /// Two rectangles are apart if a side of one separates them.
+    /// Returns true if no side of either rectangle separates them.
     fn overlaps(&self, other: &Footprint) -> bool {
         let dot = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
         let apart: [f64; 2] = std::array::from_fn(|i| other.centre_m[i] - self.centre_m[i]);
@@ -179,10 +186,12 @@ impl Footprint {
     }
 }
 
-/// The entry of somebody in the file's list of agents.
+/// Entry of an agent in the file's list of agents.
 fn entry_of(list: &Path, text: &str, name: &str) -> Path {
     let quoted = format!("\"{name}\"");
     let mut entries = (0..MAX_AGENTS).map(|i| list.at(i));
+    // Searched in the text, because the entry may differ from the position in
+    // the spec.
     let found = entries.find(|entry| text[entry.to("name").find(text)] == quoted);
     found.unwrap_or_else(|| list.clone())
 }
@@ -205,11 +214,13 @@ fn rule_place(scenario: &Scenario, rule: &str) -> Path {
     found.map_or_else(Path::top, |spec| spec.place.clone())
 }
 
-/// A rule that is broken however the ados act cannot be meant.
+/// Reports a rule that is broken whatever the ados do, which cannot be intended.
 ///
-/// Found by trying: every action for the whole run, and changing ones. Returns
-/// a warning about rules that no run kept together, or about a rule that was
-/// broken in all of too few runs to say more.
+/// It is found by trial runs: constant actions for complete runs, and changing
+/// actions.
+///
+/// Returns a warning for rules that no run kept together, or for a rule that
+/// was broken in all of too few runs.
 pub(super) fn can_be_kept(
     problems: &mut Problems,
     scenario: &Scenario,
@@ -218,9 +229,11 @@ pub(super) fn can_be_kept(
     let rules = &tried.rulebook().rules;
     let runs = rules_kept(&tried);
     let tries = runs.len();
+    // Without runs, as with a program as the ego, no rule can be judged.
     if tries == 0 {
         return None;
     }
+    // The diagonal shows whether a single rule was ever kept.
     let ever = |i: usize, j: usize| runs.iter().any(|kept| kept[i] && kept[j]);
     let numbered = || 0..rules.len();
     if let Some(broken) = numbered().find(|&i| !ever(i, i)) {
@@ -251,12 +264,11 @@ pub(super) fn can_be_kept(
     Some(excluding(scenario, pair, tries))
 }
 
-/// Rules that runs to the horizon never keep, alone or together.
+/// Warning for rules that no run to the horizon keeps, alone or together.
 ///
-/// An episode may end before a rule asks for anything, so that
-/// [`can_be_kept`], which reads episodes, finds `always[2, T] φ` kept by a run of
-/// one second. Here nothing but a contact ends a run, and every rule is read on
-/// all of it.
+/// An episode may end before a rule requires anything. [`can_be_kept`] reads
+/// episodes, so it considers `always[2, T] φ` kept by a run of one second. Here
+/// only a contact ends a run, and every rule is evaluated on the complete run.
 pub(super) fn kept_to_the_end(scenario: &Scenario) -> Option<(Oddity, Problem)> {
     let rules = &scenario.rulebook().rules;
     let runs = rules_kept_to_the_end(&scenario.on(PlantKind::Kinematic));
@@ -281,7 +293,7 @@ pub(super) fn kept_to_the_end(scenario: &Scenario) -> Option<(Oddity, Problem)> 
     Some(excluding(scenario, (i, j), tries))
 }
 
-/// The warning about two rules that no run kept together.
+/// Warning for two rules that no run kept together.
 fn excluding(scenario: &Scenario, (i, j): (usize, usize), tries: usize) -> (Oddity, Problem) {
     let rules = &scenario.rulebook().rules;
     let (first, second) = (&rules[i].name, &rules[j].name);
@@ -297,7 +309,7 @@ fn excluding(scenario: &Scenario, (i, j): (usize, usize), tries: usize) -> (Oddi
     (Oddity::ExcludingRules, problem)
 }
 
-/// Which rules each of some runs to the horizon kept; the last may have kept all.
+/// Kept rules of some runs to the horizon. The last run may have kept all.
 fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
     let lawless = Rulebook {
         rules: Vec::new(),
@@ -306,7 +318,7 @@ fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
     };
     let mut bench = Testbench::new(tried.world().scene(), Arc::new(lawless));
     let mut runs: Vec<Vec<bool>> = Vec::new();
-    // A program as the ego is not run for a warning's sake.
+    // An ego that is a program is not started for a warning.
     if bench.fork().is_none() || tried.rulebook().rules.is_empty() {
         return runs;
     }
@@ -314,6 +326,8 @@ fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
     let mut scratch = crate::stl::Scratch::default();
     let mut samples = 0;
     for (i, start) in tried_starts(tried).iter().enumerate() {
+        // The neutral action first: a run that keeps all rules ends the search
+        // early.
         let others = (0..actions).filter(|action| *action != neutral);
         let constant = std::iter::once(neutral).chain(others);
         let constant = constant.map(|action| Box::new(Constant(action)) as Box<dyn Actor>);
@@ -335,14 +349,14 @@ fn rules_kept_to_the_end(tried: &Scenario) -> Vec<Vec<bool>> {
     runs
 }
 
-/// Which rules each of some runs kept; the last may have kept all.
+/// Kept rules of some runs. The last run may have kept all.
 ///
-/// As many runs as cost no more than a number of samples: a run that breaks a
-/// rule ends early, so that there are many of those even in long episodes.
+/// The number of samples is limited, not the number of runs. Runs that break a
+/// rule end early, so there are many of them even if episodes are long.
 fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
     let mut bench = tried.bench();
     let mut runs: Vec<Vec<bool>> = Vec::new();
-    // A program as the ego is not run for this.
+    // An ego that is a program is not started here.
     if bench.fork().is_none() {
         return runs;
     }
@@ -355,6 +369,8 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
         let actors: [&mut dyn Actor; 2] = [&mut constant, &mut changing];
         for actor in actors {
             let episode = play(&mut bench, start, i as u64, actor, Aftermath::Skip);
+            // Rules are judged on the samples up to the verdict, as in
+            // training.
             let mut judged = episode.trace;
             judged.truncate(episode.judged);
             samples += judged.len();
@@ -371,11 +387,11 @@ fn rules_kept(tried: &Scenario) -> Vec<Vec<bool>> {
     runs
 }
 
-/// What is allowed but odd: coasting runs that sit at ρ = 0 exactly.
+/// Warning for coasting runs with ρ = 0 exactly, which are allowed but odd.
 pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> {
     let tried = scenario.on(PlantKind::Kinematic);
-    // Without rules: a run that breaks one would end there, and a rule that is
-    // about to be broken passes through ρ = 0.
+    // Rules are left out, because breaking a rule would end the run. A rule
+    // that is about to be broken passes through ρ = 0.
     let lawless = Rulebook {
         rules: Vec::new(),
         ..tried.rulebook().clone()
@@ -384,7 +400,7 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
     let neutral = bench.spaces().neutral;
     let mut scratch = crate::stl::Scratch::default();
     let affordable = affordable_samples(&tried) / bench.clock().samples();
-    // A program as the ego is not run for a warning's sake.
+    // An ego that is a program is not started for a warning.
     let affordable = bench.fork().map_or(0, |_| affordable.max(1));
     for start in tried_starts(&tried).into_iter().take(affordable) {
         let mut actor = Constant(neutral);
@@ -404,7 +420,8 @@ pub(super) fn tie(text: &str, scenario: &Scenario) -> Option<(Oddity, Problem)> 
                 ),
                 rule_place(scenario, &rule.name),
             ),
-            // On a grid whole numbers meet: next to the ego is ρ = 0, a capture 1.
+            // On a grid, whole numbers are compared, so ρ = 0 next to the ego
+            // is no accident.
             None if episode.robustness == 0.0 && scenario.drive().is_some() => (
                 "a coasting run satisfies the ego's specification with ρ = 0 exactly".to_owned(),
                 top.to("ego_spec"),

@@ -1,38 +1,39 @@
-//! What is wrong with a world file: place, reason and cure.
+//! Errors of world files: place, reason and fix.
 
 use std::ops::Range;
 
-/// One mistake in a world file.
+/// Mistake in a world file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// What is wrong, naming the value.
+    /// Statement of the problem with its value.
     pub what: String,
-    /// Bytes of the file that are wrong.
+    /// Bytes of the file with the mistake.
     pub span: Range<usize>,
-    /// A few words to stand at the place.
+    /// Short label for the place.
     pub label: String,
-    /// The cure, where one is known.
+    /// Fix, if known.
     pub help: Option<String>,
 }
 
-/// A world file that cannot be used.
+/// World file that cannot be used.
 ///
-/// As `Debug` it prints as on the command line.
+/// Its `Debug` form equals the output of the command line.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ScenarioError {
     /// Name of the file, as the user gave it.
     pub file: String,
-    /// Its text.
+    /// Text of the file.
     pub text: String,
-    /// What is wrong, at least one.
+    /// Mistakes, at least one.
     pub problems: Vec<Problem>,
 }
 
 impl ScenarioError {
-    /// Line and column (both from 1) of a byte of the text.
+    /// Returns the line and column (both from 1) of a byte of the text.
     pub fn line_column(&self, at: usize) -> (usize, usize) {
         let before = &self.text[..at.min(self.text.len())];
         let line = before.matches('\n').count() + 1;
+        // Columns count characters, as editors do.
         let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
         (line, column)
     }
@@ -56,15 +57,16 @@ impl std::fmt::Display for ScenarioError {
 
 impl std::error::Error for ScenarioError {}
 
-/// "did you mean `x`?", when `x` is close to what was written.
+/// Suggestion "did you mean `x`?", if `x` is close to the written name.
 pub(crate) fn did_you_mean<'a>(
     written: &str,
     known: impl IntoIterator<Item = &'a str>,
 ) -> Option<String> {
     let near = |name: &'a str| {
         let distance = strsim::damerau_levenshtein(written, name);
-        // A name without its unit, such as `max_brake`, is near as well.
+        // A name without its unit, such as `max_brake`, is close as well.
         let begun = 3 <= written.len() && name.starts_with(written);
+        // Longer names tolerate more typing errors.
         (begun || distance <= 1 + name.len() / 4).then_some((distance, name))
     };
     known
@@ -74,13 +76,13 @@ pub(crate) fn did_you_mean<'a>(
         .map(|(_, name)| format!("did you mean `{name}`?"))
 }
 
-/// The known names as a list for a help text.
+/// List of known names for a help text.
 pub(crate) fn known_names<'a>(what: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<&str> = known.into_iter().collect();
     format!("{what}: {}", names.join(", "))
 }
 
-/// The known names, behind the one that was most likely meant.
+/// List of known names, preceded by the most likely name.
 pub(crate) fn guessed<'a>(
     written: &str,
     what: &str,
@@ -94,21 +96,21 @@ pub(crate) fn guessed<'a>(
     }
 }
 
-/// A world file could not be read or used.
+/// Failure to read or use a world file.
 ///
-/// As `Debug` it prints as on the command line: a test that returns it says what
-/// is wrong, where, and how to mend it.
+/// Its `Debug` form equals the output of the command line. A test that returns
+/// it then shows the problem, its place and its fix.
 #[derive(thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
     #[error("cannot read `{file}`: {source}")]
     Io {
-        /// Its path.
+        /// Path of the file.
         file: String,
-        /// Why.
+        /// Underlying error.
         source: std::io::Error,
     },
-    /// The file is not a world.
+    /// The file is not a valid world.
     #[error(transparent)]
     Scenario(Box<ScenarioError>),
 }

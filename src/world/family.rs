@@ -1,13 +1,13 @@
-//! The family of egos and plants that an ado can be trained against.
+//! Family of egos and plants that an ado can be trained against.
 //!
-//! A world file may name, under `train_against`, ranges over the parameters of
-//! its ego, over the ego's sensors and the road, and the plants to train on.
-//! A [`Member`] is one point of it. An ado trained against the whole family is
-//! *wide* (it is not told which member it meets) or *conditional* (the
-//! member's quantities are appended to its observation).
+//! `train_against` of a world file names ranges over the parameters of its ego,
+//! over the ego's sensors and the road, and the plants to train on. A
+//! [`Member`] is one point of the family. An ado trained against the complete
+//! family is *wide* or *conditional*. A conditional ado has the member's
+//! quantities appended to its observation, and a wide ado has not.
 //!
-//! Members are drawn per episode from the episode's own key, so they depend on
-//! no thread and no earlier episode.
+//! Members are drawn per episode from the episode's own key. They depend on no
+//! thread and no earlier episode.
 
 use std::fmt;
 
@@ -29,7 +29,7 @@ use crate::sim::PlantKind;
 /// Share of the members that are nominal in every quantity.
 const PURE: f64 = 0.15;
 
-/// What an ado is trained against.
+/// Training opponent of an ado.
 #[derive(
     Clone,
     Copy,
@@ -58,83 +58,86 @@ pub enum Against {
 }
 
 impl Against {
-    /// The word in files and on the command line.
+    /// Returns the word in files and on the command line.
     pub fn word(self) -> &'static str {
         self.into()
     }
 
-    /// Whether it is the world's own ego, as when nothing is said.
+    /// Returns true for the world's own ego, which is the default.
     pub fn is_nominal(&self) -> bool {
         *self == Against::Nominal
     }
 }
 
-/// One ego on one plant: a value for every quantity of the family.
+/// Ego on a plant, with a value for every quantity of the family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
-    /// In the order of [`Family::quantities`].
+    /// Values in the order of [`Family::quantities`].
     pub values: Vec<f64>,
-    /// Which physics.
+    /// Plant of the member.
     pub plant: PlantKind,
-    /// A controller of another structure in place of the world's own, whose
-    /// parameters among `values` it does not have.
+    /// Controller of another structure in place of the world's own.
+    ///
+    /// It lacks the parameters of the world's own controller among `values`.
     pub controller: Option<Actuated<ControllerSpec>>,
 }
 
-/// Egos, sensors, roads and plants to train against, checked.
+/// Checked family of egos, sensors, roads and plants to train against.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Family {
-    /// What varies, in the order of the file.
+    /// Varied quantities in the order of the file.
     pub quantities: Vec<Quantity>,
-    /// The plants, each with its weight.
+    /// Plants with their weights.
     pub plants: Vec<(PlantKind, u32)>,
-    /// Controllers of other structures, each met as often as the world's own. A
-    /// conditional ado meets none of them: it could not be told which.
+    /// Controllers of other structures, each drawn as often as the world's own.
+    ///
+    /// A conditional ado is trained without them, because its inputs cannot
+    /// express them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub structures: Vec<Structure>,
     /// Probability with which a quantity of a member is nominal.
     pub nominal_share: f64,
-    /// How a wide ado learns.
+    /// Learner of a wide ado.
     pub wide: LearnerConfig,
-    /// How a conditional ado learns.
+    /// Learner of a conditional ado.
     pub conditional: LearnerConfig,
-    /// The world's own ego.
+    /// World's own ego.
     pub(super) base: EgoVariant,
 }
 
-/// An ego has no value for a quantity of the family.
+/// Ego without a value for a quantity of the family.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("this ego has no `{name}`, so the family cannot say which member it is")]
 pub struct NoMember {
-    /// The quantity.
+    /// Name of the quantity.
     pub name: String,
 }
 
-/// Quantities by name do not name a member of the family.
+/// Named quantities that do not describe a member of the family.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MisfitMember {
-    /// A quantity is not given.
+    /// A quantity is missing.
     #[error("`{name}` is missing; the family varies {known}")]
     Missing {
-        /// The quantity.
+        /// Name of the quantity.
         name: String,
-        /// All there are.
+        /// Names of all quantities.
         known: String,
     },
     /// A quantity is given that the family does not vary.
     #[error("`{name}` is none of the family's quantities: {known}")]
     Unknown {
-        /// The quantity.
+        /// Name of the quantity.
         name: String,
-        /// All there are.
+        /// Names of all quantities.
         known: String,
     },
-    /// A value lies outside of its range.
+    /// A value is outside of its range.
     #[error("`{name}` is {value}, outside of {lo} ..= {hi}")]
     Outside {
-        /// The quantity.
+        /// Name of the quantity.
         name: String,
-        /// Its value.
+        /// Given value.
         value: f64,
         /// Least value.
         lo: f64,
@@ -144,7 +147,7 @@ pub enum MisfitMember {
 }
 
 impl Family {
-    /// The world's own ego on a plant.
+    /// Returns the world's own ego on a plant.
     pub fn nominal(&self, plant: PlantKind) -> Member {
         Member {
             values: self.quantities.iter().map(|q| q.nominal).collect(),
@@ -153,16 +156,17 @@ impl Family {
         }
     }
 
-    /// The member met in the episode of a key of a world.
+    /// Returns the member of an episode with a key, in a world.
     ///
-    /// 15 % are nominal in every quantity; in the others each quantity is
-    /// nominal with the family's probability and else uniform in its range. The plant
-    /// is drawn by the weights of all. Of `n` other structures each is met in
-    /// one episode of `n + 1`.
+    /// 15 % of the members are nominal in every quantity. In the others each
+    /// quantity is nominal with the family's probability, and otherwise uniform
+    /// in its range. The plant is drawn by the weights of all plants. Each of
+    /// `n` other structures is drawn in one episode of `n + 1`.
     pub fn draw(&self, world: &str, key: StartKey) -> Member {
         let mut member = self.draw_own(world, key);
         if !self.structures.is_empty() {
-            // Numbers of their own, so that a structure more changes no other.
+            // A separate stream, so that an additional structure changes no
+            // other draw.
             let mut rng = key.generator(world, "structure");
             let which = rng.random_range(0..=self.structures.len());
             let met = self.structures.get(which);
@@ -171,7 +175,7 @@ impl Family {
         member
     }
 
-    /// A member of the world's own structure.
+    /// Returns a member of the world's own structure.
     fn draw_own(&self, world: &str, key: StartKey) -> Member {
         let mut rng = key.generator(world, "family");
         let plant = self.draw_plant(&mut rng);
@@ -179,8 +183,8 @@ impl Family {
             return self.nominal(plant);
         }
         let values = self.quantities.iter().map(|quantity| {
-            // Both are drawn always, so that a quantity more or less does not
-            // change how many numbers another one takes.
+            // Both are always drawn, so that each quantity takes the same
+            // number of draws whether it is nominal or not.
             let (dice, value) = (rng.random::<f64>(), quantity.draw(&mut rng));
             match dice < self.nominal_share {
                 true => quantity.nominal,
@@ -206,26 +210,28 @@ impl Family {
         self.base.plant
     }
 
-    /// How many numbers a conditional ado is told.
+    /// Returns the number of additional inputs of a conditional ado.
     pub fn told_width(&self) -> usize {
         self.quantities.len()
     }
 
-    /// What a conditional ado is told: every quantity scaled to −1 ..= 1.
+    /// Returns the additional inputs of a conditional ado.
     ///
-    /// The plant is not told: an ado that knows it learns each of them from
-    /// its own episodes only.
+    /// They are the member's quantities, scaled to −1 ..= 1.
+    ///
+    /// The plant is no input. An ado with that input would learn each plant
+    /// from its own episodes only.
     pub fn told(&self, member: &Member) -> Vec<f32> {
         self.unit(member).iter().map(|&u| u as f32).collect()
     }
 
-    /// A member as a point: every quantity scaled to −1 ..= 1 over its range.
+    /// Returns a member as a point: every quantity scaled to −1 ..= 1 over its range.
     pub fn unit(&self, member: &Member) -> Vec<f64> {
         let pairs = self.quantities.iter().zip(&member.values);
         pairs.map(|(q, value)| q.scaled(*value)).collect()
     }
 
-    /// The member at a point, or the one nearest to it.
+    /// Returns the member at a point, or the nearest member.
     pub fn at(&self, point: &[f64], plant: PlantKind) -> Member {
         let pairs = self.quantities.iter().zip(point);
         Member {
@@ -235,13 +241,13 @@ impl Family {
         }
     }
 
-    /// Names of what a conditional ado is told, in order.
+    /// Returns the names of the additional inputs of a conditional ado, in order.
     pub fn told_names(&self) -> Vec<String> {
         let quantities = self.quantities.iter();
         quantities.map(|q| q.varied.name().to_owned()).collect()
     }
 
-    /// The ego that a member is.
+    /// Returns the ego of a member.
     pub fn variant(&self, member: &Member) -> EgoVariant {
         let mut variant = EgoVariant {
             plant: member.plant,
@@ -250,13 +256,15 @@ impl Family {
         for (quantity, &value) in self.quantities.iter().zip(&member.values) {
             quantity.varied.set(&mut variant, value);
         }
+        // Another structure replaces the controller, whose varied parameters
+        // then have no effect.
         if let Some(other) = &member.controller {
             variant.controller = other.clone();
         }
         variant
     }
 
-    /// The member as a change of the world, on the world's own plant.
+    /// Returns the member as a change of the world, on the world's own plant.
     pub(crate) fn change(&self, member: &Member) -> Change {
         let variant = self.variant(member);
         let own = self.quantities.iter().zip(&member.values);
@@ -265,6 +273,8 @@ impl Family {
             _ => None,
         });
         Change {
+            // Another structure lacks the parameters of the world's own
+            // controller.
             ego: match member.controller {
                 None => Patch(ego.collect()),
                 Some(_) => Patch::default(),
@@ -276,10 +286,14 @@ impl Family {
         }
     }
 
-    /// The member that a driving scene is, values beyond a range drawn to it.
+    /// Returns the member that a driving scene is.
+    ///
+    /// Values outside of a range are moved to its end.
     ///
     /// # Errors
-    /// Its controller lacks a parameter that the family varies.
+    ///
+    /// Returns an error if the controller lacks a parameter that the family
+    /// varies.
     pub fn member_of(&self, spec: &DriveSpec) -> Result<Member, NoMember> {
         let values = self.quantities.iter().map(|quantity| {
             let value = quantity.varied.read(spec).ok_or_else(|| NoMember {
@@ -294,10 +308,12 @@ impl Family {
         })
     }
 
-    /// The member of values by name; the plant is told apart.
+    /// Returns the member with named values, on a plant.
     ///
     /// # Errors
-    /// A quantity is missing, unknown, or out of its range.
+    ///
+    /// Returns an error for a missing or unknown quantity, or a value out of
+    /// its range.
     pub fn member_named(
         &self,
         values: &IndexMap<String, f64>,
@@ -334,11 +350,11 @@ impl Family {
         })
     }
 
-    /// Whether a changed ego is a member: everything that the change alters is
-    /// a quantity of the family and stays within its range.
+    /// Returns true if a changed ego is a member.
     ///
-    /// Another body never is, another kind of controller if it is one of the
-    /// family's structures.
+    /// Everything that the change alters must be a quantity of the family,
+    /// within its range. Another body is never in the family. Another kind of
+    /// controller is, if it is one of the family's structures.
     pub fn covers(&self, change: &Change) -> bool {
         let base = &self.base;
         let mut altered: Vec<(Varied, f64, f64)> = Vec::new();
@@ -355,6 +371,8 @@ impl Family {
             for own in controller.parameters() {
                 let nominal = parameter(&base.controller, own.name);
                 let varied = Varied::Ego(own.name.to_owned());
+                // A parameter without a nominal value counts as altered, since
+                // NaN differs from all values.
                 altered.push((varied, nominal.unwrap_or(f64::NAN), own.value));
             }
         } else if !self.structures.iter().any(|s| s.covers(&controller)) {
@@ -377,19 +395,22 @@ impl Family {
         altered.extend(flaws);
         let friction = change.friction.unwrap_or(base.friction);
         altered.push((Varied::Friction, base.friction, friction));
+        // Unaltered values need no range in the family.
         altered.retain(|(_, nominal, value)| nominal != value);
         let quantity = |varied: &Varied| self.quantities.iter().find(|q| q.varied == *varied);
         let within = |(varied, _, value): &(Varied, f64, f64)| {
             quantity(varied).is_some_and(|q| q.contains(*value))
         };
         let plant = change.plant.unwrap_or(base.plant);
+        // A body is no quantity of a family, and a map of cells has no
+        // controller.
         change.ego_body.is_none()
             && change.grid.is_none()
             && (plant == base.plant || self.plants.iter().any(|(kind, _)| *kind == plant))
             && altered.iter().all(within)
     }
 
-    /// The programs among its structures, by the structure's name.
+    /// Returns the programs among its structures, by the structure's name.
     pub fn programs(&self) -> impl Iterator<Item = (&str, &Process)> {
         self.structures.iter().filter_map(|structure| {
             let program = structure.controller.controller.program()?;
@@ -397,7 +418,7 @@ impl Family {
         })
     }
 
-    /// A member in words.
+    /// Returns a member in words.
     pub fn in_words(&self, member: &Member) -> String {
         let pairs = self.quantities.iter().zip(&member.values);
         let list: Vec<String> = pairs

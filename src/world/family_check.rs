@@ -1,4 +1,4 @@
-//! Checking `train_against`: from ranges in a world file to a family.
+//! Checks of `train_against`, from ranges in a world file to a family.
 
 use indexmap::IndexMap;
 
@@ -16,13 +16,13 @@ use crate::ego::{Actuated, ControllerSpec, Parameter};
 use crate::scene::drive::{DriveSpec, EgoVariant};
 use crate::sim::PlantKind;
 
-/// Widest noise and longest delay of sensors, as for `sensors`.
+/// Longest delay and widest noise of sensors, as for `sensors`.
 const MAX_DELAY_S: f64 = 5.0;
 const MAX_NOISE: f64 = 10.0;
-/// Heaviest weight of a plant.
+/// Greatest weight of a plant.
 const MAX_WEIGHT: u32 = 1000;
 
-/// Reads the family of a world and notes what is wrong with it.
+/// Reads the family of a world and reports its mistakes.
 pub(super) fn family(
     problems: &mut Problems,
     path: &Path,
@@ -30,11 +30,13 @@ pub(super) fn family(
     spec: &DriveSpec,
     reuse: &IndexMap<String, Change>,
 ) -> Option<Family> {
+    // Ranges refer to the named parameters of a stock controller.
     let Some(controller) = controller(spec) else {
         let what = "a family needs a stock controller as the ego";
         problems.add(path, what, "here", None);
         return None;
     };
+    // The order of the quantities is that of a conditional ado's inputs.
     let mut quantities = of_controller(problems, &path.to("ego"), &file.ego, &controller);
     let structures = file.structures.0.iter().filter_map(|(name, ranges)| {
         let place = path.to("structures").to(name);
@@ -43,6 +45,7 @@ pub(super) fn family(
     let structures: Vec<Structure> = structures.collect();
     let sample_s = spec.clock.sample_s;
     let others = [
+        // A delay is a whole number of samples, so its quantity has steps.
         (Varied::Delay, file.delay_s, (0.0, MAX_DELAY_S), sample_s),
         (
             Varied::PositionNoise,
@@ -79,6 +82,8 @@ pub(super) fn family(
     check::within(problems, &path.to("nominal"), file.nominal, 0.0, 1.0);
     let wide = check::learner(problems, &path.to("wide"), &file.wide);
     let conditional = check::learner(problems, &path.to("conditional"), &file.conditional);
+    // Without other mistakes only: invalid quantities are missing here, and
+    // were reported.
     if quantities.is_empty() && structures.is_empty() && problems.is_empty() {
         let what = "a family in which nothing varies";
         let help = "write `ego: { \"max_brake_mps2\": (4.0, 8.0) }`, or leave it out".to_owned();
@@ -100,7 +105,7 @@ pub(super) fn family(
     })
 }
 
-/// A controller of another structure: that of a changed ego.
+/// Reads a controller of another structure, which is that of a changed ego.
 fn structure(
     problems: &mut Problems,
     place: &Path,
@@ -120,7 +125,7 @@ fn structure(
         return None;
     };
     for (parameter, value) in &change.ego.0 {
-        // Invariant: whoever has no such parameter is refused under `reuse`.
+        // Invariant: an unknown parameter is refused under `reuse`.
         let _ = controller.set(parameter, *value);
     }
     Some(Structure {
@@ -130,7 +135,7 @@ fn structure(
     })
 }
 
-/// Ranges over the parameters of a controller.
+/// Reads ranges over the parameters of a controller.
 fn of_controller(
     problems: &mut Problems,
     path: &Path,
@@ -185,7 +190,7 @@ fn of_ego(
     sound(problems, place, quantity)
 }
 
-/// A range that rises, holds the nominal value and, in steps, ends on steps.
+/// Checks a range: it rises, contains the nominal value and ends on whole steps.
 fn sound(problems: &mut Problems, place: &Path, quantity: Quantity) -> Option<Quantity> {
     let Quantity {
         lo, hi, nominal, ..
@@ -193,9 +198,12 @@ fn sound(problems: &mut Problems, place: &Path, quantity: Quantity) -> Option<Qu
     if hi <= lo {
         let what = format!("the range ({lo}, {hi}) does not rise");
         let help = format!("write the lesser value first: ({hi}, {lo})");
+        // An empty range is not reversed, so it gets no advice.
         problems.add(place, what, "reversed or empty", (hi < lo).then_some(help));
         return None;
     }
+    // Many members are nominal in a quantity, so its range must contain that
+    // value.
     if !quantity.contains(nominal) {
         let what = format!("the range ({lo}, {hi}) leaves out {nominal}, the nominal value");
         let help = format!(
@@ -208,6 +216,7 @@ fn sound(problems: &mut Problems, place: &Path, quantity: Quantity) -> Option<Qu
     }
     let off = [lo, hi]
         .into_iter()
+        // Multiples of a decimal step are only whole up to rounding.
         .find(|end| 1e-9 < (quantity.fit(*end) - end).abs());
     if let Some(end) = off {
         let what = format!("{end} is no multiple of `sample_s` = {}", quantity.step);
@@ -225,6 +234,7 @@ fn plants(
     own: PlantKind,
 ) -> Vec<(PlantKind, u32)> {
     let Some(weights) = &file.plants else {
+        // Without weights, training uses the plant of the world.
         return vec![(own, 1)];
     };
     let weighted = weights

@@ -1,4 +1,4 @@
-//! The shape of a world file, as serde reads it.
+//! Shape of a world file for serde.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -11,7 +11,7 @@ use super::repeats::Repeats;
 use super::trained::run::TrainedFile;
 use crate::ego::{Actuated, ControllerSpec, Phase};
 use crate::rl::{DqnSettings, LearnerSettings};
-use crate::rulebook::{Counts, JudgeKind, Reward};
+use crate::rulebook::{Counts, JudgeKind, Reward, TrainingGoal};
 use crate::scene::Clock;
 use crate::scene::drive::{
     Actions, Direction, LaneKeeping, MeetEgo, MotionPlan, Piece, Priority, Range, Road, RoadPlace,
@@ -34,16 +34,18 @@ pub(super) struct ScenarioFile {
     pub(super) judge: JudgeKind,
     #[serde(default)]
     pub(super) counts: Counts,
+    #[serde(default)]
+    pub(super) goals: Vec<TrainingGoal>,
     pub(super) road: Road,
     #[serde(default)]
     pub(super) roads: Ordered<RoadFile>,
     #[serde(default)]
     pub(super) bodies: Ordered<Body>,
     pub(super) agents: Vec<AgentFile>,
-    /// Numbers of a start besides where everybody is.
+    /// Numbers of a start besides the agents' places.
     #[serde(default)]
     pub(super) parameters: Ordered<NumberOrRange>,
-    /// The starts as a table; left out: all that the ranges give.
+    /// Starts as a table. Without it, the ranges determine the starts.
     #[serde(default)]
     pub(super) points: Option<PointsFile>,
     #[serde(default)]
@@ -53,7 +55,7 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) formulas: Ordered<String>,
     pub(super) ego_spec: String,
-    /// What ψ_ego stands for in a regulation or a list of requirements.
+    /// Requirement that ψ_ego expresses, such as a paragraph of a regulation.
     #[serde(default)]
     pub(super) requirement: Option<String>,
     #[serde(default)]
@@ -68,7 +70,7 @@ pub(super) struct ScenarioFile {
     pub(super) train_against: Option<FamilyFile>,
     #[serde(default)]
     pub(super) repeats: Repeats,
-    /// Warnings that are not given: what they say is meant so.
+    /// Warnings to suppress, because the world intends what they warn of.
     #[serde(default)]
     pub(super) allow: Vec<String>,
     #[serde(default)]
@@ -79,15 +81,15 @@ fn rigid() -> PlantKind {
     PlantKind::Rigid
 }
 
-/// A road placed in the plane.
+/// Road placed in the plane.
 #[derive(Deserialize)]
 #[serde(rename = "Road", deny_unknown_fields)]
 pub(super) struct RoadFile {
-    /// Where the middle of its lane 0 begins.
+    /// Start of the middle of its lane 0.
     pub(super) at: RoadPlace,
     #[serde(default = "one_lane")]
     pub(super) lanes: usize,
-    /// Left out: that of the world's own road.
+    /// Width of its lanes. Without it, that of the world's own road.
     #[serde(default)]
     pub(super) lane_width_m: Option<f64>,
     #[serde(default)]
@@ -106,17 +108,17 @@ pub(super) enum AgentFile {
     Vehicle {
         name: String,
         body: String,
-        /// Left out: the world's own road.
+        /// Named road. Without it, the world's own road.
         #[serde(default)]
         road: Option<String>,
         #[serde(default)]
         lane: usize,
         #[serde(default)]
         direction: Direction,
-        /// Which of its points keeps the line in bends.
+        /// Point of the vehicle that keeps the line in bends.
         #[serde(default)]
         lane_keeping: LaneKeeping,
-        /// To the left of the lane's middle.
+        /// Offset to the left of the lane's middle.
         #[serde(default = "nothing")]
         offset_m: NumberOrRange,
         start: StartFile,
@@ -128,24 +130,24 @@ pub(super) enum AgentFile {
         body: String,
         #[serde(default)]
         road: Option<String>,
-        /// To the left of lane 0's middle.
+        /// Offset to the left of lane 0's middle.
         lateral_m: NumberOrRange,
         #[serde(default)]
         facing: Facing,
         start: StartFile,
         drive: DriveFile,
     },
-    /// Something that stands: a parked car.
+    /// Standing object, such as a parked car.
     Obstacle {
         name: String,
         body: String,
         #[serde(default)]
         road: Option<String>,
-        /// Where its front is, along the road.
+        /// Station of its front along the road.
         s_m: NumberOrRange,
-        /// To the left of lane 0's middle.
+        /// Offset to the left of lane 0's middle.
         lateral_m: NumberOrRange,
-        /// Counter-clockwise from the road's direction.
+        /// Heading, counter-clockwise from the road's direction.
         #[serde(default)]
         heading_rad: f64,
     },
@@ -178,7 +180,7 @@ impl AgentFile {
 }
 
 impl AgentFile {
-    /// Which point keeps the line of who is driven.
+    /// Returns the point of the agent that keeps the line.
     pub(super) fn lane_keeping(&self) -> LaneKeeping {
         match self {
             AgentFile::Vehicle { lane_keeping, .. } => *lane_keeping,
@@ -186,7 +188,7 @@ impl AgentFile {
         }
     }
 
-    /// The named road on which it is, if it names one.
+    /// Returns the name of its road, if stated.
     pub(super) fn road(&self) -> Option<&str> {
         match self {
             AgentFile::Vehicle { road, .. }
@@ -197,7 +199,7 @@ impl AgentFile {
     }
 }
 
-/// Where somebody on foot looks.
+/// Direction of a pedestrian.
 #[derive(Clone, Copy, Default, Deserialize)]
 pub(super) enum Facing {
     /// Across the road, to the left.
@@ -207,7 +209,7 @@ pub(super) enum Facing {
     Right,
     /// Along the road.
     Ahead,
-    /// Against the traffic.
+    /// Against the road.
     Back,
 }
 
@@ -247,28 +249,28 @@ pub(super) enum LightFile {
 #[derive(Deserialize)]
 #[serde(rename = "Ado", deny_unknown_fields)]
 pub(super) struct AdoFile {
-    /// What the actions are added to; left out: nothing.
+    /// Plan from which the actions deviate. Without it, there is none.
     #[serde(default)]
     pub(super) base: Option<PlanFile>,
     pub(super) actions: Actions,
     pub(super) neutral: usize,
-    /// Left out: what is usual, see [`crate::scene::drive::DriveSpec`].
+    /// Observed signals. The default is that of [`crate::scene::drive::DriveSpec`].
     #[serde(default)]
     pub(super) observe: Option<Vec<String>>,
     pub(super) rulebook: Vec<RuleFile>,
-    /// Time constant with which a vehicle's acceleration follows.
+    /// Time constant with which a vehicle's acceleration follows, in s.
     #[serde(default)]
     pub(super) lag_s: f64,
 }
 
-/// A plan as a file has it.
+/// Plan in the form of a file.
 pub(super) type PlanFile = MotionPlan<NumberOrRange, String>;
 
 /// Starts as a table.
 #[derive(Deserialize)]
 #[serde(rename = "Points", deny_unknown_fields)]
 pub(super) struct PointsFile {
-    /// What the columns are: every range of the world, in any order.
+    /// Names of the columns: every range of the world, in any order.
     pub(super) axes: Vec<String>,
     pub(super) rows: Vec<Vec<f64>>,
 }
@@ -284,29 +286,29 @@ pub(super) struct RuleFile {
     pub(super) priority: Option<usize>,
 }
 
-/// A change of a world: what `reuse` and `--ego FILE` hold.
+/// Change of a world: content of `reuse` and `--ego FILE`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "Change", deny_unknown_fields, default)]
 pub struct Change {
-    /// Parameters of the ego's controller, by name.
+    /// Parameters of the ego's controller by name.
     pub ego: Patch,
-    /// Another controller altogether, and its actuator.
+    /// Other controller, with its actuator.
     pub controller: Option<Actuated<ControllerSpec>>,
-    /// Another body for the ego.
+    /// Other body of the ego.
     pub ego_body: Option<String>,
-    /// Another road surface.
+    /// Other road surface.
     pub friction: Option<f64>,
-    /// The other plant.
+    /// Other plant.
     pub plant: Option<PlantKind>,
     /// Other sensors of the ego.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sensors: Option<Sensors>,
-    /// Another map: worlds that are grids take nothing else.
+    /// Other map. Grid worlds accept no other change.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid: Option<GridChange>,
 }
 
-/// A change of a grid world: its `reuse` holds these.
+/// Change of a grid world, as in its `reuse`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "Change", deny_unknown_fields, default)]
 pub struct GridChange {
@@ -316,15 +318,15 @@ pub struct GridChange {
     pub refine: Option<u32>,
     /// k: fine cells per step of the ego.
     pub ego_step: Option<u32>,
-    /// What the ego does at a wall.
+    /// Behaviour of the ego at a wall.
     pub at_wall: Option<AtWall>,
-    /// K.
+    /// K: horizon in steps.
     pub horizon: Option<Horizon>,
     /// X_init.
     pub starts: Option<Starts>,
 }
 
-/// `5.0` or `(5.0, 25.0)`.
+/// Number or range: `5.0` or `(5.0, 25.0)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct NumberOrRange(pub(super) Range);
 
@@ -348,6 +350,7 @@ impl<'de> Deserialize<'de> for NumberOrRange {
                 Ok(NumberOrRange(Range { lo: v, hi: v }))
             }
 
+            // RON reads `5` as an integer, and files may omit the point.
             fn visit_i64<E: de::Error>(self, v: i64) -> Result<NumberOrRange, E> {
                 self.visit_f64(v as f64)
             }
@@ -360,6 +363,8 @@ impl<'de> Deserialize<'de> for NumberOrRange {
                 let missing = || de::Error::custom("a range has two numbers, such as (5.0, 25.0)");
                 let lo: f64 = seq.next_element()?.ok_or_else(missing)?;
                 let hi: f64 = seq.next_element()?.ok_or_else(missing)?;
+                // A third number is refused, since two of three would be a
+                // guess.
                 if seq.next_element::<f64>()?.is_some() {
                     return Err(missing());
                 }
@@ -370,13 +375,13 @@ impl<'de> Deserialize<'de> for NumberOrRange {
     }
 }
 
-/// `"expression"` or `Signal(expr: "…", unit: "m", about: "…", range: (0, 80))`.
+/// Signal: an expression, or `Signal(expr: "…", unit: "m", about: "…", …)`.
 pub(super) struct SignalFile {
     pub(super) expr: String,
     pub(super) unit: Option<String>,
     pub(super) about: Option<String>,
     pub(super) range: Option<(f64, f64)>,
-    /// Whether it was written as a struct (for the place of errors).
+    /// True if it was written as a struct, which determines the place of errors.
     pub(super) long: bool,
 }
 
@@ -430,11 +435,10 @@ impl<'de> Deserialize<'de> for SignalFile {
     }
 }
 
-/// Probability with which a quantity of any other member is nominal, unless
-/// the world says otherwise.
+/// Default probability with which a quantity of a member is nominal.
 const NOMINAL: f64 = 0.6;
 
-/// `train_against` as serde reads it.
+/// Content of `train_against` for serde.
 #[derive(Deserialize)]
 #[serde(rename = "Family", deny_unknown_fields)]
 pub(super) struct FamilyFile {
@@ -448,11 +452,13 @@ pub(super) struct FamilyFile {
     pub(super) speed_sd_mps: Option<(f64, f64)>,
     #[serde(default)]
     pub(super) friction: Option<(f64, f64)>,
-    /// Egos of other structures, each met as often as the world's own: names
-    /// under `reuse`, with ranges over the parameters of their controllers.
+    /// Egos of other structures, each drawn as often as the world's own.
+    ///
+    /// Keys are names under `reuse`, and values are ranges over the parameters
+    /// of their controllers.
     #[serde(default)]
     pub(super) structures: Ordered<Ordered<(f64, f64)>>,
-    /// Out of the sum of all, so many episodes are played on each plant.
+    /// Weights of the plants, out of the sum of all weights.
     #[serde(default)]
     pub(super) plants: Option<BTreeMap<PlantName, u32>>,
     /// Probability with which a quantity is nominal.
@@ -464,7 +470,7 @@ pub(super) struct FamilyFile {
     pub(super) conditional: LearnerSettings,
 }
 
-/// A plant as a key of a map.
+/// Plant as a key of a map.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 pub(super) enum PlantName {
     Rigid,
@@ -484,8 +490,10 @@ fn nominal() -> f64 {
     NOMINAL
 }
 
-/// How ados learn against a family, unless the world says otherwise: longer,
-/// but for a smaller share of it exploring, and in smaller steps.
+/// Default learner against a family.
+///
+/// It trains longer than the default of a single ego, explores for a smaller
+/// share of the training, and takes smaller steps.
 fn patient() -> LearnerSettings {
     LearnerSettings::Dqn(DqnSettings {
         decisions: 3_000_000,

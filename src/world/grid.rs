@@ -1,4 +1,4 @@
-//! Grid worlds: from a read file to a checked scenario, and what may change.
+//! Grid worlds: assembly of a checked scenario, and changes.
 
 use std::sync::Arc;
 
@@ -19,13 +19,13 @@ use crate::rulebook::{Counts, JudgeKind, Reward};
 use crate::scene::grid::{Arena, AtWall, GridSpec, GridWorld, Horizon, Starts, position};
 use crate::scene::{Observed, World};
 
-/// Largest map, in fine cells a side.
+/// Greatest side of a map, in fine cells.
 const MAX_SIDE: u32 = 200;
-/// Longest episode.
+/// Greatest number of steps of an episode.
 const MAX_STEPS: u32 = 100_000;
-/// Most moves an ado may choose from.
+/// Greatest number of moves of an ado.
 const MAX_MOVES: usize = 100;
-/// Maps above this many fine cells are not enumerated as `AllPairs`.
+/// Greatest number of fine cells of a map whose pairs are listed by `AllPairs`.
 const MAX_LISTED_CELLS: usize = 400;
 
 #[derive(Deserialize)]
@@ -93,7 +93,9 @@ struct AdoFile {
     rulebook: Vec<RuleFile>,
 }
 
-/// Notes everything of which there is too much; moves have a limit of their own.
+/// Reports all counts above their limits.
+///
+/// Moves have a limit of their own.
 fn too_much(problems: &mut Problems, file: &GridFile) {
     let top = Path::top();
     let counts = [
@@ -157,6 +159,8 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         constants: indexmap::IndexMap::new(),
         observe: Vec::new(),
     };
+    // The geometry is checked before anything is bound, since the horizon
+    // follows from it.
     if let Err(misfit) = fits(&spec) {
         let place = misfit.in_file(&top);
         problems.add(&place, misfit.what, misfit.label, misfit.help);
@@ -170,6 +174,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     );
     let catalogue = spec.catalogue().into_iter();
     let offers = catalogue.map(|offer| (offer.signal, offer.range));
+    // The clock of a grid counts steps of 1.
     let mut language = Language::new(1.0, offers, spec.constants.clone());
     spec.derived = language.derive(&mut problems, &top.to("signals"), &file.signals);
     problems.done()?;
@@ -188,6 +193,7 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
     let observed: Vec<(String, Path)> = observed.map(|(i, name)| (name, observe.at(i))).collect();
     spec.observe = language.observe(&mut problems, &observed, &observe);
     problems.done()?;
+    // Only used signals are published.
     spec.extra = language.published();
     let world = match GridWorld::new(spec) {
         Ok(world) => World::Grid(world),
@@ -224,10 +230,12 @@ pub(super) fn build(text: &str, file: GridFile) -> Result<Scenario, Vec<Problem>
         learner,
         learners,
         learning: None,
+        goals: Vec::new(),
         against: Against::Nominal,
         left_out: None,
         family: None,
         reuse,
+        // The ego of a grid is deterministic, so repeated runs are equal.
         repeats: Repeats::default(),
         warnings: Vec::new(),
         world,
@@ -264,6 +272,8 @@ fn moves(problems: &mut Problems, path: &Path, ado: &AdoFile) {
             let help = Some(format!("at most {MAX_SIDE} along an axis"));
             problems.add(&place, what, "too far", help);
         }
+        // A second of two equal moves would be an action without a meaning of its
+        // own.
         if ado.moves[..i].contains(step) {
             let what = format!("the move ({}, {}) is given twice", step.0, step.1);
             problems.add(&place, what, "second time", None);
@@ -289,7 +299,7 @@ fn rules(problems: &mut Problems, path: &Path, file: &[RuleFile]) -> Vec<RuleSpe
     rules
 }
 
-/// What does not fit in a grid, and which field of a change says so.
+/// Value that does not fit a grid, with the field of a change.
 struct Misfit {
     field: &'static str,
     what: String,
@@ -298,7 +308,7 @@ struct Misfit {
 }
 
 impl Misfit {
-    /// The place in a world file.
+    /// Returns the place in a world file.
     fn in_file(&self, top: &Path) -> Path {
         match self.field {
             "size" | "refine" => top.to("map").to(self.field),
@@ -308,7 +318,7 @@ impl Misfit {
     }
 }
 
-/// Numbers that make no game.
+/// Refuses numbers that make no game.
 fn fits(spec: &GridSpec) -> Result<(), Misfit> {
     let Arena {
         size,
@@ -333,6 +343,8 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             help,
         );
     }
+    // The product of both is the side of the map in fine cells, which is
+    // limited too.
     if !(1..=MAX_SIDE / size).contains(&refine) {
         let help = format!(
             "a side has at most {MAX_SIDE} fine cells: give 1 to {}",
@@ -345,6 +357,7 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             help,
         );
     }
+    // A longer step would leave every map.
     if MAX_SIDE < ego_step {
         let help = format!("at most {MAX_SIDE}");
         return misfit(
@@ -371,6 +384,7 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             return misfit("starts", what, "here", help);
         }
         for pair in pairs {
+            // A start in contact would be decided before the first move.
             let both = position(*pair);
             let outside = !(spec.arena.holds(both.ego) && spec.arena.holds(both.ado));
             if outside || spec.arena.touching(both) {
@@ -384,6 +398,7 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             }
         }
     }
+    // The number of pairs grows with the square of the number of cells.
     if spec.starts == Starts::AllPairs && MAX_LISTED_CELLS < spec.arena.cells() {
         let what = format!("all pairs of {} fine cells", spec.arena.cells());
         let help = format!("above {MAX_LISTED_CELLS} fine cells draw them: `starts: Uniform`");
@@ -401,19 +416,26 @@ impl From<GridChange> for Change {
     }
 }
 
-/// The spec after a change, with T for the new horizon.
+/// Returns the spec after a change, with T for the new horizon.
+///
+/// # Errors
+///
+/// Returns an error for a field of driving worlds, and for values that make no
+/// game.
 pub(super) fn apply(spec: &GridSpec, change: &Change) -> Result<GridSpec, ChangeError> {
     let fail = |what: String, help: Option<String>, field: &str| ChangeError {
         what,
         help,
         place: vec![field.to_owned()],
     };
+    // Fields of driving worlds are refused by name instead of being ignored.
     let driving = [
         ("ego", !change.ego.0.is_empty()),
         ("controller", change.controller.is_some()),
         ("ego_body", change.ego_body.is_some()),
         ("friction", change.friction.is_some()),
         ("plant", change.plant.is_some()),
+        ("sensors", change.sensors.is_some()),
     ];
     if let Some((field, _)) = driving.iter().find(|(_, given)| *given) {
         let help = "a grid has: size, refine, ego_step, at_wall, horizon, starts".to_owned();
@@ -436,6 +458,8 @@ pub(super) fn apply(spec: &GridSpec, change: &Change) -> Result<GridSpec, Change
     if let Some(starts) = &grid.starts {
         spec.starts = starts.clone();
     }
+    // Checked after all fields are set, because their limits depend on each
+    // other.
     fits(&spec).map_err(|misfit| fail(misfit.what, misfit.help, misfit.field))?;
     spec.constants
         .insert("T".to_owned(), f64::from(spec.steps()));
@@ -443,13 +467,18 @@ pub(super) fn apply(spec: &GridSpec, change: &Change) -> Result<GridSpec, Change
 }
 
 impl Scenario {
-    /// The same grid world with something changed, its formulas bound anew.
+    /// Returns the grid world with a change, and its formulas bound again.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the change, or the formulas after it, do not fit.
     pub(super) fn with_grid(
         &self,
         world: &GridWorld,
         change: &Change,
     ) -> Result<Scenario, ChangeError> {
         let spec = apply(world.spec(), change)?;
+        // Formulas contain T, which follows from the horizon.
         let mut names = self.names.clone();
         names.constants = spec.constants.clone();
         let misfit = |what: String| ChangeError {
@@ -479,14 +508,15 @@ impl Scenario {
 }
 
 impl Scenario {
-    /// The same grid world with an ado that observes both positions.
+    /// Returns the grid world with an ado that observes both positions.
     ///
-    /// What the shipped ados see is a window; [the best ado][best] of a larger
-    /// map needs to see all of it. `None`: not a grid world.
+    /// The shipped ados observe a window. [The optimal ado][best] of a larger
+    /// map requires the complete map. `None` if it is not a grid world.
     ///
     /// [best]: crate::scene::grid::exact::PositionPolicy::optimal
     pub fn fully_observed(&self) -> Option<Scenario> {
         let mut spec = self.grid()?.spec().clone();
+        // Positions are scaled to −1 ..= 1 over the map.
         let half = f64::from(spec.arena.size) / 2.0;
         let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
         let observe = names.map(|name| Observed {

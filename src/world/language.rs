@@ -1,6 +1,6 @@
-//! What formulas of a world can say: signals, derived ones, constants, names.
+//! Language of a world's formulas: signals, derived signals, constants and names.
 //!
-//! The same for worlds of any kind.
+//! It is the same for all kinds of worlds.
 
 use std::collections::HashSet;
 
@@ -19,10 +19,10 @@ use crate::scene::{Derived, Observed};
 use crate::stl::{Constants, Expr, Formula, Names, Settings, StlError};
 use crate::trace::{Schema, Signal};
 
-/// Names that formulas could not tell from the language.
+/// Names that formulas could not distinguish from the language.
 const RESERVED: [&str; 3] = ["T", "inf", "end"];
 
-/// The signals of a world, and which of them are used.
+/// Signals of a world, with those that are used.
 pub(super) struct Language {
     sample_s: f64,
     signals: Vec<Signal>,
@@ -32,7 +32,7 @@ pub(super) struct Language {
 }
 
 impl Language {
-    /// Everything the scene can publish, with ranges, and the constants.
+    /// Returns the language of all signals of a scene, with ranges, and the constants.
     pub(super) fn new(
         sample_s: f64,
         offers: impl Iterator<Item = (Signal, (f64, f64))>,
@@ -52,7 +52,7 @@ impl Language {
         language
     }
 
-    /// The signals so far; `None` if two clash, which is noted elsewhere.
+    /// Schema of the signals so far. `None` if two clash, which is reported elsewhere.
     fn schema(&self) -> Option<Schema> {
         Schema::new(self.sample_s, self.signals.iter().cloned()).ok()
     }
@@ -66,6 +66,8 @@ impl Language {
     ) -> Vec<Derived> {
         let mut all = Vec::new();
         for (i, (name, signal)) in file.0.iter().enumerate() {
+            // Later names are needed for a helpful error: a signal only uses
+            // signals above it.
             let later: Vec<&str> = file.0.keys().skip(i).map(String::as_str).collect();
             let derived = self.derive_one(problems, &path.to(name), &later, signal);
             all.extend(derived);
@@ -73,7 +75,7 @@ impl Language {
         all
     }
 
-    /// The first of `names`, of which the others are declared later.
+    /// Adds the first of `names`, of which the others are declared later.
     fn derive_one(
         &mut self,
         problems: &mut Problems,
@@ -98,6 +100,7 @@ impl Language {
         let so_far = self.schema()?;
         if let Err(error) = expr.bind(&so_far, &self.constants) {
             let refused = signal.expr.get(error.span()).unwrap_or_default();
+            // The error may quote the name, which the list below does not.
             let refused = refused.trim_matches(['"', '`', '\'']);
             match later.contains(&refused) || refused == name {
                 true => problems.too_early(&place, &error, refused, name),
@@ -107,11 +110,13 @@ impl Language {
         }
         let mentioned = expr.signals();
         let used = mentioned.iter().map(|name| (*name).to_owned());
+        // Signals that a derived signal reads are published with it.
         self.used.extend(used);
         let unit = match &signal.unit {
             Some(unit) => unit.clone(),
             None => unit_of(&expr, &so_far),
         };
+        // The range only scales observations. Values outside of it are valid.
         let range = signal.range.unwrap_or_else(|| usual_range(&unit));
         if range.1 <= range.0 {
             let what = format!("the range ({}, {}) is empty", range.0, range.1);
@@ -124,7 +129,7 @@ impl Language {
         Some(Derived { signal, expr })
     }
 
-    /// The constants, and the named formulas of the file.
+    /// Returns the constants and the named formulas of the file.
     pub(super) fn names(
         &self,
         problems: &mut Problems,
@@ -148,7 +153,7 @@ impl Language {
             formulas,
             constants: self.constants.clone(),
         };
-        // Also those that nothing uses must make sense.
+        // Formulas that are not used must be valid too.
         if let (Some(schema), true) = (self.schema(), problems.is_empty()) {
             for (name, formula) in &names.formulas {
                 if let Err(error) = formula.bind_with(&schema, &names, &Settings::default()) {
@@ -159,7 +164,7 @@ impl Language {
         names
     }
 
-    /// Binds a formula to all signals there are, and notes which it uses.
+    /// Binds a formula to all available signals, and records those that it uses.
     pub(super) fn bind(
         &mut self,
         problems: &mut Problems,
@@ -180,7 +185,7 @@ impl Language {
         }
     }
 
-    /// Binds a formula that must not look ahead, since somebody waits for it.
+    /// Binds a formula that must not look ahead, because a step waits for it.
     pub(super) fn bind_past(
         &mut self,
         problems: &mut Problems,
@@ -191,6 +196,7 @@ impl Language {
         let schema = self.schema();
         let bound = schema.map(|schema| formula.bind_with(&schema, names, &Settings::default()));
         if let Some(Ok(monitor)) = bound
+            // A horizon of 0 samples reads only the present and the past.
             && monitor.horizon_samples() != Some(0)
         {
             let what = "a step waits for what lies ahead";
@@ -201,8 +207,9 @@ impl Language {
         self.bind(problems, path, formula, names);
     }
 
-    /// The observed signals with their scales, each once; `list` is where
-    /// they would stand if there were any.
+    /// Returns the observed signals with their scales, each once.
+    ///
+    /// `list` is the place of the observations in the file.
     pub(super) fn observe(
         &mut self,
         problems: &mut Problems,
@@ -222,6 +229,8 @@ impl Language {
                 continue;
             };
             self.used.insert(name.clone());
+            // A signal that is listed twice counts once, and a warning mentions
+            // it.
             if !observe.iter().any(|observed| observed.name == *name) {
                 observe.push(Observed {
                     name: name.clone(),
@@ -233,21 +242,25 @@ impl Language {
         observe
     }
 
-    /// The names of all signals that something uses, in order.
+    /// Returns the names of all used signals, in order.
     pub(super) fn published(&self) -> Vec<String> {
         let names = self.signals.iter().map(|signal| signal.name.clone());
         names.filter(|name| self.used.contains(name)).collect()
     }
 }
 
-/// What a file says of how episodes are judged.
+/// Settings of a file for the judgement of episodes.
 pub(super) struct Judging {
     pub(super) judge: JudgeKind,
     pub(super) counts: Counts,
     pub(super) reward: Reward,
 }
 
-/// Binds the specification and all rules to the signals that are published.
+/// Binds the specification and all rules to the published signals.
+///
+/// # Errors
+///
+/// Returns an error if a formula does not fit the signals.
 pub(super) fn rulebook(
     schema: &Schema,
     ego_spec: &Formula,
@@ -269,7 +282,9 @@ pub(super) fn rulebook(
     })
 }
 
-/// The constants of the file, and T with the field that gives it.
+/// Returns the constants of the file and T.
+///
+/// `given_by` is the field that determines T.
 pub(super) fn constants(
     problems: &mut Problems,
     path: &Path,
@@ -287,12 +302,14 @@ pub(super) fn constants(
             };
             problems.add(&path.to(name), what, "here", Some(help));
         }
+        // Inserted even if reserved, so that formulas with it are no second
+        // error.
         constants.insert(name.clone(), *value);
     }
     constants
 }
 
-/// The unit of a sum or difference of signals of one unit; else none.
+/// Unit of a sum or difference of signals of one unit. Otherwise empty.
 fn unit_of(expr: &Expr, schema: &Schema) -> String {
     let mentioned = expr.signals().into_iter();
     let mut units = mentioned
@@ -304,7 +321,7 @@ fn unit_of(expr: &Expr, schema: &Schema) -> String {
     }
 }
 
-/// The range by which a derived signal of a unit is observed, unless given.
+/// Default range by which a derived signal of a unit is observed.
 fn usual_range(unit: &str) -> (f64, f64) {
     match unit {
         "m" => (0.0, 100.0),
@@ -315,14 +332,14 @@ fn usual_range(unit: &str) -> (f64, f64) {
     }
 }
 
-/// Parses a formula and notes what is wrong with it.
+/// Parses a formula and reports its mistakes.
 pub(super) fn formula(problems: &mut Problems, path: &Path, text: &str) -> Option<Formula> {
     let parsed = text.parse();
     parsed.map_err(|error| problems.stl(path, &error)).ok()
 }
 
 impl Problems<'_> {
-    /// Notes an unknown name with a guess and what would be right.
+    /// Reports an unknown name, with a guess and the known names.
     pub(super) fn unknown(&mut self, path: &Path, what: &str, name: &str, known: &[&str]) {
         let list = known_names("known", known.iter().copied());
         let help = match did_you_mean(name, known.iter().copied()) {

@@ -1,21 +1,21 @@
-//! How many of everything a world file may hold.
+//! Limits of the counts in a world file.
 //!
-//! The limits lie far above what any world needs. Beyond them a check or a
-//! step of physics would take minutes, without a word about the cause. They are
-//! listed in `docs/world-file.md`.
+//! The limits are far above the needs of any world. Beyond them a check or a
+//! physics step would take minutes, without a hint at the cause.
+//! `docs/files.md` lists them.
 
 use super::file::{AdoFile, AgentFile, DriveFile, LightFile, PlanFile, RuleFile, ScenarioFile};
 use super::locate::Path;
 use super::problems::Problems;
 use crate::scene::drive::{Actions, MotionPlan, Road, Script};
 
-/// Most of something, and the words for it in messages.
+/// Greatest count of something, with the words for messages.
 #[derive(Clone, Copy)]
 pub(super) struct Limit {
     pub most: usize,
-    /// Who holds them.
+    /// Owner of the counted items.
     of: &'static str,
-    /// What is counted.
+    /// Name of the counted items.
     what: &'static str,
 }
 
@@ -43,14 +43,14 @@ pub(super) const STEPS: Limit = at_most(1000, "a script", "steps");
 pub(super) const STL_BYTES: Limit = at_most(16 * 1024, "a formula", "bytes");
 pub(super) const ALLOWED: Limit = at_most(100, "a world", "allowed warnings");
 
-/// Every limit, for the table in the documents.
+/// All limits, for the table in the documentation.
 #[cfg(test)]
 const ALL: [Limit; 19] = [
     AGENTS, ROADS, BODIES, REUSE, LEARNERS, SIGNALS, FORMULAS, CONSTANTS, PARAMETERS, AXES,
     STRUCTURES, PIECES, POINTS, OBSERVED, RULES, ACTIONS, STEPS, STL_BYTES, ALLOWED,
 ];
 
-/// Notes a number above its limit at the value under `path`.
+/// Reports a number above its limit at the value under `path`.
 pub(super) fn within(problems: &mut Problems, path: &Path, count: usize, limit: Limit) {
     let Limit { most, of, what } = limit;
     if most < count {
@@ -59,7 +59,7 @@ pub(super) fn within(problems: &mut Problems, path: &Path, count: usize, limit: 
     }
 }
 
-/// Notes everything of a world of which there is too much.
+/// Reports all counts of a world that exceed their limits.
 pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
     let top = Path::top();
     let counts = [
@@ -79,10 +79,12 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         within(problems, &top.to(field), count, limit);
     }
     road(problems, &top.to("road"), &file.road);
+    // Named roads have pieces only, and no polyline.
     for (name, road) in &file.roads.0 {
         let path = top.to("roads").to(name).to("pieces");
         within(problems, &path, road.pieces.len(), PIECES);
     }
+    // Long formulas cost time at every sample, in each of their monitors.
     let formulas = file.formulas.0.iter();
     let formulas = formulas.map(|(name, stl)| ("formulas", name, stl.len()));
     let signals = file.signals.0.iter();
@@ -102,6 +104,8 @@ pub(super) fn check(problems: &mut Problems, file: &ScenarioFile) {
         let path = top.to("train_against").to("structures");
         within(problems, &path, family.structures.0.len(), STRUCTURES);
     }
+    // Only agents within the limit are examined, so that the check itself stays
+    // short.
     for (i, agent) in file.agents.iter().take(AGENTS.most).enumerate() {
         drive(problems, &top.to("agents").at(i).to("drive"), agent);
     }
@@ -117,7 +121,7 @@ fn road(problems: &mut Problems, path: &Path, road: &Road) {
     }
 }
 
-/// What moves an agent.
+/// Checks the counts of an agent's drive.
 fn drive(problems: &mut Problems, path: &Path, agent: &AgentFile) {
     match agent {
         AgentFile::Vehicle { drive, .. } | AgentFile::Pedestrian { drive, .. } => match drive {
@@ -160,18 +164,20 @@ fn ado(problems: &mut Problems, path: &Path, ado: &AdoFile) {
     }
 }
 
-/// The rules of an ado, and each of their formulas.
+/// Checks the number of an ado's rules, and the length of their formulas.
 pub(super) fn rules(problems: &mut Problems, path: &Path, rules: &[RuleFile]) {
     within(problems, path, rules.len(), RULES);
+    // Rules beyond the limit are one mistake already.
     for (i, rule) in rules.iter().take(RULES.most).enumerate() {
         within(problems, &path.at(i).to("stl"), rule.stl.len(), STL_BYTES);
     }
 }
 
-/// How many actions there are, without making any.
+/// Number of actions, without building any of them.
 fn actions(actions: &Actions) -> usize {
     match actions {
         Actions::Accelerations(all) => all.len(),
+        // Saturating, because the product of two long lists may overflow.
         Actions::Grid(grid) => grid.accelerations.len().saturating_mul(grid.lateral.len()),
         Actions::Walks(all) => all.len(),
         Actions::Phases(all) => all.len(),

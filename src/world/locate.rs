@@ -1,36 +1,36 @@
-//! Where a value stands in a RON text, by its path.
+//! Place of a value in a RON text, found by its path.
 //!
-//! The RON reader reports positions of syntax errors only; checks that come
-//! after reading name the value by its path, and this finds its bytes.
+//! The RON reader reports positions of syntax errors only. Checks after reading
+//! name a value by its path, and this module finds its bytes.
 
 use std::fmt;
 use std::ops::Range;
 
-/// One step into a RON value.
+/// Step into a RON value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Step {
-    /// A struct's field, or the value under a map's key.
+    /// Field of a struct, or value under a key of a map.
     Name(String),
-    /// An element of a list or tuple.
+    /// Element of a list or tuple.
     Index(usize),
 }
 
-/// The way from the top of a file to a value, such as `agents[1].start`.
+/// Path from the top of a file to a value, such as `agents[1].start`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Path(Vec<Step>);
 
 impl Path {
-    /// The file's top value.
+    /// Returns the path of the file's top value.
     pub fn top() -> Path {
         Path::default()
     }
 
-    /// Into a field, or the value under a key.
+    /// Returns the path of a field, or of the value under a key.
     pub fn to(&self, name: &str) -> Path {
         self.with(Step::Name(name.to_owned()))
     }
 
-    /// Into a list or tuple.
+    /// Returns the path of an element of a list or tuple.
     pub fn at(&self, index: usize) -> Path {
         self.with(Step::Index(index))
     }
@@ -41,8 +41,10 @@ impl Path {
         Path(steps)
     }
 
-    /// The bytes of the value in `text`, or of the innermost one that exists.
+    /// Returns the bytes of the value in `text`, or of its innermost existing parent.
     pub fn find(&self, text: &str) -> Range<usize> {
+        // Shorter paths come next: a missing field is shown at the struct that
+        // lacks it.
         for depth in (0..=self.0.len()).rev() {
             let mut cursor = Cursor { text, at: 0 };
             if let Some(range) = cursor.find(&self.0[..depth]) {
@@ -66,21 +68,23 @@ impl fmt::Display for Path {
     }
 }
 
-/// A number in a RON text that is not finite: `NaN`, `inf`, `1e999`.
+/// Finds a number in a RON text that is not finite: `NaN`, `inf`, `1e999`.
 ///
-/// The RON reader lets them pass; nothing here may.
+/// The RON reader accepts such numbers, and worlds must not contain them.
 pub fn first_non_finite(text: &str) -> Option<Range<usize>> {
     let mut cursor = Cursor { text, at: 0 };
     loop {
         cursor.blank();
         let start = cursor.at;
         let first = cursor.peek()?;
+        // Text in quotes may contain these words.
         if first == '"' || (first == 'r' && cursor.is_raw_string()) {
             cursor.string();
         } else if is_word(first) || first == '+' {
             cursor.word();
             let token = &text[start..cursor.at];
             let bare = token.trim_start_matches(['+', '-']);
+            // RON allows underscores in numbers, which Rust's parser does not.
             let number = token.replace('_', "").parse::<f64>();
             let word = bare == "NaN" || bare == "inf";
             let digits = bare.starts_with(|c: char| c.is_ascii_digit() || c == '.');
@@ -93,7 +97,7 @@ pub fn first_non_finite(text: &str) -> Option<Range<usize>> {
     }
 }
 
-/// The name before the first bracket of a RON text, if it is a plain name.
+/// Returns the name before the first bracket of a RON text, if it is plain.
 pub fn first_word(text: &str) -> Option<Range<usize>> {
     let mut cursor = Cursor { text, at: 0 };
     cursor.blank();
@@ -163,6 +167,7 @@ impl Cursor<'_> {
     fn string(&mut self) {
         if self.peek() == Some('r') {
             self.bump();
+            // A raw string ends at a quote with as many hashes as at its start.
             let hashes = self.rest().len() - self.rest().trim_start_matches('#').len();
             self.at += hashes + 1;
             let end = format!("\"{}", "#".repeat(hashes));
@@ -176,6 +181,7 @@ impl Cursor<'_> {
         while let Some(c) = self.bump() {
             match c {
                 '\\' => {
+                    // An escaped quote does not end the string.
                     self.bump();
                 }
                 '"' => return,
@@ -190,7 +196,7 @@ impl Cursor<'_> {
         }
     }
 
-    /// Reads a quoted or bare name (a field, a key).
+    /// Reads a quoted or bare name: a field or a key.
     fn name(&mut self) -> Option<String> {
         let start = self.at;
         if self.peek() == Some('"') {
@@ -202,7 +208,7 @@ impl Cursor<'_> {
         (start < self.at).then(|| self.text[start..self.at].to_owned())
     }
 
-    /// The bytes of the value under `steps`, the cursor being before a value.
+    /// Returns the bytes of the value under `steps`, with the cursor before a value.
     fn find(&mut self, steps: &[Step]) -> Option<Range<usize>> {
         self.blank();
         let start = self.at;
@@ -210,6 +216,8 @@ impl Cursor<'_> {
             '"' => self.string(),
             'r' if self.is_raw_string() => self.string(),
             '\'' => {
+                // A character may be a bracket or a quote, which must not count
+                // as such.
                 self.bump();
                 if self.eat('\\') {
                     self.bump();
@@ -231,6 +239,8 @@ impl Cursor<'_> {
                         return Some(found);
                     }
                 } else {
+                    // Without brackets the word is the complete value, and
+                    // blanks after it are not part of it.
                     self.at = end;
                 }
             }
@@ -239,7 +249,7 @@ impl Cursor<'_> {
         steps.is_empty().then_some(start..self.at)
     }
 
-    /// Searches a bracketed group; leaves the cursor behind it if not found.
+    /// Searches a bracketed group. Without a match, the cursor is left behind it.
     fn children(&mut self, steps: &[Step]) -> Option<Range<usize>> {
         let close = match self.bump()? {
             '(' => ')',
@@ -259,6 +269,7 @@ impl Cursor<'_> {
                 (Some(Step::Index(want)), _) => *want == index,
                 _ => false,
             };
+            // Other children are skipped by a search for nothing.
             let inner: &[Step] = if wanted { &steps[1..] } else { &[] };
             let found = self.find(inner);
             if wanted && found.is_some() {
@@ -267,6 +278,7 @@ impl Cursor<'_> {
             self.blank();
             self.eat(',');
             index += 1;
+            // Text that is no value would not advance the cursor.
             if self.at == before {
                 return None;
             }

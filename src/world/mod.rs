@@ -1,8 +1,8 @@
-//! From a RON world file to a checked [`Scenario`].
+//! Loading of RON world files, as checked [`Scenario`]s.
 //!
-//! Architecture Invariant: after a `Scenario` is loaded no user mistake is
-//! possible in it; every mistake before has a place, a reason and, where known,
-//! a cure ([`ScenarioError`]). All spans, helps and limits live on this floor.
+//! Architecture Invariant: after a `Scenario` is loaded, no user mistake is
+//! possible in it. Every earlier mistake has a place, a reason and, where known,
+//! a fix ([`ScenarioError`]). All spans, helps and limits are in this module.
 //!
 //! ```
 //! use brakecheck::world::Scenario;
@@ -26,6 +26,7 @@ mod grid;
 mod language;
 mod limits;
 mod locate;
+mod named_file;
 mod ordered;
 mod plans;
 mod points;
@@ -54,6 +55,7 @@ pub(crate) use error::{guessed, known_names};
 pub use family::{Against, Family, Member, MisfitMember, NoMember};
 pub use file::{Change, GridChange};
 pub use locate::Path;
+pub(crate) use named_file::{file_bytes, file_text};
 pub(crate) use ordered::Ordered;
 pub use ordered::Patch;
 pub use quantity::{Quantity, Varied};
@@ -62,10 +64,13 @@ pub use runs::{NamedRun, RunRefused, RunSource};
 pub use scenario::{ChangeError, RuleSpec, Scenario};
 pub use structure::Structure;
 
-/// A RON file that is no world: its name, its text and what it holds.
+/// Reads a RON file that is not a world.
+///
+/// Returns its name, its text and its content.
 ///
 /// # Errors
-/// It cannot be read, or holds something else.
+///
+/// Returns an error if the file cannot be read, or has other content.
 pub(crate) fn read_file<T: DeserializeOwned>(
     path: &FilePath,
 ) -> Result<(String, String, T), LoadError> {
@@ -83,10 +88,11 @@ pub(crate) fn read_file<T: DeserializeOwned>(
 }
 
 impl Scenario {
-    /// Reads and checks a world file; `runs` finds the runs that it names.
+    /// Reads and checks a world file. `runs` finds the runs that it refers to.
     ///
     /// # Errors
-    /// The file cannot be read, or it is not a world.
+    ///
+    /// Returns an error if the file cannot be read, or is not a valid world.
     pub fn load_with(path: &FilePath, runs: &dyn RunSource) -> Result<Scenario, LoadError> {
         let file = path.display().to_string();
         let text = read::text(&file, path)?;
@@ -94,20 +100,22 @@ impl Scenario {
             .map_err(|error| LoadError::Scenario(Box::new(error)))
     }
 
-    /// Checks the text of a world file; `file` names it in errors.
+    /// Checks the text of a world file. `file` is its name in errors.
     ///
-    /// Nothing is read: a text that names a run directory is refused.
+    /// No file is read, so a text that refers to a run directory is refused.
     ///
     /// # Errors
-    /// What is wrong, where, and how to cure it.
+    ///
+    /// Returns all mistakes, with their places and fixes.
     pub fn parse(file: &str, text: &str) -> Result<Scenario, ScenarioError> {
         Scenario::parse_with(file, text, &runs::Nowhere)
     }
 
-    /// The same of a text whose runs `runs` finds.
+    /// Checks the text of a world file whose runs `runs` finds.
     ///
     /// # Errors
-    /// What is wrong, where, and how to cure it.
+    ///
+    /// Returns all mistakes, with their places and fixes.
     pub fn parse_with(
         file: &str,
         text: &str,
@@ -120,6 +128,8 @@ impl Scenario {
             problems,
         };
         let one = |problem| fail(vec![problem]);
+        // The kind decides the type to read, so that errors name the fields of
+        // that kind.
         match read::kind(text).map_err(one)? {
             read::Kind::Scenario => {
                 let parsed = read::parse(text).map_err(one)?;

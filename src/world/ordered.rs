@@ -1,4 +1,4 @@
-//! A map of a world file that keeps its order and refuses a key twice.
+//! Map of a world file that keeps its order and refuses repeated keys.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,7 +7,7 @@ use indexmap::IndexMap;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
-/// A map that keeps its order and rejects a repeated key.
+/// Map that keeps its order and refuses repeated keys.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Ordered<V>(pub(crate) IndexMap<String, V>);
 
@@ -29,6 +29,7 @@ impl<'de, V: Deserialize<'de>> Visitor<'de> for OrderedVisitor<V> {
     fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Self::Value, A::Error> {
         let mut map = IndexMap::new();
         while let Some(key) = access.next_key::<String>()? {
+            // An ordinary map would silently keep the last value.
             if map.contains_key(&key) {
                 return Err(de::Error::custom(format!("`{key}` is given twice")));
             }
@@ -53,6 +54,7 @@ pub struct Patch(pub IndexMap<String, f64>);
 impl<'de> Deserialize<'de> for Patch {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Patch, D::Error> {
         deserializer
+            // The notation of a struct whose fields are not known in advance.
             .deserialize_any(OrderedVisitor(PhantomData))
             .map(Patch)
     }

@@ -1,4 +1,4 @@
-//! Plans of a world file: numbers in range, formulas read, laws that fit.
+//! Plans of a world file: number ranges, formulas and laws.
 
 use super::check::{self, ActsAs};
 use super::file::{NumberOrRange, PlanFile};
@@ -12,10 +12,10 @@ use crate::scene::drive::{
 };
 use crate::stl::{Formula, Names};
 
-/// Farthest, longest and fastest that a plan may say.
+/// Greatest distance, duration and speed in a plan.
 const MOST: f64 = 5_000.0;
 
-/// A plan, checked; `path` is the list of its steps, or its meeting.
+/// Reads and checks a plan. `path` is the list of its steps, or its meeting.
 pub(super) fn read(
     problems: &mut Problems,
     path: &Path,
@@ -30,6 +30,7 @@ pub(super) fn read(
         }
         MotionPlan::Meet(meet) => {
             read_meet(problems, path, meet);
+            // A meeting has no formulas, so only its numbers are converted.
             let numbers = plan.map(|_, _, NumberOrRange(range)| range);
             match numbers {
                 MotionPlan::Meet(meet) => Some(MotionPlan::Meet(meet)),
@@ -65,6 +66,7 @@ fn read_step(
         None => None,
     };
     let list = path.to("does");
+    // Laws of one step run at the same time, so each direction has at most one.
     for across in [false, true] {
         let laws = step.does.iter().enumerate();
         let second = laws.filter(|(_, law)| law.is_across() == across).nth(1);
@@ -98,6 +100,8 @@ fn read_law(problems: &mut Problems, path: &Path, law: &MotionLaw<NumberOrRange>
             to_mps, rate_mps2, ..
         } => {
             let rate = rate_mps2.map(|rate| ("rate_mps2", rate, 1e-3));
+            // Negative targets are valid: they may be relative to another
+            // agent's speed.
             let to = ("to_mps", *to_mps, -100.0);
             (std::iter::once(to).chain(rate).collect(), true)
         }
@@ -121,6 +125,8 @@ fn read_law(problems: &mut Problems, path: &Path, law: &MotionLaw<NumberOrRange>
             false,
         ),
     };
+    // Speed and braking suit both kinds, while laws across and walks suit one
+    // kind.
     if law.is_across() && walks || !on_wheels && !walks {
         let what = format!("{} does not move by this law", acts_as.words());
         let help = match walks {
@@ -141,7 +147,7 @@ fn number_in(problems: &mut Problems, path: &Path, number: NumberOrRange, least:
     }
 }
 
-/// Where the plan of an agent stands in the file.
+/// Place of an agent's plan in the file.
 fn place_of(entry: &Path, agent: &Agent) -> Path {
     let drive = entry.to("drive");
     let plan = match &agent.drive {
@@ -154,7 +160,7 @@ fn place_of(entry: &Path, agent: &Agent) -> Path {
     }
 }
 
-/// What plans say of others: whose speed they take, and what they wait for.
+/// Checks the references of plans: relative speeds and conditions.
 ///
 /// `entries` are the agents' positions in the file's list.
 pub(super) fn bind(
@@ -182,12 +188,16 @@ pub(super) fn bind(
                 else {
                     continue;
                 };
+                // All agents of the file are known here, so a plan may refer to
+                // later ones.
                 if !known.contains(&other.as_str()) {
                     let place = place.to("does").at(j).to("relative_to");
                     problems.unknown(&place, "agent", other, &known);
                 }
             }
         }
+        // The meeting determines the approach from rest, so a start speed would
+        // contradict it.
         if matches!(plan, MotionPlan::Meet(_)) && agent.place.speed_mps() != Range::fixed(0.0) {
             let what = "who meets the ego starts at the speed that makes it fit";
             let help = "write `speed_mps: 0.0`".to_owned();
@@ -197,7 +207,7 @@ pub(super) fn bind(
     }
 }
 
-/// Notes a meeting that cannot be at a start; `words` say which.
+/// Reports a meeting that is impossible at a start, which `words` describe.
 pub(super) fn meets(
     problems: &mut Problems,
     entry: &Path,

@@ -1,4 +1,4 @@
-//! The starts of a world as a table.
+//! Starts of a world as a table.
 
 use indexmap::IndexMap;
 
@@ -11,10 +11,10 @@ use super::problems::Problems;
 use crate::scene::Start;
 use crate::scene::drive::{DriveSpec, Range};
 
-/// More rows than this are refused: a table is for points, not for a density.
+/// Greatest number of rows: a table contains points, and not a density.
 const MAX_ROWS: usize = 100_000;
 
-/// The numbers of a start besides where everybody is.
+/// Reads the numbers of a start besides the agents' places.
 pub(super) fn parameters(
     problems: &mut Problems,
     path: &Path,
@@ -30,7 +30,7 @@ pub(super) fn parameters(
     file.collect()
 }
 
-/// The rows in the order of the world's axes; none where a world has no table.
+/// Reads the rows in the order of the world's axes. Without a table there are none.
 pub(super) fn read(
     problems: &mut Problems,
     path: &Path,
@@ -51,6 +51,8 @@ pub(super) fn read(
             problems.add(&list.at(i), what, "second one", None);
         }
     }
+    // Every range must have a column, or its value at a point would be
+    // undefined.
     if let Some(missing) = known
         .iter()
         .find(|name| !points.axes.iter().any(|it| it == *name))
@@ -69,9 +71,12 @@ pub(super) fn read(
             format!("1 to {MAX_ROWS} are possible; without `points` all that the ranges give");
         problems.add(&rows, what, "here", Some(help));
     }
+    // The columns below are only complete without mistakes.
     if !problems.is_empty() {
         return Vec::new();
     }
+    // The file may list the columns in any order, and a start has the world's
+    // order.
     let columns: Vec<usize> = known
         .iter()
         .filter_map(|name| points.axes.iter().position(|it| it == name))
@@ -81,9 +86,13 @@ pub(super) fn read(
         if row.len() != columns.len() {
             let what = format!("{} values for {} axes", row.len(), columns.len());
             problems.add(&rows.at(i), what, "another number", None);
+            // The remaining rows probably have the same mistake, and there may
+            // be 100 000 of them.
             return Vec::new();
         }
         let values: Vec<f64> = columns.iter().map(|&column| row[column]).collect();
+        // The ranges of the world describe X_init, so every point must be
+        // within them.
         let mut outside = axes.iter().zip(&values).zip(&columns);
         let outside = outside.find(|((axis, value), _)| !(axis.lo..=axis.hi).contains(*value));
         if let Some(((axis, value), &column)) = outside {

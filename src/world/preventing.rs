@@ -1,4 +1,4 @@
-//! Which reference drivers would have avoided what happened in an episode?
+//! Preventability of the contacts of an episode by reference drivers.
 
 use std::sync::Arc;
 
@@ -9,8 +9,9 @@ use crate::scene::World;
 use crate::testbench::{Episode, film, motion_of};
 
 impl Scenario {
-    /// Puts reference drivers into the ego's place in recorded motions of this
-    /// world; `None`: nothing drives in it.
+    /// Returns a replayer of recorded motions with reference drivers as the ego.
+    ///
+    /// `None` for a world without driving.
     pub fn replayer(&self) -> Option<Replayer> {
         match &self.world {
             World::Drive(world) => Replayer::new(world, Arc::clone(&self.rulebook)),
@@ -18,15 +19,17 @@ impl Scenario {
         }
     }
 
-    /// Which drivers would have avoided the contact of an episode of this world.
+    /// Returns the reference drivers that avoid an episode's contact.
     ///
-    /// The episode is played again for everybody's motion; what an ego that
-    /// nobody here wrote commanded is repeated, so that no program is started.
+    /// The episode is replayed to obtain the motions of all agents. Commands of
+    /// an external ego are repeated, so no program is started.
     pub fn preventability(&self, episode: &Episode) -> Preventability {
         let again = self.repeating(episode);
         if episode.contact.is_none() {
             return Preventability::not_applicable(NotApplicable::NoContact);
         }
+        // A replay without motion has no moment at which a driver could take
+        // over.
         let motion = motion_of(&mut again.bench(), episode).filter(|motion| !motion.is_empty());
         match (motion, self.replayer()) {
             (Some(motion), Some(mut replayer)) => replayer.assess(&motion, Some(&episode.trace)),
@@ -34,11 +37,13 @@ impl Scenario {
         }
     }
 
-    /// What a reference driver in the ego's place would have done: the recorded
-    /// way up to the handover, its own from there on.
+    /// Returns the drive of a reference driver in the ego's place.
     ///
-    /// `None`: the drivers do not apply to how the episode ended; the label of
-    /// [`Scenario::preventability`] says why.
+    /// It has the recorded path up to the handover, and the driver's own path
+    /// afterwards.
+    ///
+    /// `None` if the drivers do not apply to the end of the episode. The label
+    /// of [`Scenario::preventability`] then states the reason.
     pub fn filmed_driver(
         &self,
         episode: &Episode,
@@ -49,6 +54,7 @@ impl Scenario {
         let motion = motion_of(&mut bench, episode).filter(|motion| !motion.is_empty())?;
         let mut filmed = self.replayer()?.film(&motion, driver)?;
         let mut frames = film(&mut bench, episode);
+        // The frames up to the handover are those of the recorded ego.
         frames.truncate(filmed.from);
         frames.append(&mut filmed.frames);
         filmed.frames = frames;

@@ -1,13 +1,13 @@
-//! The mistakes of a world file, gathered with their places.
+//! Mistakes of a world file with their places.
 
 use super::error::Problem;
 use super::locate::Path;
 use crate::stl::StlError;
 
-/// Mistakes of a file that are noted; nobody mends more of them at a time.
+/// Greatest number of reported mistakes, which suffices for a round of corrections.
 const MOST: usize = 100;
 
-/// The mistakes found so far, with the text they are in.
+/// Mistakes found so far, with the text that contains them.
 pub(super) struct Problems<'a> {
     text: &'a str,
     list: Vec<Problem>,
@@ -21,7 +21,7 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// Notes a mistake at the value under `path`.
+    /// Reports a mistake at the value under `path`.
     pub(super) fn add(
         &mut self,
         path: &Path,
@@ -40,7 +40,7 @@ impl<'a> Problems<'a> {
         });
     }
 
-    /// Notes a mistake inside the STL string under `path`.
+    /// Reports a mistake inside the STL string under `path`.
     pub(super) fn stl(&mut self, path: &Path, error: &StlError) {
         self.list.push(Problem {
             what: error.to_string(),
@@ -50,7 +50,7 @@ impl<'a> Problems<'a> {
         });
     }
 
-    /// Notes that the signal `name` uses one that is not declared before it.
+    /// Reports that the signal `name` uses a signal that is not declared before it.
     pub(super) fn too_early(&mut self, path: &Path, error: &StlError, used: &str, name: &str) {
         let (what, label, help) = match used == name {
             true => (
@@ -73,7 +73,7 @@ impl<'a> Problems<'a> {
     }
 
     fn place_in_stl(&self, path: &Path, error: &StlError) -> std::ops::Range<usize> {
-        // The mistake may lie in a named formula that this one uses.
+        // The mistake may be in a named formula that this formula uses.
         let named = error
             .formula()
             .map(|name| Path::top().to("formulas").to(name));
@@ -82,7 +82,7 @@ impl<'a> Problems<'a> {
         let quoted = &self.text[value.clone()];
         let inner = error.span();
         let open = quoted.find('"').map_or(0, |quote| quote + 1);
-        // Escapes shift the places; then the whole string is underlined.
+        // Escapes shift the positions, so the complete string is underlined.
         let shifted = quoted.starts_with('"') && quoted.contains('\\');
         match shifted || quoted.len() < open + inner.end {
             true => value,
@@ -90,12 +90,12 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// Whether nothing was found so far.
+    /// Returns true if no mistake was found so far.
     pub(super) fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// Stops here if anything was found.
+    /// Returns the mistakes as an error, if there are any.
     pub(super) fn done(&mut self) -> Result<(), Vec<Problem>> {
         match self.list.is_empty() {
             true => Ok(()),

@@ -1,4 +1,4 @@
-//! What a family of egos varies, and how far.
+//! Quantities that a family of egos varies, with their ranges.
 
 use rand::{Rng, RngExt};
 use serde::Serialize;
@@ -6,23 +6,23 @@ use serde::Serialize;
 use crate::ego::{Actuated, ControllerSpec};
 use crate::scene::drive::{DriveSpec, EgoVariant};
 
-/// What a family varies.
+/// Quantity that a family varies.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize)]
 pub enum Varied {
-    /// A parameter of the ego's controller.
+    /// Parameter of the ego's controller.
     Ego(String),
-    /// Age of what the ego sees.
+    /// Delay of the ego's perception.
     Delay,
-    /// Noise of what the ego sees of positions.
+    /// Noise of perceived positions.
     PositionNoise,
-    /// Noise of what the ego sees of speeds.
+    /// Noise of perceived speeds.
     SpeedNoise,
-    /// The road surface.
+    /// Friction of the road surface.
     Friction,
 }
 
 impl Varied {
-    /// Its name in files.
+    /// Returns the name in files.
     pub fn name(&self) -> &str {
         match self {
             Varied::Ego(name) => name,
@@ -33,7 +33,7 @@ impl Varied {
         }
     }
 
-    /// Its value in a driving scene; `None`: the ego has no such parameter.
+    /// Returns the value in a driving scene. `None` if the ego lacks the parameter.
     pub(super) fn read(&self, spec: &DriveSpec) -> Option<f64> {
         match self {
             Varied::Ego(name) => parameter(&controller(spec)?, name),
@@ -44,7 +44,7 @@ impl Varied {
         }
     }
 
-    /// Gives it another value in an ego of this controller.
+    /// Sets the value in an ego of this controller.
     pub(super) fn set(&self, variant: &mut EgoVariant, value: f64) {
         match self {
             Varied::Ego(name) => {
@@ -59,59 +59,59 @@ impl Varied {
         }
     }
 
-    /// Whether it is noise: unseen in what an ego does on average.
+    /// Returns true for noise, which does not show in an ego's mean behaviour.
     pub fn is_noise(&self) -> bool {
         matches!(self, Varied::PositionNoise | Varied::SpeedNoise)
     }
 }
 
-/// One varied quantity and its range.
+/// Varied quantity with its range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Quantity {
-    /// What is varied.
+    /// Varied quantity.
     pub varied: Varied,
     /// Least value.
     pub lo: f64,
     /// Greatest value.
     pub hi: f64,
-    /// The value of the world's own ego, within the range.
+    /// Value of the world's own ego, within the range.
     pub nominal: f64,
-    /// Values are whole multiples of this; 0: any value.
+    /// Step of the values, which are its multiples. 0 allows any value.
     pub step: f64,
 }
 
 impl Quantity {
-    /// Whether a value lies in the range.
+    /// Returns true if a value is in the range.
     pub fn contains(&self, value: f64) -> bool {
         (self.lo..=self.hi).contains(&value)
     }
 
-    /// The nearest value that a member can have.
+    /// Returns the nearest value that a member can have.
     pub fn fit(&self, value: f64) -> f64 {
         let value = value.clamp(self.lo, self.hi);
         match self.step == 0.0 {
             true => value,
-            // 6 · 0.05 is more than 0.3.
+            // Clamped again: 6 · 0.05 exceeds 0.3 by rounding.
             false => ((value / self.step).round() * self.step).clamp(self.lo, self.hi),
         }
     }
 
-    /// A value on the scale from −1 at the least one to 1 at the greatest.
+    /// Scales a value to −1 (least) ..= 1 (greatest).
     pub(super) fn scaled(&self, value: f64) -> f64 {
         (2.0 * value - self.lo - self.hi) / (self.hi - self.lo)
     }
 
-    /// The nominal value on that scale.
+    /// Returns the nominal value on that scale.
     pub fn unit(&self) -> f64 {
         self.scaled(self.nominal)
     }
 
-    /// The value at a place on that scale.
+    /// Returns the value at a position on that scale.
     pub fn at(&self, unit: f64) -> f64 {
         self.fit(0.5 * (self.lo + self.hi + unit * (self.hi - self.lo)))
     }
 
-    /// All values on that scale, if there are finitely many.
+    /// Returns all values on that scale, if there are finitely many.
     pub fn steps(&self) -> Vec<f64> {
         match self.step == 0.0 {
             true => Vec::new(),
@@ -135,7 +135,7 @@ impl Quantity {
     }
 }
 
-/// The stock controller of a scene's ego, and its actuator.
+/// Stock controller of a scene's ego, with its actuator.
 pub(super) fn controller(spec: &DriveSpec) -> Option<Actuated<ControllerSpec>> {
     spec.ego.stock()
 }

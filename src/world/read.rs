@@ -1,4 +1,4 @@
-//! Reading RON with errors that name the place and the cure.
+//! RON reader whose errors state the place and the fix.
 
 use std::io::Read;
 use std::path::Path as FilePath;
@@ -10,18 +10,20 @@ use serde::de::DeserializeOwned;
 use super::LoadError;
 use super::error::{Problem, ScenarioError, did_you_mean, known_names};
 use super::locate::{first_non_finite, first_word};
+use super::named_file::open_file;
 
-/// World files larger than this are refused.
+/// Greatest size of a world file, in bytes.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// Reads a text file of sane size in UTF-8.
+/// Reads a text file of limited size in UTF-8.
 pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
     let io = |source| LoadError::Io {
         file: file.to_owned(),
         source,
     };
     let mut bytes = Vec::new();
-    let opened = std::fs::File::open(path).map_err(io)?;
+    let opened = open_file(path).map_err(io)?;
+    // One byte more than allowed suffices to notice a larger file.
     let mut limited = opened.take(MAX_BYTES + 1);
     limited.read_to_end(&mut bytes).map_err(io)?;
     if MAX_BYTES < bytes.len() as u64 {
@@ -29,6 +31,7 @@ pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
         return Err(io(std::io::Error::other(what)));
     }
     String::from_utf8(bytes).map_err(|error| {
+        // The valid part is kept, so that the error can show the place.
         let at = error.utf8_error().valid_up_to();
         let bytes = error.into_bytes();
         let text = String::from_utf8_lossy(&bytes[..at]).into_owned();
@@ -45,23 +48,23 @@ pub(super) fn text(file: &str, path: &FilePath) -> Result<String, LoadError> {
     })
 }
 
-/// A text without the byte order mark that some editors begin it with.
+/// Removes the byte order mark that some editors write.
 pub(super) fn without_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
-/// What a world file describes.
+/// Kind of world that a file describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// `Scenario(…)`: driving.
     Scenario,
-    /// `Grid(…)`.
+    /// `Grid(…)`: cells.
     Grid,
 }
 
-/// The kind of world that the first word of a file names.
+/// Returns the kind of world that the first word of a file names.
 ///
-/// Whatever else is wrong is left to [`parse`].
+/// Other mistakes are left to [`parse`].
 pub(super) fn kind(text: &str) -> Result<Kind, Problem> {
     let Some(span) = first_word(text) else {
         return Ok(Kind::Scenario);
@@ -85,14 +88,17 @@ pub(super) fn kind(text: &str) -> Result<Kind, Problem> {
     }
 }
 
-/// Reads a value from RON, finite numbers only.
+/// Reads a value from RON with finite numbers only.
 pub(super) fn parse<T: DeserializeOwned>(text: &str) -> Result<T, Problem> {
+    // Files may omit `Some` and the inner brackets of variants, so that they
+    // are shorter.
     let options = ron::Options::default()
         .with_default_extension(Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES);
     let value = options
         .from_str(text)
         .map_err(|error| problem(text, &error))?;
-    // A number that is not finite passes the reader; it may not pass here.
+    // The reader accepts numbers that are not finite, and worlds must not
+    // contain them.
     match first_non_finite(text) {
         Some(span) => Err(Problem {
             what: format!("`{}` is not a finite number", &text[span.clone()]),
@@ -109,14 +115,16 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
     let end = offset(text, error.span.end).max(start);
     let (what, label, help) = explain(&error.code);
     let mut span = match error.code {
-        // What lacks a comma or an end is what stands before.
+        // If a comma or an end is missing, the value before it is marked.
         Error::ExpectedComma | Error::ExpectedMapColon | Error::Eof => token(text, start, start),
         _ if shape(&error.code).is_some() => next_token(text, start),
         _ => token(text, start, end),
     };
     if let Some(found) = culprit(&error.code) {
-        // The reader's span is around the name, not always on it.
+        // The reader's span is around the name, but not always on it.
         let from = start.saturating_sub(found.len() + 8);
+        // The margins may split a character, which is no valid place for a
+        // slice.
         let from = (from..=start)
             .find(|&i| text.is_char_boundary(i))
             .unwrap_or(start);
@@ -136,7 +144,7 @@ fn problem(text: &str, error: &SpannedError) -> Problem {
     }
 }
 
-/// The name in the file that an error is about.
+/// Name in the file that an error concerns.
 fn culprit(code: &Error) -> Option<&str> {
     match code {
         Error::NoSuchStructField { found, .. } | Error::NoSuchEnumVariant { found, .. } => {
@@ -147,7 +155,7 @@ fn culprit(code: &Error) -> Option<&str> {
     }
 }
 
-/// What should stand where something of another shape does, and how to write it.
+/// Expected shape of a value, and its notation.
 fn shape(code: &Error) -> Option<(String, String)> {
     let (what, how) = match code {
         Error::ExpectedArray => ("a list", "lists are written `[a, b]`"),
@@ -259,6 +267,7 @@ fn explain(code: &Error) -> (String, String, Option<String>) {
 
 fn first_lower(message: &str) -> String {
     let mut chars = message.chars();
+    // Acronyms such as `EOF` keep their capitals.
     let second_lower = message.chars().nth(1).is_none_or(|c| !c.is_uppercase());
     match chars.next() {
         Some(first) if second_lower => first.to_lowercase().chain(chars).collect(),
@@ -282,7 +291,7 @@ fn offset(text: &str, position: Position) -> usize {
     (line_start + column).min(text.len())
 }
 
-/// The piece of text that begins at or behind a place.
+/// Token that begins at or after a position.
 fn next_token(text: &str, start: usize) -> std::ops::Range<usize> {
     let blank = |c: char| c.is_whitespace() || c == ',';
     let rest = text[start..].trim_start_matches(blank);
@@ -302,13 +311,14 @@ fn next_token(text: &str, start: usize) -> std::ops::Range<usize> {
     }
 }
 
-/// A visible piece of text at or before the reader's span.
+/// Visible piece of text at or before the reader's span.
 fn token(text: &str, start: usize, end: usize) -> std::ops::Range<usize> {
     let piece = text[start..end].trim();
     if !piece.is_empty() && !piece.contains('\n') {
         let lead = text[start..end].len() - text[start..end].trim_start().len();
         return start + lead..start + lead + piece.len();
     }
+    // Without visible text in the span, the last character before it is marked.
     let before = text[..start].trim_end();
     let from = before.char_indices().next_back().map_or(0, |(i, _)| i);
     match before.is_empty() {

@@ -1,23 +1,23 @@
-//! `repeats: 5`: every start is played several times.
+//! Repeats of starts: `repeats: 5` plays every start several times.
 
 use std::fmt;
 
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
-/// Runs per start at most.
+/// Greatest number of runs per start.
 pub(super) const MAX_REPEATS: u32 = 1000;
 
-/// How often each start is played, and how many failures among them count.
+/// Number of runs of each start, and of failures that count.
 ///
-/// For egos that do not answer twice alike, with other hardware or threads
-/// inside. Written `repeats: 5`, where one failure in five runs is a failure,
+/// It serves egos that are not deterministic, with other hardware or threads
+/// inside. The notation is `repeats: 5`, where one failure in five runs counts,
 /// or `repeats: (runs: 5, gate: 3)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Repeats {
     /// k: runs of each start, 1 or more.
     pub runs: u32,
-    /// m: the start is a failure of the ego if so many runs are.
+    /// m: number of failing runs from which the start is a failure of the ego.
     pub gate: u32,
 }
 
@@ -50,7 +50,8 @@ impl<'de> Deserialize<'de> for Repeats {
             }
 
             fn visit_u64<E: de::Error>(self, runs: u64) -> Result<Repeats, E> {
-                // Beyond 32 bits it is refused with every other large number.
+                // A number beyond 32 bits is refused like every number above
+                // the limit.
                 let runs = u32::try_from(runs).unwrap_or(u32::MAX);
                 Ok(Repeats { runs, gate: 1 })
             }

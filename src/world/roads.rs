@@ -1,4 +1,4 @@
-//! The roads of a world file: the named ones placed, and who is on which.
+//! Roads of a world file: placement of named roads, and the roads of agents.
 
 use super::check;
 use super::file::{AgentFile, RoadFile, ScenarioFile};
@@ -7,11 +7,13 @@ use super::ordered::Ordered;
 use super::problems::Problems;
 use crate::scene::drive::{Direction, PlacedRoad, PlacedRoads, Road};
 
-/// Farthest a road may begin from the origin.
+/// Greatest distance in metres of a road's start from the origin.
 const MAX_AWAY_M: f64 = 5_000.0;
 
-/// The named roads, checked; on the surface and, unless they say otherwise, with
-/// the lanes' width of the world's own.
+/// Reads and checks the named roads.
+///
+/// They have the surface of the world's own road and, unless stated, its lane
+/// width.
 pub(super) fn placed(
     problems: &mut Problems,
     path: &Path,
@@ -39,7 +41,11 @@ pub(super) fn placed(
             road: Road::Straight {
                 lanes: road.lanes,
                 lane_width_m: road.lane_width_m.unwrap_or(own.lane_width_m()),
+                // A world has one friction coefficient, which changes and
+                // families vary.
                 friction: own.friction(),
+                // The ego drives on the world's own road only, so other roads
+                // need no limit.
                 speed_limit_mps: None,
             },
             pieces: road.pieces.clone(),
@@ -56,7 +62,7 @@ pub(super) fn placed(
     all
 }
 
-/// The number of the road that an agent names: 0 is the world's own.
+/// Number of the road that an agent names. 0 is the world's own.
 pub(super) fn number(
     problems: &mut Problems,
     path: &Path,
@@ -82,8 +88,9 @@ pub(super) fn number(
     number.map(|number| number + 1)
 }
 
-/// Refuses an ego that is not on the world's own road, or goes against it: what
-/// it perceives is told along that road.
+/// Refuses an ego on a named road, or against the world's own road.
+///
+/// The ego's perception is expressed along that road.
 pub(super) fn ego_on_its_own(problems: &mut Problems, path: &Path, entry: &AgentFile) {
     if entry.road().is_some() {
         let what = "the ego drives on the world's own `road`, not on a named one";

@@ -1,26 +1,26 @@
-//! Runs that a world file names, as this floor knows them: found by others.
+//! Runs that a world file refers to, found by a source outside of this module.
 
 use super::error::Problem;
 use crate::scene::World;
 
-/// A finished run: what of it a world needs that names it.
+/// Parts of a finished run that a world requires.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedRun {
-    /// The same for the same run, whatever name it was found by.
+    /// Identity of the run, independent of the name that found it.
     pub identity: String,
-    /// Its world file, verbatim.
+    /// World file of the run, verbatim.
     pub world: String,
-    /// Its policy: the bytes of a safetensors file.
+    /// Policy of the run: bytes of a safetensors file.
     pub policy: Vec<u8>,
 }
 
-/// A run cannot be used.
+/// Run that cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}")]
 pub struct RunRefused {
-    /// Why the run cannot be used, in a sentence.
+    /// Reason in one sentence.
     pub what: String,
-    /// What the author of the world can do about it.
+    /// Advice for the author of the world.
     pub help: String,
 }
 
@@ -31,18 +31,19 @@ pub(super) fn refused(what: String, help: &str) -> RunRefused {
     }
 }
 
-/// Finds runs by the names that world files give them.
+/// Source of runs by their names in world files.
 ///
-/// Nothing on this floor opens a run directory; `run_dir::RunsOnDisk` does.
+/// This module opens no run directory. `run_dir::RunsOnDisk` does.
 pub trait RunSource {
-    /// The finished run that is called `name` in the world file `file`.
+    /// Returns the finished run `name` of the world file `file`.
     ///
     /// # Errors
-    /// There is none, it is not finished, or it is damaged.
+    ///
+    /// Returns an error if the run is missing, unfinished or damaged.
     fn find(&self, name: &str, file: &str) -> Result<NamedRun, RunRefused>;
 }
 
-/// For texts without a file: there is nowhere to look.
+/// Source without any run, for texts without a file.
 pub(super) struct Nowhere;
 
 impl RunSource for Nowhere {
@@ -54,14 +55,14 @@ impl RunSource for Nowhere {
     }
 }
 
-/// A world from its text; `None`: it is a grid.
+/// World of a text. `None` for a grid.
 pub(super) type Assembled = Result<Option<World>, Vec<Problem>>;
 
-/// Where a world comes from: its file's name, and who finds the runs it names.
+/// Origin of a world: the name of its file, and the source of its runs.
 #[derive(Clone, Copy)]
 pub(super) struct Origin<'a> {
     pub(super) file: &'a str,
     pub(super) runs: &'a dyn RunSource,
-    /// Assembles the world of a run, which stands within this one.
+    /// Function that assembles the world of a run within this world.
     pub(super) assemble: fn(Origin<'_>, &str) -> Assembled,
 }

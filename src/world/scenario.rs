@@ -1,4 +1,4 @@
-//! A checked world: what it holds, and what it gives.
+//! Checked world, with its content and its derived objects.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use super::locate::Path;
 use super::repeats::Repeats;
 use crate::ego::{Actuated, ControllerSpec, Process};
 use crate::rl::{LearnerConfig, Spaces};
-use crate::rulebook::{Rule, Rulebook};
+use crate::rulebook::{Rule, Rulebook, TrainingGoal};
 use crate::scene::drive::{Agent, Drive, DriveSpec, EgoController, EgoVariant};
 use crate::scene::grid::GridWorld;
 use crate::scene::{Availability, Axis, Dynamics, Scene, Start, World};
@@ -19,46 +19,49 @@ use crate::stl::{Formula, Names};
 use crate::testbench::Testbench;
 use crate::trace::Signal;
 
-/// A world, checked: everything needed to build its test bench.
+/// Checked world, with everything that its test bench requires.
 #[derive(Clone)]
 pub struct Scenario {
-    /// Name of the world; part of every start's key.
+    /// Name of the world, which is part of every start's key.
     pub(crate) name: String,
-    /// The question it asks.
+    /// Question of the world.
     pub(crate) question: String,
-    /// Where it comes from.
+    /// Origin of the world.
     pub(crate) source: String,
-    /// The file's text, verbatim but for trained ados: what their run
-    /// directories held is written out.
+    /// Text of the file, verbatim except for trained ados.
+    ///
+    /// The content of their run directories is written out.
     pub(crate) text: String,
-    /// ψ_ego.
+    /// Specification ψ_ego.
     pub(crate) ego_spec: Formula,
-    /// The requirement that ψ_ego stands for, if the world names one.
+    /// Requirement that ψ_ego expresses, if the world names it.
     pub(crate) requirement: Option<String>,
-    /// The ados' rules, in the file's order.
+    /// Rules of the ados, in the file's order.
     pub(crate) rules: Vec<RuleSpec>,
     /// Constants and named formulas.
     pub(crate) names: Names,
-    /// How to learn.
+    /// Settings of the learner.
     pub(crate) learner: LearnerConfig,
-    /// Other ways to learn, by name.
+    /// Alternative learners by name.
     pub(crate) learners: IndexMap<String, LearnerConfig>,
-    /// Which of them is `learner`; `None`: the world's own.
+    /// Name of the current learner. `None` for the world's own.
     pub(crate) learning: Option<String>,
-    /// What an ado is trained against.
+    /// Failures that a training looks for. Empty for any.
+    pub(crate) goals: Vec<TrainingGoal>,
+    /// Training opponent of an ado.
     pub(crate) against: Against,
-    /// The structure of the family that is not met.
+    /// Structure of the family that training leaves out.
     pub(crate) left_out: Option<String>,
-    /// What the same trained ado is reused on.
+    /// Changed egos for the reuse of a trained ado.
     pub(crate) reuse: IndexMap<String, Change>,
-    /// How often each start is played, for egos that do not answer twice alike.
+    /// Number of runs of each start, for egos that are not deterministic.
     pub(crate) repeats: Repeats,
-    /// What looked odd but is allowed.
+    /// Warnings about allowed but odd content.
     pub(crate) warnings: Vec<Problem>,
     pub(super) family: Option<Arc<Family>>,
     pub(super) world: World,
     pub(super) rulebook: Arc<Rulebook>,
-    /// Whether programs that files name may be started.
+    /// True if programs that files name may be started.
     pub(super) programs_allowed: bool,
 }
 
@@ -69,90 +72,95 @@ impl std::fmt::Debug for Scenario {
     }
 }
 
-/// A rule as written.
+/// Rule in the form of the file.
 #[derive(Clone, Debug)]
 pub struct RuleSpec {
-    /// Its name.
+    /// Name of the rule.
     pub name: String,
-    /// The ado that must keep it.
+    /// Ado that must keep the rule.
     pub ado: String,
-    /// 0 is the most important.
+    /// Priority, with 0 as the most important.
     pub priority: usize,
-    /// Kept when its robustness is above 0.
+    /// Formula, which is kept if its robustness is above 0.
     pub formula: Formula,
-    /// The requirement it stands for, such as a paragraph of a regulation.
+    /// Requirement that it expresses, such as a paragraph of a regulation.
     pub requirement: Option<String>,
-    /// Where its formula stands in the file.
+    /// Place of the formula in the file.
     pub(super) place: Path,
 }
 
 impl Scenario {
-    /// Name of the world; part of every start's key.
+    /// Returns the name of the world, which is part of every start's key.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The question it asks.
+    /// Returns the question of the world.
     pub fn question(&self) -> &str {
         &self.question
     }
 
-    /// Where it comes from.
+    /// Returns the origin of the world.
     pub fn source(&self) -> &str {
         &self.source
     }
 
-    /// The file's text, verbatim but for trained ados, which are written out.
+    /// Returns the file's text, with trained ados written out.
     pub fn text(&self) -> &str {
         &self.text
     }
 
-    /// ψ_ego.
+    /// Returns the specification ψ_ego.
     pub fn ego_spec(&self) -> &Formula {
         &self.ego_spec
     }
 
-    /// The ados' rules, in the file's order.
+    /// Returns the rules of the ados, in the file's order.
     pub fn rules(&self) -> &[RuleSpec] {
         &self.rules
     }
 
-    /// Constants and named formulas.
+    /// Returns the constants and named formulas.
     pub fn names(&self) -> &Names {
         &self.names
     }
 
-    /// How to learn.
+    /// Returns the settings of the learner.
     pub fn learner(&self) -> &LearnerConfig {
         &self.learner
     }
 
-    /// Other ways to learn, by name.
+    /// Returns the alternative learners by name.
     pub fn learners(&self) -> &IndexMap<String, LearnerConfig> {
         &self.learners
     }
 
-    /// What an ado is trained against.
+    /// Returns the failures that a training looks for. Empty for any.
+    pub fn goals(&self) -> &[TrainingGoal] {
+        &self.goals
+    }
+
+    /// Returns the training opponent of an ado.
     pub fn against(&self) -> Against {
         self.against
     }
 
-    /// What the same trained ado is reused on.
+    /// Returns the changed egos for the reuse of a trained ado.
     pub fn reuse(&self) -> &IndexMap<String, Change> {
         &self.reuse
     }
 
-    /// How often each start is played.
+    /// Returns the number of runs of each start.
     pub fn repeats(&self) -> Repeats {
         self.repeats
     }
 
-    /// What looked odd but is allowed.
+    /// Returns the warnings about allowed but odd content.
     pub fn warnings(&self) -> &[Problem] {
         &self.warnings
     }
 
-    /// What the scene of a driving world is made of.
+    /// Returns the spec of a driving world's scene.
     pub fn drive(&self) -> Option<&DriveSpec> {
         match &self.world {
             World::Drive(world) => Some(world.spec()),
@@ -160,7 +168,7 @@ impl Scenario {
         }
     }
 
-    /// The world, if it is a grid.
+    /// Returns the world, if it is a grid.
     pub fn grid(&self) -> Option<&GridWorld> {
         match &self.world {
             World::Drive(_) => None,
@@ -168,52 +176,52 @@ impl Scenario {
         }
     }
 
-    /// The assembled world.
+    /// Returns the assembled world.
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// X_init.
+    /// Returns the axes of X_init.
     pub fn axes(&self) -> Vec<Axis> {
         self.world.axes()
     }
 
-    /// All starts of a finite world, each once.
+    /// Returns all starts of a finite world, each once.
     pub fn starts(&self) -> Option<Vec<Start>> {
         self.world.starts()
     }
 
-    /// A joint action in words.
+    /// Returns a joint action in words.
     pub fn action_label(&self, action: usize) -> String {
         self.world.action_label(action)
     }
 
-    /// The bound rulebook.
+    /// Returns the bound rulebook.
     pub fn rulebook(&self) -> &Rulebook {
         &self.rulebook
     }
 
-    /// The same, to be kept beside the world.
+    /// Returns the bound rulebook, to be stored beside the world.
     pub fn shared_rulebook(&self) -> Arc<Rulebook> {
         Arc::clone(&self.rulebook)
     }
 
-    /// A fresh test bench, one per worker.
+    /// Returns a new test bench, one per worker.
     pub fn bench(&self) -> Testbench {
         Testbench::new(self.world.scene(), Arc::clone(&self.rulebook))
     }
 
-    /// What moves the world.
+    /// Returns the dynamics of the world.
     pub fn plant(&self) -> Dynamics {
         self.world.dynamics()
     }
 
-    /// The family of egos under `train_against`, if the world has one.
+    /// Returns the family of egos under `train_against`, if any.
     pub fn family(&self) -> Option<&Family> {
         self.family.as_deref()
     }
 
-    /// Shapes of what an ado sees, with what a conditional one is told.
+    /// Returns the spaces of an ado, including the inputs of conditional ados.
     pub fn spaces(&self) -> Spaces {
         let mut spaces = self.world.spaces().clone();
         if let (Against::Conditional, Some(family)) = (self.against, self.family()) {
@@ -222,10 +230,12 @@ impl Scenario {
         spaces
     }
 
-    /// The scene of a member of the family; `None`: this world is not driven.
+    /// Returns the scene of a member of the family. `None` without driving.
     pub fn scene_of(&self, variant: &EgoVariant) -> Option<Box<dyn Scene>> {
         match &self.world {
             World::Drive(world) => {
+                // The consent belongs to this scenario, and members come
+                // without any.
                 let mut variant = variant.clone();
                 variant
                     .controller
@@ -237,7 +247,7 @@ impl Scenario {
         }
     }
 
-    /// Programs that playing this world starts: its ego, if it is one.
+    /// Returns the program that this world starts as its ego, if any.
     pub fn program(&self) -> Option<&Process> {
         match &self.drive()?.ego.controller {
             EgoController::Stock(spec) => spec.program(),
@@ -245,7 +255,7 @@ impl Scenario {
         }
     }
 
-    /// The name of the user's own controller, if that is the ego.
+    /// Returns the name of the user's own controller, if it is the ego.
     pub fn own_ego(&self) -> Option<&str> {
         match &self.drive()?.ego.controller {
             EgoController::Stock(_) => None,
@@ -254,11 +264,11 @@ impl Scenario {
         }
     }
 
-    /// Whether its starts are points that an ego passes or fails, one by one: a
-    /// table of them, a single start, or starts of a world without an ado.
+    /// Returns true if an ego passes or fails each start by itself.
     ///
-    /// An ado that acts without a plan makes a world with a single start one to
-    /// search and to train in.
+    /// Such starts are a table, a single start, or starts of a world without an
+    /// ado. With an ado that acts without a plan, a world with a single start
+    /// is for search and training.
     pub fn has_points(&self) -> bool {
         let Some(spec) = self.drive() else {
             return false;
@@ -270,8 +280,10 @@ impl Scenario {
         !spec.points.is_empty() || acting == 0 || (spec.axes().is_empty() && strays)
     }
 
-    /// Whether the world's own ego says nothing of which starts are too hard for
-    /// another: it only coasts, or the starts are a table of points.
+    /// Returns true if each ego's own failures determine its trivial starts.
+    ///
+    /// The world's own ego is no measure if it only coasts, or the starts are a
+    /// table of points.
     pub fn judges_each_ego(&self) -> bool {
         let Some(spec) = self.drive() else {
             return false;
@@ -283,7 +295,7 @@ impl Scenario {
         coasts || !spec.points.is_empty()
     }
 
-    /// Every program that the world's file names, with the ego's name.
+    /// Returns every program that the world's file names, with the ego's name.
     pub fn programs(&self) -> Vec<(&str, &Process)> {
         let own = self.program().map(|program| ("nominal", program));
         let reused = self.reuse.iter().filter_map(|(name, change)| {
@@ -294,29 +306,29 @@ impl Scenario {
         own.into_iter().chain(reused).chain(met).collect()
     }
 
-    /// Whether programs that files name may be started.
+    /// Returns true if programs that files name may be started.
     pub fn may_start_programs(&self) -> bool {
         self.programs_allowed
     }
 
-    /// The ego's stock controller and its actuator, if it has one.
+    /// Returns the ego's stock controller with its actuator, if any.
     pub fn controller(&self) -> Option<Actuated<ControllerSpec>> {
         super::quantity::controller(self.drive()?)
     }
 
-    /// Every signal that formulas may use, derived ones included.
+    /// Returns every signal that formulas may use, including derived signals.
     pub fn signals(&self) -> Vec<(Signal, Availability)> {
         self.world.signals()
     }
 }
 
-/// A change that does not fit the world.
+/// Change that does not fit the world.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{what}")]
 pub struct ChangeError {
-    /// What is wrong.
+    /// Statement of the problem.
     pub what: String,
-    /// The cure, where one is known.
+    /// Fix, if known.
     pub help: Option<String>,
     /// Fields from the change to the place.
     pub place: Vec<String>,
@@ -350,6 +362,7 @@ pub(super) fn bound_rules(rules: &[RuleSpec], monitors: Vec<crate::stl::Monitor>
             monitor,
         })
         .collect();
+    // The sort is stable: rules of equal priority keep the file's order.
     bound.sort_by_key(|rule| rule.priority);
     bound
 }

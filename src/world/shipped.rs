@@ -1,10 +1,10 @@
-//! The worlds that come with brakecheck, inside the program.
+//! Worlds that are shipped inside the program.
 
 use std::path::Path;
 
 use super::{LoadError, Scenario, ScenarioError};
 
-/// A world's name and text.
+/// Name and text of a world.
 macro_rules! world {
     ($name:literal) => {
         ($name, include_str!(concat!("../../worlds/", $name, ".ron")))
@@ -42,7 +42,7 @@ const WORLDS: [(&str, &str); 28] = [
     world!("yellow_light_plain"),
 ];
 
-/// Points of test protocols, `examples/openx/protocols.py` makes them.
+/// Points of test protocols, made by `examples/openx/protocols.py`.
 const PROTOCOLS: [(&str, &str); 71] = [
     world!("ncap/cbfa"),
     world!("ncap/cbfa_extended"),
@@ -118,19 +118,19 @@ const PROTOCOLS: [(&str, &str); 71] = [
 ];
 
 impl Scenario {
-    /// Names of the shipped worlds, in order.
+    /// Returns the names of the shipped worlds, in order.
     pub fn shipped_names() -> impl Iterator<Item = &'static str> + Clone {
         WORLDS.iter().map(|(name, _)| *name)
     }
 
-    /// Names of the shipped worlds that hold the points of a test protocol, such
-    /// as `ncap/cpna`, in order.
+    /// Returns the names of the shipped test protocols, such as `ncap/cpna`, in order.
     pub fn protocol_names() -> impl Iterator<Item = &'static str> + Clone {
         PROTOCOLS.iter().map(|(name, _)| *name)
     }
 
-    /// A shipped world, as its file in `worlds/` holds it; `None`: there is none
-    /// of that name.
+    /// Returns a shipped world, as in its file in `worlds/`.
+    ///
+    /// `None` for an unknown name.
     ///
     /// ```
     /// use brakecheck::world::Scenario;
@@ -141,16 +141,17 @@ impl Scenario {
     /// # Ok::<(), brakecheck::world::ScenarioError>(())
     /// ```
     pub fn shipped(name: &str) -> Option<Result<Scenario, ScenarioError>> {
+        // The list is searched before parsing: a world is only checked when it
+        // is used.
         let mut all = WORLDS.iter().chain(&PROTOCOLS);
         let (name, text) = all.find(|(known, _)| *known == name)?;
         Some(Scenario::parse(&format!("worlds/{name}.ron"), text))
     }
 
-    /// The world of a file, or, where no such file is, the shipped one of that
-    /// name.
+    /// Returns the world of a file, or a shipped world if no such file exists.
     ///
     /// # Errors
-    /// There is neither, or the file is not a world.
+    /// Returns an error if there is neither, or the file is not a valid world.
     ///
     /// ```
     /// use brakecheck::world::Scenario;
@@ -159,6 +160,7 @@ impl Scenario {
     /// # Ok::<(), brakecheck::world::LoadError>(())
     /// ```
     pub fn find(file_or_name: &Path) -> Result<Scenario, LoadError> {
+        // A file of that name takes precedence over a shipped world.
         let name = file_or_name.to_str().filter(|_| !file_or_name.exists());
         match name.and_then(Scenario::shipped) {
             Some(world) => world.map_err(|error| LoadError::Scenario(Box::new(error))),

@@ -1,18 +1,18 @@
-//! Where everybody may start: within bounds, and not inside each other.
+//! Checks of starts: within bounds, and without overlap of agents.
 
 use super::locate::Path;
 use super::problems::Problems;
 use crate::scene::drive::{Agent, Direction, Drive, DriveSpec, Range, Script, StartPlace};
 
-/// Highest speed anybody may start with.
+/// Greatest start speed, in m/s.
 const MAX_SPEED_MPS: f64 = 100.0;
-/// Farthest anybody may start from the origin.
+/// Greatest distance of a start from the origin, in metres.
 const MAX_DISTANCE_M: f64 = 5_000.0;
 
-/// Farthest anybody on foot may start from the road.
+/// Greatest distance of a start from the road, in metres.
 const MAX_ASIDE_M: f64 = 20.0;
 
-/// Starts that are too fast, too far, or inside each other.
+/// Checks starts for speed, distance and overlap.
 ///
 /// `entries` are the agents' positions in the file's list.
 pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entries: &[usize]) {
@@ -30,11 +30,13 @@ pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entr
         }
         for j in 0..i {
             let other = &spec.agents[j];
-            // Who is on different roads, or stands at an angle, is looked at as a box
-            // when the world is tried.
+            // Agents on different roads, or at an angle, are compared as boxes
+            // in the trial runs.
             if agent.road != other.road || is_turned(agent) || is_turned(other) {
                 continue;
             }
+            // Agents side by side cannot overlap, wherever they are along the
+            // road.
             let apart_m = (agent.lateral_m.lo - other.lateral_m.hi)
                 .max(other.lateral_m.lo - agent.lateral_m.hi);
             if (width_m(agent) + width_m(other)) / 2.0 <= apart_m {
@@ -42,6 +44,8 @@ pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entr
             }
             let ahead = headway(spec, j, i);
             let clear_m = rear_m(agent) + front_m(other);
+            // Fronts may differ by any value of the range, so the ranges must
+            // not meet.
             if ahead.lo <= clear_m && -(rear_m(other) + front_m(agent)) <= ahead.hi {
                 let what = format!(
                     "`{}` and `{}` may start inside each other",
@@ -57,7 +61,7 @@ pub(super) fn check(problems: &mut Problems, path: &Path, spec: &DriveSpec, entr
     }
 }
 
-/// Those on foot near the road, and stop lines on it; vehicles have lanes.
+/// Checks that pedestrians start near the road, and stop lines are on it.
 ///
 /// `entries` are the positions of agents and lights in the file's list.
 pub(super) fn on_the_road(
@@ -93,7 +97,7 @@ pub(super) fn on_the_road(
     }
 }
 
-/// Whether it is an obstacle that is not along the road.
+/// Returns true for an obstacle at an angle to the road.
 fn is_turned(agent: &Agent) -> bool {
     matches!(agent.drive, Drive::Scripted(Script::Stand)) && agent.facing_rad != 0.0
 }
@@ -106,7 +110,7 @@ fn rear_m(agent: &Agent) -> f64 {
     }
 }
 
-/// Extent ahead of the front bumper along the road: of who comes against it.
+/// Extent ahead of the front bumper along the road, for oncoming agents.
 fn front_m(agent: &Agent) -> f64 {
     agent.body.room_m().0 - rear_m(agent)
 }
@@ -116,10 +120,11 @@ fn width_m(agent: &Agent) -> f64 {
     agent.body.room_m().1
 }
 
-/// The agents an agent's position hangs on, itself first.
+/// Agents that an agent's position depends on, itself first.
 fn chain(spec: &DriveSpec, agent: usize) -> Vec<usize> {
     let mut chain = vec![agent];
     let mut at = agent;
+    // Ends, because an agent only refers to agents before it in the file.
     while let StartPlace::Ahead { of, .. } = spec.agents[at].place {
         chain.push(of);
         at = of;
@@ -134,12 +139,12 @@ fn own_offset(agent: &Agent) -> Range {
     }
 }
 
-/// Where an agent's front bumper may start.
+/// Range of the start of an agent's front bumper.
 fn front(spec: &DriveSpec, agent: usize) -> Range {
     sum(spec, chain(spec, agent).into_iter())
 }
 
-/// By how much `b` may start ahead of `a`; what they share cancels.
+/// Range of the start of `b` ahead of `a`. Common parts cancel.
 fn headway(spec: &DriveSpec, a: usize, b: usize) -> Range {
     let (of_a, of_b) = (chain(spec, a), chain(spec, b));
     let plus = sum(spec, of_b.iter().copied().filter(|i| !of_a.contains(i)));
@@ -152,6 +157,7 @@ fn headway(spec: &DriveSpec, a: usize, b: usize) -> Range {
 
 fn sum(spec: &DriveSpec, agents: impl Iterator<Item = usize>) -> Range {
     agents
+        // Offsets vary independently, so the ends of their ranges add up.
         .map(|i| own_offset(&spec.agents[i]))
         .fold(Range { lo: 0.0, hi: 0.0 }, |sum, range| Range {
             lo: sum.lo + range.lo,

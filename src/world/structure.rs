@@ -1,5 +1,4 @@
-//! Egos of other structures in a family: other controllers than the world's own,
-//! each with ranges over its own parameters.
+//! Other structures in a family: controllers with ranges over their own parameters.
 
 use rand::Rng;
 use serde::Serialize;
@@ -7,19 +6,20 @@ use serde::Serialize;
 use super::quantity::Quantity;
 use crate::ego::{Actuated, ControllerSpec};
 
-/// A controller of another kind, and how far its parameters vary.
+/// Controller of another kind, with the ranges of its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Structure {
-    /// Its name in the world file.
+    /// Name in the world file.
     pub name: String,
     pub(super) controller: Actuated<ControllerSpec>,
-    /// Of its own parameters.
+    /// Ranges of its parameters.
     pub(super) quantities: Vec<Quantity>,
 }
 
 impl Structure {
-    /// An ego of this structure, every quantity uniform in its range.
+    /// Returns an ego of this structure, every quantity uniform in its range.
     pub(super) fn draw(&self, rng: &mut impl Rng) -> Actuated<ControllerSpec> {
+        // Parameters without a range keep the value of the file.
         let mut drawn = self.controller.clone();
         for quantity in &self.quantities {
             let set = drawn.set(quantity.varied.name(), quantity.draw(rng));
@@ -29,12 +29,14 @@ impl Structure {
         drawn
     }
 
-    /// Whether a controller is of this kind, with all parameters in their ranges.
+    /// Returns true for a controller of this kind with all parameters in their ranges.
     pub(super) fn covers(&self, other: &Actuated<ControllerSpec>) -> bool {
         let own = self.controller.parameters();
         let varies = |name: &str| self.quantities.iter().find(|q| q.varied.name() == name);
+        // Pairs are only compared for equal kinds, whose parameters correspond
+        // by position.
         let pairs = other.parameters().into_iter().zip(&own);
-        // Programs have no parameters that would tell one from another.
+        // Programs have no parameters that would distinguish them.
         self.controller.controller.program().is_none()
             && self.controller.controller.kind() == other.controller.kind()
             && pairs

@@ -1,9 +1,9 @@
-//! Trained ados in a world file: their run is found, then written out.
+//! Trained ados in a world file: their run is found and written into the text.
 //!
-//! `Trained(run: "runs/acc")` names a run, which a [`super::RunSource`] finds. The
-//! scenario's text then has `Trained(run: Kept(…))` in its stead, with the run's
-//! world and policy in it, so that run directories and kept counterexamples of
-//! such a world need nothing else.
+//! `Trained(run: "runs/acc")` refers to a run, which a [`super::RunSource`]
+//! finds. The scenario's text then has `Trained(run: Kept(…))` instead, with
+//! the run's world and policy. Run directories and kept counterexamples of such
+//! a world are therefore self-contained.
 
 mod nested;
 pub(super) mod run;
@@ -25,7 +25,9 @@ use crate::rl::{Bundle, Policy, load_policy_for};
 use crate::scene::World;
 use crate::scene::drive::{Drive, DriveSpec, LightDrive, TrainedAdo, TrainedError};
 
-/// A trained ado, and the text that says the same without its directory.
+/// Returns a trained ado, and the text that replaces its directory.
+///
+/// `None` after a mistake, which is reported.
 pub(super) fn open(
     problems: &mut Problems,
     (path, origin): (&Path, Origin<'_>),
@@ -34,6 +36,8 @@ pub(super) fn open(
 ) -> Option<(TrainedAdo, Option<(Path, String)>)> {
     let place = path.to("run");
     let made = opened(&trained.run, origin).and_then(|run| {
+        // Nesting is checked first, since assembling a run recurses into its
+        // world.
         nested::check(&run, origin)?;
         let drive = made_from(&run, &trained.names, origin)?;
         Ok((run, drive))
@@ -51,6 +55,7 @@ pub(super) fn open(
         problems.add(&place, what, "not its actions", Some(help.to_owned()));
         return None;
     }
+    // A kept run is in the text already.
     let written_out = match &trained.run {
         RunFile::Directory(_) => Some((place, written(&run))),
         RunFile::Kept(_) => None,
@@ -73,6 +78,8 @@ fn made_from(
     };
     let home = world.spec();
     let mut sets = home.action_sets();
+    // The policy chooses joint actions, so it can only be placed if it was
+    // alone.
     let (part, actions) = match (sets.next(), sets.next()) {
         (Some((part, actions, _)), None) => (part.to_owned(), actions.clone()),
         _ => {
@@ -83,6 +90,8 @@ fn made_from(
         }
     };
     let bundle = Bundle::from_bytes(&run.policy);
+    // The policy is checked against the spaces of its own world, where it was
+    // trained.
     let policy = bundle.and_then(|bundle| load_policy_for(world.spaces(), &bundle));
     let policy = policy.map_err(|error| {
         refused(
@@ -105,12 +114,17 @@ fn lag_s(home: &DriveSpec) -> f64 {
         Drive::Ado { lag_s, .. } => Some(lag_s),
         _ => None,
     });
+    // Invariant: the home world has a single ado, so the sum is its lag, or 0
+    // for a light.
     lags.sum()
 }
 
-/// The run's world; it was tried when it was trained in.
+/// Returns the run's world.
+///
+/// Trial runs are omitted, because they took place before its training.
 fn world_of(run: &Run, origin: Origin<'_>) -> Result<World, RunRefused> {
     let name = run.world_name();
+    // Runs of the inner world are searched beside the inner file.
     let inner = Origin {
         file: &name,
         ..origin
@@ -130,8 +144,9 @@ fn world_of(run: &Run, origin: Origin<'_>) -> Result<World, RunRefused> {
     })
 }
 
-/// A run as RON, in one value.
+/// Run as a single RON value.
 fn written(run: &Run) -> String {
+    // A raw string needs more hashes than follow any quote inside it.
     let longest = |text: &str| {
         let hashes = text.split('"').skip(1);
         let leading = hashes.map(|after| after.len() - after.trim_start_matches('#').len());
@@ -149,12 +164,13 @@ fn written(run: &Run) -> String {
     )
 }
 
-/// A text with values replaced.
+/// Replaces values in a text.
 pub(super) fn with_values(text: &str, values: &[(Path, String)]) -> String {
     let mut places: Vec<(std::ops::Range<usize>, &String)> = values
         .iter()
         .map(|(path, value)| (path.find(text), value))
         .collect();
+    // From the end to the start, so that earlier spans stay valid.
     places.sort_by_key(|(span, _)| std::cmp::Reverse(span.start));
     let mut text = text.to_owned();
     for (span, value) in places {
@@ -163,8 +179,9 @@ pub(super) fn with_values(text: &str, values: &[(Path, String)]) -> String {
     text
 }
 
-/// Whether all trained ados can act in a world; `entries` and `lights` are the
-/// positions of agents and lights in the file's list.
+/// Checks that all trained ados can act in a world.
+///
+/// `entries` contains the positions of agents and lights in the file's list.
 pub(super) fn check(
     problems: &mut Problems,
     list: &Path,
@@ -190,7 +207,7 @@ pub(super) fn check(
     }
 }
 
-/// Where an ado does not fit, a label and the cure.
+/// Place, label and fix of an ado that does not fit.
 fn explained(drive: &Path, error: &TrainedError) -> (Path, &'static str, Option<String>) {
     let names = drive.to("names");
     let guessed = |written: &str, known: &[String]| {

@@ -1,4 +1,4 @@
-//! Formulas that decide nothing: they hold or fail whatever happens.
+//! Vacuous formulas, which hold or fail in every run.
 
 use super::Scenario;
 use super::error::Problem;
@@ -8,7 +8,7 @@ use super::warnings::Oddity;
 use crate::scene::drive::Bounds;
 use crate::stl::{Interval, Monitor};
 
-/// A specification that nobody can violate and rules that nobody can keep.
+/// Reports a specification that no run violates, and rules that no run keeps.
 pub(super) fn check(problems: &mut Problems, path: &Path, scenario: &Scenario) {
     let Some(spec) = scenario.drive() else {
         return;
@@ -18,6 +18,7 @@ pub(super) fn check(problems: &mut Problems, path: &Path, scenario: &Scenario) {
     check_spec(problems, &path.to("ego_spec"), scenario, &bounds);
     for rule in &scenario.rulebook().rules {
         let range = rule.monitor.range(&ranges);
+        // ρ = 0 counts as broken, so a rule requires more.
         if range.hi <= 0.0 {
             let what = format!("the rule `{}` cannot be kept", rule.name);
             let label = format!("ρ is at most {}", range.hi);
@@ -32,11 +33,14 @@ fn check_spec(problems: &mut Problems, place: &Path, scenario: &Scenario, bounds
     let monitor = &scenario.rulebook().spec;
     let signals = monitor.signals();
     let range = monitor.range(&ranges);
+    // Checked first, because no signal's bounds explain the range of a constant
+    // formula.
     if signals.is_empty() {
         let what = "the ego's specification mentions no signal";
         let help = "say what the ego must never do, such as `always (ego.ado.gap >= 0.5)`";
         problems.add(place, what, "the same in every run", Some(help.to_owned()));
     } else if 0.0 <= range.lo {
+        // ρ = 0 counts as satisfied, so a violation requires less.
         let what = "no run can violate the ego's specification";
         let label = format!("ρ is at least {}", range.lo);
         problems.add(place, what, &label, reasons(scenario, monitor, bounds));
@@ -48,7 +52,7 @@ fn check_spec(problems: &mut Problems, place: &Path, scenario: &Scenario, bounds
     }
 }
 
-/// Rules that nobody can break: allowed, but odd.
+/// Warnings for rules that no run can break.
 pub(super) fn warnings(scenario: &Scenario) -> Vec<(Oddity, Problem)> {
     let Some(spec) = scenario.drive() else {
         return Vec::new();
@@ -75,7 +79,7 @@ fn place_of(scenario: &Scenario, rule: &str) -> Path {
     found.map_or_else(Path::top, |spec| spec.place.clone())
 }
 
-/// The bounds that a formula's range follows from.
+/// Bounds of the signals that explain a formula's range.
 fn reasons(scenario: &Scenario, monitor: &Monitor, bounds: &[Bounds]) -> Option<String> {
     let signals = scenario.world().schema().signals();
     let known = monitor.signals().into_iter().filter_map(|signal| {

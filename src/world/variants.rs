@@ -1,4 +1,4 @@
-//! The same world, changed: another ego, plant, learner or consent.
+//! Variants of a world: another ego, plant, learner or consent.
 
 use std::path::Path as FilePath;
 use std::sync::Arc;
@@ -6,17 +6,17 @@ use std::sync::Arc;
 use super::file::{Change, GridChange};
 use super::language::{Judging, rulebook};
 use super::{Against, ChangeError, Family, LoadError, Path, Repeats, Scenario, ScenarioError};
-use super::{changed, check, read};
+use super::{changed, check, counting, read};
 use crate::ego::Command;
 use crate::rl::{ConfigError, LearnerConfig};
-use crate::rulebook::{Counts, JudgeKind, Rulebook};
+use crate::rulebook::{Counts, JudgeKind, Rulebook, TrainingGoal};
 use crate::scene::World;
 use crate::scene::drive::{ControllerFactory, DriveSpec, DriveWorld, EgoController, Sensors};
 use crate::sim::PlantKind;
 use crate::testbench::Episode;
 
 impl Scenario {
-    /// The same world, to learn so.
+    /// Returns the world with another learner.
     #[must_use]
     pub fn learning_with(&self, learner: LearnerConfig) -> Scenario {
         Scenario {
@@ -25,18 +25,20 @@ impl Scenario {
         }
     }
 
-    /// The same world without the rules of some names.
+    /// Returns the world without the rules of some names.
     #[must_use]
     pub fn without_rules(&self, left_out: impl Fn(&str) -> bool) -> Scenario {
         let mut same = self.clone();
         same.rules.retain(|rule| !left_out(&rule.name));
         let mut rulebook = Rulebook::clone(&self.rulebook);
+        // Bound rules have the names of the written rules, and both lists lose
+        // the same rules.
         rulebook.rules.retain(|rule| !left_out(&rule.name));
         same.rulebook = Arc::new(rulebook);
         same
     }
 
-    /// The same world where every violation counts, each run judged up to it.
+    /// Returns the world with every violation counting, and runs judged up to it.
     pub(crate) fn counting_every_violation(&self) -> Scenario {
         let rulebook = Rulebook {
             counts: Counts::Violation,
@@ -49,7 +51,7 @@ impl Scenario {
         }
     }
 
-    /// The same world, each start played so often.
+    /// Returns the world with a number of runs of each start.
     #[must_use]
     pub fn repeated(&self, repeats: Repeats) -> Scenario {
         Scenario {
@@ -58,7 +60,7 @@ impl Scenario {
         }
     }
 
-    /// The same world with another of its ways to learn; `None`: no such name.
+    /// Returns the world with another of its learners. `None` for an unknown name.
     pub fn learning_by(&self, name: &str) -> Option<Scenario> {
         Some(Scenario {
             learner: self.learners.get(name)?.clone(),
@@ -67,25 +69,46 @@ impl Scenario {
         })
     }
 
-    /// The same world, to learn for so many decisions.
+    /// Returns the world with a number of training decisions.
     ///
     /// # Errors
-    /// There are none, or more than a learner takes.
+    ///
+    /// Returns an error for 0 decisions, or more than a learner accepts.
     pub fn training_for(&self, decisions: u64) -> Result<Scenario, ConfigError> {
         let learner = self.learner.clone().with_decisions(decisions)?;
         Ok(self.learning_with(learner))
     }
 
-    /// The same world, to train against its family as that says.
+    /// Returns the world with goals for its trainings.
     ///
-    /// `None`: it has no family.
+    /// # Errors
+    ///
+    /// Returns an error for a goal that is repeated or cannot be reached in this world.
+    pub fn training_towards(&self, goals: &[TrainingGoal]) -> Result<Scenario, ChangeError> {
+        let others = self.drive().map(|spec| spec.agents.len().saturating_sub(1));
+        if let Some((what, help)) = counting::against_goals(goals, others) {
+            return Err(ChangeError {
+                what,
+                help: Some(help),
+                place: Vec::new(),
+            });
+        }
+        Ok(Scenario {
+            goals: goals.to_vec(),
+            ..self.clone()
+        })
+    }
+
+    /// Returns the world with a training opponent.
+    ///
+    /// `None` if it has no family.
     pub fn training_against(&self, against: Against) -> Option<Scenario> {
         let learner = match (against, self.family()) {
             (Against::Nominal, _) => self.learner.clone(),
             (Against::Wide, family) => family?.wide.clone(),
             (Against::Conditional, family) => family?.conditional.clone(),
         };
-        // A conditional ado could not be told of a structure which it is.
+        // The inputs of a conditional ado cannot express a structure.
         let told = against == Against::Conditional;
         let family = self.family().filter(|_| told).map(|family| {
             let structures = Vec::new();
@@ -102,10 +125,11 @@ impl Scenario {
         })
     }
 
-    /// The same world, one structure of its family never met in training: to ask
-    /// what an ado does against a kind of controller that is new to it.
+    /// Returns the world without one structure of its family in training.
     ///
-    /// `None`: its family has no such structure.
+    /// It serves to test an ado against a kind of controller that is new to it.
+    ///
+    /// `None` if its family has no such structure.
     pub fn leaving_out(&self, structure: &str) -> Option<Scenario> {
         let mut family = self.family()?.clone();
         let all = family.structures.len();
@@ -117,11 +141,11 @@ impl Scenario {
         })
     }
 
-    /// The same world, and the consent to start the programs that it and its
-    /// changes name, or no such consent.
+    /// Returns the world with or without consent to start programs.
     ///
-    /// A world that was read has none, wherever it was read from: files cannot
-    /// consent. Without it a program as the ego is a fault in every episode.
+    /// The consent concerns programs that the world and its changes name. A
+    /// world from a file has no consent, because files cannot consent. Without
+    /// it an ego that is a program is a fault in every episode.
     #[must_use]
     pub fn allow_programs(&self, allowed: bool) -> Scenario {
         let mut same = match &self.world {
@@ -136,15 +160,18 @@ impl Scenario {
         same
     }
 
-    /// The same world with something changed.
+    /// Returns the world with a change.
     ///
     /// # Errors
-    /// What is wrong, with its path within the change.
+    ///
+    /// Returns an error with its path within the change.
     pub fn with(&self, change: &Change) -> Result<Scenario, ChangeError> {
         match &self.world {
             World::Drive(world) => {
                 let mut spec = world.spec().clone();
                 changed::apply(&mut spec, change)?;
+                // The change may bring a program of its own, which has no
+                // consent yet.
                 permit(&mut spec, self.programs_allowed);
                 check::still_apart(&spec)?;
                 Ok(self.remade(spec))
@@ -153,7 +180,7 @@ impl Scenario {
         }
     }
 
-    /// The same driving world on another plant; any other world as it is.
+    /// Returns the driving world on another plant. Other worlds stay as they are.
     pub fn on(&self, plant: PlantKind) -> Scenario {
         match &self.world {
             World::Drive(world) => {
@@ -165,10 +192,12 @@ impl Scenario {
         }
     }
 
-    /// The same driving world, sampled so often; decisions stay where they are.
+    /// Returns the driving world with another sampling time.
     ///
-    /// `None`: it is not driven, its formulas do not bind to such samples, or a
-    /// trained ado in it was trained on others.
+    /// Decisions keep their times.
+    ///
+    /// `None` for a world without driving, formulas that do not bind to such
+    /// samples, or a trained ado with another sampling time.
     pub fn sampled_every(&self, sample_s: f64) -> Option<Scenario> {
         let mut spec = self.drive()?.clone();
         spec.clock.sample_s = sample_s;
@@ -179,6 +208,7 @@ impl Scenario {
             reward: self.rulebook.reward,
         };
         let (spec, rules, names) = (&self.ego_spec, &self.rules, &self.names);
+        // Windows of formulas are counted in samples, so they are bound again.
         let bound = rulebook(world.schema(), spec, rules, names, judging).ok()?;
         Some(Scenario {
             rulebook: Arc::new(Rulebook {
@@ -191,10 +221,10 @@ impl Scenario {
         })
     }
 
-    /// The same world with the user's own controller as the ego.
+    /// Returns the world with the user's own controller as the ego.
     ///
-    /// `name` is what rows and files call it. Its commands pass the actuator of
-    /// the present ego. A world that is not driven stays as it is.
+    /// `name` is its name in rows and files. Its commands pass through the
+    /// actuator of the current ego. A world without driving stays as it is.
     pub fn with_ego(&self, name: &str, factory: ControllerFactory) -> Scenario {
         let World::Drive(world) = &self.world else {
             return self.clone();
@@ -207,10 +237,9 @@ impl Scenario {
         self.remade(spec)
     }
 
-    /// A model of the same world, in which the ego is what `factory` makes.
+    /// Returns a model of the world, whose ego is made by `factory`.
     ///
-    /// Nothing stands between what that ego
-    /// sees or commands and what is there or happens. A world that is not driven
+    /// The ego's perception and actuation are perfect. A world without driving
     /// stays as it is.
     pub(crate) fn as_model(&self, plant: PlantKind, factory: ControllerFactory) -> Scenario {
         let World::Drive(world) = &self.world else {
@@ -218,6 +247,8 @@ impl Scenario {
         };
         let mut spec = world.spec().clone();
         spec.plant = plant;
+        // The model replaces the complete ego, so perception and actuation must
+        // add nothing.
         spec.sensors = Sensors::default();
         spec.ego.lag_s = 0.0;
         spec.ego.controller = EgoController::Own {
@@ -227,10 +258,10 @@ impl Scenario {
         self.remade(spec)
     }
 
-    /// The same world with an ego that repeats what this one commanded.
+    /// Returns the world with an ego that repeats recorded commands.
     ///
-    /// They pass the actuator of the present ego. A world that is not driven
-    /// stays as it is.
+    /// They pass through the actuator of the current ego. A world without
+    /// driving stays as it is.
     pub fn with_commands(&self, commands: &Arc<[Command]>) -> Scenario {
         let World::Drive(world) = &self.world else {
             return self.clone();
@@ -240,8 +271,10 @@ impl Scenario {
         self.remade(spec)
     }
 
-    /// The same world, to play an episode of it again: an ego that may answer
-    /// otherwise the next time repeats its commands, so no program is started.
+    /// Returns the world for a replay of an episode.
+    ///
+    /// An ego that is not deterministic repeats its commands, so no program is
+    /// started.
     pub fn repeating(&self, episode: &Episode) -> Scenario {
         match episode.commands.is_empty() {
             true => self.clone(),
@@ -249,10 +282,12 @@ impl Scenario {
         }
     }
 
-    /// A change read from a file, for `--ego FILE`.
+    /// Returns a change from a file, for `--ego FILE`, and the changed world.
     ///
     /// # Errors
-    /// The file cannot be read, is no change, or does not fit this world.
+    ///
+    /// Returns an error if the file cannot be read, is no change, or does not
+    /// fit the world.
     pub fn changed_by(&self, path: &FilePath) -> Result<(Change, Scenario), LoadError> {
         let file = path.display().to_string();
         let text = read::text(&file, path)?;
@@ -266,6 +301,7 @@ impl Scenario {
         };
         let change = match &self.world {
             World::Drive(_) => read::parse(text).map_err(fail)?,
+            // A grid's file has the fields of a `GridChange` at its top.
             World::Grid(_) => read::parse::<GridChange>(text).map_err(fail)?.into(),
         };
         match self.with(&change) {
@@ -278,8 +314,8 @@ impl Scenario {
     }
 
     fn remade(&self, spec: DriveSpec) -> Scenario {
-        // Invariant: signals and observations do not depend on what a change
-        // can change, so a world that was assembled once assembles again.
+        // Invariant: signals and observations do not depend on parts that a
+        // change can alter. So a world that was assembled once assembles again.
         let world = DriveWorld::new(spec).map(World::Drive);
         assert!(world.is_ok(), "a changed world assembles like the original");
         Scenario {
@@ -289,7 +325,7 @@ impl Scenario {
     }
 }
 
-/// Gives or takes back the consent to start a program that is the ego.
+/// Gives or withdraws the consent to start an ego that is a program.
 fn permit(spec: &mut DriveSpec, allowed: bool) {
     if let EgoController::Stock(controller) = &mut spec.ego.controller {
         controller.allow_programs(allowed);

@@ -1,4 +1,4 @@
-//! What is allowed but odd, and how a world says that it is meant so.
+//! Warnings: allowed but odd content, and its confirmation by the world.
 
 use strum::{IntoStaticStr, VariantArray};
 
@@ -11,63 +11,63 @@ use crate::ego::ControllerSpec;
 use crate::scene::Clock;
 use crate::stl::{Formula, Monitor};
 
-/// Fastest start and fastest speed of a controller on a road: 252 km/h.
+/// Greatest usual speed of a start or a controller on a road: 252 km/h.
 const FAST_MPS: f64 = 70.0;
-/// No actuator is slower than this.
+/// Greatest usual lag of an actuator, in s.
 const SLOW_S: f64 = 5.0;
 
-/// Kinds of warnings; `allow` of a world file names them.
+/// Kinds of warnings, which `allow` of a world file can name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, VariantArray, IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 pub(super) enum Oddity {
-    /// A bound of a formula lies beyond the end of every run.
+    /// A bound of a formula is beyond the end of every run.
     #[strum(serialize = "bounds_beyond_T")]
     BoundsBeyondT,
     /// A decision lasts longer than a run.
     DecisionBeyondHorizon,
-    /// A rule of an ado stands there twice.
+    /// An ado has a rule twice.
     DuplicateRule,
     /// An ado observes a signal twice.
     DuplicateObservation,
-    /// Nobody drives so fast.
+    /// A start speed is unusually high.
     FastStart,
-    /// No controller drives so fast.
+    /// A speed of a controller is unusually high.
     FastEgo,
-    /// No actuator is so slow.
+    /// The lag of an actuator is unusually long.
     LongLag,
-    /// The world asks nothing.
+    /// The world has no question.
     EmptyQuestion,
     /// An ado has no rule.
     EmptyRulebook,
-    /// A coasting run is neither kept nor broken.
+    /// A coasting run neither keeps nor breaks a formula.
     Tie,
-    /// Rules that no run kept together.
+    /// No run kept two rules together.
     ExcludingRules,
-    /// A rule that no run kept to its end.
+    /// No run kept a rule to its end.
     NeverKept,
-    /// A rule that asks for nothing.
+    /// No run can break a rule.
     UnbreakableRule,
     /// A rule was broken in all of too few runs.
     BarelyTried,
-    /// A formula reads what the ados see nothing of.
+    /// A formula reads signals that no ado can observe.
     Unseen,
 }
 
-/// Oddities of one world, each with the path of what is odd.
+/// Oddities of one world, with their paths.
 pub(super) struct Warnings {
     allowed: Vec<&'static str>,
     found: Vec<(Oddity, Problem)>,
     noted: Vec<(Oddity, Path, Note)>,
 }
 
-/// What is odd, a few words for the place, and the cure.
+/// Statement, label and fix of an oddity.
 type Note = (String, &'static str, &'static str);
 
-/// A label and a cure.
+/// Label and fix.
 type Words = (&'static str, &'static str);
 
 impl Warnings {
-    /// Reads `allow`, and notes what of it names no warning.
+    /// Reads `allow`, and reports unknown warnings.
     pub(super) fn allowing(problems: &mut Problems, path: &Path, allow: &[String]) -> Warnings {
         let known: Vec<&'static str> = Oddity::VARIANTS.iter().map(Into::into).collect();
         let mut allowed = Vec::new();
@@ -84,7 +84,7 @@ impl Warnings {
         }
     }
 
-    /// Takes warnings that trying the world gave.
+    /// Adds warnings of the trial runs.
     pub(super) fn found(&mut self, found: impl IntoIterator<Item = (Oddity, Problem)>) {
         self.found.extend(found);
     }
@@ -93,8 +93,9 @@ impl Warnings {
         self.noted.push((oddity, path, (what, label, help)));
     }
 
-    /// What is said: all that the world does not allow, each with the word that
-    /// would.
+    /// Returns the warnings that the world does not allow.
+    ///
+    /// Each mentions the word that would allow it.
     pub(super) fn of(self, text: &str) -> Vec<Problem> {
         let noted = self.noted.into_iter().map(|(oddity, path, note)| {
             let (what, label, help) = note;
@@ -120,7 +121,7 @@ impl Warnings {
         .collect()
     }
 
-    /// A world without a question.
+    /// Warns of a world without a question.
     pub(super) fn question(&mut self, question: &str) {
         if question.trim().is_empty() {
             self.note(
@@ -135,7 +136,7 @@ impl Warnings {
         }
     }
 
-    /// What is odd about an ado: its rules and what it observes.
+    /// Warns of an ado's rules and observations.
     pub(super) fn ado(&mut self, path: &Path, rules: &[RuleFile], observe: &[String]) {
         if rules.is_empty() {
             self.note(
@@ -148,6 +149,7 @@ impl Warnings {
                 ),
             );
         }
+        // Compared as formulas, since texts may differ in spaces or brackets.
         let formulas = rules.iter().map(|rule| rule.stl.parse::<Formula>().ok());
         let formulas: Vec<Option<Formula>> = formulas.collect();
         for (j, rule) in rules.iter().enumerate() {
@@ -178,7 +180,7 @@ impl Warnings {
         }
     }
 
-    /// What is odd about a driving world's text.
+    /// Warns of a driving world's text.
     pub(super) fn driving(&mut self, file: &ScenarioFile) {
         let top = Path::top();
         self.question(&file.question);
@@ -247,14 +249,14 @@ impl Warnings {
         }
     }
 
-    /// Speeds of a controller that look like km/h.
+    /// Warns of speeds of a controller that look like km/h.
     fn controller(&mut self, path: &Path, controller: &ControllerSpec) {
         for parameter in controller.parameters() {
             self.speed(path, parameter.name, parameter.value);
         }
     }
 
-    /// A speed of a controller by name; parameters of another unit are passed over.
+    /// Warns of a speed of a controller. Parameters of other units are ignored.
     fn speed(&mut self, path: &Path, name: &str, value: f64) {
         if name.ends_with("_mps") && FAST_MPS < value {
             let kmh = 3.6 * value;
@@ -264,7 +266,7 @@ impl Warnings {
         }
     }
 
-    /// Speeds of the egos under `reuse` and of the family that look like km/h.
+    /// Warns of speeds of the egos under `reuse` and of the family that look like km/h.
     fn changed_egos(&mut self, file: &ScenarioFile) {
         for (name, change) in &file.reuse.0 {
             let path = Path::top().to("reuse").to(name);
@@ -289,13 +291,14 @@ impl Warnings {
         }
     }
 
-    /// Formulas that read what the ados see nothing of: they can learn to obey or
-    /// to break those by chance only.
+    /// Warns of formulas with signals that no ado can observe.
+    ///
+    /// An ado then keeps or breaks them by chance only.
     pub(super) fn unseen(&mut self, scenario: &Scenario) {
         let Some(spec) = scenario.drive() else {
             return;
         };
-        // Where nobody learns nobody needs to see.
+        // Without learning, no observation is required.
         if spec.action_sets().next().is_none() {
             return;
         }
@@ -327,12 +330,13 @@ impl Warnings {
         }
     }
 
-    /// Bounds of formulas that reach beyond the end of every run.
+    /// Warns of bounds of formulas beyond the end of every run.
     pub(super) fn bounds(&mut self, scenario: &Scenario) {
         let clock = scenario.world().clock();
+        // A window longer than this reaches beyond the end from every sample.
         let last = clock.samples() - 1;
         let end = clock.horizon_s;
-        // A grid's clock counts steps.
+        // The clock of a grid counts steps.
         let unit = match scenario.drive() {
             Some(_) => "s",
             None => "steps",
@@ -343,7 +347,7 @@ impl Warnings {
         };
         for (who, place, monitor) in formulas(scenario) {
             if let Some(reach_s) = reach_s(monitor) {
-                // Without the dust of binary fractions.
+                // Rounded to remove the digits of binary fractions.
                 let reach_s = (reach_s * 1e9).round() / 1e9;
                 let what =
                     format!("{who} looks {reach_s} {unit} away, and a run ends at {end} {unit}");
@@ -354,7 +358,7 @@ impl Warnings {
     }
 }
 
-/// The specification and the rules: who asks, where, and by which monitor.
+/// Specification and rules: name, place and monitor of each.
 fn formulas(scenario: &Scenario) -> Vec<(String, Path, &Monitor)> {
     let rulebook = scenario.rulebook();
     let spec = Path::top().to("ego_spec");

@@ -530,6 +530,10 @@ fn mistakes_in_a_campaign_file_are_named_with_place_and_cure() {
             "Drawn(count: 40, seed: 9)",
             "Grid(axes: { \"ado.headway\": (20.0, 10.0, 3) })",
         ),
+        (
+            "Drawn(count: 40, seed: 9)",
+            "Grid(axes: { \"ado.headway\": (10.0, 20.0, 10000000000) })",
+        ),
         ("baseline: \"nominal\"", "baseline: \"nomnal\""),
         (
             "preventability: true",

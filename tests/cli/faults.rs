@@ -281,6 +281,22 @@ fn programs_that_are_none_cannot_be_started() {
         ];
         assert_eq!(code(&brakecheck(&all)), 3, "{program}");
     }
+    // A campaign with such an ego is not planned: no piece of it could be made.
+    for program in ["[\"/nonexistent\"]", "[\"sh\", \"-c\", \"exit 0\"]"] {
+        let ego = path(&dir, "never.ron");
+        let change = format!("Change(controller: Some(Process(command: {program})))");
+        std::fs::write(&ego, change).expect("written");
+        let (file, plan) = (path(&dir, "campaign.ron"), path(&dir, "plan"));
+        let text = format!(
+            "Campaign(name: \"none\", worlds: [(file: \"acc\", plant: Kinematic)], \
+             egos: [Ego(\"{ego}\")], ados: [Held], starts: Drawn(count: 4, seed: 0))"
+        );
+        std::fs::write(&file, text).expect("written");
+        let asked = ["campaign", "plan", &file, "-o", &plan, "--allow-programs"];
+        let output = brakecheck(&asked);
+        assert_eq!(code(&output), 3, "{program}: {}", stderr(&output));
+        assert!(!Path::new(&plan).exists(), "{program}");
+    }
     let none = path(&dir, "none.ron");
     std::fs::write(&none, "Change(controller: Some(Process(command: [])))").expect("written");
     let refused = brakecheck(&["eval", &run, "--ego", &none, "--allow-programs"]);

@@ -243,6 +243,99 @@ fn worlds_without_measure_are_refused_by_count() {
     }
 }
 
+/// Every world, kept file, trace, campaign, ego and scenario is a file that
+/// somebody names: a pipe without a writer and a device without an end are none.
+#[cfg(unix)]
+#[test]
+fn what_is_no_ordinary_file_is_refused_before_it_is_read() {
+    let dir = scratch();
+    let pipe = path(&dir, "pipe.ron");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.expect("mkfifo").success());
+    let device = path(&dir, "device.ron");
+    std::os::unix::fs::symlink("/dev/zero", &device).expect("a link");
+    let (run, _) = small_run(&dir, "run", &[]);
+    for file in [&pipe, &device] {
+        let verbs: [&[&str]; 10] = [
+            &["check", file],
+            &["train", file],
+            &["eval", file],
+            &["search", "acc", "--starts", "2", "--ego", file],
+            &["replay", file],
+            &["view", file],
+            &["export", file, "-o", "scenarios"],
+            &["report", &run, "--rows", file],
+            &["campaign", "plan", file, "--dry-run"],
+            &["stl", "always (x >= 0)", "--trace", file],
+        ];
+        for args in verbs {
+            let output = brakecheck(args);
+            let said = stderr(&output);
+            assert!(matches!(code(&output), 2 | 3), "{args:?}: {said}");
+            // Where a run directory may stand, too, it is a file that is none.
+            let what = ["no ordinary file", "no run directory: it is a file"];
+            let told = what.iter().any(|what| said.contains(what));
+            assert!(told, "{args:?}: {said}");
+        }
+        let world = path(&dir, "imported.ron");
+        let output = brakecheck(&["new", &world, "--from", file]);
+        assert!(stderr(&output).contains("no ordinary file"));
+        for name in ["world.ron", "manifest.json", "progress.jsonl", "lock"] {
+            let (inside, aside) = (format!("{run}/{name}"), format!("{run}/aside"));
+            std::fs::rename(&inside, &aside).expect("moved");
+            std::os::unix::fs::symlink(file, &inside).expect("a link");
+            let resumed = ["train", "acc", "-o", &run, "--resume"];
+            let output = brakecheck(&resumed);
+            assert!(
+                matches!(code(&output), 2 | 3),
+                "{name}: {}",
+                stderr(&output)
+            );
+            std::fs::remove_file(&inside).expect("removed");
+            std::fs::rename(&aside, &inside).expect("moved back");
+        }
+    }
+}
+
+#[test]
+fn a_search_ends_however_many_switches_are_asked_for() {
+    let dir = scratch();
+    let file = path(&dir, "short.ron");
+    let text = acc()
+        .replace("plant: Rigid", "plant: Kinematic")
+        .replace("decision_s: 0.5", "decision_s: 5.0");
+    std::fs::write(&file, text).expect("written");
+    let search = |switches: &str| {
+        let asked = ["search", &file, "--starts", "3", "--switches", switches];
+        let output = brakecheck(&[&asked[..], &["--json"]].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let row = json(&output)["rows"][0].clone();
+        (row["solved"].clone(), row["sims_per_start"].clone())
+    };
+    // Three decisions have two switches at most.
+    assert_eq!(search("18446744073709551615"), search("2"));
+}
+
+#[test]
+fn of_very_many_warnings_the_first_are_shown() {
+    let dir = scratch();
+    let file = path(&dir, "odd.ron");
+    let twice = "\"ego.speed\", ".repeat(900);
+    let text = acc().replace("observe: [", &format!("observe: [{twice}"));
+    std::fs::write(&file, text).expect("written");
+    let output = brakecheck(&["check", &file]);
+    let said = stderr(&output);
+    assert_eq!(code(&output), 0, "{said}");
+    assert!(
+        said.contains("more warnings are not shown"),
+        "{}",
+        said.len()
+    );
+    assert!(said.len() < 150_000, "{} bytes", said.len());
+    let listed = json(&brakecheck(&["check", &file, "--json"]));
+    assert!(800 < listed["warnings"].as_array().expect("a list").len());
+}
+
 /// What a test says that returns its error, and how to go on.
 #[test]
 fn an_ego_that_still_fails_is_told_of_in_words() {

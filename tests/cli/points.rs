@@ -69,7 +69,8 @@ fn an_imported_scene_tests_the_program_at_every_point() {
 fn points_that_fail_are_kept_shown_replayed_exported_reported_and_gated() {
     let dir = scratch();
     let world = imported(&dir);
-    let weak = path(&dir, "weak.py");
+    // Its name reaches the page, but not as a browser or a terminal would obey it.
+    let weak = path(&dir, "weak\u{202e}\u{9b}1m.py");
     std::fs::write(&weak, WEAK).expect("written");
     let kept = path(&dir, "kept");
     let asked = [
@@ -108,11 +109,11 @@ fn points_that_fail_are_kept_shown_replayed_exported_reported_and_gated() {
     let junit = std::fs::read_to_string(path(&dir, "page.junit.xml")).expect("JUnit");
     assert_eq!(junit.matches("<testcase").count(), 25);
     assert_eq!(junit.matches("<failure").count() as u64, failed);
-    assert!(
-        std::fs::read_to_string(&page)
-            .expect("the page")
-            .contains("25 points")
-    );
+    let shown = std::fs::read_to_string(&page).expect("the page");
+    assert!(shown.contains("25 points") && shown.contains(r"weak\u{202e}\u{9b}1m.py"));
+    for text in [&shown, &junit] {
+        assert!(!text.contains(['\u{202e}', '\u{9b}']));
+    }
 
     // A search leaves out what the program itself fails, and says how much.
     let search = brakecheck(&with_program(&["search", &world, "--json"], &weak));
@@ -123,6 +124,44 @@ fn points_that_fail_are_kept_shown_replayed_exported_reported_and_gated() {
         (passed, failed)
     );
     assert_eq!(row["fails_alone"]["starts"], failed);
+}
+
+/// The world's own ego passes no point: it must not say which are left out.
+#[test]
+fn a_campaign_judges_every_point_by_the_ego_that_it_names() {
+    let dir = scratch();
+    let world = imported(&dir);
+    let weak = path(&dir, "weak.py");
+    std::fs::write(&weak, WEAK).expect("written");
+    let ego = path(&dir, "weak.ron");
+    let change = format!(
+        "Change(controller: Some(Process(command: [\"python3\", \"{weak}\"], timeout_s: 60.0)))"
+    );
+    std::fs::write(&ego, change).expect("written");
+    let campaign = path(&dir, "campaign.ron");
+    let text = format!(
+        "Campaign(name: \"points\", worlds: [(file: \"{world}\")], egos: [Ego(\"{ego}\")], \
+         ados: [Neutral], starts: Drawn(count: 25, seed: 0))"
+    );
+    std::fs::write(&campaign, text).expect("written");
+    let plan = path(&dir, "plan");
+    let steps: [&[&str]; 3] = [
+        &["plan", &campaign, "-o", &plan, "--piece-s", "10"],
+        &["run", &plan],
+        &["merge", &plan, "--json"],
+    ];
+    let mut outputs = steps.iter().map(|step| {
+        let output = brakecheck(&[&["campaign"], *step, &["--allow-programs"]].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        output
+    });
+    let merged = json(&outputs.nth(2).expect("merged"));
+    let row = &merged["summary"]["rows"][0];
+    let eval = brakecheck(&with_program(&["eval", &world, "--json"], &weak));
+    let table = &json(&eval)["points"][0];
+    let [fails, trivial, starts] = ["fails", "trivial", "starts"].map(|it| number(&row[it]));
+    assert_eq!((fails, trivial, starts), (number(&table["failed"]), 0, 25));
+    assert!(0 < fails && fails < 25, "{row}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Which counterexamples are the same one over and over.
 
-use brakecheck::crashes::{NEAR, Shape, clusters};
+use brakecheck::experiment::{NEAR, Shape, clusters};
 use brakecheck::testbench::Episode;
 
 use super::found::{acc, acc_found, cut_in, cut_in_found, replayed};

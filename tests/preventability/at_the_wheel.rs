@@ -21,21 +21,44 @@ const DRIVERS: [(ReferenceDriver, &str); 6] = [
 
 /// A lead car uncovers a truck that stands; `sensors` are the ego's.
 fn cut_out(plant: &str, sensors: &str) -> Scenario {
+    let speeds = ["(22.0, 26.0)", "(24.0, 26.0)"];
+    uncovered(plant, sensors, speeds, ["(25.0, 45.0)", "(150.0, 200.0)"])
+}
+
+/// The same at motorway speeds, at which it takes more than the distance to the
+/// lead car to stop.
+fn fast_cut_out(sensors: &str) -> Scenario {
+    let speeds = ["(34.0, 36.0)", "(35.0, 36.0)"];
+    uncovered(
+        "Kinematic",
+        sensors,
+        speeds,
+        ["(45.0, 55.0)", "(260.0, 300.0)"],
+    )
+}
+
+/// Speeds of the ego and of the lead car, headways of the lead car and of the truck.
+fn uncovered(
+    plant: &str,
+    sensors: &str,
+    [ego_mps, lead_mps]: [&str; 2],
+    [lead_m, truck_m]: [&str; 2],
+) -> Scenario {
     let text = format!(
         "Scenario(name: \"cut_out\", question: \"?\", \
          clock: (horizon_s: 16.0, decision_s: 0.5, sample_s: 0.05, substeps: 4), \
          plant: {plant}, judge: UntilContact, \
          road: Straight(lanes: 2, lane_width_m: 3.5, friction: 0.9), \
          agents: [Vehicle(name: \"ego\", body: \"sedan\", lane: 0, \
-         start: At(x_m: 0.0, speed_mps: (22.0, 26.0)), \
+         start: At(x_m: 0.0, speed_mps: {ego_mps}), \
          drive: Ego(Coast(accel_mps2: 0.0, lag_s: 0.3))), \
          Vehicle(name: \"lead\", body: \"sedan\", lane: 0, \
-         start: Ahead(of: \"ego\", headway_m: (25.0, 45.0), speed_mps: (24.0, 26.0)), \
+         start: Ahead(of: \"ego\", headway_m: {lead_m}, speed_mps: {lead_mps}), \
          drive: Ado(actions: Grid(accelerations: [0.0], lateral: [Hold, Left], lateral_mps: 1.5), \
          neutral: 0, observe: [\"ego.speed\"], \
          rulebook: [Rule(name: \"drives on\", stl: \"always (lead.speed >= 1)\")])), \
          Vehicle(name: \"truck\", body: \"truck\", lane: 0, \
-         start: Ahead(of: \"ego\", headway_m: (150.0, 200.0), speed_mps: 0.0), \
+         start: Ahead(of: \"ego\", headway_m: {truck_m}, speed_mps: 0.0), \
          drive: Scripted(Stand))], sensors: ({sensors}), \
          ego_spec: \"always (ego.truck.gap >= 0.2)\")"
     );
@@ -187,4 +210,84 @@ fn the_panel_and_the_ego_agree_about_a_truck_that_is_uncovered() {
     let open = cut_out("Kinematic", "");
     let late = cut_out("Kinematic", "delay_s: 0.3");
     assert!(!disagreeing(&open, &late).is_empty());
+}
+
+/// Records in which a coasting ego hits the truck, and the lead car left its lane
+/// as late as it could.
+fn late_records(world: &Scenario) -> Vec<Episode> {
+    let mut bench = world.bench();
+    let late = |index: u64| {
+        let key = brakecheck::seed::StartKey {
+            purpose: brakecheck::seed::Purpose::Test,
+            seed: 11,
+            index,
+        };
+        let start = bench.draw(key);
+        let mut latest = None;
+        for held in 0..32 {
+            let mut actions = vec![0; held];
+            actions.extend([1; 5]);
+            let mut ado = Replay::then(&actions, 0);
+            let record = play(&mut bench, &start, index, &mut ado, Aftermath::Play);
+            let touch = record.contact.as_ref().expect("a contact");
+            if (&*touch.between.0, &*touch.between.1) == ("ego", "truck") {
+                latest = Some(record);
+            }
+        }
+        latest
+    };
+    (0..6).filter_map(late).collect()
+}
+
+/// Who avoids the truck among the drivers: in the panel from the handover and
+/// from the start on, and as the ego.
+fn avoiding(world: &Scenario, record: &Episode) -> [Vec<&'static str>; 3] {
+    let motion = motion_of(&mut world.bench(), record).expect("bodies");
+    let mut replayer = world.replayer().expect("a driving world");
+    let case = replayer.case(&motion);
+    let mut found = [Vec::new(), Vec::new(), Vec::new()];
+    for (driver, ego) in DRIVERS {
+        let handover = replayer.from_handover(&case, driver, None);
+        let start = replayer.from_start(&case, Seat::Driver(driver), None);
+        let run = again(&driven_by(world, driver, ego), record);
+        let avoids = [
+            handover.is_some_and(|outcome| outcome.avoided),
+            start.avoided,
+            run.contact.is_none(),
+        ];
+        for (names, avoids) in found.iter_mut().zip(avoids) {
+            names.extend(avoids.then_some(ego));
+        }
+    }
+    found
+}
+
+/// Sight decides: drivers who look through the lead car avoid a truck that those
+/// who do not see it in time hit, as the ego and in the panel alike.
+#[test]
+fn who_looks_through_others_avoids_what_is_uncovered_late() {
+    let (open, hidden) = (fast_cut_out(""), fast_cut_out("line_of_sight: true"));
+    let records = late_records(&open);
+    assert!(3 < records.len(), "{} records", records.len());
+    let both = records.iter().map(|record| {
+        let both = [avoiding(&open, record), avoiding(&hidden, record)];
+        for [_, in_panel, as_ego] in &both {
+            assert_eq!(in_panel, as_ego);
+        }
+        both
+    });
+    let both: Vec<[[Vec<&str>; 3]; 2]> = both.collect();
+    // Records in which a driver avoids the truck by looking through the lead car:
+    // a panel that ignored sight would say so of the hidden world as well.
+    let by_sight = |seat: usize, driver: &str| {
+        let avoids = |names: &[Vec<&str>; 3]| names[seat].contains(&driver);
+        let differ = both
+            .iter()
+            .filter(|[open, hidden]| avoids(open) && !avoids(hidden));
+        differ.count()
+    };
+    for seat in 0..3 {
+        assert!(3 < by_sight(seat, "RssDriver"), "{seat}: {both:?}");
+    }
+    assert!(1 < by_sight(0, "FsmDriver"), "{both:?}");
 }

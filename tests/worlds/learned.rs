@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use brakecheck::adversary::{Ado, EvalRequest, eval};
-use brakecheck::experiment::{Watch, test_starts};
+use brakecheck::experiment::{Remark, Watch, test_starts};
 use brakecheck::run_dir::{Ended, RunDir};
 use brakecheck::sim::PlantKind;
 use brakecheck::training::{TrainRequest, TrainSession, TrainingOutcome};
@@ -148,6 +148,43 @@ fn a_world_in_which_nothing_can_be_found_is_said_to_be_one() {
         "{}",
         warning.what
     );
+}
+
+/// A stop while the ado is looked at must not count as a look.
+#[test]
+fn a_training_that_was_stopped_while_it_was_looked_at_looks_again() {
+    let dir = tempfile::tempdir().expect("scratch");
+    let world = acc(Some("Dqfd(decisions: 1000, longest: 2.0, hidden: [16])"));
+    let whole = dir.path().join("whole");
+    trained(&world, &whole, &TrainRequest::default());
+    let sought = RunDir::open(&whole).expect("a run").manifest().sought;
+    assert!(
+        sought.is_some_and(|it| it.simulations <= 2 * 1000 + 200),
+        "{sought:?}"
+    );
+    for phase in ["calibration starts", "on which the ado fails"] {
+        let cut = dir.path().join(phase);
+        let request = TrainRequest::default();
+        let mut session = TrainSession::begin(&world, &cut, &request).expect("a run");
+        let stop = AtomicBool::new(false);
+        let remarks = |remark: Remark<'_>| {
+            if matches!(remark, Remark::Phase { what, .. } if what.ends_with(phase)) {
+                stop.store(true, Ordering::Relaxed);
+            }
+        };
+        let watch = Watch {
+            remarks: &remarks,
+            ..Watch::new(&|_, _| {}, &stop)
+        };
+        assert!(session.train(&watch).expect("begun").interrupted);
+        drop(session);
+        let mut session = TrainSession::resume(&world, &cut, &request).expect("a run");
+        session.train(&Watch::unwatched()).expect("trained");
+        for file in ["policy.safetensors", "manifest.json"] {
+            let read = |run: &Path| std::fs::read(run.join(file)).expect("a file");
+            assert_eq!(read(&whole), read(&cut), "{file}, stopped at {phase}");
+        }
+    }
 }
 
 /// A specification with two parts, which a braking lead car breaks each in its

@@ -29,6 +29,18 @@ fn rho() -> impl Strategy<Value = f64> {
     ]
 }
 
+/// Shares to which goals are reached, the impossible ones included.
+fn shares() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        0.0..=1.0f64,
+        Just(-1.0),
+        Just(1e9),
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(f64::NEG_INFINITY),
+    ]
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -67,6 +79,32 @@ proptest! {
         let held = reward.of(&Verdict::Held { margin }, 2).unwrap();
         prop_assert!(held < success);
         prop_assert!(0.0 < success && held <= 0.0);
+    }
+
+    /// However far a success reaches the goals of its training: it earns what it
+    /// earned without, or more, and more than all that is none.
+    #[test]
+    fn goals_move_successes_only_and_keep_them_above_everything_else(
+        reward in rewards(), by in 1e-6..1e3f64, share in shares(), other in rho(),
+        m in 1usize..20, lesser in 0usize..20,
+    ) {
+        let success = reward.success(by, share);
+        let without = reward.of(&Verdict::Counterexample { by }, 2).unwrap();
+        prop_assert!(without <= success);
+        prop_assert!(0.0 < success as f32);
+        let margin = other.abs();
+        let others = [
+            reward.of(&Verdict::Held { margin }, 2).unwrap(),
+            reward.of(&Verdict::Uncounted { by: margin }, 2).unwrap(),
+            reward.foul(m, m + lesser),
+        ];
+        for other in others {
+            // Learners see them in single precision.
+            prop_assert!((other as f32) < success as f32, "{other} {success}");
+        }
+        let top = reward.lawful(f64::INFINITY);
+        prop_assert!(success <= top && (top - reward.success(by, 1.0)).abs() <= 1e-9 * top);
+        prop_assert!(reward.success(by, 0.5 * share) <= success);
     }
 }
 

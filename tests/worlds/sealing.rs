@@ -76,16 +76,16 @@ fn no_flipped_bit_of_a_run_is_accepted() {
     let manifest = RunDir::open(&begun).expect("a run").manifest().clone();
     let (checkpoint, _) = manifest.checkpoint.expect("stopped at a checkpoint");
     for (run, file, stride) in [
-        (&begun, "manifest.json", 41),
+        (&begun, "manifest.json", 1),
         (&begun, checkpoint.as_str(), 40_009),
-        (&begun, "timing.json", 7),
-        (&begun, "progress.jsonl", 499),
-        (&finished, "timing.json", 7),
-        (&finished, "progress.jsonl", 499),
-        (&finished, "manifest.json", 41),
-        (&finished, "world.ron", 1009),
-        (&finished, "policy.safetensors", 40_009),
-        (&finished, "counterexamples.jsonl", 5003),
+        (&begun, "timing.json", 1),
+        (&begun, "progress.jsonl", 211),
+        (&finished, "timing.json", 1),
+        (&finished, "progress.jsonl", 101),
+        (&finished, "manifest.json", 1),
+        (&finished, "world.ron", 331),
+        (&finished, "policy.safetensors", 5003),
+        (&finished, "counterexamples.jsonl", 1009),
     ] {
         read_all(run).expect("whole");
         let accepted = accepted(&run.join(file), stride, || read_all(run).is_ok());
@@ -346,6 +346,7 @@ fn files_of_the_second_format_are_read_and_their_seals_are_not_shed() {
     let dir = tempfile::tempdir().expect("scratch");
     let (_, finished) = begun_and_finished(dir.path());
     let (timing, report) = (finished.join("timing.json"), finished.join("report.json"));
+    let sealed_timing = fs::read(&timing).expect("there");
     fs::write(&timing, "{\"cpu_s\":12.5}").expect("written");
     let error = RunDir::open(&finished).expect_err("no seal").to_string();
     assert!(error.contains("timing.json"), "{error}");
@@ -361,6 +362,9 @@ fn files_of_the_second_format_are_read_and_their_seals_are_not_shed() {
     assert!(run.report().expect("rows").is_empty());
     fs::write(&file, text).expect("written");
     fs::remove_file(&timing).expect("there");
+    let error = RunDir::open(&finished).expect_err("no time").to_string();
+    assert!(error.contains("`timing.json` is missing"), "{error}");
+    fs::write(&timing, sealed_timing).expect("written");
     fs::write(&report, "[]").expect("written");
     let run = RunDir::open(&finished).expect("a run");
     let error = run.report().expect_err("no seal").to_string();

@@ -1,14 +1,15 @@
-//! One operator over stretches of its operands' values.
+//! Single operators over stretches of their operands' values.
 //!
-//! Robustness is known only up to an interval while samples are missing, so
-//! every operand has a lower and an upper bound at every sample; where all is
-//! known they are the same slice. Offline and online monitors share this file.
+//! Robustness is known only up to an interval while samples are missing. Every
+//! operand therefore has a lower and an upper bound at every sample. If all
+//! samples are known, both are the same slice. Offline and online monitors share
+//! this file.
 
 use crate::kernel::{self, Extremum, Max, Min, Tail, View, Window, merge, opposite};
 use crate::program::{Edge, Gate, Op, Side, Strength};
 use crate::settings::Until;
 
-/// Which end of the interval of possible values.
+/// End of the interval of possible values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Bound {
     Lower,
@@ -24,26 +25,26 @@ impl Bound {
     }
 }
 
-/// What is known of the trace, and where it ends.
+/// Known part of the trace, and its end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reading {
     pub(crate) until: Until,
-    /// Samples known so far.
+    /// Number of samples known so far.
     pub(crate) known: usize,
-    /// Number of samples for windows with a bound; `usize::MAX`: not known.
+    /// Trace length for bounded windows, `usize::MAX` if unknown.
     pub(crate) bounded_len: usize,
-    /// Number of samples for windows without one; `usize::MAX`: not known.
+    /// Trace length for unbounded windows, `usize::MAX` if unknown.
     pub(crate) unbounded_len: usize,
     pub(crate) tail: Tail,
 }
 
 impl Reading {
-    /// Whether lower and upper bounds are the same everywhere.
+    /// Returns true if lower and upper bounds are the same everywhere.
     pub(crate) fn is_exact(&self) -> bool {
         self.bounded_len <= self.known && self.unbounded_len <= self.known
     }
 
-    /// How many samples a window can reach.
+    /// Returns the number of samples that a window can reach.
     pub(crate) fn len(&self, window: Window) -> usize {
         match window.to {
             Some(_) => self.bounded_len,
@@ -51,18 +52,21 @@ impl Reading {
         }
     }
 
-    /// The samples `from ..= to` whose window holds samples not yet known.
+    /// Returns the range of samples whose window includes unknown samples.
     fn open(&self, window: Window) -> Option<(usize, usize)> {
         let len = self.len(window);
         if len <= self.known {
             return None;
         }
+        // A bounded window reaches an unknown sample from `known − to` on. An unbounded
+        // window does so everywhere.
         let first = window.to.map_or(0, |to| self.known.saturating_sub(to));
+        // A window that begins behind the end of the trace is empty for certain.
         let last = (len - 1).checked_sub(window.from)?;
         Some((first, last))
     }
 
-    /// The part of `out`, the values from sample `from` on, that is open.
+    /// Returns the open part of `out`, whose first value is of sample `from`.
     fn open_part<'a>(
         &self,
         window: Window,
@@ -73,6 +77,7 @@ impl Reading {
             return (from, &mut []);
         };
         let begin = first.max(from);
+        // Saturating, since an unknown length is `usize::MAX`.
         let end = last.saturating_add(1).min(from + out.len());
         (
             begin,
@@ -85,7 +90,7 @@ impl Reading {
     }
 }
 
-/// An operand: its bounds at consecutive samples.
+/// Operand with its bounds at consecutive samples.
 #[derive(Clone, Copy)]
 pub(crate) struct Operand<'a> {
     pub(crate) lower: View<'a>,
@@ -101,7 +106,7 @@ impl<'a> Operand<'a> {
     }
 }
 
-/// Buffers that kernels use on the way.
+/// Buffers for intermediate results of kernels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Work {
     window: Vec<f64>,
@@ -109,10 +114,10 @@ pub(crate) struct Work {
     weak: Vec<f64>,
 }
 
-/// One bound of `op` at the samples `from .. from + out.len()`.
+/// Computes a bound of `op` at the samples `from .. from + out.len()`.
 ///
-/// `a` and `b` are its operands (both the same where it has one) and cover
-/// what it looks at, as far as that is known.
+/// `a` and `b` are its operands, equal for a unary operator. They cover the
+/// samples that the operator reads, as far as these are known.
 pub(crate) fn apply(
     op: &Op,
     reading: &Reading,
@@ -127,6 +132,7 @@ pub(crate) fn apply(
     match *op {
         // Leaves are filled from the signals.
         Op::Constant(_) | Op::Leaf(_) => {}
+        // Negation exchanges the bounds: the lower bound comes from the upper operand.
         Op::Not(_) => {
             for (out, value) in out.iter_mut().zip(a_there.from(from)) {
                 *out = opposite(*value);
@@ -168,8 +174,8 @@ pub(crate) fn apply(
             kernel::since(a_here, goal, window, from, out, &mut work.window);
         }
         Op::Edge(edge, _) => {
-            // At a rise the operand holds now and failed before; at a fall
-            // its opposite does.
+            // At a rise the operand holds now and failed before. At a fall its opposite
+            // does.
             let (now, before) = match edge {
                 Edge::Rise => (a_here, a_there),
                 Edge::Fall => (a_there, a_here),
@@ -180,6 +186,7 @@ pub(crate) fn apply(
             };
             for (t, out) in (from..).zip(out) {
                 let earlier = t.checked_sub(1).and_then(|t| before.at(t));
+                // `prev` is weak, so before the first sample it holds.
                 let earlier = earlier.map_or(f64::INFINITY, |v| flip(v, Edge::Rise));
                 let current = now.at(t);
                 let current = current.map_or(f64::NEG_INFINITY, |v| flip(v, Edge::Fall));
@@ -189,7 +196,7 @@ pub(crate) fn apply(
     }
 }
 
-/// A gate over slices: `(same bound, opposite bound)` of both operands.
+/// Applies a gate to slices: `(same bound, opposite bound)` of both operands.
 pub(crate) fn combine(gate: Gate, a: (&[f64], &[f64]), b: (&[f64], &[f64]), out: &mut [f64]) {
     let each = |out: &mut [f64], at: fn(f64, f64) -> f64| {
         for ((out, a), b) in out.iter_mut().zip(a.0).zip(b.0) {
@@ -199,6 +206,7 @@ pub(crate) fn combine(gate: Gate, a: (&[f64], &[f64]), b: (&[f64], &[f64]), out:
     match gate {
         Gate::And => each(out, Min::pick),
         Gate::Or => each(out, Max::pick),
+        // These gates negate an operand, so they need its opposite bound as well.
         Gate::Implies | Gate::Iff | Gate::Xor => {
             let sides = a.0.iter().zip(a.1).zip(b.0.iter().zip(b.1));
             for (out, ((a, a_up), (b, b_up))) in out.iter_mut().zip(sides) {
@@ -208,7 +216,7 @@ pub(crate) fn combine(gate: Gate, a: (&[f64], &[f64]), b: (&[f64], &[f64]), out:
     }
 }
 
-/// Whether what may still come can only move this bound of an extremum out.
+/// Returns true if later samples can only move this bound of an extremum out.
 fn is_moved<E: Extremum>(bound: Bound) -> bool {
     match bound {
         Bound::Lower => E::NEUTRAL == f64::INFINITY,
@@ -226,6 +234,8 @@ fn ahead<E: Extremum>(
 ) {
     kernel::ahead::<E>(operand, window, reading.tail, from, out);
     if is_moved::<E>(bound) {
+        // Samples to come can move this bound as far as possible. They cannot move the
+        // other bound outwards.
         reading
             .open_part(window, from, out)
             .1
@@ -253,7 +263,7 @@ fn until<E: Extremum>(
         &mut work.window,
     );
     if is_moved::<E>(bound) {
-        // The goal may still come, as long as the left side has held so far.
+        // The goal may still occur, as long as the left side has held so far.
         let (begin, open) = reading.open_part(window, from, out);
         if !open.is_empty() {
             work.weak.resize(open.len(), 0.0);
@@ -262,6 +272,7 @@ fn until<E: Extremum>(
         }
     }
     if strength == Strength::Weak {
+        // From the present on: the left side must hold before the window too.
         let throughout = Window {
             from: 0,
             to: window.to,
@@ -272,7 +283,7 @@ fn until<E: Extremum>(
     }
 }
 
-/// What has to come: the right side, in the closed reading with the left one.
+/// Returns the goal: the right side, joined by the left side in the closed reading.
 fn goal<'a, E: Extremum>(
     left: View<'_>,
     right: View<'a>,

@@ -1,4 +1,4 @@
-//! Names to signals, constants and formulas; times to samples.
+//! Binding of names to signals, constants and formulas, and of times to samples.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -18,16 +18,17 @@ use crate::undefined;
 
 mod times;
 
-/// Levels of a formula after named ones have been put in.
+/// Greatest depth of a formula after named formulas are expanded.
 const MAX_DEPTH: usize = 200;
 
 impl Formula {
     /// Binds names to the signals of `schema` and to `constants`.
     ///
     /// # Errors
-    /// An unknown name, a Boolean where a number is due or the other way
-    /// round, a bound that is no multiple of the sampling period, a formula
-    /// that looks too far.
+    /// - An unknown name.
+    /// - A Boolean where a number is expected, or the reverse.
+    /// - A bound that is not a multiple of the sampling period.
+    /// - A formula that looks too far ahead or back.
     pub fn bind(&self, schema: &Schema, constants: &Constants) -> Result<Monitor, StlError> {
         let names = Names {
             constants: constants.clone(),
@@ -36,22 +37,25 @@ impl Formula {
         self.bind_with(schema, &names, &Settings::default())
     }
 
-    /// As [`Formula::bind`], with named formulas and another reading.
+    /// Binds like [`Formula::bind`], with named formulas and other settings.
     ///
     /// # Errors
-    /// As [`Formula::bind`]; also a named formula that is defined by itself.
+    /// As [`Formula::bind`], and a named formula that is defined by itself.
     pub fn bind_with(
         &self,
         schema: &Schema,
         names: &Names,
         settings: &Settings,
     ) -> Result<Monitor, StlError> {
+        // Negated, so that NaN is refused as well. Settings have no place in the text,
+        // hence the empty spans.
         if let Some(rho_max) = settings.rho_max
             && !(rho_max.is_finite() && 0.0 < rho_max)
         {
             let what = format!("rho_max must be positive and finite, not {rho_max}");
             return Err(StlError::new(what, 0..0, "cannot be clamped"));
         }
+        // As a fraction, so that bounds are compared with multiples of it exactly.
         let period = Ratio::from_f64(schema.dt_s()).ok_or_else(|| {
             let what = format!(
                 "the sampling period {} s is no manageable fraction",
@@ -68,6 +72,7 @@ impl Formula {
             depth: 0,
         };
         binder.node(&self.root)?;
+        // After binding, since the sense of a comparison depends on the whole formula.
         Ok(Monitor::new(undefined::settle(binder.program), settings))
     }
 }
@@ -76,7 +81,7 @@ impl Expr {
     /// Binds names to the signals of `schema` and to `constants`.
     ///
     /// # Errors
-    /// An unknown name; a Boolean signal; a constant part that is not finite.
+    /// An unknown name, a Boolean signal, or a constant part that is not finite.
     pub fn bind(&self, schema: &Schema, constants: &Constants) -> Result<BoundExpr, StlError> {
         let names = Names {
             constants: constants.clone(),
@@ -94,7 +99,7 @@ impl Expr {
     }
 }
 
-/// An expression bound to a schema: a row to a number.
+/// Expression bound to a schema, which maps a row to a number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundExpr {
     pub(crate) value: Value,
@@ -102,14 +107,14 @@ pub struct BoundExpr {
 }
 
 impl BoundExpr {
-    /// The value in one row.
+    /// Returns the value in a row.
     ///
-    /// Arithmetic is that of IEEE 754: a division by zero is ±inf. What is no
-    /// number (0/0, the root of a negative number) stays NaN whatever is done
-    /// with it, in `min`, `max` and `pow` too.
+    /// Arithmetic follows IEEE 754, so a division by zero is ±inf. An undefined
+    /// value (0/0, the root of a negative number) is NaN and stays NaN in every
+    /// operation, in `min`, `max` and `pow` too.
     ///
     /// # Panics
-    /// When the row is shorter than the schema it is bound to.
+    /// The row is shorter than the schema to which the expression is bound.
     pub fn eval(&self, row: &[f64]) -> f64 {
         assert!(
             self.width <= row.len(),
@@ -121,7 +126,7 @@ impl BoundExpr {
     }
 }
 
-/// What a name can mean: a signal, else a constant, else a formula.
+/// Meanings of a name: a signal, else a constant, else a formula.
 struct Scope<'a> {
     schema: &'a Schema,
     names: &'a Names,
@@ -145,6 +150,8 @@ impl<'a> Scope<'a> {
                 Value::Call(*function, all)
             }
         };
+        // Folded on the way up: leaves then compare a signal with a plain number. A
+        // constant that is not finite is also found before any trace.
         fold_constant(value, term)
     }
 
@@ -203,8 +210,9 @@ fn not_finite(name: &str, value: f64, span: Range<usize>) -> StlError {
     )
 }
 
-/// Calculates what has no signal in it.
+/// Evaluates a value without signals.
 fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
+    // Refused even for a signal divided by 0, which is ±inf or NaN at every sample.
     if let Value::Calculated(Arithmetic::Divide, sides) = &value
         && sides.1 == Value::Number(0.0)
     {
@@ -223,6 +231,7 @@ fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
     if !constant {
         return Ok(value);
     }
+    // Without signals no row is read.
     let number = value.at(&[]);
     match number.is_finite() {
         true => Ok(Value::Number(number)),
@@ -234,7 +243,7 @@ fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
     }
 }
 
-/// Whether a comparison is all that stands in its place of the text.
+/// Extent of a comparison in its place in the text.
 #[derive(Clone, Copy)]
 enum Whole {
     Yes,
@@ -253,6 +262,7 @@ struct Binder<'a> {
 
 impl<'a> Binder<'a> {
     fn node(&mut self, node: &Arc<Node>) -> Result<Id, StlError> {
+        // Not restored on an error, which ends the binding.
         self.depth += 1;
         if MAX_DEPTH < self.depth {
             let what = format!("the formula is nested deeper than {MAX_DEPTH} levels");
@@ -286,6 +296,8 @@ impl<'a> Binder<'a> {
             Kind::Xor(a, b) => self.gate(Gate::Xor, a, b, node),
             Kind::Unary(op, bounds, a) => {
                 let window = self.window(bounds.as_ref())?;
+                // `Min` of an empty window is +inf and `Max` is −inf. That alone makes `next`
+                // and `prev` weak or strong at the ends of a trace.
                 let one = Window {
                     from: 1,
                     to: Some(1),
@@ -309,6 +321,7 @@ impl<'a> Binder<'a> {
                 let window = self.window(bounds.as_ref())?;
                 let (a, b) = (self.node(a)?, self.node(b)?);
                 let op = match op {
+                    // Release is the dual of until: the same operator with exchanged extrema.
                     Binary::Until => Op::Until(Side::Max, Strength::Strong, window, a, b),
                     Binary::Unless => Op::Until(Side::Max, Strength::Weak, window, a, b),
                     Binary::Release => Op::Until(Side::Min, Strength::Strong, window, a, b),
@@ -321,6 +334,7 @@ impl<'a> Binder<'a> {
 
     fn push(&mut self, op: Op, node: &Arc<Node>) -> Result<Id, StlError> {
         let limits = &self.settings.limits;
+        // Named formulas are expanded at every use, so sizes can grow exponentially.
         if limits.operators <= self.program.instructions.len() {
             let what = format!("the formula has more than {} operators", limits.operators);
             return Err(StlError::new(what, node.span.0.clone(), "too large"));
@@ -350,7 +364,7 @@ impl<'a> Binder<'a> {
         self.push(Op::Gate(gate, a, b), node)
     }
 
-    /// A balanced tree, so that a thousand rules are ten levels.
+    /// Builds a balanced tree, so that a thousand rules are ten levels deep.
     fn all_of(&mut self, gate: Gate, all: &[Arc<Node>], node: &Arc<Node>) -> Result<Id, StlError> {
         match all {
             [only] => self.node(only),
@@ -390,7 +404,7 @@ impl<'a> Binder<'a> {
         whole.ok_or_else(|| StlError::new("nothing is compared", node.span.0.clone(), "empty"))
     }
 
-    /// One comparison, the whole of `node` or one pair of its chain.
+    /// Binds a comparison, the whole of `node` or a single pair of its chain.
     fn pair(
         &mut self,
         left: &Term,
@@ -401,6 +415,7 @@ impl<'a> Binder<'a> {
         let leaf = self.leaf(left, side.0, &side.1)?;
         let source = match whole {
             Whole::Yes => node.clone(),
+            // A node of its own, so that explanations show the pair and not the chain.
             Whole::No => {
                 let kind = Kind::Compare(left.clone(), vec![side.clone()]);
                 Arc::new(Node::new(kind, node.span.0.clone()))
@@ -417,7 +432,7 @@ impl<'a> Binder<'a> {
         ))
     }
 
-    /// A name where a formula is due: a Boolean signal or a named formula.
+    /// Binds a name in a formula: a Boolean signal or a named formula.
     fn name(&mut self, name: &Arc<str>, node: &Arc<Node>) -> Result<Id, StlError> {
         let span = node.span.0.clone();
         let scope = &self.scope;
@@ -445,6 +460,7 @@ impl<'a> Binder<'a> {
         let Some((name, formula)) = scope.names.formulas.get_key_value(&**name) else {
             return Err(scope.unknown(name, span));
         };
+        // Without this check the expansion would never end.
         if let Some(at) = self.open.iter().position(|open| open == name) {
             let mut path = self.open[at..].join("` → `");
             let _ = write!(path, "` → `{name}");
@@ -456,6 +472,7 @@ impl<'a> Binder<'a> {
             .with_help(format!("`{path}`")));
         }
         self.open.push(name);
+        // Spans below refer to the text of the named formula, as the error records.
         let id = self
             .node(&formula.root)
             .map_err(|error| error.inside(name))?;

@@ -1,13 +1,13 @@
-//! What is wrong with a formula, where, and what would be right.
+//! Errors in formulas, with their place and a suggested correction.
 
 use std::fmt::Write as _;
 use std::ops::Range;
 
-/// Why a formula or an expression was refused.
+/// Error in a formula or an expression.
 ///
-/// The message reads on its own; [`StlError::span`] is the byte range to
-/// underline in the text, [`StlError::label`] what to write under it and
-/// [`StlError::help`] what would be right, where that is known.
+/// The message is complete on its own. [`StlError::span`] is the byte range to
+/// underline in the text, [`StlError::label`] the words under it, and
+/// [`StlError::help`] a correction, where known.
 ///
 /// ```
 /// use brakecheck_stl::Formula;
@@ -21,7 +21,7 @@ use std::ops::Range;
 #[error("{}", .0.what)]
 pub struct StlError(Box<Parts>);
 
-/// Behind a box: results travel through a deep recursion.
+/// Contents of an error, boxed because results pass through a deep recursion.
 #[derive(Clone, Debug, PartialEq)]
 struct Parts {
     what: String,
@@ -58,43 +58,47 @@ impl StlError {
         }
     }
 
-    /// Says that the span lies in the text of a named formula.
+    /// Records that the span lies in the text of a named formula.
     pub(crate) fn inside(mut self, formula: &str) -> StlError {
+        // The innermost formula is recorded first, and the span lies in its text.
         self.0.formula.get_or_insert_with(|| formula.to_owned());
         self
     }
 
-    /// The byte range of the text that is wrong.
+    /// Returns the byte range of the error in the text.
     pub fn span(&self) -> Range<usize> {
         self.0.span.clone()
     }
 
-    /// A few words to write under the span.
+    /// Returns a few words to write under the span.
     pub fn label(&self) -> &str {
         &self.0.label
     }
 
-    /// What would be right, where known.
+    /// Returns a correction, where known.
     pub fn help(&self) -> Option<&str> {
         self.0.help.as_deref()
     }
 
-    /// The named formula whose text the span lies in; `None`: the text itself.
+    /// Returns the named formula that contains the span, `None` for the text itself.
     pub fn formula(&self) -> Option<&str> {
         self.0.formula.as_deref()
     }
 
     /// Draws the message with a caret under the span, for plain terminals.
     ///
-    /// `text` is the text the span lies in (see [`StlError::formula`]).
+    /// `text` is the text that contains the span (see [`StlError::formula`]).
     pub fn render(&self, text: &str) -> String {
+        // The caller may pass another text, so the span is clamped to its characters.
         let start = floor_boundary(text, self.0.span.start);
         let end = floor_boundary(text, self.0.span.end).max(start);
         let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
         let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);
         let line_number = text[..start].matches('\n').count() + 1;
+        // Windows line ends would move the cursor back over the drawn line.
         let line = text[line_start..line_end].trim_end_matches('\r');
         let column = text[line_start..start].chars().count();
+        // An empty span, such as the end of the text, still gets a caret.
         let width = text[start..end.min(line_end)].chars().count().max(1);
         let gutter = line_number.to_string();
         let pad = " ".repeat(gutter.len());
@@ -102,6 +106,7 @@ impl StlError {
         if let Some(formula) = &self.0.formula {
             let _ = writeln!(drawn, "{pad}--> in `{formula}`");
         }
+        // Tabs are repeated, so that the caret is aligned in any terminal.
         let lead: String = text[line_start..start]
             .chars()
             .map(|c| if c == '\t' { '\t' } else { ' ' })
@@ -122,7 +127,7 @@ impl StlError {
     }
 }
 
-/// The largest character boundary of `text` that is not beyond `at`.
+/// Returns the largest character boundary of `text` that is not beyond `at`.
 fn floor_boundary(text: &str, at: usize) -> usize {
     let mut at = at.min(text.len());
     while !text.is_char_boundary(at) {
@@ -131,7 +136,7 @@ fn floor_boundary(text: &str, at: usize) -> usize {
     at
 }
 
-/// "did you mean …", then the list of what is known.
+/// Suggests the closest known name, then lists the known names.
 pub(crate) fn suggest<'a>(
     name: &str,
     kind: &str,
@@ -142,7 +147,7 @@ pub(crate) fn suggest<'a>(
         .clone()
         .map(|k| (closeness(name, k), k))
         .filter(|(score, _)| 0.75 <= *score)
-        // The first of the closest.
+        // The first of the closest names.
         .reduce(|a, b| if a.0 < b.0 { b } else { a })
         .map(|(_, k)| format!("did you mean {}?", as_typed(k)));
     let count = known.clone().count();
@@ -161,7 +166,7 @@ pub(crate) fn suggest<'a>(
     }
 }
 
-/// A name as it is written in a formula: in double quotes where it must be.
+/// Returns a name as written in a formula, in double quotes where required.
 fn as_typed(name: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '$' | '.');
     match name.chars().all(is_plain) {
@@ -171,10 +176,12 @@ fn as_typed(name: &str) -> String {
 }
 
 fn closeness(name: &str, known: &str) -> f64 {
+    // Case is ignored: `Ego.Speed` is a likely slip.
     let (name, known) = (name.to_lowercase(), known.to_lowercase());
     let last = known.rsplit('.').next().unwrap_or(&known);
+    // Jaro-Winkler favours a common prefix, the edit distance slips anywhere.
     let whole = strsim::jaro_winkler(&name, &known)
         .max(strsim::normalized_damerau_levenshtein(&name, &known));
-    // `speed` is most likely meant as `ego.speed`; never better than an equal name.
+    // `speed` probably means `ego.speed`, but an equal name still ranks higher.
     whole.max(if last == name { 0.95 } else { 0.0 })
 }

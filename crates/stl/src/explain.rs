@@ -1,8 +1,8 @@
-//! Why a robustness is what it is: the one leaf value that decides it.
+//! Explanation of a robustness by the leaf value that decides it.
 //!
-//! Minimum, maximum and sign are all that logic does with numbers, so a finite
-//! robustness *is* the value of some comparison at some sample, up to its
-//! sign. The way down to it is the explanation.
+//! Logic applies only minimum, maximum and sign to numbers. A finite robustness
+//! *is* therefore the value of a comparison at a sample, up to its sign. The path
+//! down to it is the explanation.
 
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
@@ -19,60 +19,60 @@ use crate::samples::Samples;
 use crate::settings::Until;
 use crate::trace::Trace;
 
-/// What an explanation ends with.
+/// Kind of the last step of an explanation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
     /// The last step is a comparison or a Boolean signal.
     Leaf,
-    /// The last step is a comparison whose value is no number, such as 0/0.
+    /// The last step is a comparison with an undefined value, such as 0/0.
     Undefined,
     /// The last step is `true` or `false`.
     Constant,
-    /// The window of the last step holds no sample.
+    /// The window of the last step contains no sample.
     EmptyWindow,
-    /// The window of the last step reaches beyond a trace read strictly.
+    /// The window of the last step reaches beyond the end of a strict trace.
     BeyondTheEnd,
     /// The trace is empty.
     EmptyTrace,
 }
 
-/// One formula on the way from the whole to what decides.
+/// Formula on the path from the whole formula to the deciding leaf.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ExplanationStep {
-    /// The sub-formula, as canonical text.
+    /// Canonical text of the sub-formula.
     pub formula: String,
-    /// The sample at which it matters.
+    /// Sample at which its value decides.
     pub sample: usize,
-    /// The time of that sample.
+    /// Time of that sample.
     pub time_s: f64,
-    /// Its robustness there.
+    /// Robustness of the sub-formula at that sample.
     #[serde(serialize_with = "serialize_number")]
     pub value: f64,
 }
 
-/// Which leaf, at which time, with which value decides a robustness.
+/// Leaf, time and value that decide a robustness.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Explanation {
-    /// The robustness of the whole formula at sample 0.
+    /// Robustness of the whole formula at sample 0.
     #[serde(serialize_with = "serialize_number")]
     pub robustness: f64,
-    /// What the path ends with.
+    /// Kind of the last step of the path.
     pub reason: Reason,
-    /// From the whole formula to what decides; |value| is the same throughout.
+    /// Steps from the whole formula to the leaf, with the same |value| throughout.
     pub path: Vec<ExplanationStep>,
-    /// The signals the deciding leaf reads, and their values there.
+    /// Signals that the deciding leaf reads, with their values.
     pub signals: Vec<(String, f64)>,
 }
 
 impl Explanation {
-    /// The deciding sub-formula; `None` for an empty trace.
+    /// Returns the deciding sub-formula, `None` for an empty trace.
     pub fn leaf(&self) -> Option<&ExplanationStep> {
         self.path.last()
     }
 }
 
-/// JSON has no infinities: they are the strings `"inf"` and `"-inf"`.
+/// Writes infinities as `"inf"` and `"-inf"`, since JSON has none.
 fn serialize_number<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     if value.is_finite() {
         serializer.serialize_f64(*value)
@@ -121,13 +121,15 @@ impl Display for Explanation {
     }
 }
 
-/// A number with at most six places, without trailing zeros.
+/// Number with at most six decimal places, without trailing zeros.
 struct Short(f64);
 
 impl Display for Short {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let rounded = (self.0 * 1e6).round() / 1e6;
+        // A small number must not print as 0.
         if rounded.is_finite() && (rounded != 0.0 || self.0 == 0.0) {
+            // Adding 0 turns −0 into 0.
             write!(f, "{}", rounded + 0.0)
         } else if self.0.is_finite() {
             write!(f, "{:.0e}", self.0)
@@ -138,7 +140,7 @@ impl Display for Short {
 }
 
 impl Monitor {
-    /// Which leaf, at which sample, with which value decides the robustness.
+    /// Explains the robustness by the leaf, the sample and the value that decide.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -147,7 +149,7 @@ impl Monitor {
         explain(self, trace, trace.len())
     }
 
-    /// As [`Monitor::explain`], of borrowed samples.
+    /// Explains like [`Monitor::explain`], for borrowed samples.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -157,7 +159,7 @@ impl Monitor {
     }
 }
 
-/// The explanation of `len` samples of the signals that the monitor is bound to.
+/// Explains `len` samples of the signals to which the monitor is bound.
 fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation {
     let mut scratch = Scratch::new();
     let value = monitor.value(columns, len, Question::Margin, &mut scratch);
@@ -180,13 +182,14 @@ fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation
     let mut place = Place {
         id: program.root(),
         sample: 0,
+        // A strict reading leaves an interval, whose lower end is the robustness.
         bound: Bound::Lower,
     };
     let mut shown = None;
     loop {
         let instruction = program.get(place.id);
         let value = search.value(place);
-        // A conjunction of many is one step, however it is evaluated.
+        // A conjunction of many is a single step, however it is evaluated.
         let step = (Arc::as_ptr(&instruction.source), place.sample);
         if shown != Some(step) {
             explanation.path.push(ExplanationStep {
@@ -206,6 +209,7 @@ fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation
         }
     }
     if let Op::Leaf(leaf) = &program.get(place.id).op {
+        // A held sample beyond the end shows the last recorded sample.
         let row = place.sample.min(len - 1);
         if leaf.is_undefined(columns, row) {
             explanation.reason = Reason::Undefined;
@@ -222,7 +226,7 @@ fn explain(monitor: &Monitor, columns: &impl Columns, len: usize) -> Explanation
     explanation
 }
 
-/// A sub-formula at a sample, and which of its bounds matters.
+/// Sub-formula at a sample, with the bound that decides.
 #[derive(Clone, Copy)]
 struct Place {
     id: Id,
@@ -245,8 +249,9 @@ impl<C: Columns> Search<'_, C> {
         self.values(place, place.sample, place.sample)[0]
     }
 
-    /// The bound in question at the samples `from ..= to`.
+    /// Returns the bound in question at the samples `from ..= to`.
     fn values(&mut self, place: Place, from: usize, to: usize) -> Vec<f64> {
+        // Without an upper vector both bounds are equal.
         let stretch = self.evaluation.run(place.id, from, to + 1);
         match (place.bound, stretch.upper) {
             (Bound::Upper, Some(upper)) => upper,
@@ -278,6 +283,7 @@ impl<C: Columns> Search<'_, C> {
                 self.first_of(value, &[(against(a, now), -1.0), (at(b, now), 1.0)])
             }
             Op::Gate(Gate::Iff | Gate::Xor, a, b) => {
+                // Each operand enters both as it is and negated, so either may decide.
                 let same = [(at(a, now), 1.0), (at(b, now), 1.0)];
                 let opposite = [(against(a, now), -1.0), (against(b, now), -1.0)];
                 self.first_of(value, &[same, opposite].concat())
@@ -314,6 +320,7 @@ impl<C: Columns> Search<'_, C> {
                 let (_, to) = self.ahead(Window { from: 0, ..window }, now);
                 let mut guards = self.values(at(a, now), now, to);
                 let mut goals = self.values(at(b, now), now, to);
+                // A held trace has no empty window: samples beyond the end equal the last.
                 let held = self.evaluation.reading.tail == Tail::Held;
                 let from = if held {
                     window.from.min(guards.len())
@@ -321,7 +328,7 @@ impl<C: Columns> Search<'_, C> {
                     window.from
                 };
                 if held && from == guards.len() {
-                    // The window lies in the held part: one sample of it tells all.
+                    // The window lies in the held part, where a single sample represents all.
                     guards.extend(guards.last().copied());
                     goals.extend(goals.last().copied());
                 }
@@ -333,6 +340,7 @@ impl<C: Columns> Search<'_, C> {
                 }
             }
             Op::Since(window, a, b) => {
+                // Since is until backwards in time, so both sides are reversed.
                 let from = window.to.map_or(0, |to| now.saturating_sub(to));
                 let mut guards = self.values(at(a, now), from, now);
                 let mut goals = self.values(at(b, now), from, now);
@@ -347,7 +355,7 @@ impl<C: Columns> Search<'_, C> {
         }
     }
 
-    /// The samples a window holds; empty when the first is beyond the second.
+    /// Returns the samples of a window, empty when the first exceeds the second.
     fn ahead(&self, window: Window, now: usize) -> (usize, usize) {
         let last = self.evaluation.reading.known - 1;
         let from = now.saturating_add(window.from);
@@ -380,6 +388,7 @@ impl<C: Columns> Search<'_, C> {
 
     fn first_of(&mut self, value: f64, places: &[(Place, f64)]) -> Next {
         for (place, sign) in places {
+            // Exact comparison is safe: logic copies values and changes only their sign.
             if sign * self.value(*place) == value {
                 return Next::Down(*place);
             }
@@ -387,7 +396,7 @@ impl<C: Columns> Search<'_, C> {
         Next::Stop(Reason::EmptyWindow)
     }
 
-    /// The first sample of `from ..= to` with the value.
+    /// Finds the first sample of `from ..= to` with the value.
     fn within(&mut self, value: f64, place: Place, from: usize, to: usize) -> Next {
         let program = self.evaluation.program;
         let nothing = match &program.get(place.id).op {
@@ -407,7 +416,7 @@ impl<C: Columns> Search<'_, C> {
         }
     }
 
-    /// Where an until (`sign` 1) or a release (−1) gets its value.
+    /// Finds the deciding sample of an until (`sign` 1) or a release (−1).
     fn until(
         &self,
         sign: f64,
@@ -419,6 +428,7 @@ impl<C: Columns> Search<'_, C> {
         for (i, (guard, goal)) in guards.iter().zip(goals).enumerate() {
             let (guard, goal) = (sign * guard, sign * goal);
             let before = if self.closed { held.min(guard) } else { held };
+            // If goal and guard have equal values, the goal is reported.
             if from <= i && goal.min(before) == sign * value {
                 if goal == sign * value {
                     return Some(Found::Goal(i));
@@ -427,7 +437,7 @@ impl<C: Columns> Search<'_, C> {
             }
             held = held.min(guard);
         }
-        // Nothing came, but the left side held (unless), or still could.
+        // No goal occurred, but the left side held (unless), or still could.
         guards
             .iter()
             .position(|g| *g == value && sign * g == held)

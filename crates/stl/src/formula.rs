@@ -1,4 +1,4 @@
-//! Texts that have been read, not yet bound to signals.
+//! Parsed formulas and expressions, not yet bound to signals.
 
 use std::fmt::{self, Display, Formatter};
 use std::str::FromStr;
@@ -8,10 +8,10 @@ use crate::error::StlError;
 use crate::parse::{parse_formula, parse_term};
 use crate::syntax::{Arithmetic, Function, Node, Term, TermKind};
 
-/// A formula of Signal Temporal Logic.
+/// Formula of Signal Temporal Logic.
 ///
-/// Read it with [`str::parse`]; it prints as a canonical text that reads back
-/// as the same formula.
+/// Parse it with [`str::parse`]. It prints as a canonical text that parses to the
+/// same formula.
 ///
 /// ```
 /// use brakecheck_stl::Formula;
@@ -41,7 +41,7 @@ impl Display for Formula {
     }
 }
 
-/// An arithmetic expression, such as `ado.x - ego.x`.
+/// Arithmetic expression, such as `ado.x - ego.x`.
 ///
 /// ```
 /// use brakecheck_stl::{Constants, Expr};
@@ -59,7 +59,9 @@ pub struct Expr {
 }
 
 impl Expr {
-    /// The names it mentions, in order, each once; constants are among them.
+    /// Returns the names in order of occurrence, without repetition.
+    ///
+    /// Constants are included, since names are bound later.
     pub fn signals(&self) -> Vec<&str> {
         fn visit<'a>(term: &'a Term, names: &mut Vec<&'a str>) {
             match &term.kind {
@@ -79,10 +81,10 @@ impl Expr {
         names
     }
 
-    /// Whether its value has the unit of its signals, if they share one.
+    /// Returns true if the value has the common unit of its signals.
     ///
-    /// So it is as long as it only adds, subtracts and picks: a product, a
-    /// quotient, a root or a power is of another unit.
+    /// This holds while the expression only adds, subtracts and selects. A product, a
+    /// quotient, a root or a power has another unit.
     pub fn keeps_units(&self) -> bool {
         fn visit(term: &Term) -> bool {
             match &term.kind {

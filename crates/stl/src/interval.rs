@@ -1,13 +1,13 @@
-//! Intervals of robustness, and what comparisons and negations make of them.
+//! Intervals of robustness, with absolute values and negations of them.
 
 use crate::kernel::{Extremum, Max, Min, opposite};
 
-/// The values a robustness can still take.
+/// Values that a robustness can still take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// The least possible value.
+    /// Least possible value.
     pub lo: f64,
-    /// The greatest possible value.
+    /// Greatest possible value.
     pub hi: f64,
 }
 
@@ -18,22 +18,22 @@ impl Interval {
         hi: f64::INFINITY,
     };
 
-    /// Whether nothing can change the value any more.
+    /// Returns true if no further sample can change the value.
     pub fn is_final(self) -> bool {
         self.lo == self.hi
     }
 
-    /// Whether the formula can no longer be satisfied (ρ < 0 for certain).
+    /// Returns true if the formula can no longer be satisfied (ρ < 0).
     pub fn is_violated(self) -> bool {
         self.hi < 0.0
     }
 
-    /// Whether the formula is strictly satisfied whatever comes (ρ > 0).
+    /// Returns true if the formula is satisfied in any continuation (ρ > 0).
     pub fn is_kept(self) -> bool {
         0.0 < self.lo
     }
 
-    /// Whether `value` is still possible.
+    /// Returns true if `value` is still possible.
     pub fn contains(self, value: f64) -> bool {
         self.lo <= value && value <= self.hi
     }
@@ -54,6 +54,7 @@ impl Interval {
 
     pub(crate) fn absolute(self) -> Interval {
         let (lo, hi) = (self.lo.abs(), self.hi.abs());
+        // The least absolute value of an interval around 0 is 0, not that of an end.
         Interval {
             lo: if self.contains(0.0) {
                 0.0

@@ -1,15 +1,15 @@
-//! Sliding minima and maxima, and until: O(1) per sample whatever the window.
+//! Sliding minima and maxima, and until, in O(1) per sample for any window.
 //!
-//! Every kernel is written once for both extrema; the other one of a pair is
-//! [`Extremum::Dual`]. Values are never NaN, so a comparison and a select are
-//! enough, and compile to one instruction. Nor are they ever −0, so equal
-//! values have equal bits and the order of comparisons does not show.
+//! Every kernel is written once for both extrema. [`Extremum::Dual`] is the other
+//! extremum of the pair. Values are never NaN, so a comparison and a select are
+//! enough and compile to a single instruction. Values are never −0 either. Equal
+//! values therefore have equal bits, and the order of comparisons has no effect.
 
 /// Minimum or maximum.
 pub(crate) trait Extremum {
-    /// The other one.
+    /// Other extremum of the pair.
     type Dual: Extremum;
-    /// The extremum of nothing.
+    /// Extremum of no values.
     const NEUTRAL: f64;
     fn pick(a: f64, b: f64) -> f64;
 }
@@ -37,14 +37,16 @@ impl Extremum for Max {
     }
 }
 
-/// The value of the opposite; a plain minus would make −0 of 0.
+/// Returns the opposite value. A plain minus would turn 0 into −0.
 #[inline(always)]
 pub(crate) fn opposite(value: f64) -> f64 {
     0.0 - value
 }
 
-/// The extremum of all values.
+/// Returns the extremum of all values.
 pub(crate) fn fold<E: Extremum>(values: &[f64]) -> f64 {
+    // Independent lanes, so that the loop runs in vector registers. The order of
+    // extrema does not change the result.
     const LANES: usize = 8;
     let mut lanes = [E::NEUTRAL; LANES];
     let chunks = values.chunks_exact(LANES);
@@ -60,25 +62,26 @@ pub(crate) fn fold<E: Extremum>(values: &[f64]) -> f64 {
         .fold(E::NEUTRAL, |a, b| E::pick(a, *b))
 }
 
-/// `out[i]` = extremum of `input[i .. i + width]`, cut at the end of `input`.
+/// Sets `out[i]` to the extremum of `input[i .. i + width]`, cut at the end.
 ///
-/// van Herk, Gil and Werman: in blocks of `width`, a window is the end of one
-/// block and the start of the next, so a running extremum backwards and one
-/// forwards give them all.
+/// Algorithm of van Herk, Gil and Werman. In blocks of `width`, a window is the
+/// end of a block and the start of the next. A running extremum backwards and
+/// another forwards therefore give all windows.
 ///
-/// `out` is not longer than `input` and `width` is at least 1.
+/// `out` is not longer than `input`, and `width` is at least 1.
 pub(crate) fn slide<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
     let len = out.len();
     debug_assert!(len <= input.len() && 0 < width);
+    // Every window reaches the end, so a single backward pass is enough.
     if input.len() <= width {
         return suffix::<E>(input, out);
     }
-    // So few passes over everything, each without a branch, are cheaper than
+    // A few passes over everything, each without a branch, are cheaper than
     // blocks.
     if width <= 4 {
         return slide_narrow::<E>(input, width, out);
     }
-    // Block 0 backwards; then, for every block, forwards for the windows that
+    // Block 0 runs backwards. Every later block runs forwards for the windows that
     // began in the block before, and backwards for its own, side by side.
     let first = width.min(len);
     suffix::<E>(&input[..width], &mut out[..first]);
@@ -95,14 +98,16 @@ pub(crate) fn slide<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
     }
 }
 
-/// `open[i] ⊕= extremum of block[..= i]`; `own[i] = extremum of block[i ..]`.
+/// Runs both passes over a block.
 ///
-/// Each extremum waits for the one before it. The two directions do not wait
-/// for each other, so one loop over both takes little longer than either.
+/// `open[i] ⊕= extremum of block[..= i]`, `own[i] = extremum of block[i ..]`.
+///
+/// Each extremum depends on the previous, but the two directions do not
+/// depend on each other. A loop over both takes little longer than either alone.
 fn forwards_and_backwards<E: Extremum>(block: &[f64], open: &mut [f64], own: &mut [f64]) {
     let mut forward = E::NEUTRAL;
     let mut backward = E::NEUTRAL;
-    // Beyond what is asked for, the backward pass only runs its extremum.
+    // Beyond the requested part, the backward pass only updates its extremum.
     let (ours, beyond) = block.split_at(own.len());
     for value in beyond.iter().rev() {
         backward = E::pick(backward, *value);
@@ -123,6 +128,7 @@ fn forwards_and_backwards<E: Extremum>(block: &[f64], open: &mut [f64], own: &mu
         backward = E::pick(backward, *behind);
         *own = backward;
     }
+    // The last block may be short: windows that reach its end are cut there.
     let mut ahead = block[both..].iter();
     for open in open_rest {
         if let Some(value) = ahead.next() {
@@ -142,8 +148,9 @@ fn slide_narrow<E: Extremum>(input: &[f64], width: usize, out: &mut [f64]) {
     }
 }
 
-/// `out[i]` = extremum of `input[i ..]`; `out` is not longer than `input`.
+/// Sets `out[i]` to the extremum of `input[i ..]`, `out` not longer than `input`.
 pub(crate) fn suffix<E: Extremum>(input: &[f64], out: &mut [f64]) {
+    // The part behind `out` still belongs to every window.
     let (shown, beyond) = input.split_at(out.len());
     let mut running = fold::<E>(beyond);
     for (out, value) in out.iter_mut().zip(shown).rev() {
@@ -152,7 +159,7 @@ pub(crate) fn suffix<E: Extremum>(input: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Values of consecutive samples, the first one at sample `first`.
+/// Values of consecutive samples, starting at sample `first`.
 #[derive(Clone, Copy)]
 pub(crate) struct View<'a> {
     pub(crate) first: usize,
@@ -160,7 +167,7 @@ pub(crate) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// The values from sample `from` on, as far as there are any.
+    /// Returns the values from sample `from` on, as far as they exist.
     pub(crate) fn from(self, from: usize) -> &'a [f64] {
         let skip = from.saturating_sub(self.first).min(self.values.len());
         &self.values[skip..]
@@ -174,7 +181,7 @@ impl<'a> View<'a> {
     }
 }
 
-/// A window of samples: `from ..= to` away, or to the end.
+/// Window of samples: `from ..= to` away, or to the end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Window {
     pub(crate) from: usize,
@@ -187,12 +194,12 @@ impl Window {
     }
 }
 
-/// What lies behind the last value.
+/// Continuation behind the last value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Tail {
-    /// Nothing: windows are cut.
+    /// No values, so windows are cut.
     Cut,
-    /// The last value again and again.
+    /// The last value, repeated.
     Held,
 }
 
@@ -205,7 +212,7 @@ impl Tail {
     }
 }
 
-/// always / eventually: the extremum over the window ahead of each sample.
+/// Always / eventually: the extremum over the window ahead of each sample.
 pub(crate) fn ahead<E: Extremum>(
     child: View<'_>,
     window: Window,
@@ -214,6 +221,7 @@ pub(crate) fn ahead<E: Extremum>(
     out: &mut [f64],
 ) {
     let input = child.from(from + window.from);
+    // Windows that begin behind the last value see only the tail.
     let (shown, beyond) = out.split_at_mut(out.len().min(input.len()));
     match window.width() {
         Some(width) => slide::<E>(input, width, shown),
@@ -222,13 +230,14 @@ pub(crate) fn ahead<E: Extremum>(
     beyond.fill(tail.value(child.values, E::NEUTRAL));
 }
 
-/// historically / once: the extremum over the window behind each sample.
+/// Historically / once: the extremum over the window behind each sample.
 pub(crate) fn behind<E: Extremum>(child: View<'_>, window: Window, from: usize, out: &mut [f64]) {
     let end = from + out.len();
     // Up to here the window is cut at the start of the trace.
     let cut = window.to.map_or(end, |to| to.min(end)).max(from);
     let (early, late) = out.split_at_mut(cut - from);
     if !early.is_empty() {
+        // Cut windows begin at sample 0, so the operand must start there as well.
         debug_assert!(child.first == 0);
         let known = (from + 1)
             .saturating_sub(window.from)
@@ -256,10 +265,10 @@ pub(crate) fn behind<E: Extremum>(child: View<'_>, window: Window, from: usize, 
 /// φ U[a,b] ψ = min(G[0,a−1] φ, shift_a(min(F[0,b−a] ψ, φ U ψ))), half-open
 /// (Donzé, Ferrère, Maler, "Efficient Robust Monitoring for STL", CAV 2013).
 ///
-/// Why the bound may be looked at apart: if the best ψ of the unbounded until
-/// comes after b, then φ is as high all the way to it, so whatever ψ there is
-/// before b is reached as well, and the smaller of the two is what remains.
-/// `work` is a buffer to use.
+/// The bound may be applied separately for this reason. If the best ψ of the
+/// unbounded until comes after b, then φ is at least as high up to that ψ. Any ψ
+/// before b is then reached as well, and the smaller of the two remains. `work`
+/// is a reusable buffer.
 pub(crate) fn until<E: Extremum>(
     left: View<'_>,
     right: View<'_>,
@@ -273,7 +282,9 @@ pub(crate) fn until<E: Extremum>(
     let (input, guard) = (right.from(start), left.from(start));
     let (shown, beyond) = out.split_at_mut(out.len().min(input.len()));
     let mut running = E::NEUTRAL;
+    // u(t) = ψ(t) ⊕ (φ(t) ⊗ u(t + 1)), from the end to the beginning.
     let step = |running: f64, guard: f64, goal: f64| E::pick(goal, E::Dual::pick(guard, running));
+    // Samples behind `out` only advance the recursion.
     for (guard, goal) in guard.iter().zip(input).skip(shown.len()).rev() {
         running = step(running, *guard, *goal);
     }
@@ -281,6 +292,7 @@ pub(crate) fn until<E: Extremum>(
         running = step(running, *guard, *goal);
         *out = running;
     }
+    // A window as wide as the rest of the trace cuts nothing off.
     if let Some(width) = window.width().filter(|width| *width < input.len()) {
         work.resize(shown.len(), 0.0);
         slide::<E>(input, width, work);
@@ -300,7 +312,7 @@ pub(crate) fn until<E: Extremum>(
 
 /// `left since right`, the mirror of until, by the mirrored identity.
 ///
-/// Unless the window is bounded, the views start at sample 0.
+/// The views start at sample 0, except for a bounded window.
 pub(crate) fn since(
     left: View<'_>,
     right: View<'_>,
@@ -312,7 +324,8 @@ pub(crate) fn since(
     let first = right.first.max(left.first);
     let mut running = f64::NEG_INFINITY;
     let len = out.len();
-    // Sample t shows the running value of t − a.
+    // Sample t has the running value of t − a.
+    // Before sample a the window is empty, so no goal was seen.
     let empty = window.from.saturating_sub(from).min(len);
     let start = (from + empty).saturating_sub(window.from);
     out[..empty].fill(f64::NEG_INFINITY);
@@ -326,6 +339,7 @@ pub(crate) fn since(
             out[empty + first + i - start] = running;
         }
     }
+    // As in `until`, mirrored: the bounded goal first, then the guard.
     if let Some(width) = window.width() {
         work.resize(len - empty, 0.0);
         let within = Window {
@@ -346,7 +360,7 @@ pub(crate) fn since(
     }
 }
 
-/// `out ⊕= other`
+/// Merges another stretch: `out ⊕= other`.
 pub(crate) fn merge<E: Extremum>(out: &mut [f64], other: &[f64]) {
     for (a, b) in out.iter_mut().zip(other) {
         *a = E::pick(*a, *b);

@@ -1,18 +1,18 @@
-//! Bound arithmetic and comparisons: whole columns at a time, or one row.
+//! Bound arithmetic and comparisons, for whole columns or for single rows.
 //!
-//! Both ways do the same operations in the same order, so that a monitor that
-//! is fed sample by sample ends with the same bits as one that sees it all.
-//! For the same reason no margin is −0: which of 0 and −0 a minimum returns
-//! depends on the order of its operands, and orders differ.
+//! Both forms apply the same operations in the same order. A monitor fed sample
+//! by sample thus ends with the same bits as a monitor of the whole trace. No
+//! margin is −0 for the same reason: a minimum of 0 and −0 depends on the order
+//! of its operands, and orders differ.
 
 use crate::interval::Interval;
 use crate::kernel::opposite;
 use crate::syntax::{Arithmetic, Comparison, Function};
 
-/// Samples that are evaluated at a time; a few buffers of it fit the L1 cache.
+/// Samples evaluated at a time. A few buffers of this size fit the L1 cache.
 pub(crate) const CHUNK: usize = 512;
 
-/// Where the values of a signal come from.
+/// Source of the values of signals.
 pub(crate) trait Columns {
     fn column(&self, signal: usize) -> &[f64];
 }
@@ -29,7 +29,7 @@ impl Columns for Vec<Vec<f64>> {
     }
 }
 
-/// An expression whose names are bound to signals.
+/// Expression whose names are bound to signals.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     Number(f64),
@@ -40,7 +40,7 @@ pub(crate) enum Value {
 }
 
 impl Value {
-    /// The value in one row.
+    /// Returns the value in a row.
     pub(crate) fn at(&self, row: &[f64]) -> f64 {
         match self {
             Value::Number(value) => *value,
@@ -65,7 +65,7 @@ impl Value {
         }
     }
 
-    /// The values at samples `from ..` of the columns, at most [`CHUNK`] of them.
+    /// Computes at most [`CHUNK`] values, at the samples `from ..` of the columns.
     pub(crate) fn fill(&self, columns: &impl Columns, from: usize, out: &mut [f64]) {
         debug_assert!(out.len() <= CHUNK);
         let len = out.len();
@@ -80,6 +80,7 @@ impl Value {
             }
             Value::Calculated(op, sides) => {
                 sides.0.fill(columns, from, out);
+                // An own loop per operation, so that each compiles to vector instructions.
                 sides.1.with(columns, from, len, |right| match op {
                     Arithmetic::Add => zip(out, right, |a, b| a + b),
                     Arithmetic::Subtract => zip(out, right, |a, b| a - b),
@@ -108,7 +109,7 @@ impl Value {
         }
     }
 
-    /// Hands the values to `use_them`, without a copy where it is a signal.
+    /// Passes the values to `use_them`, without a copy for a signal.
     fn with(
         &self,
         columns: &impl Columns,
@@ -122,6 +123,7 @@ impl Value {
                 use_them(Operand::Column(&columns.column(*signal)[from..from + len]))
             }
             _ => {
+                // On the stack: nested expressions need no allocation.
                 let mut values = [0.0; CHUNK];
                 self.fill(columns, from, &mut values[..len]);
                 use_them(Operand::Column(&values[..len]));
@@ -129,7 +131,7 @@ impl Value {
         }
     }
 
-    /// Calls `visit` with every signal that is read.
+    /// Calls `visit` with every signal that the expression reads.
     pub(crate) fn signals(&self, visit: &mut impl FnMut(usize)) {
         match self {
             Value::Number(_) => {}
@@ -143,7 +145,7 @@ impl Value {
         }
     }
 
-    /// Whether finite signals can give something that is not a number.
+    /// Returns true if finite signals can give NaN.
     pub(crate) fn can_be_nan(&self) -> bool {
         match self {
             Value::Number(_) | Value::Signal(_) => false,
@@ -151,8 +153,8 @@ impl Value {
             Value::Call(Function::Abs | Function::Min | Function::Max, all) => {
                 all.iter().any(Value::can_be_nan)
             }
-            // A sum or product of two signals can be infinite, but not NaN;
-            // deeper ones can.
+            // A sum or product of two signals can be infinite, but not NaN. Deeper terms
+            // can be NaN.
             Value::Calculated(
                 Arithmetic::Add | Arithmetic::Subtract | Arithmetic::Multiply,
                 sides,
@@ -168,6 +170,7 @@ impl Value {
             Value::Call(Function::Abs | Function::Min | Function::Max, all) => {
                 all.iter().all(Value::is_finite)
             }
+            // Sums and products of finite values may overflow.
             _ => false,
         }
     }
@@ -196,15 +199,17 @@ fn calculate(op: Arithmetic, a: f64, b: f64) -> f64 {
 
 fn apply(function: Function, a: f64) -> f64 {
     match function {
+        // IEEE 754 rounds square roots correctly, so the platform's is portable.
         Function::Sqrt => a.sqrt(),
-        // libm's, so that every machine gives the same bits.
+        // From libm, so that every machine gives the same bits.
         Function::Exp => libm::exp(a),
         _ => a.abs(),
     }
 }
 
-/// libm's, so that every machine gives the same bits; but 1 to the power of
-/// what is no number is no number here, nor is that to the power of 0.
+/// Power from libm, so that every machine gives the same bits.
+///
+/// Unlike IEEE 754, NaN stays NaN as the base of power 0 and as the power of 1.
 fn power(a: f64, b: f64) -> f64 {
     if a.is_nan() || b.is_nan() {
         return f64::NAN;
@@ -212,17 +217,18 @@ fn power(a: f64, b: f64) -> f64 {
     libm::pow(a, b)
 }
 
-/// The smaller of two numbers; NaN if one of them is none, whichever it is.
+/// Returns the smaller of two numbers, NaN if either is NaN.
 fn least(a: f64, b: f64) -> f64 {
+    // A NaN in `b` fails the comparison and is returned as `b`.
     if a < b || a.is_nan() { a } else { b }
 }
 
-/// The larger of two numbers; NaN if one of them is none, whichever it is.
+/// Returns the larger of two numbers, NaN if either is NaN.
 fn greatest(a: f64, b: f64) -> f64 {
     if b < a || a.is_nan() { a } else { b }
 }
 
-/// A comparison or a Boolean signal.
+/// Comparison or Boolean signal.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Leaf {
     /// `left − right` for ≥, >, ==, != and `right − left` for ≤, <.
@@ -241,12 +247,12 @@ enum Shape {
     Boolean,
 }
 
-/// What a comparison counts as where its difference is no number.
+/// Value of a comparison whose difference is NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Undefined {
-    /// The worst for a comparison that counts as it is.
+    /// Worst value for a comparison that is not negated.
     Fails,
-    /// The worst under an odd number of negations.
+    /// Worst value under an odd number of negations.
     Holds,
 }
 
@@ -270,17 +276,18 @@ impl Undefined {
     }
 }
 
-/// What a leaf is asked for.
+/// Quantity that a leaf computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Question {
-    /// How far from changing: the robustness.
+    /// Distance to a change of the verdict: the robustness.
     Margin,
-    /// 1 where it is true, −1 where not: `>` and `≥` differ.
+    /// 1 for true, −1 for false, so that `>` and `≥` differ.
     Truth,
 }
 
 impl Leaf {
     pub(crate) fn compare(left: Value, op: Comparison, right: Value) -> Leaf {
+        // Exchanged sides turn ≤ and < into the two other shapes.
         let (shape, sides) = match op {
             Comparison::GreaterEqual => (Shape::AtLeast, (left, right)),
             Comparison::Greater => (Shape::MoreThan, (left, right)),
@@ -300,7 +307,7 @@ impl Leaf {
         }
     }
 
-    /// The same leaf with another answer where its difference is no number.
+    /// Returns the leaf with another value for an undefined difference.
     pub(crate) fn counting(&self, undefined: Undefined) -> Leaf {
         Leaf {
             undefined,
@@ -308,12 +315,12 @@ impl Leaf {
         }
     }
 
-    /// Whether its difference can be no number for finite signals.
+    /// Returns true if finite signals can make the difference NaN.
     pub(crate) fn can_be_undefined(&self) -> bool {
         self.can_be_nan
     }
 
-    /// Whether its difference is no number at a sample of the columns.
+    /// Returns true if the difference is NaN at a sample of the columns.
     pub(crate) fn is_undefined(&self, columns: &impl Columns, sample: usize) -> bool {
         let mut difference = [0.0];
         self.difference.fill(columns, sample, &mut difference);
@@ -329,12 +336,12 @@ impl Leaf {
         }
     }
 
-    /// What the robustness is worked out from.
+    /// Returns the expression behind the robustness.
     pub(crate) fn difference(&self) -> &Value {
         &self.difference
     }
 
-    /// The robustness, given a range of the difference.
+    /// Returns the range of the robustness, given a range of the difference.
     pub(crate) fn margins(&self, difference: Interval) -> Interval {
         match self.shape {
             Shape::AtLeast | Shape::MoreThan => difference,
@@ -345,15 +352,16 @@ impl Leaf {
         }
     }
 
-    /// The robustness in one row.
+    /// Returns the robustness in a row.
     pub(crate) fn at(&self, row: &[f64]) -> f64 {
-        // The common leaf, `signal ≥ number`, without the walk over the tree.
+        // Fast path for the common leaf, `signal ≥ number`, without a tree walk.
         if let (Shape::AtLeast | Shape::MoreThan, Value::Calculated(_, sides)) =
             (self.shape, &self.difference)
         {
             match **sides {
                 (Value::Signal(a), Value::Number(b)) => return row[a] - b,
                 (Value::Number(a), Value::Signal(b)) => return a - row[b],
+                // The difference of two signals may be −0, unlike that with a constant.
                 (Value::Signal(a), Value::Signal(b)) => return row[a] - row[b] + 0.0,
                 _ => {}
             }
@@ -365,7 +373,7 @@ impl Leaf {
         }
     }
 
-    /// The answers at samples `from ..` of the columns.
+    /// Computes the answers at the samples `from ..` of the columns.
     pub(crate) fn fill(
         &self,
         columns: &impl Columns,
@@ -376,6 +384,7 @@ impl Leaf {
         let shape = self.shape;
         for (i, out) in out.chunks_mut(CHUNK).enumerate() {
             self.difference.fill(columns, from + i * CHUNK, out);
+            // The match is outside the loops, so that each loop is free of branches.
             match (question, shape) {
                 (Question::Truth, _) => each(out, |d| shape.truth(d)),
                 (_, Shape::AtLeast | Shape::MoreThan) if self.is_its_difference() => {}
@@ -384,6 +393,7 @@ impl Leaf {
                 (_, Shape::NotEqual) => each(out, |d| Shape::NotEqual.margin(d)),
                 (_, Shape::Boolean) => each(out, |d| Shape::Boolean.margin(d)),
             }
+            // Most leaves cannot be NaN and skip this pass.
             if self.can_be_nan {
                 let undefined = self.undefined.answer(question);
                 each(out, |v| if v.is_nan() { undefined } else { v });
@@ -391,7 +401,7 @@ impl Leaf {
         }
     }
 
-    /// Whether the margin is the difference, bit for bit: it is never −0.
+    /// Returns true if the margin is the difference bit for bit, never −0.
     fn is_its_difference(&self) -> bool {
         let Value::Calculated(_, sides) = &self.difference else {
             return false;
@@ -405,10 +415,10 @@ impl Leaf {
     }
 }
 
-/// A side of a comparison; a constant zero gets the sign of `zero`.
+/// Returns a side of a comparison. A constant zero gets the sign of `zero`.
 ///
-/// `x − y` is −0 only for x = −0 and y = 0, so with 0 on the left and −0 on
-/// the right a difference with a constant never is, at no cost.
+/// `x − y` is −0 only for x = −0 and y = 0. With 0 on the left and −0 on the
+/// right, a difference with a constant is never −0, at no cost.
 fn unsigned(side: Value, zero: f64) -> Value {
     match side {
         Value::Number(0.0) => Value::Number(zero),
@@ -420,11 +430,11 @@ fn each(out: &mut [f64], answer: impl Fn(f64) -> f64) {
     out.iter_mut().for_each(|v| *v = answer(*v));
 }
 
-/// What is no number stays none; the leaf knows what it counts as.
+/// NaN stays NaN here, because the leaf knows its replacement value.
 impl Shape {
     fn margin(self, difference: f64) -> f64 {
         match self {
-            // Adding 0 makes 0 of −0 and leaves everything else as it is.
+            // Adding 0 turns −0 into 0 and leaves every other value as it is.
             Shape::AtLeast | Shape::MoreThan => difference + 0.0,
             Shape::Equal => opposite(difference.abs()),
             Shape::NotEqual => difference.abs(),

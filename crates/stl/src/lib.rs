@@ -1,14 +1,13 @@
 #![doc = include_str!("../README.md")]
 //!
-//! # Where to begin
+//! # First steps
 //!
-//! A text is read into a [`Formula`], bound to the signals of a
-//! [`Schema`](trace::Schema) and to named constants as a [`Monitor`], and then
-//! turns traces into numbers. Everything that can be wrong with a formula is
-//! wrong before there is a [`Monitor`]; evaluating one on a trace of its
-//! schema cannot fail, and a NaN never gets as far as a verdict: traces and
-//! online monitors refuse one, and a comparison that has none counts for the
-//! worst.
+//! Parse a text into a [`Formula`] and bind it to the signals of a
+//! [`Schema`](trace::Schema) and to named constants. The result is a [`Monitor`],
+//! which turns traces into numbers. Every error in a formula is reported before a
+//! [`Monitor`] exists. The evaluation on a trace of its schema cannot fail. A NaN
+//! never reaches a verdict: traces and online monitors refuse it, and a
+//! comparison with an undefined value counts as the worst case.
 //!
 //! Architecture Invariant: knows no car, no reward, no file and no clock.
 

@@ -1,4 +1,4 @@
-//! Monitors: a trace to its robustness.
+//! Monitors, which map a trace to its robustness.
 
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
@@ -12,9 +12,9 @@ use crate::program::Program;
 use crate::settings::{Settings, TraceEnd};
 use crate::trace::{Schema, Trace};
 
-/// A formula bound to a schema: evaluating it cannot fail.
+/// Formula bound to a schema, whose evaluation cannot fail.
 ///
-/// Cheap to clone, and shared freely between threads.
+/// Cheap to clone, and safe to share between threads.
 #[derive(Clone, Debug)]
 pub struct Monitor {
     pub(crate) program: Arc<Program>,
@@ -29,24 +29,24 @@ impl Monitor {
         }
     }
 
-    /// The robustness ρ(φ, s, 0).
+    /// Returns the robustness ρ(φ, s, 0).
     ///
-    /// ρ > 0 implies that the formula holds, ρ < 0 that it does not. Nothing
-    /// is allocated once `scratch` has grown. An empty trace shows nothing:
-    /// its robustness is −inf (−ρ_max where clamped).
+    /// ρ > 0 implies that the formula holds, ρ < 0 that it does not. Nothing is
+    /// allocated once `scratch` has grown. The robustness of an empty trace is −inf,
+    /// or −ρ_max if clamped.
     ///
     /// # Panics
-    /// When the trace has other signals than the bound schema, by name or by
-    /// order, or another sampling period. Units and kinds are not compared.
+    /// The trace has other signals than the bound schema, by name or by order, or
+    /// another sampling period. Units and kinds are not compared.
     pub fn robustness(&self, trace: &Trace, scratch: &mut Scratch) -> f64 {
         self.check(trace.schema());
         self.clamp(self.value(trace, trace.len(), Question::Margin, scratch))
     }
 
-    /// Whether the formula holds at sample 0: the verdict, ties included.
+    /// Returns true if the formula holds at sample 0, with ties decided.
     ///
-    /// ρ > 0 is yes and ρ < 0 is no. At ρ = 0 the comparisons decide: `x >= 2`
-    /// holds at x = 2 and `x > 2` does not. An empty trace satisfies nothing.
+    /// ρ > 0 gives true and ρ < 0 gives false. At ρ = 0 the comparisons decide:
+    /// `x >= 2` holds at x = 2 and `x > 2` does not. An empty trace satisfies nothing.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -55,7 +55,7 @@ impl Monitor {
         0.0 < self.value(trace, trace.len(), Question::Truth, scratch)
     }
 
-    /// The robustness at every sample.
+    /// Returns the robustness at every sample.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -65,7 +65,7 @@ impl Monitor {
         all
     }
 
-    /// As [`Monitor::robustness_all`], into a vector whose memory is reused.
+    /// Computes [`Monitor::robustness_all`] into a reused vector.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -74,7 +74,7 @@ impl Monitor {
         self.all_values(trace, trace.len(), scratch, all);
     }
 
-    /// The robustness at every sample of `len`.
+    /// Computes the robustness at each of `len` samples.
     pub(crate) fn all_values(
         &self,
         columns: &impl Columns,
@@ -88,6 +88,7 @@ impl Monitor {
         let reading = self.reading(len);
         let mut evaluation = self.evaluation(columns, len, reading, Question::Margin, scratch);
         let mut stretch = evaluation.run(self.program.root(), 0, len);
+        // Swapped instead of copied: the caller's old memory becomes scratch.
         std::mem::swap(all, &mut stretch.lower);
         evaluation.give_back(stretch);
         if self.settings.rho_max.is_some() {
@@ -95,8 +96,9 @@ impl Monitor {
         }
     }
 
-    /// The robustness at sample 0 that is possible when `trace` is only the
-    /// beginning and nothing is known of the rest.
+    /// Returns the possible robustness at sample 0 of a trace that goes on.
+    ///
+    /// `trace` is the beginning, and nothing is known of the rest.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -105,7 +107,7 @@ impl Monitor {
         self.still_possible(trace, trace.len(), scratch)
     }
 
-    /// What is possible at sample 0 after the `len` first samples of a run.
+    /// Returns the possible robustness at sample 0 after the first `len` samples.
     pub(crate) fn still_possible(
         &self,
         columns: &impl Columns,
@@ -115,6 +117,7 @@ impl Monitor {
         if len == 0 {
             return Interval::ANY.map(|value| self.clamp(value));
         }
+        // Any length is possible, so every window that reaches further stays open.
         let reading = Reading {
             known: len,
             bounded_len: usize::MAX,
@@ -130,13 +133,14 @@ impl Monitor {
         Interval { lo, hi }.map(|value| self.clamp(value))
     }
 
-    /// How many samples after the first one can matter; `None`: all of them.
+    /// Returns the number of later samples that matter, `None` for all of them.
     pub fn horizon_samples(&self) -> Option<usize> {
         self.program.get(self.program.root()).horizon
     }
 
-    /// How many samples away any one operator's bounds reach, at most; bounds
-    /// without an end count where they begin.
+    /// Returns the longest reach of a single operator's bounds, in samples.
+    ///
+    /// Bounds without an end count with their beginning.
     pub fn longest_window_samples(&self) -> usize {
         let instructions = self.program.instructions.iter();
         let windows = instructions.filter_map(|instruction| instruction.op.window());
@@ -144,12 +148,12 @@ impl Monitor {
         reaches.max().unwrap_or(0)
     }
 
-    /// The positions in a row of the signals that are read, ascending.
+    /// Returns the positions in a row of the signals read, ascending.
     pub fn signals(&self) -> Vec<usize> {
         self.program.signals()
     }
 
-    /// The reading it was bound with.
+    /// Returns the settings with which the formula was bound.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
@@ -169,6 +173,7 @@ impl Monitor {
         scratch: &mut Scratch,
     ) -> f64 {
         if len == 0 {
+            // No sample, no evidence: an empty trace must never count as a success.
             return f64::NEG_INFINITY;
         }
         let mut evaluation = self.evaluation(columns, len, self.reading(len), question, scratch);
@@ -178,7 +183,7 @@ impl Monitor {
         value
     }
 
-    /// How a complete trace of `len` samples is read.
+    /// Returns the reading of a complete trace of `len` samples.
     pub(crate) fn reading(&self, len: usize) -> Reading {
         let until = self.settings.until;
         match self.settings.end {
@@ -192,6 +197,8 @@ impl Monitor {
             TraceEnd::Strict => Reading {
                 until,
                 known: len,
+                // Bounded windows may reach unknown samples. Unbounded windows end with the
+                // trace by definition.
                 bounded_len: usize::MAX,
                 unbounded_len: len,
                 tail: Tail::Cut,
@@ -236,6 +243,7 @@ impl Monitor {
     }
 
     pub(crate) fn check(&self, met: &Schema) {
+        // Checked once per evaluation, so that no kernel needs to check columns.
         let bound = &self.program.schema;
         assert!(
             bound.has_rows_of(met),
@@ -246,7 +254,7 @@ impl Monitor {
     }
 }
 
-/// What a monitor goes by: the signals in order and the sampling period.
+/// Signals in order and sampling period, which identify the rows of a monitor.
 struct Rows<'a>(&'a Schema);
 
 impl Display for Rows<'_> {

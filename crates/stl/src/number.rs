@@ -1,12 +1,12 @@
 //! Exact times: decimals as written, fractions, and their sample counts.
 //!
-//! `0.3` is three tenths, not the nearest binary fraction, so 0.3 s at 0.1 s
-//! is exactly 3 samples. A sampling period that arrives as an `f64` is read as
-//! the simplest fraction that rounds to it: 0.1 is 1/10, 1.0/30.0 is 1/30.
+//! `0.3` is three tenths, not the nearest binary fraction. 0.3 s at 0.1 s is thus
+//! exactly 3 samples. A sampling period given as an `f64` is read as the simplest
+//! fraction that rounds to it: 0.1 is 1/10, 1.0/30.0 is 1/30.
 
 use std::fmt;
 
-/// A non-negative decimal as written, `mantissa · 10^exponent`.
+/// Non-negative decimal as written, `mantissa · 10^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Decimal {
     mantissa: u64,
@@ -14,13 +14,14 @@ pub(crate) struct Decimal {
 }
 
 impl Decimal {
-    /// Reads digits with an optional point and exponent; `None`: too many digits.
+    /// Parses digits with an optional point and exponent, `None` for too many digits.
     pub(crate) fn parse(text: &str) -> Option<Decimal> {
         let (digits, power) = match text.find(['e', 'E']) {
             Some(at) => (&text[..at], text[at + 1..].parse::<i32>().ok()?),
             None => (text, 0),
         };
         let (whole, part) = digits.split_once('.').unwrap_or((digits, ""));
+        // Trailing zeros carry no value and would use up the digits of the mantissa.
         let part = part.trim_end_matches('0');
         let mut mantissa: u64 = 0;
         for digit in whole.bytes().chain(part.bytes()) {
@@ -34,10 +35,12 @@ impl Decimal {
             });
         }
         let mut exponent = power.checked_sub(i32::try_from(part.len()).ok()?)?;
+        // A unique representation, so that equal decimals compare equal.
         while mantissa.is_multiple_of(10) {
             mantissa /= 10;
             exponent = exponent.checked_add(1)?;
         }
+        // 10³⁰ still fits an `i128`, so `ratio` cannot fail on the power.
         (exponent.unsigned_abs() <= 30).then_some(Decimal { mantissa, exponent })
     }
 
@@ -57,7 +60,7 @@ impl fmt::Display for Decimal {
         let places = usize::try_from(-self.exponent).unwrap_or(0);
         match self.exponent {
             0 => write!(f, "{digits}"),
-            // More than 19 digits would not read back.
+            // More than 19 digits would not parse back.
             1..=6 if digits.len() + self.exponent as usize <= 19 => {
                 write!(f, "{digits}{}", "0".repeat(self.exponent as usize))
             }
@@ -73,7 +76,7 @@ impl fmt::Display for Decimal {
     }
 }
 
-/// A fraction in lowest terms with a positive denominator.
+/// Fraction in lowest terms with a positive denominator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Ratio {
     over: i128,
@@ -81,7 +84,7 @@ pub(crate) struct Ratio {
 }
 
 impl Ratio {
-    /// `over / under`; `None` when `under` is 0 or the terms do not fit.
+    /// Creates `over / under`, `None` if `under` is 0 or the terms do not fit.
     pub(crate) fn new(over: i128, under: i128) -> Option<Ratio> {
         if under == 0 {
             return None;
@@ -94,21 +97,26 @@ impl Ratio {
         })
     }
 
-    /// The simplest fraction that rounds to `value`, else its shortest decimal.
+    /// Returns the simplest fraction that rounds to `value`.
+    ///
+    /// If no small fraction does, the result is the shortest decimal of `value`.
     pub(crate) fn from_f64(value: f64) -> Option<Ratio> {
         if !value.is_finite() {
             return None;
         }
         let mut rest = value.abs();
+        // Convergents p/q of the continued fraction, from simple to complex.
         let (mut p, mut q, mut p_before, mut q_before) = (1i128, 0i128, 0i128, 1i128);
         for _ in 0..40 {
             let whole = rest.floor();
+            // The remainder is rounding noise by now, and its digits mean nothing.
             if 1e15 < whole {
                 break;
             }
             let digit = whole as i128;
             (p, p_before) = (digit.checked_mul(p)?.checked_add(p_before)?, p);
             (q, q_before) = (digit.checked_mul(q)?.checked_add(q_before)?, q);
+            // Beyond 2⁵³ the terms are not exact in f64, so the test below proves nothing.
             if (1 << 53) < p || (1 << 53) < q {
                 break;
             }
@@ -117,6 +125,7 @@ impl Ratio {
             }
             rest = 1.0 / (rest - whole);
         }
+        // `{:e}` prints the shortest decimal that rounds to the value.
         let ratio = Decimal::parse(&format!("{:e}", value.abs()))?.ratio()?;
         if value < 0.0 {
             ratio.neg()
@@ -143,7 +152,7 @@ impl Ratio {
     }
 
     pub(crate) fn mul(self, other: Ratio) -> Option<Ratio> {
-        // Cross-reducing first keeps the products small.
+        // Reduce across the factors first, which keeps the products small.
         let a = Ratio::new(self.over, other.under)?;
         let b = Ratio::new(other.over, self.under)?;
         Ratio::new(a.over.checked_mul(b.over)?, a.under.checked_mul(b.under)?)
@@ -161,7 +170,7 @@ impl Ratio {
         self.under == 1
     }
 
-    /// The largest whole number that is not above the fraction.
+    /// Returns the largest whole number that is not above the fraction.
     pub(crate) fn floor(self) -> i128 {
         self.over.div_euclid(self.under)
     }
@@ -181,6 +190,7 @@ fn gcd(mut a: u128, mut b: u128) -> u128 {
     while b != 0 {
         (a, b) = (b, a % b);
     }
+    // At least 1, since callers divide by it.
     a.max(1)
 }
 

@@ -1,14 +1,14 @@
-//! Robustness of a whole trace: only the samples that matter, each once.
+//! Robustness of a whole trace, from each sample that matters, once.
 
 use crate::apply::{Bound, Operand, Reading, Work, apply, combine};
 use crate::kernel::{Extremum, Max, Min, Tail, View, Window, fold, opposite};
 use crate::leaf::{CHUNK, Columns, Question};
 use crate::program::{Id, Op, Program, Side};
 
-/// Memory that evaluations use again and again.
+/// Reusable memory of evaluations.
 ///
-/// One scratch serves any number of monitors and traces; once it has grown to
-/// the largest of them nothing is allocated any more.
+/// A scratch serves any number of monitors and traces. Once it has grown to the
+/// largest of them, nothing is allocated any more.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     free: Vec<Vec<f64>>,
@@ -16,12 +16,12 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// An empty scratch.
+    /// Creates an empty scratch.
     pub fn new() -> Scratch {
         Scratch::default()
     }
 
-    /// The smallest free buffer that is large enough, else the largest.
+    /// Takes the smallest free buffer that is large enough, else the largest.
     fn take(&mut self, len: usize) -> Vec<f64> {
         let fits = |buffer: &Vec<f64>| match buffer.capacity() {
             capacity if len <= capacity => (0, capacity),
@@ -34,11 +34,11 @@ impl Scratch {
     }
 }
 
-/// The bounds of an operator at the samples `first ..`.
+/// Bounds of an operator at the samples `first ..`.
 pub(crate) struct Stretch {
     first: usize,
     pub(crate) lower: Vec<f64>,
-    /// `None`: the same as `lower`.
+    /// Upper bounds, `None` if they equal `lower`.
     pub(crate) upper: Option<Vec<f64>>,
 }
 
@@ -55,11 +55,11 @@ impl Stretch {
     }
 }
 
-/// One evaluation of a program over a trace.
+/// Evaluation of a program over a trace.
 pub(crate) struct Evaluation<'a, C> {
     pub(crate) program: &'a Program,
     pub(crate) columns: &'a C,
-    /// Samples in the columns; beyond them the last one is held.
+    /// Samples in the columns. Beyond them the last sample is held.
     pub(crate) recorded: usize,
     pub(crate) reading: Reading,
     pub(crate) question: Question,
@@ -67,21 +67,25 @@ pub(crate) struct Evaluation<'a, C> {
 }
 
 impl<C: Columns> Evaluation<'_, C> {
-    /// The bounds of `id` at the samples `from .. to`, at least one.
+    /// Computes the bounds of `id` at the samples `from .. to`, at least one sample.
     pub(crate) fn run(&mut self, id: Id, from: usize, to: usize) -> Stretch {
+        // A tree returns buffers on the way up, so it needs little memory at a time.
         match self.program.is_tree() {
             true => self.descend(id, from, to),
             false => self.ascend(id, from, to),
         }
     }
 
-    /// Every operator once, operands first: what is shared would be worked out
-    /// anew on every way down to it, and ways double from level to level.
+    /// Evaluates every operator once, operands first.
+    ///
+    /// On the way down, a shared operator would be evaluated once per path, and the
+    /// number of paths doubles from level to level.
     fn ascend(&mut self, id: Id, from: usize, to: usize) -> Stretch {
         let program = self.program;
         let last = self.reading.known - 1;
         let mut reached: Vec<Option<(usize, usize)>> = vec![None; id];
         reached.push(Some((from, to - 1)));
+        // Users before operands, so that each operator knows all its readers.
         for id in (0..=id).rev() {
             let Some((from, to)) = reached[id] else {
                 continue;
@@ -89,6 +93,7 @@ impl<C: Columns> Evaluation<'_, C> {
             let op = &program.get(id).op;
             let (from, to) = self.reach(op, from, to, last);
             for operand in op.operands() {
+                // A single range that covers all readers.
                 let (first, end) = reached[operand].unwrap_or((from, to));
                 reached[operand] = Some((first.min(from), end.max(to)));
             }
@@ -107,7 +112,7 @@ impl<C: Columns> Evaluation<'_, C> {
         }
         let whole = done.pop().flatten();
         done.into_iter().flatten().for_each(|s| self.give_back(s));
-        // Invariant: the last one was asked for.
+        // Invariant: the root was requested, so it is present.
         whole.unwrap_or_else(|| self.pointwise(id, from, to))
     }
 
@@ -129,6 +134,7 @@ impl<C: Columns> Evaluation<'_, C> {
         if instruction.pointwise {
             return self.pointwise(id, from, to);
         }
+        // The common monitor, `always φ` at sample 0, needs no stretch of φ at all.
         if let (Op::Ahead(side, window, child), 1) = (&instruction.op, to - from)
             && program.get(*child).pointwise
         {
@@ -139,7 +145,7 @@ impl<C: Columns> Evaluation<'_, C> {
         let (start, end) = self.reach(&instruction.op, from, to - 1, last);
         let a = operands.next().map(|a| self.descend(a, start, end + 1));
         let b = operands.next().map(|b| self.descend(b, start, end + 1));
-        // Invariant: what is not pointwise has an operand.
+        // Invariant: an operator that is not pointwise has an operand.
         let Some(a) = a else {
             return self.pointwise(id, from, to);
         };
@@ -151,7 +157,7 @@ impl<C: Columns> Evaluation<'_, C> {
         stretch
     }
 
-    /// One operator, from its operands (both the same where it has one).
+    /// Evaluates an operator from its operands, equal for a unary operator.
     fn operator(
         &mut self,
         id: Id,
@@ -164,6 +170,7 @@ impl<C: Columns> Evaluation<'_, C> {
         let pair = (a.operand(), b.operand());
         let mut lower = self.scratch.take(to - from);
         let mut upper = None;
+        // Operators of the past are exact as soon as their samples are known.
         if !self.reading.is_exact() && !program.is_instant(id) {
             let mut out = self.scratch.take(to - from);
             apply(
@@ -198,11 +205,12 @@ impl<C: Columns> Evaluation<'_, C> {
         self.scratch.free.extend(stretch.upper);
     }
 
-    /// The operands' samples that matter for `from ..= to`.
+    /// Returns the range of the operands' samples that matter for `from ..= to`.
     fn reach(&self, op: &Op, from: usize, to: usize, last: usize) -> (usize, usize) {
         let ahead = |window: Window| window.to.map_or(last, |b| to.saturating_add(b).min(last));
         let behind = |window: Window| window.to.map_or(0, |b| from.saturating_sub(b));
         match op {
+            // Clamped, since a held tail still needs the last sample.
             Op::Ahead(_, window, _) => (from.saturating_add(window.from).min(last), ahead(*window)),
             Op::Until(_, _, window, ..) => (from, ahead(*window)),
             Op::Behind(_, window, _) => {
@@ -215,7 +223,7 @@ impl<C: Columns> Evaluation<'_, C> {
         }
     }
 
-    /// A pointwise operator at `from ..`, at most [`CHUNK`] samples.
+    /// Evaluates a pointwise operator at `from ..`, at most [`CHUNK`] samples.
     fn fill(&mut self, id: Id, from: usize, out: &mut [f64]) {
         let program = self.program;
         match &program.get(id).op {
@@ -226,6 +234,7 @@ impl<C: Columns> Evaluation<'_, C> {
                 let (known, held) = out.split_at_mut(recorded);
                 leaf.fill(self.columns, self.question, from, known);
                 if !held.is_empty() {
+                    // One evaluation of the last sample serves all held samples.
                     let mut last = [0.0];
                     leaf.fill(self.columns, self.question, self.recorded - 1, &mut last);
                     held.fill(last[0]);
@@ -242,6 +251,7 @@ impl<C: Columns> Evaluation<'_, C> {
                 self.fill(*a, from, &mut left[..len]);
                 self.fill(*b, from, &mut right[..len]);
                 let (a, b) = (&left[..len], &right[..len]);
+                // Pointwise values are exact, so both bounds are the same slice.
                 combine(*gate, (a, a), (b, b), out);
                 self.scratch.free.extend([left, right]);
             }
@@ -257,7 +267,7 @@ impl<C: Columns> Evaluation<'_, C> {
         }
     }
 
-    /// always / eventually at one sample: a single pass without temporaries.
+    /// Always / eventually at a single sample, in one pass without temporaries.
     fn scan(&mut self, side: Side, window: Window, child: Id, at: usize) -> Stretch {
         let mut lower = self.scratch.take(1);
         let reading = self.reading;
@@ -285,6 +295,7 @@ impl<C: Columns> Evaluation<'_, C> {
             next += len;
         }
         let len = reading.len(window);
+        // Open: the window exists, and a part of it is not known yet.
         let is_open = reading.known < len
             && at.saturating_add(window.from) < len
             && window

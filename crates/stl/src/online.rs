@@ -1,13 +1,13 @@
 //! Monitors that are fed sample by sample.
 //!
-//! After every sample they give the interval of robustness values that are
-//! still possible (the robust satisfaction interval): unknown samples count
-//! for −inf in its lower end and for +inf in its upper end.
+//! After every sample they return the interval of robustness values that are
+//! still possible (the robust satisfaction interval). Unknown samples count as
+//! −inf in its lower end and as +inf in its upper end.
 //!
-//! Operators at the top of the formula are watched at sample 0 only: what has
-//! settled is folded into one number, so always and eventually over whatever
-//! looks at the present and the past cost O(1) per sample. Operators further
-//! down keep the stretch that has not settled yet and redo it at each sample,
+//! Operators at the top of the formula are watched at sample 0 only, and settled
+//! values are folded into a single number. Always and eventually over operators
+//! of the present and the past therefore cost O(1) per sample. Operators further
+//! down keep the stretch that has not settled and recompute it at each sample,
 //! with the kernels of the offline monitor: O(their horizon) per sample.
 
 use crate::apply::{Bound, Operand, Reading, Work, apply};
@@ -28,45 +28,45 @@ use plan::Need;
 use point::Point;
 use track::Track;
 
-/// The state of one run of a monitor; make it with [`Monitor::online`].
+/// State of a monitor's run, created by [`Monitor::online`].
 ///
 /// The interval contains the final value of every trace that begins with the
-/// samples so far, wherever it ends: `hi < 0` means that the formula can no
-/// longer be satisfied, `0 < lo` that it is, whatever comes, and `lo == hi`
-/// that the value is final. [`OnlineMonitor::finish`] says that the trace ends
-/// here and gives the value of [`Monitor::robustness`], bit for bit.
+/// samples so far, wherever it ends. `hi < 0` means that the formula can no
+/// longer be satisfied, `0 < lo` that it is satisfied in any continuation, and
+/// `lo == hi` that the value is final. [`OnlineMonitor::finish`] ends the trace
+/// and returns the value of [`Monitor::robustness`], bit for bit.
 ///
-/// With [`TraceEnd::Hold`] the samples are kept, because the end of the trace
-/// decides what the windows beyond it see; otherwise only as many as the
+/// With [`TraceEnd::Hold`] all samples are kept, because the end of the trace
+/// decides the windows beyond it. Otherwise only as many are kept as the
 /// formula's bounds can reach, if they are finite.
 #[derive(Clone, Debug)]
 pub struct OnlineMonitor {
     monitor: Monitor,
-    /// The number of samples to come, where it is known.
+    /// Number of samples of the whole trace, if known.
     len: Option<usize>,
     known: usize,
     ended: bool,
-    /// One per operator; only some are in use.
+    /// State per operator, of which only some are in use.
     tracks: Vec<Track>,
-    /// The operators in use, operands first.
+    /// Operators in use, operands first.
     needs: Vec<(Id, Need)>,
     point: Point,
     interval: Interval,
-    /// The samples so far, where the end of the trace needs them.
+    /// Samples so far, if the end of the trace needs them.
     held: Option<Vec<Vec<f64>>>,
     scratch: Scratch,
 }
 
 impl Monitor {
-    /// A monitor to be fed sample by sample, for a trace of unknown length.
+    /// Creates an online monitor for a trace of unknown length.
     pub fn online(&self) -> OnlineMonitor {
         OnlineMonitor::new(self, None)
     }
 
-    /// As [`Monitor::online`], for a trace that will have `len` samples.
+    /// Creates an online monitor for a trace of `len` samples.
     ///
-    /// Windows are cut at its known end, so that bounds close earlier, and the
-    /// last sample ends with the value of [`Monitor::robustness`].
+    /// Windows are cut at the known end, so that bounds close earlier. The last
+    /// sample returns the value of [`Monitor::robustness`].
     pub fn online_for(&self, len: usize) -> OnlineMonitor {
         OnlineMonitor::new(self, Some(len))
     }
@@ -92,7 +92,7 @@ impl OnlineMonitor {
         }
     }
 
-    /// Forgets all samples and keeps the memory.
+    /// Discards all samples and keeps the memory.
     pub fn reset(&mut self) {
         self.known = 0;
         self.ended = false;
@@ -104,22 +104,23 @@ impl OnlineMonitor {
         }
     }
 
-    /// Takes the next sample and returns what is still possible.
+    /// Reads the next sample and returns the possible values.
     ///
-    /// Samples after the known length or after [`OnlineMonitor::finish`] are
-    /// ignored, once they have been found to be samples at all.
+    /// Samples after the known length or after [`OnlineMonitor::finish`] are ignored
+    /// if they are valid.
     ///
     /// # Errors
-    /// A NaN, an infinity or a row of another length than the schema's. The
-    /// monitor is then as it was before: the row is not counted, and the next
-    /// one takes its place. Whoever goes on must mean that; a run with a
-    /// missing sample is best given up.
+    /// A NaN, an infinity or a row of another length than the schema's. The monitor
+    /// is then unchanged: the row is not counted, and the next row takes its place.
+    /// Continue only if that is intended. Otherwise abandon a run with a missing
+    /// sample.
     pub fn push(&mut self, row: &[f64]) -> Result<Interval, RowError> {
         self.monitor.program.schema.check_row(row, self.known)?;
         if self.ended || self.len == Some(0) {
             return Ok(self.interval);
         }
         self.known += 1;
+        // A final interval cannot change, so the rest of the run costs nothing.
         if !self.interval.is_final() {
             if let Some(held) = &mut self.held {
                 for (column, value) in held.iter_mut().zip(row) {
@@ -128,23 +129,24 @@ impl OnlineMonitor {
             }
             self.observe(row);
         }
+        // The known end has come, so no caller needs to call `finish`.
         if self.len == Some(self.known) {
             self.finish();
         }
         Ok(self.interval)
     }
 
-    /// What is possible now.
+    /// Returns the possible values now.
     pub fn interval(&self) -> Interval {
         self.interval
     }
 
-    /// How many samples have been taken.
+    /// Returns the number of samples read.
     pub fn len(&self) -> usize {
         self.known
     }
 
-    /// Whether no sample has been taken.
+    /// Returns true if no sample has been read.
     pub fn is_empty(&self) -> bool {
         self.known == 0
     }
@@ -160,8 +162,8 @@ impl OnlineMonitor {
             self.interval = Interval::exactly(nothing);
         } else if !self.interval.is_final() {
             let value = match self.held.take() {
-                // The last sample goes on for ever, so every window that is
-                // still open changes at once: the offline monitor redoes it all.
+                // The last sample is held for ever, so every window that is still open changes
+                // at once: the offline monitor recomputes it all.
                 Some(held) => {
                     let value =
                         self.monitor
@@ -170,6 +172,7 @@ impl OnlineMonitor {
                     value
                 }
                 None => {
+                    // Without a row: the end alone closes the windows that are still open.
                     let reading = self.reading();
                     self.settle(&reading, None);
                     self.point
@@ -200,14 +203,14 @@ impl OnlineMonitor {
             self.len
         }
         .unwrap_or(usize::MAX);
-        // Where windows are cut. What lies beyond the samples so far and before
-        // the cut is unknown: −inf from below, +inf from above. A cut that is
-        // known therefore closes the interval earlier.
+        // Cut of the windows. Samples beyond the known part and before the cut are
+        // unknown: −inf from below, +inf from above. A known cut therefore closes the
+        // interval earlier.
         let (bounded_len, unbounded_len) = match settings.end {
             TraceEnd::Truncate => (len, len),
-            // What a bounded window could still have seen stays unknown.
+            // Samples that a bounded window could still have reached stay unknown.
             TraceEnd::Strict => (usize::MAX, len),
-            // No cut: `finish` has the values beyond the end.
+            // No cut, since `finish` has the values beyond the end.
             TraceEnd::Hold => (usize::MAX, usize::MAX),
         };
         Reading {
@@ -219,19 +222,21 @@ impl OnlineMonitor {
         }
     }
 
-    /// Brings every operator in use up to date; without a row, only those
-    /// that the end of the trace changes.
+    /// Updates every operator in use.
+    ///
+    /// Without a row, it updates only those that the end of the trace changes.
     fn settle(&mut self, reading: &Reading, row: Option<&[f64]>) {
         let program = &self.monitor.program;
         let now = reading.known - 1;
         for (id, need) in &self.needs {
             let horizon = program.get(*id).horizon;
+            // No reader needs it any more.
             if need.stop.is_some_and(|stop| stop < now) {
                 continue;
             }
             let instant = horizon == Some(0);
-            // Invariant: operands have lower numbers than their operators, so
-            // they are up to date, and the split keeps them readable.
+            // Invariant: operands have lower numbers than their operators. They are
+            // therefore up to date, and the split keeps them readable.
             let (before, rest) = self.tracks.split_at_mut(*id);
             let Some(track) = rest.first_mut() else {
                 continue;
@@ -264,7 +269,7 @@ impl OnlineMonitor {
     }
 }
 
-/// The operands of an operator (both the same where it has one).
+/// Returns the operands of an operator, equal for a unary operator.
 fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(Operand<'a>, Operand<'a>)> {
     let mut ids = op.operands();
     let a = ids.next()?;
@@ -272,7 +277,7 @@ fn operands<'a>(op: &Op, tracks: &'a [Track]) -> Option<(Operand<'a>, Operand<'a
     Some((tracks[a].operand(), tracks[b].operand()))
 }
 
-/// The value at the latest sample of an operator that needs no later one.
+/// Returns the latest value of an operator that needs no later sample.
 fn present(
     program: &Program,
     id: Id,
@@ -294,6 +299,7 @@ fn present(
             gate.at(a, a, b, b)
         }
         Op::Behind(side, window, a) => {
+            // The sample that enters the window now lies `from` samples back.
             let sample = now.checked_sub(window.from);
             let new = sample.and_then(|t| Some((t, tracks[a].operand().lower.at(t)?)));
             let first = window.to.map(|to| now.saturating_sub(to));
@@ -302,8 +308,8 @@ fn present(
                 Side::Max => track.slide::<Max>(first, new),
             }
         }
-        // φ S ψ at t = max(ψ(t), min(φ(t), φ S ψ at t − 1)): one number carries
-        // the whole past (Havelund, Roşu 2002, of truth values).
+        // φ S ψ at t = max(ψ(t), min(φ(t), φ S ψ at t − 1)): a single number carries the
+        // whole past (Havelund, Roşu 2002, for truth values).
         Op::Since(window, a, b) if window.to.is_none() && window.from == 0 => {
             let (guard, goal) = (tracks[a].now, tracks[b].now);
             let goal = if reading.until == Until::Closed {
@@ -321,13 +327,14 @@ fn present(
                 Edge::Rise => tracks[a].now,
                 Edge::Fall => opposite(tracks[a].now),
             };
-            // `prev` of anything is +inf at the first sample.
+            // `prev` of any operand is +inf at the first sample.
             let before = track
                 .carried
                 .replace(current)
                 .map_or(f64::INFINITY, opposite);
             Min::pick(before, current)
         }
+        // Instant values are exact, so either bound would do.
         _ => {
             let mut value = [f64::NEG_INFINITY];
             if let Some(pair) = operands(op, tracks) {
@@ -338,11 +345,11 @@ fn present(
     }
 }
 
-/// Redoes the samples that have not settled.
+/// Recomputes the samples that have not settled.
 ///
-/// A value at sample t is final once `horizon` samples after it are known. One
-/// sample ago that held up to t = known − 2 − horizon, so the work begins at
-/// the next one; what lies before it is not touched again.
+/// A value at sample t is final once `horizon` later samples are known. One sample
+/// ago that was true up to t = known − 2 − horizon, so the recomputation begins at
+/// the next sample. Earlier values are never changed again.
 fn redo(
     program: &Program,
     id: Id,

@@ -1,10 +1,10 @@
-//! Tokens to a syntax tree, by operator precedence.
+//! Parsing of tokens to a syntax tree, by operator precedence.
 //!
 //! Tightest first: arithmetic, comparison, `not` and the temporal prefixes,
-//! until and release, unless, since (in this order, as in RTAMT), and, or, implies (to the right), iff, xor.
-//! A formula and a number share one grammar, so that `(x + 1) * 2 > 3` and
-//! `(x > 1) and y` need no look-ahead; what is what is checked as operators
-//! take their operands.
+//! until and release, unless, since (in this order, as in RTAMT), and, or,
+//! implies (to the right), iff, xor. Formulas and numbers share one grammar, so
+//! that `(x + 1) * 2 > 3` and `(x > 1) and y` need no look-ahead. The sort of an
+//! operand is checked when an operator takes it.
 
 use std::sync::Arc;
 
@@ -43,6 +43,7 @@ pub(crate) fn parse_term(text: &str) -> Result<Box<Term>, StlError> {
 
 impl<'a> Parser<'a> {
     fn expression(&mut self, loosest: u8) -> Result<Parsed, StlError> {
+        // Counts recursion, so that no text can overflow the stack.
         self.descend()?;
         let mut left = self.operand()?;
         while let Some(infix) = infix_of(&self.peek(0).token) {
@@ -77,6 +78,7 @@ impl<'a> Parser<'a> {
         operator: Spanned<'a>,
     ) -> Result<Parsed, StlError> {
         let what = format!("{} needs numbers", describe(&operator.token));
+        // A tighter right side groups to the left.
         let tighter = Infix::Arithmetic(op).strength() + 1;
         let left = left.into_term(&what)?;
         let right = self.expression(tighter)?.into_term(&what)?;
@@ -91,6 +93,7 @@ impl<'a> Parser<'a> {
         operator: Spanned<'a>,
     ) -> Result<Parsed, StlError> {
         let what = format!("{} needs formulas", describe(&operator.token));
+        // `=>` for "at least" is a likely slip, so the error explains the symbol.
         let hint = |error: StlError| match operator.token {
             Token::Symbol("=>") => error.with_help("`=>` is implication; \"at least\" is `>=`"),
             _ => error,
@@ -102,7 +105,7 @@ impl<'a> Parser<'a> {
                 format!("write `… {word} eventually{bounds} …` or `always{bounds} (… {word} …)`")
             })?,
         };
-        // Implication groups to the right, everything else to the left.
+        // Implication groups to the right, every other operator to the left.
         let tighter = Infix::Logic(logic).strength() + u8::from(logic != Logic::Implies);
         let right = self
             .expression(tighter)?
@@ -111,7 +114,7 @@ impl<'a> Parser<'a> {
         join(logic, bounds, *left, *right)
     }
 
-    /// `first op second op third …`: every neighbouring pair is compared.
+    /// Parses `first op second op third …`, which compares every neighbouring pair.
     fn comparison(
         &mut self,
         left: Parsed,
@@ -127,6 +130,7 @@ impl<'a> Parser<'a> {
         let first = left.into_term(&what).map_err(hint)?;
         let mut rest = Vec::new();
         let mut op = Some(op);
+        // A loop, since the chain `a < b < c` is a single node without nesting.
         while let Some(comparison) = op {
             let right = self
                 .expression(strength::COMPARE + 1)?
@@ -148,7 +152,7 @@ impl<'a> Parser<'a> {
         Parsed::formula(Kind::Compare(*first, rest), span)
     }
 
-    /// `x in [low, high]`
+    /// Parses `x in [low, high]`.
     fn membership(&mut self, left: Parsed, operator: Spanned<'a>) -> Result<Parsed, StlError> {
         let what = format!("{} needs numbers", describe(&operator.token));
         let x = left.into_term(&what)?;
@@ -174,6 +178,7 @@ impl<'a> Parser<'a> {
         match token {
             Token::Number(digits) => {
                 self.advance();
+                // `1e999` parses to infinity.
                 let value = digits.parse::<f64>().ok().filter(|v| v.is_finite());
                 let value = value.ok_or_else(|| {
                     StlError::new("this number is too large", span.clone(), "not finite")
@@ -193,6 +198,7 @@ impl<'a> Parser<'a> {
             Token::Word(word) if is_word_operator(word) => {
                 Err(self.unexpected("a formula or a number"))
             }
+            // A name before `(` can only be a function, so a misspelt name is reported.
             Token::Word(word) if self.peek(1).token == Token::Symbol("(") => self.call(word),
             Token::Word(word) => {
                 self.advance();
@@ -210,7 +216,7 @@ impl<'a> Parser<'a> {
         Ok(inner.with_span(open.start..end))
     }
 
-    /// Breach writes a signal `x[t]`.
+    /// Skips the time of a signal in Breach's notation, `x[t]`.
     fn skip_breach_time(&mut self) {
         let tokens = [0, 1, 2].map(|ahead| self.peek(ahead).token);
         if tokens == [Token::Symbol("["), Token::Word("t"), Token::Symbol("]")] {
@@ -218,7 +224,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// The prefix operator here; a single letter only where it must be one.
+    /// Returns the prefix operator here, a single letter only in a prefix position.
     fn prefix(&self) -> Option<Prefix> {
         let prefix = prefix_of(&self.peek(0).token)?;
         let Token::Word(word) = self.peek(0).token else {
@@ -257,6 +263,7 @@ impl<'a> Parser<'a> {
                 .into_term("`-` needs a number")
                 .map_err(|e| e.with_help("negate a formula with `not`"))?;
             let span = start..term.span.0.end;
+            // A negative literal is a number, so it prints and folds as such.
             let kind = match term.kind {
                 TermKind::Number(value) => TermKind::Number(-value),
                 _ => TermKind::Negative(term),
@@ -289,7 +296,7 @@ impl<'a> Parser<'a> {
         Parsed::formula(kind, span)
     }
 
-    /// `name(argument, …)`
+    /// Parses `name(argument, …)`.
     fn call(&mut self, word: &str) -> Result<Parsed, StlError> {
         let name = self.advance().span;
         let Some(function) = Function::parse(word) else {
@@ -298,6 +305,7 @@ impl<'a> Parser<'a> {
                 name,
                 "unknown function",
             );
+            // A misspelt operator before `(` looks like a call, so operators come first.
             let functions = || suggest(word, "functions", Function::NAMES.into_iter());
             return Err(error.maybe_help(words::closest_operator(word).or_else(functions)));
         };
@@ -314,6 +322,7 @@ impl<'a> Parser<'a> {
         }
         let end = self.close(")", open)?;
         let (fewest, most) = function.arity();
+        // The whole call is marked, since the error is in the number of arguments.
         if arguments.len() < fewest || most < arguments.len() {
             let wants = match (fewest, most) {
                 (1, _) => "1 argument".to_owned(),

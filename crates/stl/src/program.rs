@@ -1,4 +1,4 @@
-//! A bound formula: operators over leaves, in an order that has operands first.
+//! Bound formula: operators over leaves, in an order with operands first.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::leaf::Leaf;
 use crate::syntax::Node;
 use crate::trace::Schema;
 
-/// Where an operator stands in a [`Program`].
+/// Position of an operator in a [`Program`].
 pub(crate) type Id = usize;
 
 /// Minimum or maximum, as data.
@@ -17,7 +17,7 @@ pub(crate) enum Side {
     Max,
 }
 
-/// Operators that look at one sample of two operands.
+/// Operators on a single sample of two operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Gate {
     And,
@@ -28,26 +28,29 @@ pub(crate) enum Gate {
 }
 
 impl Gate {
-    /// The lower bound from lower bounds `a`, `b` and upper bounds `a_up`,
-    /// `b_up`; with all bounds exchanged, the upper one.
+    /// Returns the lower bound of the gate.
+    ///
+    /// `a` and `b` are lower bounds, `a_up` and `b_up` upper bounds. Exchange them to
+    /// get the upper bound.
     #[inline(always)]
     pub(crate) fn at(self, a: f64, a_up: f64, b: f64, b_up: f64) -> f64 {
         match self {
             Gate::And => Min::pick(a, b),
             Gate::Or => Max::pick(a, b),
             Gate::Implies => Max::pick(opposite(a_up), b),
+            // These use each operand both as it is and negated, hence all four bounds.
             Gate::Iff => Min::pick(Max::pick(opposite(a_up), b), Max::pick(a, opposite(b_up))),
             Gate::Xor => Min::pick(Max::pick(a, b), Max::pick(opposite(a_up), opposite(b_up))),
         }
     }
 }
 
-/// What makes an until weak or strong.
+/// Strength of an until.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Strength {
-    /// The right side must come.
+    /// The right side must occur.
     Strong,
-    /// Or the left side holds throughout.
+    /// The right side must occur, or the left side holds throughout.
     Weak,
 }
 
@@ -58,11 +61,11 @@ pub(crate) enum Op {
     Leaf(Leaf),
     Not(Id),
     Gate(Gate, Id, Id),
-    /// `Min`: always, next; `Max`: eventually, strong next.
+    /// `Min`: always, next. `Max`: eventually, strong next.
     Ahead(Side, Window, Id),
-    /// `Min`: historically, prev; `Max`: once, strong prev.
+    /// `Min`: historically, prev. `Max`: once, strong prev.
     Behind(Side, Window, Id),
-    /// `Max`: until, unless; `Min`: release.
+    /// `Max`: until, unless. `Min`: release.
     Until(Side, Strength, Window, Id, Id),
     Since(Window, Id, Id),
     Edge(Edge, Id),
@@ -86,7 +89,7 @@ impl Op {
         a.into_iter().chain(b)
     }
 
-    /// The samples that a temporal operator looks at.
+    /// Returns the window of a temporal operator.
     pub(crate) fn window(&self) -> Option<Window> {
         match *self {
             Op::Ahead(_, window, _)
@@ -97,7 +100,7 @@ impl Op {
         }
     }
 
-    /// The same operator over other operands.
+    /// Returns the same operator over other operands.
     pub(crate) fn over(&self, place: impl Fn(Id) -> Id) -> Op {
         match *self {
             Op::Constant(value) => Op::Constant(value),
@@ -115,27 +118,27 @@ impl Op {
     }
 }
 
-/// An operator and what is known about it from its shape.
+/// Operator with properties that follow from its shape.
 #[derive(Clone, Debug)]
 pub(crate) struct Instruction {
     pub(crate) op: Op,
-    /// The sub-formula it stands for.
+    /// Sub-formula that the operator represents.
     pub(crate) source: Arc<Node>,
-    /// How many samples ahead it looks; `None`: to the end of the trace.
+    /// Number of samples it looks ahead, `None` for the rest of the trace.
     pub(crate) horizon: Option<usize>,
-    /// How many samples after its signals have settled it still changes.
+    /// Number of samples for which it still changes after its signals have settled.
     pub(crate) memory: usize,
-    /// Whether it has no temporal operator inside.
+    /// True if it contains no temporal operator.
     pub(crate) pointwise: bool,
-    /// How many operators it is an operand of.
+    /// Number of operators that it is an operand of.
     pub(crate) uses: usize,
 }
 
-/// A bound formula; the last instruction is the whole.
+/// Bound formula, whose last instruction is the root.
 #[derive(Clone, Debug)]
 pub(crate) struct Program {
     pub(crate) instructions: Vec<Instruction>,
-    /// What it is bound to.
+    /// Schema to which the formula is bound.
     pub(crate) schema: Schema,
 }
 
@@ -155,21 +158,22 @@ impl Program {
         &self.instructions[id]
     }
 
-    /// Whether the value of a sample is known as soon as the sample is.
+    /// Returns true if the value of a sample is known as soon as the sample is.
     pub(crate) fn is_instant(&self, id: Id) -> bool {
         self.get(id).horizon == Some(0)
     }
 
-    /// Adds an operator; `None` when it looks further than `limit` samples.
+    /// Adds an operator, `None` if it looks further than `limit` samples.
     pub(crate) fn push(&mut self, op: Op, source: Arc<Node>, limit: usize) -> Option<Id> {
         let new = self.instruction(op, source);
+        // The past counts too: a held trace is extended by that many samples.
         if limit < new.memory || new.horizon.is_some_and(|horizon| limit < horizon) {
             return None;
         }
         Some(self.add(new))
     }
 
-    /// Adds an operator whose operands are there already.
+    /// Adds an operator whose operands are already present.
     pub(crate) fn add(&mut self, instruction: Instruction) -> Id {
         for operand in instruction.op.operands() {
             self.instructions[operand].uses += 1;
@@ -178,7 +182,7 @@ impl Program {
         self.instructions.len() - 1
     }
 
-    /// An operator over what is there, with what follows from its shape.
+    /// Creates an operator over present operands, with its derived properties.
     pub(crate) fn instruction(&self, op: Op, source: Arc<Node>) -> Instruction {
         let (mut horizon, mut memory, mut pointwise) = (Some(0usize), 0usize, true);
         for operand in op.operands() {
@@ -189,10 +193,12 @@ impl Program {
         }
         match &op {
             Op::Ahead(_, window, _) | Op::Until(_, _, window, _, _) => {
+                // Windows add up along a path, since an operand looks ahead from each sample.
                 horizon = horizon.zip(window.to).map(|(a, b)| a.saturating_add(b));
                 pointwise = false;
             }
             Op::Behind(_, window, _) | Op::Since(window, _, _) => {
+                // An endless window settles once the last new sample has entered it.
                 memory = memory.saturating_add(window.to.unwrap_or(window.from));
                 pointwise = false;
             }
@@ -212,12 +218,12 @@ impl Program {
         }
     }
 
-    /// Whether it is a tree: no operator is an operand of two.
+    /// Returns true if no operator is an operand of two others.
     pub(crate) fn is_tree(&self) -> bool {
         self.instructions.iter().all(|i| i.uses <= 1)
     }
 
-    /// Positions of the signals that are read, ascending.
+    /// Returns the positions of the signals read, ascending.
     pub(crate) fn signals(&self) -> Vec<usize> {
         let mut all = Vec::new();
         for instruction in &self.instructions {

@@ -1,4 +1,4 @@
-//! What robustness is possible at all, given ranges of the signals.
+//! Possible robustness for given ranges of the signals.
 
 use crate::bind::BoundExpr;
 use crate::interval::Interval;
@@ -9,14 +9,13 @@ use crate::program::{Op, Side, Strength};
 use crate::syntax::{Arithmetic, Function};
 
 impl Monitor {
-    /// Bounds of ρ(φ, s, 0) over all traces whose signals keep to ranges.
+    /// Bounds ρ(φ, s, 0) over all traces whose signals stay within ranges.
     ///
-    /// `ranges` has one entry per signal of the schema. The bounds are safe,
-    /// not tight: interval arithmetic, a signal that is mentioned twice counts
-    /// as two.
+    /// `ranges` has an entry per signal of the schema. The bounds are safe but not
+    /// tight, by interval arithmetic: a signal mentioned twice counts as two.
     ///
     /// # Panics
-    /// When `ranges` has fewer entries than the bound schema has signals.
+    /// `ranges` has fewer entries than the bound schema has signals.
     pub fn range(&self, ranges: &[Interval]) -> Interval {
         assert!(
             self.program.schema.len() <= ranges.len(),
@@ -32,10 +31,10 @@ impl Monitor {
 }
 
 impl BoundExpr {
-    /// Bounds of the value over all rows whose signals keep to ranges.
+    /// Bounds the value over all rows whose signals stay within ranges.
     ///
     /// # Panics
-    /// When `ranges` has fewer entries than the bound schema has signals.
+    /// `ranges` has fewer entries than the bound schema has signals.
     pub fn range(&self, ranges: &[Interval]) -> Interval {
         range_of_value(&self.value, ranges).unwrap_or(Interval::ANY)
     }
@@ -54,8 +53,8 @@ fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
                 hi: gate.at(a.hi, a.lo, b.hi, b.lo),
             }
         }
-        // Windows that begin later can be empty: then `always` is +inf and
-        // `eventually` −inf.
+        // Windows that begin later can be empty. Then `always` is +inf and `eventually`
+        // is −inf.
         Op::Ahead(side, window, a) | Op::Behind(side, window, a) => match side {
             _ if window.from == 0 => known[a],
             Side::Min => Interval {
@@ -67,6 +66,7 @@ fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
                 ..known[a]
             },
         },
+        // A window from 0 contains the present sample, so it is never empty.
         Op::Until(_, strength, window, a, b) => {
             let both = union(known[a], known[b]);
             match (window.from, strength) {
@@ -79,19 +79,20 @@ fn range_of(op: &Op, known: &[Interval], ranges: &[Interval]) -> Interval {
             }
         }
         Op::Since(window, a, b) if window.from == 0 => union(known[a], known[b]),
+        // A later window may be empty, and an edge compares with `prev` at the start.
         Op::Since(..) | Op::Edge(..) => Interval::ANY,
     }
 }
 
 fn range_of_leaf(leaf: &Leaf, ranges: &[Interval]) -> Interval {
-    // What cannot be computed counts for −inf, or for inf under a negation.
+    // An undefined comparison counts as −inf, or as inf under a negation.
     let Some(difference) = range_of_value(leaf.difference(), ranges) else {
         return Interval::ANY;
     };
     leaf.margins(difference)
 }
 
-/// `None` where it can be no number at all.
+/// Returns the range of a value, `None` if the value can be NaN.
 fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
     let range = match value {
         Value::Number(value) => Interval::exactly(*value),
@@ -100,7 +101,7 @@ fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
         Value::Calculated(op, sides) => {
             let a = range_of_value(&sides.0, ranges)?;
             let b = range_of_value(&sides.1, ranges)?;
-            // inf − inf and 0 · inf, where the signals themselves are finite.
+            // inf − inf and 0 · inf, although the signals themselves are finite.
             let unclear = value.can_be_nan();
             match op {
                 Arithmetic::Add if unclear => of_corners(a, b, |x, y| x + y)?,
@@ -115,6 +116,7 @@ fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
                 },
                 Arithmetic::Multiply if unclear && (meets(a, b) || meets(b, a)) => return None,
                 Arithmetic::Multiply => of_corners(a, b, |x, y| x * y)?,
+                // The quotient is unbounded near 0, and 0/0 is NaN.
                 Arithmetic::Divide if b.contains(0.0) => return None,
                 Arithmetic::Divide => of_corners(a, b, |x, y| x / y)?,
             }
@@ -135,9 +137,11 @@ fn range_of_value(value: &Value, ranges: &[Interval]) -> Option<Interval> {
                     hi: Max::pick(a.hi, b.hi),
                 })?,
                 Function::Abs => first.absolute(),
+                // A square root of a negative number is NaN.
                 Function::Sqrt if first.lo < 0.0 => return None,
                 Function::Sqrt => first.map(f64::sqrt),
                 Function::Exp => first.map(libm::exp),
+                // Powers are not monotone in general, so corners would not bound them.
                 Function::Pow => return None,
             }
         }
@@ -152,12 +156,12 @@ fn union(a: Interval, b: Interval) -> Interval {
     }
 }
 
-/// Whether 0 of the one can come upon an infinity of the other.
+/// Returns true if 0 of `a` can be multiplied by an infinity of `b`.
 fn meets(a: Interval, b: Interval) -> bool {
     a.contains(0.0) && (b.lo.is_infinite() || b.hi.is_infinite())
 }
 
-/// A monotone operation's range; `None` if a corner is no number (0 · inf).
+/// Returns the range of a monotone operation, `None` if a corner is NaN.
 fn of_corners(a: Interval, b: Interval, op: impl Fn(f64, f64) -> f64) -> Option<Interval> {
     let corners = [
         op(a.lo, b.lo),

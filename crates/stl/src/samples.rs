@@ -1,4 +1,4 @@
-//! Samples that somebody else owns: whole columns, looked at in place.
+//! Borrowed samples: whole columns, read in place.
 
 use std::sync::Arc;
 
@@ -8,11 +8,10 @@ use crate::monitor::Monitor;
 use crate::offline::Scratch;
 use crate::trace::{RowError, Schema};
 
-/// A run whose columns are borrowed, such as arrays of another language.
+/// Run whose columns are borrowed, such as arrays of another language.
 ///
-/// What [`Trace`](crate::trace::Trace) is to samples that are collected, this is
-/// to samples that lie somewhere already: nothing is copied, and monitors give
-/// the same bits.
+/// Use [`Trace`](crate::trace::Trace) to collect samples, and this type for
+/// samples that already exist. Nothing is copied, and monitors give the same bits.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -34,37 +33,37 @@ pub struct Samples<'a> {
     len: usize,
 }
 
-/// Columns that are no run.
+/// Error in the columns of a run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ColumnsError {
-    /// Not one column per signal.
+    /// The number of columns differs from the number of signals.
     #[error("{got} columns for {want} signals")]
     Count {
-        /// Columns given.
+        /// Number of columns.
         got: usize,
-        /// Signals in the schema.
+        /// Number of signals in the schema.
         want: usize,
     },
-    /// Columns of unequal lengths.
+    /// Columns have unequal lengths.
     #[error("`{signal}` has {got} samples, the signals before it {want}")]
     Length {
-        /// The first signal of another length.
+        /// First signal of another length.
         signal: String,
-        /// Its samples.
+        /// Number of its samples.
         got: usize,
-        /// Those of the first signal.
+        /// Number of samples of the first signal.
         want: usize,
     },
-    /// A NaN or an infinity.
+    /// A value is NaN or infinite.
     #[error(transparent)]
     Value(#[from] RowError),
 }
 
 impl<'a> Samples<'a> {
-    /// One column per signal, in the order of the schema.
+    /// Creates samples from a column per signal, in the order of the schema.
     ///
     /// # Errors
-    /// Their number or lengths are not as they should be, or a value is a NaN or
+    /// The number of columns or their lengths do not fit, or a value is NaN or
     /// infinite.
     pub fn new(schema: Arc<Schema>, columns: Vec<&'a [f64]>) -> Result<Samples<'a>, ColumnsError> {
         if columns.len() != schema.len() {
@@ -82,7 +81,7 @@ impl<'a> Samples<'a> {
                     want: len,
                 });
             }
-            // Without an early exit this is a few vector instructions a line.
+            // Without an early exit, this check is a few vector instructions per chunk.
             let finite = |part: &[f64]| part.iter().fold(true, |all, x| all & x.is_finite());
             if !column.chunks(4096).all(finite) {
                 let refused = column.iter().position(|value| !value.is_finite());
@@ -101,17 +100,17 @@ impl<'a> Samples<'a> {
         })
     }
 
-    /// The declared signals.
+    /// Returns the declared signals.
     pub fn schema(&self) -> &Arc<Schema> {
         &self.schema
     }
 
-    /// How many samples there are.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether there is no sample.
+    /// Returns true if there is no sample.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
@@ -124,7 +123,7 @@ impl Columns for Samples<'_> {
 }
 
 impl Monitor {
-    /// As [`Monitor::robustness`], of borrowed samples.
+    /// Computes [`Monitor::robustness`] of borrowed samples.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -133,7 +132,7 @@ impl Monitor {
         self.clamp(self.value(samples, samples.len, Question::Margin, scratch))
     }
 
-    /// As [`Monitor::satisfied`], of borrowed samples.
+    /// Computes [`Monitor::satisfied`] of borrowed samples.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -142,7 +141,7 @@ impl Monitor {
         0.0 < self.value(samples, samples.len, Question::Truth, scratch)
     }
 
-    /// As [`Monitor::robustness_into`], of borrowed samples.
+    /// Computes [`Monitor::robustness_into`] of borrowed samples.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -151,7 +150,7 @@ impl Monitor {
         self.all_values(samples, samples.len, &mut Scratch::new(), all);
     }
 
-    /// As [`Monitor::interval`], of borrowed samples.
+    /// Computes [`Monitor::interval`] of borrowed samples.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].

@@ -1,7 +1,7 @@
-//! Secondary signals (Sec. II): what the leaves of a formula measure.
+//! Secondary signals (Sec. II): the margins of a formula's leaves.
 //!
-//! Minimum, maximum and sign are all that logic does with them, so a
-//! robustness never moves by more than the leaf that moves most: Lemma 1.
+//! Logic applies only minimum, maximum and sign to them. A robustness therefore
+//! never moves by more than the leaf that moves most: Lemma 1.
 
 use crate::apply::Reading;
 use crate::leaf::Question;
@@ -11,10 +11,10 @@ use crate::program::{Id, Op, Side};
 use crate::trace::Trace;
 
 impl Monitor {
-    /// The secondary signals y_k = f_k(s): per leaf its margin at every sample.
+    /// Returns the secondary signals y_k = f_k(s), a margin per leaf and sample.
     ///
-    /// A comparison's margin is f(s) − c up to its sign, a Boolean signal's is
-    /// ±inf. Empty for an empty trace.
+    /// A comparison's margin is f(s) − c up to its sign, a Boolean signal's is ±inf.
+    /// The result is empty for an empty trace.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -28,11 +28,11 @@ impl Monitor {
         leaves.map(|(id, _)| self.values(id, trace)).collect()
     }
 
-    /// For an invariant, `always φ` or `not eventually φ'`: φ at every sample.
+    /// Returns φ at every sample of an invariant `always φ` or `not eventually φ'`.
     ///
-    /// Its robustness is then the least of them, so a single sample decides
-    /// it. `None` if the formula has another shape, or if φ looks at more than
-    /// one sample, or the window leaves samples out.
+    /// The robustness of the invariant is the least of these values, so a single
+    /// sample decides it. Returns `None` if the formula has another shape, if φ looks
+    /// at more than one sample, or if the window leaves samples out.
     ///
     /// # Panics
     /// As [`Monitor::robustness`].
@@ -44,6 +44,7 @@ impl Monitor {
             _ => (1.0, Side::Min, root),
         };
         match self.program.get(ahead).op {
+            // Only windows that cover the trace, over operands of a single sample.
             Op::Ahead(of, window, inner)
                 if of == side
                     && window.from == 0
@@ -57,7 +58,7 @@ impl Monitor {
         }
     }
 
-    /// Values of a sub-formula without temporal operators.
+    /// Returns the values of a sub-formula without temporal operators.
     fn values(&self, id: Id, trace: &Trace) -> Vec<f64> {
         if trace.is_empty() {
             return Vec::new();

@@ -1,64 +1,65 @@
-//! What a formula may name, and how it is read.
+//! Names that a formula may use, and the settings of its reading.
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
 use crate::formula::Formula;
 
-/// Named numbers; `T`, the horizon in seconds, is one like any other.
+/// Named numbers. `T`, the horizon in seconds, is a constant like any other.
 pub type Constants = IndexMap<String, f64>;
 
-/// What a formula may name besides signals.
+/// Names that a formula may use besides signals.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Names {
     /// Named numbers, for comparisons and for bounds (there in seconds).
     pub constants: Constants,
-    /// Named formulas; one may use another, but not itself.
+    /// Named formulas. A formula may use another, but not itself.
     pub formulas: IndexMap<String, Formula>,
 }
 
-/// Whether `φ until ψ` asks for φ at the sample where ψ holds.
+/// Requirement on φ in `φ until ψ` at the sample where ψ holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Until {
-    /// φ on [t, t'): ψ may take over from φ.
+    /// φ on [t, t'): ψ may replace φ.
     #[default]
     HalfOpen,
     /// φ on [t, t']: both hold at t'.
     Closed,
 }
 
-/// What lies behind the end of a trace.
+/// Continuation behind the end of a trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum TraceEnd {
-    /// Nothing: windows are cut at the last sample.
+    /// No samples: windows are cut at the last sample.
     #[default]
     Truncate,
     /// The last sample, held for ever.
     Hold,
-    /// Nobody knows: a window with a bound beyond the end counts for the worst
-    /// that could still come. An unbounded window still ends with the trace.
+    /// Unknown samples: a bounded window beyond the end counts as the worst case.
+    ///
+    /// An unbounded window still ends with the trace.
     Strict,
 }
 
-/// How a formula is read.
+/// Settings of the reading of a formula.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
-    /// The reading of until, release, unless and since.
+    /// Reading of until, release, unless and since.
     pub until: Until,
-    /// The reading of windows that leave the trace.
+    /// Reading of windows that leave the trace.
     pub end: TraceEnd,
-    /// Clamps every robustness to ±`rho_max`; `None`: ±inf is possible.
+    /// Clamp of every robustness to ±`rho_max`, `None` for no clamp.
     pub rho_max: Option<f64>,
-    /// What is refused because it is too large.
+    /// Limits on the size of a formula.
     pub limits: Limits,
 }
 
-/// What is refused when binding because it is too large.
+/// Limits on the size of a formula, checked when binding.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// How far a formula may look ahead, or back, in samples.
+    /// Greatest number of samples that a formula may look ahead or back.
     pub horizon_samples: usize,
-    /// Operators, after named formulas have been put in.
+    /// Greatest number of operators after named formulas are expanded.
     pub operators: usize,
 }
 

@@ -1,6 +1,6 @@
-//! The syntax tree of formulas and expressions.
+//! Syntax tree of formulas and expressions.
 //!
-//! Spans are kept for errors found later, and take no part in equality.
+//! Spans are kept for errors found later and are ignored by equality.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use crate::number::Decimal;
 
 mod text;
 
-/// A place in the text; all places are equal.
+/// Place in the text. All places are equal.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Span(pub(crate) Range<usize>);
 
@@ -19,21 +19,21 @@ impl PartialEq for Span {
     }
 }
 
-/// A formula with its place in the text.
+/// Formula with its place in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Node {
     pub(crate) kind: Kind,
     pub(crate) span: Span,
-    /// Levels below and with this one.
+    /// Number of levels, including this level.
     pub(crate) depth: usize,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Kind {
     Constant(bool),
-    /// A Boolean signal or a named formula.
+    /// Boolean signal or named formula.
     Name(Arc<str>),
-    /// `first op expr op expr …`
+    /// Chain `first op expr op expr …`.
     Compare(Term, Vec<(Comparison, Term)>),
     In(Term, Box<(Term, Term)>),
     Not(Arc<Node>),
@@ -126,7 +126,7 @@ impl Comparison {
     }
 }
 
-/// `[from, to]`; no `to` is the end of the trace.
+/// Bounds `[from, to]`, without `to` up to the end of the trace.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Bounds {
     pub(crate) from: Time,
@@ -134,12 +134,12 @@ pub(crate) struct Bounds {
     pub(crate) span: Span,
 }
 
-/// A time in a bound.
+/// Time in a bound.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Time {
     pub(crate) kind: TimeKind,
     pub(crate) span: Span,
-    /// Levels below and with this one.
+    /// Number of levels, including this level.
     pub(crate) depth: usize,
 }
 
@@ -164,6 +164,7 @@ impl Unit {
         Some(match word {
             "s" => Unit::S,
             "ms" => Unit::Ms,
+            // The micro sign and the Greek letter look alike, so both are accepted.
             "us" | "µs" | "μs" => Unit::Us,
             "ns" => Unit::Ns,
             _ => return None,
@@ -215,12 +216,12 @@ impl Arithmetic {
     }
 }
 
-/// A number-valued expression with its place in the text.
+/// Number-valued expression with its place in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Term {
     pub(crate) kind: TermKind,
     pub(crate) span: Span,
-    /// Levels below and with this one.
+    /// Number of levels, including this level.
     pub(crate) depth: usize,
 }
 
@@ -259,10 +260,11 @@ impl Function {
     }
 
     fn word(self) -> &'static str {
+        // `NAMES` lists the variants in their order.
         Function::NAMES[self as usize]
     }
 
-    /// Fewest and most arguments.
+    /// Returns the fewest and the most arguments.
     pub(crate) fn arity(self) -> (usize, usize) {
         match self {
             Function::Abs | Function::Sqrt | Function::Exp => (1, 1),

@@ -1,23 +1,23 @@
-//! Text to tokens.
+//! Splitting of text into tokens.
 
 use std::ops::Range;
 
 use crate::error::StlError;
 
-/// The longest text that is read, in bytes.
+/// Greatest length of a text, in bytes.
 pub(crate) const MAX_TEXT: usize = 64 * 1024;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Token<'a> {
-    /// A name, a keyword or a single-letter operator.
+    /// Name, keyword or single-letter operator.
     Word(&'a str),
-    /// A name between double quotes or backticks, without them.
+    /// Name between double quotes or backticks, without them.
     Quoted(&'a str),
-    /// A number as written.
+    /// Number as written.
     Number(&'a str),
-    /// An operator or a bracket.
+    /// Operator or bracket.
     Symbol(&'static str),
-    /// The end of the text.
+    /// End of the text.
     End,
 }
 
@@ -27,7 +27,7 @@ pub(crate) struct Spanned<'a> {
     pub(crate) span: Range<usize>,
 }
 
-/// Longer symbols come before their prefixes.
+/// Symbols. Longer symbols come before their prefixes.
 const SYMBOLS: [&str; 39] = [
     "!==", "===", "<->", "<=>", "&&", "||", "/\\", "\\/", "->", "=>", "<=", ">=", "==", "!=", "<>",
     "[]", "≤", "≥", "≠", "¬", "∧", "∨", "→", "↔", "□", "◇", "+", "-", "*", "/", "<", ">", "!", "~",
@@ -63,6 +63,7 @@ pub(crate) fn tokenize(text: &str) -> Result<Vec<Spanned<'_>>, StlError> {
             let len = name_len(rest);
             (Token::Word(&rest[..len]), len)
         } else if first.is_ascii_digit()
+            // A leading point starts a number only if a digit follows.
             || (first == '.' && rest[1..].starts_with(|c: char| c.is_ascii_digit()))
         {
             let len = number_len(rest);
@@ -70,6 +71,7 @@ pub(crate) fn tokenize(text: &str) -> Result<Vec<Spanned<'_>>, StlError> {
         } else if first == '"' || first == '`' {
             let Some(len) = rest[1..]
                 .find(first)
+                // A quote that spans lines is far more likely never closed.
                 .filter(|len| !rest[1..=*len].contains('\n'))
             else {
                 return Err(StlError::new(
@@ -98,6 +100,7 @@ fn skip_blank(text: &str, mut at: usize) -> Result<usize, StlError> {
         let rest = &text[at..];
         let blank = rest.len()
             - rest
+                // Files of some editors begin with a byte order mark.
                 .trim_start_matches(|c: char| c.is_whitespace() || c == '\u{feff}')
                 .len();
         if blank != 0 {
@@ -130,7 +133,7 @@ fn is_name_part(c: char) -> bool {
     c.is_alphanumeric() || c == '_' || c == '$'
 }
 
-/// A name may have dots inside it, but not at its end.
+/// Returns the length of a name, which may have dots inside but not at its end.
 fn name_len(rest: &str) -> usize {
     let mut len = 0;
     loop {
@@ -154,6 +157,7 @@ fn number_len(rest: &str) -> usize {
     if rest[len..].starts_with('.') {
         len = digits(len + 1);
     }
+    // Without digits behind it, `e` is the start of a name.
     if rest[len..].starts_with(['e', 'E']) {
         let sign = usize::from(rest[len + 1..].starts_with(['+', '-']));
         let end = digits(len + 1 + sign);
@@ -164,7 +168,7 @@ fn number_len(rest: &str) -> usize {
     len
 }
 
-/// Whether `name` can stand unquoted, keywords apart.
+/// Returns true if `name` is valid without quotes, keywords aside.
 pub(crate) fn is_plain_name(name: &str) -> bool {
     name.starts_with(is_name_start) && name_len(name) == name.len()
 }

@@ -1,11 +1,11 @@
 //! Traces: named, unit-carrying, finite, uniformly sampled signals.
 //!
-//! A [`Schema`] declares the signals once; a [`Trace`] holds their values,
-//! column by column, at `t = i · dt`. Everything above agrees on a run through
-//! these two types: scenes publish rows, monitors read columns.
+//! A [`Schema`] declares the signals once. A [`Trace`] contains their values,
+//! column by column, at `t = i · dt`. These two types are the common
+//! representation of a run: scenes publish rows, monitors read columns.
 //!
-//! Architecture Invariant: every value of a trace is finite. A NaN or an
-//! infinity is an error at [`Trace::push`], never a robustness or a reward.
+//! Architecture Invariant: every value of a trace is finite. A NaN or an infinity
+//! is an error at [`Trace::push`], never a robustness or a reward.
 //!
 //! ```
 //! use brakecheck_stl::trace::{Schema, Signal, Trace};
@@ -24,30 +24,32 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-/// How a signal is read by a formula.
+/// Reading of a signal in a formula.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SignalKind {
-    /// A number; robustness is in its unit.
+    /// Number, whose robustness is in its unit.
     Real,
-    /// 1 is true, 0 is false; robustness is ±inf before clamping.
+    /// Truth value, 1 for true and 0 for false.
+    ///
+    /// The robustness is ±inf before clamping.
     Boolean,
 }
 
-/// One declared signal.
+/// Declared signal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Signal {
-    /// Dotted lower case, such as `ego.speed`.
+    /// Name in dotted lower case, such as `ego.speed`.
     pub name: String,
-    /// SI unit as displayed, such as `m/s`; empty for dimensionless.
+    /// SI unit as displayed, such as `m/s`, empty for dimensionless.
     pub unit: Cow<'static, str>,
-    /// What it means, in one sentence.
+    /// Meaning, in a single sentence.
     pub about: String,
     /// Real or Boolean.
     pub kind: SignalKind,
 }
 
 impl Signal {
-    /// A real-valued signal.
+    /// Declares a real-valued signal.
     pub fn real(
         name: impl Into<String>,
         unit: impl Into<Cow<'static, str>>,
@@ -61,7 +63,7 @@ impl Signal {
         }
     }
 
-    /// A Boolean signal, published as 1 or 0.
+    /// Declares a Boolean signal, published as 1 or 0.
     pub fn boolean(name: impl Into<String>, about: impl Into<String>) -> Signal {
         Signal {
             name: name.into(),
@@ -72,26 +74,26 @@ impl Signal {
     }
 }
 
-/// A schema could not be made.
+/// Error in the declaration of a schema.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SchemaError {
-    /// Two signals of one name.
+    /// Two signals have the same name.
     #[error("the signal `{name}` is declared twice")]
     Duplicate {
-        /// The name in question.
+        /// Repeated name.
         name: String,
     },
-    /// A sampling period must be finite and positive.
+    /// The sampling period is not positive and finite.
     #[error("the sampling period must be positive and finite, not {dt_s} s")]
     Period {
-        /// The refused period.
+        /// Refused period.
         dt_s: f64,
     },
 }
 
-/// The declared signals of a trace and its sampling period.
+/// Declared signals of a trace with its sampling period.
 ///
-/// Cheap to clone: clones share the declaration.
+/// Cheap to clone, since clones share the declaration.
 #[derive(Clone, Debug)]
 pub struct Schema {
     dt_s: f64,
@@ -108,11 +110,12 @@ impl Schema {
     /// Declares `signals`, sampled every `dt_s` seconds.
     ///
     /// # Errors
-    /// A repeated name; a period that is not positive and finite.
+    /// A repeated name, or a period that is not positive and finite.
     pub fn new(
         dt_s: f64,
         signals: impl IntoIterator<Item = Signal>,
     ) -> Result<Schema, SchemaError> {
+        // Negated, so that NaN is refused as well.
         if !(dt_s.is_finite() && 0.0 < dt_s) {
             return Err(SchemaError::Period { dt_s });
         }
@@ -131,40 +134,40 @@ impl Schema {
         })
     }
 
-    /// The sampling period in seconds.
+    /// Returns the sampling period in seconds.
     pub fn dt_s(&self) -> f64 {
         self.dt_s
     }
 
-    /// The signals, in declaration order (the order of a row).
+    /// Returns the signals in declaration order (the order of a row).
     pub fn signals(&self) -> &[Signal] {
         &self.declared.signals
     }
 
-    /// The position of a signal in a row.
+    /// Returns the position of a signal in a row.
     pub fn position(&self, name: &str) -> Option<usize> {
         self.declared.index.get(name).copied()
     }
 
-    /// How many signals a row has.
+    /// Returns the number of signals in a row.
     pub fn len(&self) -> usize {
         self.declared.signals.len()
     }
 
-    /// Whether no signal is declared.
+    /// Returns true if no signal is declared.
     pub fn is_empty(&self) -> bool {
         self.declared.signals.is_empty()
     }
 
-    /// Whether rows and sampling periods mean the same: names, order, period.
+    /// Returns true if names, their order and the sampling period are equal.
     ///
-    /// Units, kinds and descriptions may differ. Constant time for clones of
-    /// one schema, which is what a run and its monitors nearly always have.
+    /// Units, kinds and descriptions may differ. The test takes constant time for
+    /// clones of a schema, which a run and its monitors nearly always have.
     pub(crate) fn has_rows_of(&self, other: &Schema) -> bool {
         self.dt_s == other.dt_s && (self.is_clone_of(other) || self.names().eq(other.names()))
     }
 
-    /// The signals' names, in declaration order.
+    /// Returns the signals' names, in declaration order.
     pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
         self.signals().iter().map(|signal| signal.name.as_str())
     }
@@ -173,7 +176,7 @@ impl Schema {
         Arc::ptr_eq(&self.declared, &other.declared)
     }
 
-    /// Whether `row`, the `sample`-th one, has a finite value per signal.
+    /// Checks that row number `sample` has a finite value per signal.
     ///
     /// # Errors
     /// A NaN, an infinity or a wrong length.
@@ -185,8 +188,8 @@ impl Schema {
                 sample,
             });
         }
-        // Without an early exit this is a few vector instructions; every
-        // monitor of a run asks it again.
+        // Without an early exit, this check is a few vector instructions. Every monitor
+        // of a run repeats it.
         if row.iter().fold(true, |all, value| all & value.is_finite()) {
             return Ok(());
         }
@@ -203,37 +206,38 @@ impl Schema {
 
 impl PartialEq for Schema {
     fn eq(&self, other: &Schema) -> bool {
+        // Clones of a schema are common, and comparing pointers is cheaper.
         let same = || self.is_clone_of(other) || self.signals() == other.signals();
         self.dt_s == other.dt_s && same()
     }
 }
 
-/// A value that is no finite number, or a row of the wrong length.
+/// Value that is not finite, or row of the wrong length.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RowError {
-    /// NaN or infinite.
+    /// A value is NaN or infinite.
     #[error("`{signal}` is {value} at sample {sample}: traces hold finite numbers only")]
     NotFinite {
-        /// The signal's name.
+        /// Name of the signal.
         signal: String,
-        /// The refused value.
+        /// Refused value.
         value: f64,
-        /// The sample index the row would have had.
+        /// Sample index that the row would have had.
         sample: usize,
     },
     /// The row does not match the schema.
     #[error("a row of {got} values for {want} signals at sample {sample}")]
     Length {
-        /// Values in the row.
+        /// Number of values in the row.
         got: usize,
-        /// Signals in the schema.
+        /// Number of signals in the schema.
         want: usize,
-        /// The sample index the row would have had.
+        /// Sample index that the row would have had.
         sample: usize,
     },
 }
 
-/// A run: one finite value per signal and sample.
+/// Run with a finite value per signal and sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trace {
     schema: Arc<Schema>,
@@ -242,7 +246,7 @@ pub struct Trace {
 }
 
 impl Trace {
-    /// An empty trace.
+    /// Creates an empty trace.
     pub fn new(schema: Arc<Schema>) -> Trace {
         let columns = vec![Vec::new(); schema.len()];
         Trace {
@@ -252,11 +256,12 @@ impl Trace {
         }
     }
 
-    /// Appends one sample of every signal, in schema order.
+    /// Appends a sample of every signal, in schema order.
     ///
     /// # Errors
-    /// A NaN, an infinity or a wrong length; the trace is then unchanged.
+    /// A NaN, an infinity or a wrong length. The trace is then unchanged.
     pub fn push(&mut self, row: &[f64]) -> Result<(), RowError> {
+        // Before any column changes, so that an error leaves them all equally long.
         self.schema.check_row(row, self.len)?;
         for (column, value) in self.columns.iter_mut().zip(row) {
             column.push(*value);
@@ -265,7 +270,7 @@ impl Trace {
         Ok(())
     }
 
-    /// Forgets all samples and keeps the memory.
+    /// Removes all samples and keeps the memory.
     pub fn clear(&mut self) {
         for column in &mut self.columns {
             column.clear();
@@ -281,32 +286,32 @@ impl Trace {
         self.len = self.len.min(len);
     }
 
-    /// The declared signals.
+    /// Returns the declared signals.
     pub fn schema(&self) -> &Arc<Schema> {
         &self.schema
     }
 
-    /// The sampling period in seconds.
+    /// Returns the sampling period in seconds.
     pub fn dt_s(&self) -> f64 {
         self.schema.dt_s
     }
 
-    /// How many samples there are.
+    /// Returns the number of samples.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// Whether there is no sample.
+    /// Returns true if there is no sample.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// All samples of the `signal`-th signal.
+    /// Returns all samples of the `signal`-th signal.
     pub fn column(&self, signal: usize) -> &[f64] {
         &self.columns[signal]
     }
 
-    /// All samples of a signal by name.
+    /// Returns all samples of a signal by name.
     pub fn signal(&self, name: &str) -> Option<&[f64]> {
         self.schema.position(name).map(|i| self.column(i))
     }

@@ -1,10 +1,10 @@
-//! Comparisons whose value is no number: each counts for the worst.
+//! Comparisons with undefined values, each counted as the worst case.
 //!
-//! `d / v > 2` says nothing at d = v = 0, and neither does `not (d / v > 2)`:
-//! a formula holds only if it does whatever such a comparison is taken for.
-//! Where a comparison counts as it is, the worst is −inf; under an odd number
-//! of negations it is +inf. `iff`, `xor`, `rise` and `fall` use an operand both
-//! ways, so here they are spelled out and the operand is bound twice:
+//! `d / v > 2` is undefined at d = v = 0, and so is `not (d / v > 2)`. A formula
+//! holds only if it holds for any value of such a comparison. If a comparison is
+//! not negated, its worst value is −inf. Under an odd number of negations it is
+//! +inf. `iff`, `xor`, `rise` and `fall` use an operand in both ways. They are
+//! therefore expanded here, and the operand is bound twice:
 //!
 //! ```text
 //! φ iff ψ  =  (φ implies ψ) and (ψ implies φ)
@@ -13,9 +13,9 @@
 //! fall φ   =  not φ and prev φ
 //! ```
 //!
-//! These are equal to the operators wherever every comparison has a value, bit
-//! for bit, and formulas in which every comparison always has one are left
-//! alone. So nothing that evaluates a program needs to know about NaN.
+//! These equal the operators bit for bit wherever every comparison has a value.
+//! Formulas whose comparisons always have a value are left alone. The evaluation
+//! of a program therefore never has to consider NaN.
 
 use std::sync::Arc;
 
@@ -24,9 +24,10 @@ use crate::leaf::Undefined;
 use crate::program::{Edge, Gate, Id, Op, Program, Side};
 use crate::syntax::{Kind, Node, Unary};
 
-/// Gives every comparison that can be undefined the value that is worst.
+/// Gives every comparison that can be undefined its worst value.
 pub(crate) fn settle(program: Program) -> Program {
     let doubtful = doubtful(&program);
+    // No comparison can be undefined, so the program stays as it is.
     if !doubtful.contains(&true) {
         return program;
     }
@@ -42,6 +43,7 @@ pub(crate) fn settle(program: Program) -> Program {
                 fails: settled.operator(id, Undefined::Fails),
                 holds: settled.operator(id, Undefined::Holds),
             },
+            // An operator used in a single sense needs a single copy.
             (true, false, true) => Places::both(settled.operator(id, Undefined::Holds)),
             (true, ..) => Places::both(settled.operator(id, Undefined::Fails)),
             (false, ..) => Places::both(settled.copy(id)),
@@ -51,7 +53,7 @@ pub(crate) fn settle(program: Program) -> Program {
     settled.new
 }
 
-/// Which operators have a comparison in them that can be undefined.
+/// Returns the operators with a comparison in them that can be undefined.
 fn doubtful(program: &Program) -> Vec<bool> {
     let mut doubtful = Vec::with_capacity(program.instructions.len());
     for instruction in &program.instructions {
@@ -64,7 +66,7 @@ fn doubtful(program: &Program) -> Vec<bool> {
     doubtful
 }
 
-/// In which senses an operator is used.
+/// Senses in which an operator is used.
 #[derive(Clone, Copy, Default)]
 struct Uses {
     fails: bool,
@@ -91,7 +93,9 @@ fn uses(program: &Program) -> Vec<Uses> {
         holds: true,
     };
     let mut uses = vec![Uses::default(); program.instructions.len()];
+    // The whole formula is not negated.
     uses[program.root()].fails = true;
+    // Operators before their operands, so that senses are passed on completely.
     for (id, instruction) in program.instructions.iter().enumerate().rev() {
         let own = uses[id];
         match instruction.op {
@@ -111,7 +115,7 @@ fn uses(program: &Program) -> Vec<Uses> {
     uses
 }
 
-/// Where an operator of the old program stands in the new one, per sense.
+/// Position of an operator of the old program in the new program, per sense.
 #[derive(Clone, Copy)]
 struct Places {
     fails: Id,
@@ -134,7 +138,7 @@ struct Settled<'a> {
 }
 
 impl Settled<'_> {
-    /// Adds an operator of the old program in one sense; its operands are in.
+    /// Adds an operator of the old program in one sense, after its operands.
     fn operator(&mut self, id: Id, sense: Undefined) -> Id {
         let instruction = self.old.get(id);
         let source = &instruction.source;
@@ -160,6 +164,7 @@ impl Settled<'_> {
             }
             Op::Edge(edge, a) => {
                 let (holds, fails) = (same(a), Op::Not(opposite(a)));
+                // Sources of the added operators, so that explanations print them.
                 let operand = &self.old.get(a).source;
                 let negation = node(Kind::Not(operand.clone()), source);
                 let fails = self.add(fails, &negation);
@@ -179,6 +184,7 @@ impl Settled<'_> {
     /// Adds an operator in which nothing is ever undefined.
     fn copy(&mut self, id: Id) -> Id {
         let instruction = self.old.get(id);
+        // Both places are the same for such operands.
         let op = instruction.op.over(|id| self.places[id].fails);
         self.add(op, &instruction.source)
     }
@@ -201,7 +207,7 @@ const ONE: Window = Window {
     to: Some(1),
 };
 
-/// A part of `whole` that is not written there.
+/// Creates a node for a part of `whole` that is not written there.
 fn node(kind: Kind, whole: &Node) -> Arc<Node> {
     Arc::new(Node::new(kind, whole.span.0.clone()))
 }

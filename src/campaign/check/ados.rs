@@ -1,4 +1,4 @@
-//! The ados of a campaign, found in a world.
+//! Lookup of the ados of a campaign in a world.
 
 use super::Checker;
 use crate::campaign::error::CampaignError;
@@ -8,13 +8,13 @@ use crate::run_dir::{RunDir, file_name};
 use crate::search::{BUDGET, Method, MethodOption, MethodSettings, SWITCHES};
 use crate::world::{Path, Scenario, guessed};
 
-/// Most decisions of a script.
+/// Largest number of decisions in a script.
 const MAX_DECISIONS: f64 = 1e6;
-/// Most trainings of a world.
+/// Largest number of trainings per world.
 const MAX_TRAININGS: u64 = 10_000;
 
 impl Checker {
-    /// The ados of a world: its own, then those of the campaign.
+    /// Returns the ados of a world: its own, then those of the campaign.
     pub(super) fn ados(
         &mut self,
         world: usize,
@@ -30,6 +30,7 @@ impl Checker {
                 ados.extend(self.planned(&place.at(nth), world, entry)?);
             }
         }
+        // Duplicates are checked over both lists, because both play in this world.
         self.told_apart(&ados)?;
         Ok(ados)
     }
@@ -68,7 +69,7 @@ impl Checker {
         Ok(vec![one])
     }
 
-    /// The actions of a script, one per decision; the last one is held.
+    /// Returns the actions of a script, one per decision, the last action held.
     fn script(
         &self,
         at: &Path,
@@ -80,7 +81,9 @@ impl Checker {
         for (nth, (label, until_s)) in steps.iter().enumerate() {
             let at = at.to("steps").at(nth);
             let action = self.action(&at, world, label)?;
+            // Times are rounded to whole decisions, because actions change only there.
             let decisions = (until_s / decision_s).round();
+            // A step must add a decision, and the limit guards against a huge allocation.
             if decisions <= actions.len() as f64 || MAX_DECISIONS < decisions {
                 let what = format!("this step ends at {until_s} s, before it begins");
                 let help = format!(
@@ -90,6 +93,7 @@ impl Checker {
             }
             actions.resize(decisions as usize, action);
         }
+        // The final action is held to the horizon, so a single entry is enough.
         actions.push(self.action(&at.to("then"), world, then)?);
         Ok(actions)
     }
@@ -99,6 +103,7 @@ impl Checker {
         at: &Path,
         (method, switches, budget): (Option<&str>, Option<usize>, Option<u64>),
     ) -> Result<PlannedAdo, CampaignError> {
+        // The same default as on the command line.
         let name = method.unwrap_or("switches");
         if name == "mutate" {
             let what = "a campaign has no training whose counterexamples are mutated";
@@ -111,6 +116,7 @@ impl Checker {
             stored: None,
         };
         let known = Method::named(name, &settings).map_err(&wrong)?;
+        // Only options that the file gives are checked, and defaults are always allowed.
         let given = [
             switches.map(|_| MethodOption::Switches),
             budget.map(|_| MethodOption::Budget),
@@ -124,7 +130,7 @@ impl Checker {
         })
     }
 
-    /// Trainings that are pieces of the campaign.
+    /// Plans the trainings that are pieces of the campaign.
     fn trainings(
         &mut self,
         at: &Path,
@@ -136,6 +142,7 @@ impl Checker {
             return Err(self.source.wrong(&at.to("seeds"), what, None));
         }
         if let Some(decisions) = decisions {
+            // An invalid number of decisions is reported now and not in a piece hours later.
             self.worlds[world].0.training_for(decisions)?;
         }
         let mut ados = Vec::new();
@@ -144,6 +151,7 @@ impl Checker {
             ados.push(PlannedAdo::Training { training });
             self.trainings.push(PlannedTraining {
                 world,
+                // Seeds near the limit repeat instead of overflowing, and duplicates are refused.
                 seed: first_seed.saturating_add(nth),
                 decisions,
             });
@@ -151,8 +159,9 @@ impl Checker {
         Ok(ados)
     }
 
-    /// Ados that rows could not tell apart are refused.
+    /// Refuses ados that rows could not distinguish.
     fn told_apart(&self, ados: &[PlannedAdo]) -> Result<(), CampaignError> {
+        // Rows name an ado by its word and its training seed.
         let key = |ado: &PlannedAdo| match ado {
             PlannedAdo::Training { training } => {
                 let seed = self.trainings.get(*training).map(|it| it.seed);
@@ -174,7 +183,7 @@ impl Checker {
         Ok(())
     }
 
-    /// The number of an action, as `check` lists them.
+    /// Returns the number of an action with this label, as `check` lists it.
     fn action(&self, at: &Path, world: &Scenario, label: &str) -> Result<usize, CampaignError> {
         let actions = 0..world.world().spaces().actions;
         let labels: Vec<String> = actions.map(|it| world.action_label(it)).collect();
@@ -187,7 +196,7 @@ impl Checker {
         })
     }
 
-    /// The ado of a run: in the run's own world only.
+    /// Returns the ado of a run, which must fit the world.
     fn trained(
         &mut self,
         at: &Path,
@@ -197,9 +206,10 @@ impl Checker {
         let played = &self.worlds[world].0;
         let path = self.dir.join(dir);
         let run = RunDir::open(&path)?;
-        // A conditional ado has to be told who it meets, and refuses here.
+        // A conditional ado needs the ego's parameters, and this call refuses it.
         run.policy()?;
         let own = run.scenario()?;
+        // Equal axes and spaces mean equal observations and actions.
         if own.axes() != played.axes() || own.spaces() != played.spaces() {
             let what = format!(
                 "the ado in `{dir}` was trained in `{}`: it does not fit `{}`",
@@ -211,6 +221,7 @@ impl Checker {
         }
         let policy = run.manifest().policy_sha256.clone().unwrap_or_default();
         let seed = run.manifest().seed;
+        // The same run may serve several worlds, but is copied into the plan only once.
         let known = self.runs.iter().position(|other| *other == path);
         let run = known.unwrap_or_else(|| {
             self.ados.push(PlannedRun {

@@ -1,4 +1,4 @@
-//! The egos of a campaign, found in a world.
+//! Lookup of the egos of a campaign in a world.
 
 use super::Checker;
 use crate::campaign::error::CampaignError;
@@ -9,11 +9,11 @@ use crate::run_dir::ChangedEgo;
 use crate::seed::{Purpose, StartKey};
 use crate::world::Path;
 
-/// Most members of a family.
+/// Largest number of members of a family.
 const MAX_MEMBERS: u64 = 10_000;
 
 impl Checker {
-    /// The egos of a world, each once.
+    /// Returns the egos of a world without duplicates.
     pub(super) fn egos(
         &self,
         world: usize,
@@ -29,7 +29,7 @@ impl Checker {
                     change: ego.change().clone(),
                 };
                 match egos.iter().find(|known| known.name == ego.name) {
-                    // `all` beside a name of it is that ego once.
+                    // `all` may repeat an ego that is also named alone.
                     Some(known) if *known == ego => {}
                     Some(_) => {
                         let what = format!("two egos are called `{}`", ego.name);
@@ -52,9 +52,11 @@ impl Checker {
         let played = &self.worlds[world].0;
         let wrong = self.source.at(at);
         match entry {
+            // A file is recognised by its extension, so egos may have any other name.
             EgoEntry::Ego(asked) if asked.ends_with(".ron") => {
                 let path = self.dir.join(asked);
                 let (change, _) = played.changed_by(&path)?;
+                // The file is relative to the campaign file, wherever the command is run.
                 EgoUnderTest::changed(played, asked, &change, "mend the file")
                     .map(|ego| vec![ego])
                     .map_err(wrong)
@@ -78,6 +80,7 @@ impl Checker {
                     let help = "add `train_against: Family(…)` to the world: docs/reuse.md";
                     return Err(self.source.wrong(at, what, Some(help.to_owned())));
                 };
+                // Members are drawn by index, so more members keep the earlier ones.
                 let member = |index: u64| {
                     let key = StartKey {
                         purpose: Purpose::Test,
@@ -94,7 +97,7 @@ impl Checker {
         }
     }
 
-    /// An ego on a map of another size has other starts, which pair with nobody's.
+    /// Refuses an ego with other starts, which would not pair with those of other egos.
     fn starts_alike(
         &self,
         at: &Path,

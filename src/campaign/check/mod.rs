@@ -1,4 +1,4 @@
-//! From a campaign file to a plan: names found, mistakes named with their place.
+//! Check of a campaign file, which resolves names and reports mistakes with their place.
 
 mod ados;
 mod egos;
@@ -15,22 +15,22 @@ use crate::experiment::on_plant;
 use crate::run_dir::file_name;
 use crate::world::{LoadError, Path, Problem, Scenario, ScenarioError, guessed, read_file};
 
-/// Most units of a campaign.
+/// Largest number of units of a campaign.
 const MAX_UNITS: usize = 100_000;
 
-/// A checked campaign: its plan, not cut yet, and what goes beside it.
+/// Checked campaign: its uncut plan and the files beside it.
 pub(super) struct Checked {
-    /// Every unit is one piece.
+    /// Plan in which every unit is a single piece.
     pub plan: Plan,
-    /// The campaign file, verbatim.
+    /// Text of the campaign file, verbatim.
     pub text: String,
-    /// The worlds, as their files have them.
+    /// Worlds on the plants of their files.
     pub worlds: Vec<Scenario>,
-    /// The run directories of trained ados.
+    /// Run directories of the trained ados.
     pub runs: Vec<PathBuf>,
 }
 
-/// Reads and checks a campaign file; what it names is found beside it.
+/// Reads and checks a campaign file. Files that it names are relative to it.
 pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
     let (name, text, file) = read_file::<CampaignFile>(path).map_err(|error| match error {
         LoadError::Io { .. } => CampaignError::NoFile(error),
@@ -49,7 +49,7 @@ pub(super) fn check(path: &FilePath) -> Result<Checked, CampaignError> {
     .check(file)
 }
 
-/// The text that is checked, for errors that show the place.
+/// Text of the campaign file, for errors that show the place.
 struct Source {
     name: String,
     text: String,
@@ -70,9 +70,10 @@ impl Source {
         .into()
     }
 
-    /// What is wrong with something the file asks for, at its place.
+    /// Returns a function that gives an error its place in the file.
     fn at<E: Into<CampaignError>>(&self, at: &Path) -> impl Fn(E) -> CampaignError + use<'_, E> {
         let at = at.clone();
+        // Errors with a place of their own, such as those of other files, stay as they are.
         move |error| {
             let error = error.into();
             match error.help() {
@@ -85,9 +86,9 @@ impl Source {
 
 struct Checker {
     source: Source,
-    /// Where files are found.
+    /// Directory in which files are found.
     dir: PathBuf,
-    /// On the plants that are asked for, and as their files have them.
+    /// Worlds on the requested plants and on the plants of their files.
     worlds: Vec<(Scenario, Scenario)>,
     planned: Vec<PlannedWorld>,
     runs: Vec<PathBuf>,
@@ -101,6 +102,7 @@ impl Checker {
         for (nth, entry) in file.worlds.iter().enumerate() {
             self.world(&top.to("worlds").at(nth), entry)?;
         }
+        // Worlds come first, because egos, ados and starts are resolved against them.
         self.something_is_played(&file)?;
         let starts = self.starts(&top.to("starts"), &file.starts)?;
         let units = self.units(&file, &starts)?;
@@ -111,6 +113,7 @@ impl Checker {
         }
         let plan = Plan {
             format: FORMAT,
+            // The hash is added when the plan is written, over the final text.
             sha256: String::new(),
             brakecheck: env!("CARGO_PKG_VERSION").to_owned(),
             name: file.name,
@@ -141,6 +144,7 @@ impl Checker {
             ("egos", file.egos.is_empty()),
             (
                 "ados",
+                // A world with ados of its own needs no common ones.
                 file.ados.is_empty() && file.worlds.iter().any(|it| it.ados.is_empty()),
             ),
         ];
@@ -153,7 +157,7 @@ impl Checker {
         }
     }
 
-    /// Every ego under every ado, world by world.
+    /// Returns a unit per ego and ado, world by world.
     fn units(
         &mut self,
         file: &CampaignFile,
@@ -170,6 +174,7 @@ impl Checker {
                     ego: ego.clone(),
                     ado: ado.clone(),
                     starts: count,
+                    // One piece per unit, until the pilot knows the cost of a start.
                     each: count.max(1),
                 }));
             }
@@ -188,6 +193,7 @@ impl Checker {
         let mut known: Vec<&str> = units.iter().map(|it| it.ego.name.as_str()).collect();
         known.sort_unstable();
         known.dedup();
+        // A misspelt baseline would compare nothing and let every change pass.
         if known.contains(&baseline.as_str()) {
             return Ok(Some((baseline, on)));
         }
@@ -204,6 +210,7 @@ impl Checker {
         let Some(BoundaryEntry { name, stl }) = boundary else {
             return Ok(None);
         };
+        // The formula must bind in every world, since each world has a map.
         for (world, _) in &self.worlds {
             regulation_boundary::monitor(world, &stl).map_err(|error| {
                 let at = Path::top().to("boundary").to("stl");
@@ -218,6 +225,7 @@ impl Checker {
     fn world(&mut self, at: &Path, entry: &WorldEntry) -> Result<(), CampaignError> {
         let path = self.dir.join(&entry.file);
         let shipped = || Scenario::shipped(&entry.file).and_then(Result::ok);
+        // A file takes precedence over a shipped world of the same name.
         let as_filed = match path.is_file() {
             true => Scenario::load(&path)?,
             false => shipped().ok_or_else(|| {
@@ -232,6 +240,7 @@ impl Checker {
             None => as_filed.clone(),
         };
         let (name, plant) = (as_filed.name(), played.plant());
+        // Rows name worlds by name and plant, so the same world may appear on both plants.
         let same =
             |(other, _): &(Scenario, Scenario)| other.name() == name && other.plant() == plant;
         if self.worlds.iter().any(same) {
@@ -242,6 +251,7 @@ impl Checker {
         let nth = self.planned.len();
         self.planned.push(PlannedWorld {
             name: name.to_owned(),
+            // The number keeps the names of the copies distinct.
             file: format!("worlds/{nth}-{}.ron", file_name(name)),
             sha256: sha256(as_filed.text().as_bytes()),
             plant: entry.plant,

@@ -1,12 +1,14 @@
-//! The starts of a campaign: a grid has to lie within every world's ranges.
+//! Starts of a campaign. A grid must lie within the ranges of every world.
 
 use super::Checker;
 use crate::campaign::error::CampaignError;
 use crate::campaign::file::{StartsAsked, StartsEntry};
 use crate::world::{Path, Scenario, guessed};
 
-/// Most starts of a unit, and most values along an axis.
+/// Largest number of starts of a unit.
 const MAX_STARTS: usize = 1_000_000_000;
+/// Most values along an axis of a grid: the plan lists them.
+const MAX_VALUES: usize = 100_000;
 
 impl Checker {
     pub(super) fn starts(
@@ -27,23 +29,30 @@ impl Checker {
         let mut values = Vec::new();
         for (name, &(lo, hi, steps)) in &axes.0 {
             let place = at.to("axes").to(name);
+            // The grid is shared by all worlds, so each of them must contain it.
             for (world, _) in &self.worlds {
                 self.axis(&place, world, (name, lo, hi))?;
             }
-            let sane = (1..=MAX_STARTS).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
+            // A single value needs no range, but several values must differ.
+            let sane = (1..=MAX_VALUES).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
             if !sane {
                 let what = format!("{steps} values from {lo} to {hi} are no axis");
-                let help = "write `(least, greatest, how many)`".to_owned();
+                let help = match MAX_VALUES < steps {
+                    true => format!("at most {MAX_VALUES} values are possible along an axis"),
+                    false => "write `(least, greatest, how many)`".to_owned(),
+                };
                 return Err(self.source.wrong(&place, what, Some(help)));
             }
+            // A single value would divide by zero.
             let last = (steps - 1).max(1) as f64;
-            // Without the dust of binary fractions, since rows hold them.
+            // Rounding removes errors of binary fractions, because rows hold the values.
             let value = |nth: usize| {
                 let value = lo + (hi - lo) * nth as f64 / last;
                 (value * 1e9).round() / 1e9
             };
             values.push((name.clone(), (0..steps).map(value).collect::<Vec<f64>>()));
         }
+        // The product is checked, because a few long axes can overflow it.
         let all = values
             .iter()
             .try_fold(1usize, |all, (_, along)| all.checked_mul(along.len()));
@@ -56,7 +65,7 @@ impl Checker {
         }
     }
 
-    /// Whether a world may start everywhere along an axis.
+    /// Checks that a world may start everywhere along an axis.
     fn axis(
         &self,
         place: &Path,

@@ -70,10 +70,7 @@ fn check_world(args: &CheckArgs, world: &Path) -> Result<Exit, Failure> {
         talk::data(&format!("{}{}", text(&scenario), programs::text(&named)))?;
     }
     let file = world.display().to_string();
-    let warnings = scenario.warnings.iter();
-    let notes: Vec<_> = warnings
-        .map(|warning| failure::warning(&file, &scenario.text, warning))
-        .collect();
+    let notes = failure::warnings(&file, &scenario.text, &scenario.warnings);
     if !notes.is_empty() {
         let shown = Failure::of(Exit::Done, notes);
         talk::say_rendered(shown.render(talk::theme(), talk::width()).trim_end());

@@ -1,4 +1,4 @@
-//! Where a replay first differs from what was recorded.
+//! First difference between a replay and its recording.
 
 use super::kept::Kept;
 use crate::run_dir::{KeptError, digests_of};
@@ -6,21 +6,21 @@ use crate::scene::drive::current_name;
 use crate::testbench::Episode;
 use crate::trace::{Schema, Trace};
 
-/// Where a replay first differs from what was recorded.
+/// First difference between a replay and its recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
-    /// Number of the first sample that differs; the start is 0.
+    /// Number of the first sample that differs, where 0 is the start.
     pub sample: usize,
-    /// When that sample is.
+    /// Time of that sample, s.
     pub time_s: f64,
-    /// The signal and both values, if the samples are stored beside the file.
+    /// Signal with both values, if the samples are stored beside the file.
     pub signal: Option<(String, f64, f64)>,
-    /// What was recorded and is not published any more.
+    /// Recorded signal that is not published any more.
     pub unpublished: Option<String>,
 }
 
 impl Difference {
-    /// From when on a run is another one than was recorded, and by what.
+    /// Describes the time and the cause of the difference.
     pub fn since(&self) -> String {
         let time_s = self.time_s;
         format!("different from the recorded run from t = {time_s:.2} s: {self}")
@@ -42,16 +42,16 @@ impl std::fmt::Display for Difference {
     }
 }
 
-/// Where an episode first differs from what was recorded.
+/// Returns the first difference between an episode and its recording.
 ///
 /// # Errors
-/// The samples beside the file are damaged.
+/// Returns an error if the samples beside the file are damaged.
 pub(super) fn first_difference(
     kept: &Kept,
     episode: &Episode,
 ) -> Result<Option<Difference>, KeptError> {
     let recorded = &kept.counterexample;
-    // Damage is found in any case; the numbers are read where they are needed.
+    // Damage is detected in any case, while the numbers are read only where needed.
     recorded.samples_text(&kept.path)?;
     let names = match recorded.signals.is_empty() {
         true => names_of_old(recorded.samples(&kept.path)?, episode.trace.schema()),
@@ -61,6 +61,7 @@ pub(super) fn first_difference(
         Ok(columns) => columns,
         Err(unpublished) => {
             return Ok(Some(Difference {
+                // A missing signal cannot be compared at any sample, so the start is reported.
                 sample: 0,
                 time_s: 0.0,
                 signal: None,
@@ -73,6 +74,7 @@ pub(super) fn first_difference(
     if now == recorded.digests {
         return Ok(None);
     }
+    // A digest has 8 characters per sample, so the first unequal chunk is the sample.
     let digests = recorded.digests.as_bytes().chunks(8);
     let pairs = now.as_bytes().chunks(8).zip(digests);
     let same = pairs.take_while(|(a, b)| a == b).count();
@@ -80,20 +82,22 @@ pub(super) fn first_difference(
         columns.into_iter().find_map(|(name, position)| {
             let was = *stored.signal(&name)?.get(same)?;
             let is = *episode.trace.column(position).get(same)?;
+            // Bits are compared, because a replay must be exact and NaN never equals itself.
             (was.to_bits() != is.to_bits()).then_some((name, was, is))
         })
     });
     Ok(Some(Difference {
         sample: same,
-        // Time is i · dt; rounding hides the dust of binary fractions.
+        // Time is i · dt. Rounding removes errors of binary fractions.
         time_s: (same as f64 * episode.trace.dt_s() * 1e9).round() / 1e9,
         signal,
         unpublished: None,
     }))
 }
 
-/// What a file of old recorded, which does not say: what its samples hold, or
-/// all there is.
+/// Returns the signals of an old file that does not list them.
+///
+/// They are the signals of its samples, or all present signals without samples.
 fn names_of_old(stored: Option<Trace>, now: &Schema) -> Vec<String> {
     let owned = |schema: &Schema| -> Vec<String> {
         let signals = schema.signals().iter();
@@ -106,11 +110,13 @@ fn names_of_old(stored: Option<Trace>, now: &Schema) -> Vec<String> {
     }
 }
 
-/// The signals that were recorded and where they are now: what later versions
-/// publish besides is not compared, and what they call otherwise is found.
+/// Returns the recorded signals with their present columns.
+///
+/// Signals that later versions added are not compared. Former names are resolved.
 fn placed(names: Vec<String>, now: &Schema) -> Result<Vec<(String, usize)>, String> {
     let position = |name: &str| {
         let current = || now.position(&current_name(name)?);
+        // A present name takes precedence over a former name.
         now.position(name).or_else(current)
     };
     let placed = names.into_iter().map(|name| match position(&name) {
@@ -141,7 +147,7 @@ mod tests {
         replayed.episode
     }
 
-    /// As an earlier version would have recorded `names`.
+    /// Counterexample as an earlier version would have recorded `names`.
     fn recorded_as(kept: &Kept, episode: &Episode, names: &[(&str, &str)]) -> Kept {
         let schema = episode.trace.schema();
         let columns = names.iter().map(|(_, now)| schema.position(now));

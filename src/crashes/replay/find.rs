@@ -1,4 +1,4 @@
-//! Which kept counterexamples are replayed, and against whom.
+//! Lookup of the kept counterexamples to replay, and of the ego to replay against.
 
 use std::path::{Path, PathBuf};
 
@@ -81,17 +81,20 @@ impl FindError {
 }
 
 impl Regressions {
-    /// The kept counterexamples under a path (a file, a directory, or a run), or
-    /// the one of them that is named by its number, from 0, or its file.
+    /// Returns the kept counterexamples under a file, a directory or a run.
+    ///
+    /// `episode` selects one of them by its number, from 0, or by its file.
     ///
     /// # Errors
-    /// There is none such, or one is damaged.
+    /// Returns an error if no counterexample matches or a file is damaged.
     pub fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, FindError> {
         let inside = what.join("episodes");
+        // A run keeps its counterexamples in a directory of their own.
         let dir = match what.join("manifest.json").is_file() {
             true => inside.as_path(),
             false => what,
         };
+        // A world is a frequent mistake, so it gets a help text of its own.
         if is_world(what) {
             return Err(no_world(what));
         }
@@ -105,6 +108,7 @@ impl Regressions {
             let all = Regressions::load(dir)?;
             let count = all.kept().len();
             return match all.kept().get(number) {
+                // Only the selected file is loaded again, so no other counterexample is replayed.
                 Some(kept) => Ok(Regressions::load(&kept.path)?),
                 None => Err(FindError::NoEpisode {
                     number,
@@ -115,6 +119,7 @@ impl Regressions {
         }
         let file = dir.join(episode);
         let file = match file.exists() {
+            // The file may be named without its extension.
             true => file,
             false => dir.join(format!("{episode}.ron")),
         };
@@ -124,11 +129,12 @@ impl Regressions {
         }
     }
 
-    /// The same against another ego: one under `reuse` or in a RON file, or a
-    /// program; whoever names one here consents to start it.
+    /// Replaces the ego by a name under `reuse`, a RON file, or a program.
+    ///
+    /// Naming a program is the consent to start it.
     ///
     /// # Errors
-    /// Both are named, or the file holds no change that fits.
+    /// Returns an error if both are given or if the file holds no change that fits.
     pub fn against(self, ego: Option<&str>, program: &[String]) -> Result<Regressions, FindError> {
         let Some(ego) = ego else {
             return Ok(match program.is_empty() {
@@ -146,6 +152,7 @@ impl Regressions {
         if path.extension().is_none_or(|extension| extension != "ron") {
             return Ok(self.with_named_ego(ego));
         }
+        // Without counterexamples the change has no world to be checked against.
         let Some(first) = self.kept().first() else {
             return Ok(self);
         };
@@ -155,12 +162,12 @@ impl Regressions {
     }
 }
 
-/// Whether a shipped world is meant, or a file that holds one.
+/// Returns whether the path names a shipped world or a file with a world.
 fn is_world(what: &Path) -> bool {
     !what.is_dir() && Scenario::find(what).is_ok()
 }
 
-/// A world is given where something kept is asked for.
+/// Reports a world in the place of a kept counterexample.
 fn no_world(what: &Path) -> FindError {
     FindError::World {
         world: what.into(),
@@ -168,7 +175,7 @@ fn no_world(what: &Path) -> FindError {
     }
 }
 
-/// A path is given as one thing and is another.
+/// Reports a path of the wrong kind.
 fn wrong_kind(path: &Path, want: &'static str) -> FindError {
     let is_there = path.exists();
     let path = path.into();

@@ -1,4 +1,4 @@
-//! A kept counterexample and its file.
+//! Kept counterexample with its file.
 
 use std::path::PathBuf;
 
@@ -7,34 +7,34 @@ use crate::run_dir::{About, Counterexample, KeptError};
 use crate::testbench::Episode;
 use crate::world::Scenario;
 
-/// A counterexample and the file it was kept in.
+/// Counterexample with the file that holds it.
 #[derive(Clone, Debug)]
 pub struct Kept {
-    /// Where it lies.
+    /// Path of the file.
     pub path: PathBuf,
-    /// World, start, actions and verdict, as they were read.
+    /// World, start, actions and verdict, as read.
     pub counterexample: Counterexample,
 }
 
 impl Kept {
-    /// Writes it again as this version does, with its hash; `episode` must be the
-    /// one it holds.
+    /// Writes the file again in the present format, with its hash.
+    ///
+    /// `episode` must be the recorded episode.
     ///
     /// # Errors
-    /// The disk refuses.
+    /// Returns an error if the file cannot be written.
     pub fn seal(&self, episode: &Episode) -> Result<(), KeptError> {
         let current = self.counterexample.as_now(&episode.trace);
         current.save(&self.path, &episode.trace)
     }
 
-    /// Finds out what is to be said of it and writes it again with that, and its
-    /// hash; `episode` must be the one it holds. The ego of `scenario` is asked.
+    /// Determines the labels again and writes the file with them and its hash.
     ///
-    /// Its actions stay as they are; what earlier labels say of shrinking and of
-    /// others like it stays, too.
+    /// `episode` must be the recorded episode. The ego of `scenario` is run.
+    /// The actions stay unchanged, as do the earlier labels of minimization and cluster.
     ///
     /// # Errors
-    /// The disk refuses.
+    /// Returns an error if the file cannot be written.
     pub fn refine(&self, scenario: &Scenario, episode: &Episode) -> Result<About, KeptError> {
         let before = self.counterexample.about.clone().unwrap_or_default();
         let found = about(scenario, episode);
@@ -43,7 +43,7 @@ impl Kept {
             cluster: before.cluster,
             ..found
         };
-        // Without the ego itself, the answers that it gave earlier stay.
+        // A recorded ego cannot answer new questions, so its earlier answers stay.
         if scenario.drive().is_some_and(|spec| spec.ego.is_recorded()) {
             refined.persistence = before.persistence;
             refined.ego_runs = before.ego_runs;

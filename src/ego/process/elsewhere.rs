@@ -1,10 +1,10 @@
-//! Where there are no process groups, programs are refused.
+//! Refusal of programs on systems without process groups.
 
 use std::time::Duration;
 
 use super::super::{Fault, FaultKind};
 
-/// A program that was never started.
+/// A program that cannot exist on this system.
 pub(super) enum Program {}
 
 impl Program {
@@ -45,7 +45,7 @@ impl Program {
     }
 }
 
-/// The beginning of an answer, for messages.
+/// Returns the beginning of an answer, for messages.
 pub(super) fn shown(answer: &[u8]) -> String {
     String::from_utf8_lossy(answer).chars().take(80).collect()
 }

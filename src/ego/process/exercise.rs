@@ -1,4 +1,4 @@
-//! Trying a program against the protocol, and saying what is wrong with it.
+//! Test of a program against the ego protocol.
 
 use std::time::{Duration, Instant};
 
@@ -8,35 +8,37 @@ use super::pool::Talk;
 use super::{Hello, Process};
 use crate::ego::{Briefing, Command, Fault, Own, Percept, Phase, Seen, SeenLight};
 
-/// Samples of each episode that is tried.
+/// Samples of each tested episode.
 const SAMPLES: usize = 200;
-/// The time between them.
+/// Time between two samples.
 const SAMPLE_S: f64 = 0.05;
-/// Where nothing is asked, nothing may be said for so long.
+/// Time without questions in which a program must stay silent.
 const SILENCE: Duration = Duration::from_millis(100);
-/// How long a program may take to end here; in tests it has less.
+/// Grace period for the end of a program. Controllers grant less.
 const GRACE: Duration = Duration::from_secs(2);
-/// Beyond this an answer slows every campaign down.
+/// Answer time beyond which campaigns become slow.
 const SLOW: Duration = Duration::from_millis(5);
 
-/// How a program fares against the protocol.
+/// Result of a test against the protocol.
 #[derive(Clone, Debug, Serialize)]
 pub struct Exercise {
-    /// What it said of itself, if it came to that.
+    /// Hello of the program, if it came so far.
     pub hello: Option<Hello>,
-    /// What was tried, in order; what could not be tried is missing.
+    /// Findings in order. Requirements that could not be tested are missing.
     pub findings: Vec<Finding>,
-    /// Whether equal episodes got equal commands, from the same program and from
-    /// one that was started anew; `None`: it did not come to that.
+    /// True if equal episodes got equal commands.
+    ///
+    /// Compared within the same program and with a fresh start of it. `None` if
+    /// the test ended before.
     pub deterministic: Option<bool>,
-    /// Steps per second, answers included.
+    /// Steps per second, including answers.
     pub steps_per_s: Option<f64>,
-    /// What ended the exercise before its end.
+    /// Fault that ended the test early.
     pub fault: Option<Fault>,
 }
 
 impl Exercise {
-    /// Whether the program can be tested as it is.
+    /// Returns whether the program meets every tested requirement.
     pub fn passed(&self) -> bool {
         self.fault.is_none() && self.findings.iter().all(|found| found.passed)
     }
@@ -50,20 +52,20 @@ impl Exercise {
     }
 }
 
-/// One requirement, and how it was met.
+/// A requirement with its result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Finding {
     /// The requirement.
     pub what: String,
-    /// Whether it was met.
+    /// True if it was met.
     pub passed: bool,
-    /// What was seen; empty where there is nothing to say.
+    /// Observation, or empty.
     pub note: String,
 }
 
-/// Starts a program and plays some episodes that no plant is needed for.
+/// Starts a program and runs some episodes that need no plant.
 ///
-/// It must have been [allowed](Process::allow).
+/// The program must have been [allowed](Process::allow).
 pub fn exercise(process: &Process) -> Exercise {
     let mut done = Exercise {
         hello: None,
@@ -96,6 +98,8 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
     done.find("answers every question, with its number", true, "");
     commands_are_plausible(done, &first);
 
+    // Not finished on purpose: the next reset interrupts this episode, as a
+    // contact does.
     episode(&mut talk, (8, &briefing), SAMPLES / 4, timeout, &follow)?;
     done.find("begins anew in the middle of an episode", true, "");
     let again = episode(&mut talk, (7, &briefing), SAMPLES, timeout, &follow)?;
@@ -126,6 +130,8 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         false => "one answer to each question, and prints for debugging go to stderr",
     };
     done.find("says nothing that it is not asked", silent, note);
+    // A second start finds state that survives `reset`, such as files or
+    // caches.
     let mut anew = process.talk()?;
     let fresh = episode(&mut anew, (7, &briefing), SAMPLES, timeout, &follow)?;
     drop(anew);
@@ -139,11 +145,12 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Everybody else at a moment, and the lights.
+/// All other agents and lights at an instant.
 type Around = (Vec<Seen>, Vec<SeenLight>);
 
-/// Plays an episode; the ego moves as it commands. Gives its commands and how
-/// long each took.
+/// Runs an episode in which the ego moves as it commands.
+///
+/// Returns the commands and the time that each took.
 fn episode(
     talk: &mut Talk,
     (seed, briefing): (u64, &Briefing),
@@ -172,7 +179,7 @@ fn episode(
         let clock = Instant::now();
         let command = talk.step(&percept, timeout)?;
         commands.push((command, clock.elapsed()));
-        // The plants do better; here it matters only that time goes on.
+        // A crude integration suffices: the test only needs time to advance.
         let accel_mps2 = match command.accel_mps2.is_finite() {
             true => command.accel_mps2.clamp(-10.0, 10.0),
             false => 0.0,
@@ -199,7 +206,7 @@ fn car(name: &str, headway_m: f64, lateral_m: f64, speed_mps: f64) -> Seen {
     }
 }
 
-/// A leader that brakes from 20 m/s to a stop, 40 m ahead at first.
+/// Returns a leader that brakes from 20 m/s to a stop, initially 40 m ahead.
 fn follow(time_s: f64, own_s_m: f64) -> Around {
     let braking_s = time_s.min(10.0);
     let s_m = 40.0 + 20.0 * braking_s - braking_s * braking_s;
@@ -236,13 +243,15 @@ fn commands_are_plausible(done: &mut Exercise, commands: &[(Command, Duration)])
     done.find("commands what a car can do", odd.is_none(), note);
 }
 
-/// The first sample at which two episodes differ.
+/// Returns the first sample at which two episodes differ.
 fn differing(first: &[(Command, Duration)], again: &[(Command, Duration)]) -> Option<usize> {
     let mut pairs = first.iter().zip(again);
     pairs.position(|((a, _), (b, _))| a != b)
 }
 
-/// An ego that is not repeatable can be tested, but has to be repeated.
+/// Records whether equal seeds give equal commands. Not a requirement.
+///
+/// An ego that is not repeatable can be tested, but needs repeats.
 fn is_repeatable(
     done: &mut Exercise,
     first: &[(Command, Duration)],
@@ -258,7 +267,9 @@ fn is_repeatable(
     done.find("begins anew when it is reset", true, note);
 }
 
-/// Whether its crashes can be minimized and labelled by running it again.
+/// Records whether crashes of this ego can be minimized and labelled.
+///
+/// Both need to run the ego again with equal results.
 fn is_deterministic(
     done: &mut Exercise,
     first: &[(Command, Duration)],

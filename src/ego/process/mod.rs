@@ -1,15 +1,15 @@
-//! An ego that is another program: ego protocol 1, JSON lines on its pipes.
+//! An ego in a separate program: ego protocol 1, JSON lines on its pipes.
 //!
-//! The protocol is written down in `docs/ego-protocol.md`: the program says
-//! hello once, is told of the road and the seed when an episode begins, answers
-//! one command per sample, and ends when it is told to.
+//! `docs/ego-protocol.md` defines the protocol. The program says hello once and
+//! receives the road and the seed when an episode begins. It answers a command
+//! per sample and ends when it is asked to.
 //!
-//! A crash, a hang, a flood or an answer that is no command is a [`Fault`]: it
-//! makes the episode invalid, never a success of the ado. The program is
-//! started anew for the next episode then.
+//! A crash, a hang, a flood or an invalid answer is a [`Fault`]. It makes the
+//! episode invalid and is never a success of the ado. The program is then
+//! started anew for the next episode.
 //!
 //! Architecture Invariant: nothing that a file names is started without the
-//! caller's consent. A [`Process`] read from a file has none until
+//! caller's consent. A [`Process`] read from a file has no consent until
 //! [`Process::allow`] gives it, and consent is never written to a file.
 
 #[cfg(not(unix))]
@@ -33,19 +33,19 @@ use super::{
 };
 use pool::{Pool, Talk};
 
-/// Longest wait for an answer that can be asked for.
+/// Longest timeout that a world may set.
 const MAX_TIMEOUT_S: f64 = 86_400.0;
-/// Shortest one: below it a machine's own delays look like faults.
+/// Shortest timeout. Below it, a machine's own delays look like faults.
 const MIN_TIMEOUT_S: f64 = 0.001;
 
 /// A program as the ego, as named in a world file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Process {
-    /// The program and its arguments, found as a shell would find it.
+    /// The program and its arguments, resolved as in a shell.
     pub command: Vec<String>,
-    /// Longest wait for an answer; generous, since machines are busy.
+    /// Longest wait for an answer. Choose it generously, since machines are busy.
     pub timeout_s: f64,
-    /// Whether somebody consented to start it; no file can say so.
+    /// Consent to start the program, which no file can give.
     allowed: bool,
     /// Started programs that wait for an episode, shared by all clones.
     pool: Pool,
@@ -90,32 +90,34 @@ fn default_timeout_s() -> f64 {
 }
 
 impl Process {
-    /// The names of its numeric parameters.
+    /// Names of its numeric parameters.
     pub const PARAMETERS: &[&str] = &["timeout_s"];
 
-    /// A program that somebody typed, with the usual timeout.
+    /// Creates the ego for a command line, with the default timeout.
     ///
-    /// Like one read from a file it is not started before [`Process::allow`].
+    /// The program is not started before [`Process::allow`], as if read from a
+    /// file.
     pub fn new(command: impl IntoIterator<Item = impl Into<String>>) -> Process {
         Process {
             command: command.into_iter().map(Into::into).collect(),
             timeout_s: default_timeout_s(),
+            // Construction gives no consent: only `allow` does.
             allowed: false,
             pool: Pool::default(),
         }
     }
 
-    /// Gives or takes back the consent to start it.
+    /// Gives or withdraws the consent to start it.
     pub fn allow(&mut self, allowed: bool) {
         self.allowed = allowed;
     }
 
-    /// Whether somebody consented to start it.
+    /// Returns whether its start is allowed.
     pub fn is_allowed(&self) -> bool {
         self.allowed
     }
 
-    /// A controller that starts the program when it is first asked.
+    /// Returns a controller that starts the program at its first percept.
     pub fn controller(&self) -> ProcessController {
         ProcessController {
             spec: self.clone(),
@@ -126,7 +128,7 @@ impl Process {
         }
     }
 
-    /// What makes it unusable whatever the program is: what, and the cure.
+    /// Returns a problem of its settings: the field, the message and the help.
     pub fn flaw(&self) -> Option<(&'static str, String, &'static str)> {
         if self.command.first().is_none_or(String::is_empty) {
             return Some((
@@ -145,7 +147,7 @@ impl Process {
         None
     }
 
-    /// Its numeric parameters; what the program does is its own affair.
+    /// Returns its numeric parameters. The program's own settings are unknown here.
     pub fn parameters(&self) -> Vec<Parameter> {
         vec![Parameter {
             name: "timeout_s",
@@ -155,7 +157,7 @@ impl Process {
         }]
     }
 
-    /// Sets one parameter by name.
+    /// Sets a parameter by name.
     ///
     /// # Errors
     /// The name is not `timeout_s`.
@@ -186,14 +188,16 @@ impl Process {
     }
 
     fn timeout(&self) -> Duration {
+        // Clamped, because `from_secs_f64` panics on negative and infinite
+        // values.
         Duration::from_secs_f64(self.timeout_s.clamp(MIN_TIMEOUT_S, MAX_TIMEOUT_S))
     }
 }
 
-/// A running program, or one about to be started.
+/// A controller that runs a program, started with the first percept.
 ///
-/// Between episodes the program waits in a pool that all controllers of one
-/// [`Process`] share, so that a worker starts it once, whatever it plays.
+/// Between episodes the program waits in a pool that all controllers of a
+/// [`Process`] share. A worker thus starts it once, whatever it runs.
 pub struct ProcessController {
     spec: Process,
     briefing: Briefing,
@@ -217,7 +221,7 @@ impl Controller for ProcessController {
         if answer.is_err()
             && let Some(mut talk) = self.talk.take()
         {
-            // What misbehaved is ended at once; the next episode gets a new one.
+            // A faulty program is ended at once. The next episode gets a new one.
             talk.broken = true;
         }
         answer
@@ -230,6 +234,7 @@ impl Controller for ProcessController {
     }
 
     fn fork(&self) -> Option<Box<dyn Controller>> {
+        // A running program holds state that cannot be copied.
         None
     }
 }
@@ -245,7 +250,7 @@ impl ProcessController {
         let timeout = self.spec.timeout();
         let talk = match &mut self.talk {
             Some(talk) => talk,
-            // Invariant: an episode is carried on by the program that began it.
+            // Invariant: an episode is continued by the program that began it.
             None if !self.fresh => {
                 return Err(Fault::error("the ego was asked after its episode ended"));
             }

@@ -1,4 +1,4 @@
-//! Conversations with started programs, and those that wait for an episode.
+//! Conversations with started programs, and the pool of waiting programs.
 
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,18 +17,18 @@ use super::protocol::{
     ReadyAnswer, Reset, Say, StepAnswer,
 };
 
-/// How long a program may take to end after it was told to.
+/// Grace period for the end of a program after its farewell.
 const GRACE: Duration = Duration::from_millis(300);
 
 /// A started program that has said hello.
 pub(super) struct Talk {
     program: Program,
     pub(super) hello: Hello,
-    /// The number of the latest question.
+    /// Number of the latest question.
     id: u64,
     question: Vec<u8>,
     answer: Vec<u8>,
-    /// It misbehaved: there is nothing more to say to it.
+    /// True after a fault: the program is no longer addressed.
     pub(super) broken: bool,
 }
 
@@ -67,6 +67,8 @@ impl Talk {
                 _ => fault,
             }
         })?;
+        // A program such as `cat` returns the greeting, which would pass as a
+        // hello.
         if hello.program.is_some() {
             talk.broken = true;
             return Err(talk.protocol("repeats what it is told instead of answering"));
@@ -93,13 +95,13 @@ impl Talk {
         self.noting_stderr(ready)
     }
 
-    /// Asks for the command of one sample.
+    /// Requests the command of a sample.
     pub(super) fn step(&mut self, percept: &Percept, timeout: Duration) -> Result<Command, Fault> {
         let command = self.try_step(percept, timeout);
         self.noting_stderr(command)
     }
 
-    /// A fault says what the program wrote to stderr, whoever found it.
+    /// Adds the program's stderr to a fault, wherever it was detected.
     fn noting_stderr<T>(&mut self, result: Result<T, Fault>) -> Result<T, Fault> {
         result.map_err(|fault| match fault.stderr.is_empty() {
             true => fault.with_stderr(self.program.stderr()),
@@ -157,14 +159,14 @@ impl Talk {
         }
     }
 
-    /// Asks it to end, and whether it did in time.
+    /// Asks the program to end and returns whether it did in time.
     pub(super) fn close(&mut self, grace: Duration) -> bool {
         self.broken = true;
         let farewell = serde_json::to_vec(&Say::Close(Empty {})).unwrap_or_default();
         self.program.close(&[&farewell[..], b"\n"].concat(), grace)
     }
 
-    /// Whether it says nothing for a while in which it is asked nothing.
+    /// Returns whether the program stays silent while it is asked nothing.
     pub(super) fn is_silent(&mut self, most: Duration) -> bool {
         self.program.is_silent(most)
     }
@@ -182,7 +184,7 @@ impl Talk {
         self.question.push(b'\n');
         let (program, answer) = (&mut self.program, &mut self.answer);
         program.ask(&self.question, timeout, asked, answer)?;
-        // Readers take a list for an object, its values for the keys in order.
+        // serde accepts a list for an object, with its values in the order of the keys.
         let begin = self.answer.iter().find(|byte| !byte.is_ascii_whitespace());
         if begin == Some(&b'[') {
             return Err(self.protocol(format!(
@@ -200,6 +202,8 @@ impl Talk {
         })
     }
 
+    // A program that answers late or twice would otherwise be a question behind
+    // for the rest of the episode.
     fn same_number(&self, id: u64, asked: &dyn Fn() -> String) -> Result<(), Fault> {
         if id == self.id {
             return Ok(());
@@ -213,6 +217,7 @@ impl Talk {
     }
 
     fn reported(&self, error: &str, asked: &dyn Fn() -> String) -> Fault {
+        // Foreign text of any length, shortened for messages.
         let shown: String = error.chars().take(200).collect();
         let name = self.program.name();
         Fault::error(format!(
@@ -232,8 +237,10 @@ impl Talk {
 pub(super) struct Pool(Arc<Mutex<Vec<Talk>>>);
 
 impl Pool {
-    /// One that waits, or a new one.
+    /// Returns a waiting program or starts a new one.
     pub(super) fn take(&self, command: &[String], timeout: Duration) -> Result<Talk, Fault> {
+        // The lock is released before a start, which may take as long as the
+        // timeout.
         let waiting = self.lock().pop();
         match waiting {
             Some(talk) => Ok(talk),
@@ -241,18 +248,18 @@ impl Pool {
         }
     }
 
-    /// Keeps one for the next episode.
+    /// Keeps a program for the next episode.
     pub(super) fn give_back(&self, talk: Talk) {
         self.lock().push(talk);
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Talk>> {
-        // A list of programs is never half changed.
+        // Push and pop leave no half-changed list, so a poisoned lock is usable.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// What waits says nothing about which program it is.
+/// Equality ignores the pool: waiting programs do not identify an ego.
 impl PartialEq for Pool {
     fn eq(&self, _other: &Pool) -> bool {
         true
@@ -267,6 +274,7 @@ impl fmt::Debug for Pool {
 
 impl Drop for Talk {
     fn drop(&mut self) {
+        // A broken program may not read, and its grace period would be wasted.
         if !self.broken {
             self.close(GRACE);
         }

@@ -1,19 +1,19 @@
 //! A running program: its pipes with deadlines, its process group, its end.
 //!
-//! Everything happens in the calling thread: both pipes and stderr are
-//! non-blocking and waited for together, so neither a program that does not
-//! read nor one that does not answer can hold anybody for longer than asked,
-//! and nothing is left behind that would have to be joined.
+//! Everything happens in the calling thread. Both pipes and stderr are
+//! non-blocking and polled together. A program that does not read or does not
+//! answer therefore holds no thread longer than its timeout, and nothing
+//! remains to be joined.
 //!
-//! The program lives in a process group of its own, whose leader is a watchdog:
-//! a shell that waits for the end of a pipe which only brakecheck holds. When
-//! brakecheck is killed, that pipe closes and the watchdog kills the group. The
-//! program joins the group before it runs (`setpgid` before `exec`), so there
-//! is no moment at which it could be orphaned.
+//! The program lives in a process group of its own, whose leader is a watchdog.
+//! The watchdog is a shell that waits for the end of a pipe which only
+//! brakecheck holds. When brakecheck is killed, that pipe closes and the
+//! watchdog kills the group. The program joins the group before it runs
+//! (`setpgid` before `exec`), so it cannot be orphaned at any moment.
 //!
-//! What leaves the group by itself (`setsid`) is found by a mark in its
-//! environment, where the system shows those of processes (`/proc`). Only what
-//! clears its environment as well escapes. Nobody waits for it.
+//! Processes that leave the group by themselves (`setsid`) are found by a mark
+//! in their environment, on systems that show it (`/proc`). A process that
+//! clears its environment as well escapes and is not waited for.
 
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::process::CommandExt;
@@ -27,48 +27,51 @@ use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 
 use super::super::{Fault, FaultKind};
 
-/// Longest line a program may answer with.
+/// Longest line that a program may answer.
 const MAX_LINE_BYTES: usize = 64 * 1024;
-/// The end of stderr that is kept.
+/// Length of the last part of stderr that is kept.
 const STDERR_BYTES: usize = 4 * 1024;
-/// How often a program that says nothing is looked after, in case it ended
-/// while something it started still holds its output.
+/// Interval of checks on a silent program.
+///
+/// It may have ended while a child of it still holds its output.
 const LOOK_AFTER: Duration = Duration::from_millis(50);
-/// How long to wait for the exit status of a program whose output has ended.
+/// Longest wait for the exit status of a program whose output has ended.
 const STATUS_WAIT: Duration = Duration::from_millis(100);
 
-/// A shell that outlives brakecheck by a moment, and nothing else. It is given the
-/// mark, which its own environment does not hold.
+/// Script of the watchdog, which outlives brakecheck by a moment.
+///
+/// It receives the mark as an argument. Its own environment does not hold the
+/// mark.
 const WATCHDOG: &str = r#"read -r end
 for e in $(grep -ls -- "$0" /proc/[0-9]*/environ 2>/dev/null); do
   e=${e#/proc/}; kill -9 "${e%/environ}" 2>/dev/null
 done
 kill -9 0"#;
-/// The variable by which a program and all that it starts are found.
+/// Environment variable that marks a program and its descendants.
 const MARK: &str = "BRAKECHECK_EGO";
-/// How often those are looked for that start others while they are ended.
+/// Number of searches for marked processes, which may start new ones meanwhile.
 const LOOKS: usize = 20;
 
 /// A started program.
 pub(super) struct Program {
     name: String,
     child: Child,
-    /// Leads the process group; its stdin is held open and never written to.
+    /// Leader of the process group. Its stdin is held open and never written to.
     watchdog: Child,
-    /// `NAME=VALUE` in the environment of the program and all that it starts.
+    /// `NAME=VALUE` in the environment of the program and its descendants.
     mark: String,
-    /// `None` once closed: that tells the program to end.
+    /// `None` once closed, which asks the program to end.
     input: Option<ChildStdin>,
     output: ChildStdout,
     errors: ChildStderr,
-    /// Answered, but not asked for yet: more than nothing here is a fault.
+    /// Output that is not consumed yet. Any before a question is a fault.
     unread: Vec<u8>,
     stderr: Vec<u8>,
     stderr_ended: bool,
 }
 
 impl Program {
-    /// Starts `command` in a group of its own.
+    /// Starts `command` in a process group of its own.
     pub(super) fn start(command: &[String]) -> Result<Program, Fault> {
         let cannot = |what: String| Fault::new(FaultKind::CannotStart, what);
         let Some((name, arguments)) = command.split_first() else {
@@ -78,7 +81,7 @@ impl Program {
         let mark = format!("{MARK}={value}");
         let mut watchdog = Command::new("/bin/sh")
             .args(["-c", WATCHDOG, &mark])
-            // Of an ego that runs brakecheck itself.
+            // An ego that itself runs brakecheck has a mark, which must not be inherited.
             .env_remove(MARK)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
@@ -132,7 +135,7 @@ impl Program {
         Ok(program)
     }
 
-    /// As it was named.
+    /// Returns the program as named in the world.
     pub(super) fn name(&self) -> &str {
         &self.name
     }
@@ -145,10 +148,10 @@ impl Program {
         rustix::io::ioctl_fionbio(&self.errors, true)
     }
 
-    /// Sends a line and waits for one, at most for `timeout`.
+    /// Sends a line and waits for an answer, at most for `timeout`.
     ///
-    /// `asked` says in messages what it was asked. The answer is appended to
-    /// `answer`, without the end of its line.
+    /// `asked` describes the question in messages. `answer` receives the answer
+    /// without its line end.
     pub(super) fn ask(
         &mut self,
         line: &[u8],
@@ -161,7 +164,7 @@ impl Program {
             .map_err(|fault| fault.with_stderr(self.stderr()))
     }
 
-    /// The end of what it wrote to stderr.
+    /// Returns the last part of its stderr.
     pub(super) fn stderr(&mut self) -> String {
         self.read_stderr();
         String::from_utf8_lossy(&self.stderr).trim().to_owned()
@@ -174,6 +177,8 @@ impl Program {
         asked: &dyn Fn() -> String,
         answer: &mut Vec<u8>,
     ) -> Result<(), Fault> {
+        // Checked before sending: output that precedes the question cannot
+        // answer it.
         if !self.unread.is_empty() {
             let shown = shown(&self.unread);
             return Err(self.protocol(format!("answered `{shown}` without being asked")));
@@ -188,7 +193,7 @@ impl Program {
             }
             self.wait(!unsent.is_empty(), (deadline - now).min(LOOK_AFTER))?;
             let open = self.receive()?;
-            // An answer that came before the question was read is none.
+            // An answer that precedes the reading of the question is no answer.
             if unsent.is_empty() && self.take_line(answer)? {
                 return Ok(());
             }
@@ -198,7 +203,7 @@ impl Program {
         }
     }
 
-    /// Writes as much as the pipe takes now.
+    /// Writes as much as the pipe accepts now.
     fn send(&mut self, unsent: &mut &[u8], asked: &dyn Fn() -> String) -> Result<(), Fault> {
         while !unsent.is_empty() {
             let Some(input) = &mut self.input else {
@@ -223,6 +228,8 @@ impl Program {
                 answer.pop();
                 Ok(true)
             }
+            // The limit keeps a flood without line ends from filling the
+            // memory.
             None if MAX_LINE_BYTES <= self.unread.len() => {
                 Err(self.protocol(format!("answered a line of over {MAX_LINE_BYTES} bytes")))
             }
@@ -230,7 +237,7 @@ impl Program {
         }
     }
 
-    /// Reads what is there; `false` once the output has ended.
+    /// Reads the available output. Returns `false` once the output has ended.
     fn receive(&mut self) -> Result<bool, Fault> {
         let mut chunk = [0; 4096];
         while self.unread.len() < MAX_LINE_BYTES {
@@ -252,7 +259,7 @@ impl Program {
 
     fn read_stderr(&mut self) {
         let mut chunk = [0; 4096];
-        // What a program floods faster than this is left in the pipe.
+        // Faster floods stay in the pipe, so this loop is bounded.
         for _ in 0..16 {
             match self.errors.read(&mut chunk) {
                 Ok(0) => {
@@ -261,6 +268,7 @@ impl Program {
                 }
                 Ok(read) => {
                     self.stderr.extend_from_slice(&chunk[..read]);
+                    // Only the last part is kept: errors come last.
                     let over = self.stderr.len().saturating_sub(STDERR_BYTES);
                     self.stderr.drain(..over);
                 }
@@ -270,11 +278,11 @@ impl Program {
         }
     }
 
-    /// Waits until something can be read or, if asked for, written.
+    /// Waits until reading or, if requested, writing is possible.
     fn wait(&mut self, to_write: bool, timeout: Duration) -> Result<(), Fault> {
         let mut fds = Vec::with_capacity(3);
         fds.push(PollFd::new(&self.output, PollFlags::IN));
-        // A stream that has ended is always ready: it would make this spin.
+        // A stream that has ended is always ready and would make this spin.
         if !self.stderr_ended {
             fds.push(PollFd::new(&self.errors, PollFlags::IN));
         }
@@ -289,7 +297,7 @@ impl Program {
         let spoke = fds.get(1).is_some_and(|fd| !fd.revents().is_empty());
         match waited {
             Ok(0) => {
-                // Silence: has it ended, and something it started holds the pipe?
+                // Silence: check for an exit, since a child may still hold the pipe.
                 let ended = matches!(self.child.try_wait(), Ok(Some(_)));
                 match ended && !self.receive_more()? {
                     true => Err(self.ended(&|| "it was asked".to_owned())),
@@ -307,7 +315,7 @@ impl Program {
         }
     }
 
-    /// Whether a program that has ended left something to read.
+    /// Returns whether a program that has ended left output to read.
     fn receive_more(&mut self) -> Result<bool, Fault> {
         let before = self.unread.len();
         self.receive()?;
@@ -329,6 +337,7 @@ impl Program {
     }
 
     fn ended(&mut self, asked: &dyn Fn() -> String) -> Fault {
+        // The output can end shortly before the status is available.
         let how = match wait_for(&mut self.child, STATUS_WAIT) {
             Some(status) => format!("ended ({status})"),
             None => "closed its output".to_owned(),
@@ -339,17 +348,18 @@ impl Program {
         )
     }
 
-    /// Tells it to end, by a line and by the end of its input, and waits a
-    /// moment; whether it ended by itself.
+    /// Asks it to end, by a line and by closing its input.
+    ///
+    /// Returns whether it ended by itself within the grace period.
     pub(super) fn close(&mut self, farewell: &[u8], grace: Duration) -> bool {
         if let Some(mut input) = self.input.take() {
-            // A pipe that is full belongs to a program that does not listen.
+            // A full pipe belongs to a program that does not read it.
             let _ = input.write(farewell);
         }
         wait_for(&mut self.child, grace).is_some()
     }
 
-    /// Whether it says nothing for a while in which it is asked nothing.
+    /// Returns whether it stays silent while it is asked nothing.
     pub(super) fn is_silent(&mut self, most: Duration) -> bool {
         let deadline = Instant::now() + most;
         while self.unread.is_empty() && Instant::now() < deadline {
@@ -364,25 +374,27 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // Whatever is left of the group, the program's own children included.
+        // Kills the rest of the group, including the program's own children.
         end_group(&mut self.watchdog);
-        // It may have left the group, and would then be waited for without end.
+        // It may have left the group. Waiting for it would then never end.
         let _ = self.child.kill();
         let _ = self.child.wait();
         end_marked(&self.mark);
     }
 }
 
-/// A value that no other program has been marked with.
+/// Returns a value with which no other program has been marked.
 fn mark() -> String {
     static STARTED: AtomicU64 = AtomicU64::new(0);
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     let now = now.map_or(0, |now| now.as_nanos());
     let nth = STARTED.fetch_add(1, Ordering::Relaxed);
+    // The process number and the counter separate runs and programs. The time
+    // separates processes that reuse a number.
     format!("{}-{now}-{nth}", std::process::id())
 }
 
-/// Kills what left the group of a program but still has its mark.
+/// Kills processes that left the group of a program but carry its mark.
 fn end_marked(mark: &str) {
     for _ in 0..LOOKS {
         let marked = marked(mark);
@@ -395,8 +407,9 @@ fn end_marked(mark: &str) {
     }
 }
 
-/// Running processes whose environment holds a mark; none where the system does
-/// not show that.
+/// Returns running processes whose environment holds a mark.
+///
+/// Empty on systems without `/proc`.
 fn marked(mark: &str) -> Vec<Pid> {
     let own = std::process::id();
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
@@ -408,6 +421,8 @@ fn marked(mark: &str) -> Vec<Pid> {
     let marked = processes.filter_map(|process| {
         let number: u32 = process.file_name().to_str()?.parse().ok()?;
         let pid = Pid::from_raw(i32::try_from(number).ok()?)?;
+        // An ego that runs brakecheck marks that brakecheck too, which must not
+        // kill itself.
         (number != own && has_mark(&process.path())).then_some(pid)
     });
     marked.collect()
@@ -415,8 +430,8 @@ fn marked(mark: &str) -> Vec<Pid> {
 
 /// Kills a group and reaps its leader.
 ///
-/// The leader's number cannot have been given to somebody else: it is not
-/// reaped before.
+/// The leader is not reaped before, so its number cannot belong to a different
+/// process.
 fn end_group(leader: &mut Child) {
     let _ = kill_process_group(Pid::from_child(leader), Signal::KILL);
     let _ = leader.wait();
@@ -431,11 +446,12 @@ fn wait_for(child: &mut Child, most: Duration) -> Option<std::process::ExitStatu
             Ok(None) if Instant::now() < deadline => thread::sleep(pause),
             _ => return None,
         }
+        // Exits are usually fast, so the first waits are short.
         pause = (2 * pause).min(Duration::from_millis(10));
     }
 }
 
-/// The beginning of an answer, for messages.
+/// Returns the beginning of an answer, for messages.
 pub(super) fn shown(answer: &[u8]) -> String {
     let text = String::from_utf8_lossy(answer);
     let line = text.lines().next().unwrap_or_default();

@@ -1,24 +1,24 @@
-//! Ego protocol 1: what is said on both pipes, line by line.
+//! Ego protocol 1: messages on both pipes, line by line.
 //!
-//! The document is `docs/ego-protocol.md`; both sides ignore keys they do not
-//! know, so that later versions can add some.
+//! Defined in `docs/ego-protocol.md`. Both sides ignore unknown keys, so that
+//! later versions can add some.
 
 use serde::{Deserialize, Serialize};
 
 use super::super::{Briefing, Percept};
 
-/// The version spoken here.
+/// Version of the protocol.
 pub const PROTOCOL: u32 = 1;
-/// Where the protocol is written down.
+/// Document that defines the protocol.
 pub const DOCUMENT: &str = "docs/ego-protocol.md";
 
-/// What brakecheck says.
+/// Message of brakecheck without an episode.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Say {
-    /// Who is there?
+    /// Greeting, which the program answers with its own.
     Hello(Greeting),
-    /// Farewell: please end.
+    /// Farewell, which asks the program to end.
     Close(Empty),
 }
 
@@ -32,7 +32,7 @@ pub(super) struct Greeting {
 #[derive(Serialize)]
 pub(super) struct Empty {}
 
-/// A question with a number, which the answer repeats.
+/// A question with a number that the answer repeats.
 #[derive(Serialize)]
 pub(super) struct Numbered<T> {
     pub id: u64,
@@ -40,7 +40,7 @@ pub(super) struct Numbered<T> {
     pub question: T,
 }
 
-/// An episode begins.
+/// Begin of an episode.
 #[derive(Serialize)]
 pub(super) struct AskReset<'a> {
     pub reset: Reset<'a>,
@@ -53,24 +53,24 @@ pub(super) struct Reset<'a> {
     pub briefing: &'a Briefing,
 }
 
-/// A sample has come.
+/// A sample of an episode.
 #[derive(Serialize)]
 pub(super) struct AskStep<'a> {
     pub step: &'a Percept,
 }
 
-/// What a program says of itself.
+/// Self-description of a program.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 pub struct Hello {
-    /// The version of the protocol that it speaks.
+    /// Version of the protocol that it uses.
     pub protocol: u32,
-    /// What it calls itself.
+    /// Name of the program.
     #[serde(default)]
     pub name: String,
-    /// What it can do beyond the least; `snapshot` is reserved.
+    /// Optional capabilities. `snapshot` is reserved.
     #[serde(default)]
     pub capabilities: Vec<String>,
-    /// Only brakecheck says this: whoever does repeats what it hears.
+    /// Key that only brakecheck sends. An echo reveals a program that repeats.
     #[serde(default, skip_serializing)]
     pub(super) program: Option<serde_json::Value>,
 }
@@ -93,6 +93,7 @@ pub(super) struct ReadyAnswer {
 pub(super) struct StepAnswer {
     pub id: u64,
     #[serde(default)]
+    // Optional here, so that a missing key gets a message of its own.
     pub accel_mps2: Option<f64>,
     #[serde(default)]
     pub lateral_mps: f64,

@@ -1,22 +1,24 @@
-//! A reference driver as a controller: it reads percepts and keeps its lane.
+//! Reference drivers as controllers that read percepts and keep their lane.
 
 use super::{DriverModel, LaneBody, Reflexes, Response};
 use crate::ego::{Briefing, Command, Controller, Fault, Own, Percept, Seen};
 
-/// Hardest change of speed on the way back to the nominal one.
+/// Hardest acceleration on the return to the nominal speed.
 pub(crate) const NOMINAL_MPS2: f64 = 1.0;
 
-/// A driver of the ego; its nominal speed is the initial one.
+/// A reference driver of the ego, whose nominal speed is its initial speed.
 #[derive(Clone, Debug)]
 pub struct AtTheWheel<M> {
     model: M,
     lane_width_m: f64,
     driver: Option<Reflexes<M>>,
     nominal_mps: f64,
-    /// Everybody whom it has ever seen, by name: whom it brakes for keeps its
-    /// place among them while others are hidden.
+    /// Names of all agents perceived so far.
+    ///
+    /// The agent that the driver brakes for keeps its place while other agents
+    /// are hidden.
     names: Vec<String>,
-    /// The others of the present percept, in the order of the names.
+    /// All other agents of the current percept, in the order of the names.
     others: Vec<LaneBody>,
 }
 
@@ -32,11 +34,11 @@ impl<M> AtTheWheel<M> {
         }
     }
 
-    /// Puts everybody who is seen in their places, and the others nowhere.
+    /// Stores perceived agents in their places and marks the rest as unseen.
     fn look(&mut self, percept: &Percept) {
         self.others.fill(LaneBody::unseen());
         for (at, seen) in percept.others.iter().enumerate() {
-            // Most of the time nobody is hidden, and places do not change.
+            // Usually no agent is hidden, and the places do not change.
             let is_here = self.names.get(at) == Some(&seen.name);
             let place = match is_here {
                 true => Some(at),
@@ -55,7 +57,7 @@ impl<M> AtTheWheel<M> {
 }
 
 impl LaneBody {
-    /// Somebody who is hidden: far behind, where no driver looks.
+    /// Returns a hidden agent: far behind, where no driver looks.
     pub(crate) fn unseen() -> LaneBody {
         LaneBody {
             x_m: f64::NEG_INFINITY,
@@ -63,8 +65,10 @@ impl LaneBody {
         }
     }
 
-    /// A body by its front: where that is in lane coordinates, how it moves
-    /// along and across the lane, and the sine and cosine of its heading there.
+    /// Returns a body from its front in lane coordinates.
+    ///
+    /// The velocity is along and across the lane. Sine and cosine are those of
+    /// the heading relative to the lane.
     pub fn behind_front(
         (front_x_m, front_y_m): (f64, f64),
         (speed_mps, lateral_mps): (f64, f64),
@@ -82,11 +86,11 @@ impl LaneBody {
         }
     }
 
-    /// The ego, with its front at the origin.
+    /// Returns the ego with its front at the origin.
     fn of_own(own: &Own) -> LaneBody {
         let (sin, cos) = libm::sincos(own.heading_rad);
         let size = (own.length_m, own.width_m);
-        // Turning moves the front sideways, not the middle.
+        // Turning moves the front sideways, and not the middle.
         let lateral_mps = own.lateral_mps - 0.5 * own.length_m * own.yaw_rate_rad_per_s;
         let velocity = (
             own.speed_mps * cos - lateral_mps * sin,
@@ -95,9 +99,11 @@ impl LaneBody {
         LaneBody::behind_front((0.0, 0.0), velocity, (sin, cos), size)
     }
 
-    /// Somebody else, as a percept shows its front.
+    /// Returns an agent from the front in its percept.
     fn of_seen(seen: &Seen) -> LaneBody {
         let (sin, cos) = libm::sincos(seen.road_heading_rad);
+        // Turning moves the front sideways, so this share of its velocity is
+        // removed.
         let lever_mps = 0.5 * seen.length_m * seen.yaw_rate_rad_per_s;
         let velocity = (
             seen.speed_mps + lever_mps * sin,
@@ -126,6 +132,8 @@ impl<M: DriverModel + Clone + 'static> Controller for AtTheWheel<M> {
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
         self.look(percept);
         let own = &percept.own;
+        // The driver is created with the first percept, which has the sample
+        // time and the nominal speed.
         let driver = self.driver.get_or_insert_with(|| {
             self.nominal_mps = own.speed_mps;
             Reflexes::new(self.model.clone(), percept.sample_s, self.lane_width_m)

@@ -1,17 +1,17 @@
-//! FSM: the fuzzy safety model (Mattas et al. 2020; UN R157 performance model 2).
+//! FSM: the fuzzy safety model (Mattas et al. 2020, UN R157 performance model 2).
 //!
-//! It measures how unsatisfied it is with the situation by two numbers from 0
-//! to 1, between a distance S that is surely safe and one U that is surely not:
-//! the proactive one (PFS) asks whether it could stop if the other braked as
-//! hard as it can, the critical one (CFS) whether it hits the other if both go
-//! on as they do. The critical one asks for hard braking, the proactive one for
-//! comfortable braking, both in proportion.
+//! It rates the situation by two numbers from 0 to 1, between a surely safe
+//! distance S and a surely unsafe distance U. The proactive number (PFS) rates
+//! whether the ego could stop if the other car braked as hard as possible. The
+//! critical number (CFS) rates whether the ego hits the other car if both keep
+//! their motion. CFS causes hard braking and PFS comfortable braking, both in
+//! proportion.
 
 use super::{DriverModel, Encounter, Pedal};
 use crate::ego::parameters::parameters;
 
 parameters! {
-    /// Brakes in proportion to how unsafe it finds its distance (FSM).
+    /// Brakes in proportion to the unsafety of its distance (FSM).
     pub struct FsmDriver {
         /// Reaction time τ, s.
         reaction_s = 0.75, at_least 0.0;
@@ -19,32 +19,32 @@ parameters! {
         comfort_brake_mps2 = 4.0, at_least 0.1;
         /// Hard braking b₂, m/s².
         hard_brake_mps2 = 6.0, at_least 0.1;
-        /// Hardest braking of the other, m/s².
+        /// Hardest braking of the other car, m/s².
         other_brake_mps2 = 7.0, at_least 0.1;
-        /// Clearance that it wants left at standstill, m.
+        /// Clearance to be left at standstill, m.
         standstill_gap_m = 2.0, at_least 0.0;
-        /// Clearance that the safe distance has besides, m.
+        /// Additional clearance of the safe distance, m.
         safe_margin_m = 2.0, at_least 0.0;
-        /// Time by which a car that comes sideways must be late, s.
+        /// Time by which a car from the side must be late, s.
         passing_margin_s = 0.1, at_least 0.0;
-        /// How fast braking builds up, m/s³.
+        /// Rate at which braking builds up, m/s³.
         jerk_mps3 = 12.65, at_least 0.01;
         /// Hardest braking, m/s².
         max_brake_mps2 = 7.59294, at_least 0.0;
     }
 }
 
-/// How unsatisfied the driver is, each from 0 (content) to 1.
+/// Dissatisfaction of the driver, each from 0 (content) to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Satisfaction {
-    /// PFS: were the other to brake as hard as it can.
+    /// PFS, for an agent that brakes as hard as possible.
     pub proactive: f64,
-    /// CFS: were both to go on as they do.
+    /// CFS, for two agents that keep their motion.
     pub critical: f64,
 }
 
 impl FsmDriver {
-    /// Both numbers; 0 where the other will not be in the way in time.
+    /// Returns both numbers, 0 if the agent will not be in the way in time.
     pub fn satisfaction(&self, encounter: &Encounter) -> Satisfaction {
         if self.passes_first(encounter) {
             return Satisfaction::default();
@@ -55,7 +55,7 @@ impl FsmDriver {
         }
     }
 
-    /// The lateral test: whether the ego is past before the other is there.
+    /// Lateral test: returns whether the ego is past before the agent arrives.
     fn passes_first(&self, encounter: &Encounter) -> bool {
         let clearance_m = encounter.clearance_m();
         if clearance_m <= 0.0 {
@@ -65,8 +65,8 @@ impl FsmDriver {
         if approach_mps <= 0.0 {
             return true;
         }
-        // Until the ego's rear is past the other's front. A gap that opens gives
-        // a negative time: whoever then comes sideways comes too late.
+        // Until the ego's rear is past the other's front. An opening gap gives a
+        // negative time: an agent from the side then arrives too late.
         let way_m = encounter.gap_m() + 2.0 * encounter.mean_length_m();
         let past_s = match encounter.closing_mps() == 0.0 {
             true => f64::INFINITY,
@@ -75,8 +75,10 @@ impl FsmDriver {
         past_s + self.passing_margin_s < clearance_m / approach_mps
     }
 
-    /// PFS: S and U are the ways to a stop with b₁ and b₂ after τ, less the
-    /// other's; the gap is what is left above the one kept at standstill.
+    /// Returns PFS.
+    ///
+    /// S and U are the stopping distances with b₁ and b₂ after τ, minus that of
+    /// the agent. The gap counts above the clearance kept at standstill.
     fn proactive(&self, encounter: &Encounter) -> f64 {
         let (ego_mps, other_mps) = (encounter.ego.speed_mps, encounter.other.speed_mps);
         let behind_m = |brake_mps2: f64| {
@@ -89,19 +91,23 @@ impl FsmDriver {
         between(spare_m, safe_m, unsafe_m)
     }
 
-    /// CFS: S and U are the ways on which the other is caught up with during τ,
-    /// at the present acceleration, and while braking with b₁ and b₂ down to the
-    /// other's speed.
+    /// Returns CFS.
+    ///
+    /// S and U are the distances by which the ego catches up: during τ at its
+    /// current acceleration, and then while braking with b₁ and b₂ to the
+    /// agent's speed.
     fn critical(&self, encounter: &Encounter) -> f64 {
         let (ego_mps, other_mps) = (encounter.ego.speed_mps, encounter.other.speed_mps);
         if ego_mps <= other_mps {
             return 0.0;
         }
         let (tau_s, accel_mps2) = (self.reaction_s, encounter.accel_mps2);
-        // Nobody keeps braking harder than comfortably without a reason.
+        // Drivers do not keep braking harder than comfortably without a reason.
         let kept_mps2 = accel_mps2.max(-self.comfort_brake_mps2);
         let then_mps = ego_mps + tau_s * kept_mps2;
         let gap_m = encounter.gap_m();
+        // Braking as now already suffices within τ, so only the distance of
+        // that braking matters.
         if then_mps < other_mps {
             let closing_mps = encounter.closing_mps();
             let needed_m = closing_mps * closing_mps / (2.0 * accel_mps2.abs());
@@ -118,9 +124,11 @@ impl FsmDriver {
     }
 }
 
-/// 0 beyond the safe distance, 1 below the unsafe one, linear between; where
-/// both are the same, 1 up to it.
+/// Returns 0 beyond the safe distance, 1 below the unsafe, linear between.
+///
+/// If both are equal, 1 up to that distance.
 fn between(gap_m: f64, safe_m: f64, unsafe_m: f64) -> f64 {
+    // Equal distances are a separate case: the quotient would divide by zero.
     if safe_m < gap_m {
         0.0
     } else if gap_m < unsafe_m || safe_m == unsafe_m {

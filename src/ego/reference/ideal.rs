@@ -1,30 +1,30 @@
-//! The ideal driver: no delay, all of the brakes, until it stands.
+//! The ideal driver: no delay, full braking, until standstill.
 //!
-//! It brakes from the first sample at which going straight on, both at constant
-//! speeds along and across the lane, gives contact within 4 s, or the lead in
-//! its path brakes by more than 1 m/s² at a headway of less than 2 s. A lead at
-//! constant speed v_o is avoided exactly if g > Δv T + Δv²/(2B) − B T²/2, with
-//! braking B behind a first-order lag T.
+//! It brakes from the first sample at which straight extrapolation gives
+//! contact within 4 s, at constant speeds along and across the lane. It also
+//! brakes if the lead in its path brakes by more than 1 m/s² at a headway below
+//! 2 s. A lead at constant speed is avoided exactly if g > Δv T + Δv²/(2B)
+//! − B T²/2, with braking B behind a first-order lag T.
 
 use super::{DriverModel, Encounter, Latching, Pedal};
 use crate::ego::parameters::parameters;
 
 parameters! {
-    /// Brakes at once and with everything for what must end in contact.
+    /// Brakes at once and fully for an unavoidable contact.
     pub struct IdealDriver {
-        /// How far ahead it extrapolates, s.
+        /// Time ahead for which it extrapolates, s.
         look_ahead_s = 4.0, at_least 0.0;
-        /// Headway within which it watches the brakes of its lead, s.
+        /// Headway within which it observes the brakes of its lead, s.
         headway_s = 2.0, at_least 0.0;
         /// Braking of its lead that it answers, m/s².
         lead_brake_mps2 = 1.0, at_least 0.0;
-        /// Its braking, m/s²; the road's friction limits it besides.
+        /// Its braking, limited by the road's friction too, m/s².
         max_brake_mps2 = 9.81, at_least 0.0;
     }
 }
 
 impl IdealDriver {
-    /// Whether straight extrapolation gives contact within the look-ahead.
+    /// Returns whether straight extrapolation gives contact within the look-ahead.
     fn will_touch(&self, encounter: &Encounter) -> bool {
         let Encounter { ego, other, .. } = encounter;
         let along = window(
@@ -37,12 +37,13 @@ impl IdealDriver {
             other.lateral_mps - ego.lateral_mps,
             0.5 * (ego.width_m + other.width_m),
         );
+        // Boxes overlap only while they overlap along and across the lane.
         let from_s = along.0.max(across.0).max(0.0);
         let to_s = along.1.min(across.1).min(self.look_ahead_s);
         from_s < to_s
     }
 
-    /// Whether a lead that is already in the path brakes too near.
+    /// Returns whether a lead in the path brakes at too small a headway.
     fn lead_brakes(&self, encounter: &Encounter) -> bool {
         let Encounter { ego, other, .. } = encounter;
         let in_path = encounter.clearance_m() < 0.0;
@@ -51,9 +52,10 @@ impl IdealDriver {
     }
 }
 
-/// The times between which |at + speed · t| < reach; empty: from above to.
+/// Returns the times between which |at + speed · t| < reach, empty if reversed.
 fn window(at_m: f64, speed_mps: f64, reach_m: f64) -> (f64, f64) {
     if speed_mps == 0.0 {
+        // Without relative motion a body is inside for ever or never.
         return match at_m.abs() < reach_m {
             true => (f64::NEG_INFINITY, f64::INFINITY),
             false => (f64::INFINITY, f64::NEG_INFINITY),

@@ -1,13 +1,13 @@
-//! Reference drivers: published models of what a driver in the ego's place would do.
+//! Reference drivers: published models of a driver in the ego's place.
 //!
-//! Each model is a file: [`cc`](CcDriver), the competent and careful human of
-//! UN R157, in three readings; [`reg`](RegDriver), the cut-in formula of the
-//! same regulation; [`rss`](RssDriver), responsibility-sensitive safety;
-//! [`fsm`](FsmDriver), the fuzzy safety model; [`ideal`](IdealDriver), a driver
-//! without delay. A model says when it sees danger and how it brakes; a
-//! [`Reflexes`] is one of them in motion: reaction time, braking, holding. They
-//! only brake, never steer, and judge others on parallel axes: their input is
-//! in lane coordinates. What they are good for is in `docs/preventability.md`.
+//! Each model is a file. [`cc`](CcDriver) is the competent and careful human of
+//! UN R157, in three readings. [`reg`](RegDriver) is the cut-in formula of the
+//! same regulation. [`rss`](RssDriver) is responsibility-sensitive safety.
+//! [`fsm`](FsmDriver) is the fuzzy safety model. [`ideal`](IdealDriver) is a
+//! driver without delay. A model defines danger and braking. A [`Reflexes`] is
+//! a model in motion: reaction time, braking, holding. Reference drivers only
+//! brake and never steer. They judge other agents on parallel axes, so their
+//! input is in lane coordinates. `docs/preventability.md` describes their use.
 //!
 //! ```
 //! use brakecheck::ego::reference::{FsmDriver, LaneBody, Reflexes, Response};
@@ -40,72 +40,73 @@ pub use model::ReferenceDriver;
 pub use reg::RegDriver;
 pub use rss::RssDriver;
 
-/// A body in lane coordinates: x along the lane, y to the left, of its middle.
+/// A body in lane coordinates of its middle: x along the lane, y to the left.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LaneBody {
     /// Position of its middle along the lane.
     pub x_m: f64,
-    /// Position of its middle to the left of any line that is parallel to it.
+    /// Position of its middle to the left of any line parallel to the lane.
     pub y_m: f64,
     /// Speed along the lane.
     pub speed_mps: f64,
     /// Speed of its middle to the left.
     pub lateral_mps: f64,
-    /// Acceleration along the lane over the last sample; read by [`IdealDriver`].
+    /// Acceleration along the lane over the last sample, for [`IdealDriver`].
     pub accel_mps2: f64,
-    /// Front bumper to rear bumper.
+    /// Length from front bumper to rear bumper.
     pub length_m: f64,
-    /// Side to side.
+    /// Width from side to side.
     pub width_m: f64,
 }
 
-/// The ego and one other, as a model judges them.
+/// The ego and another agent, as input to a model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encounter {
-    /// Who judges.
+    /// The ego.
     pub ego: LaneBody,
-    /// Whom it judges.
+    /// The other agent.
     pub other: LaneBody,
-    /// Acceleration that the ego had over the last sample; 0 at the first.
+    /// Acceleration of the ego over the last sample, 0 at the first.
     pub accel_mps2: f64,
     /// Width of the lanes.
     pub lane_width_m: f64,
-    /// What counts as time to collision.
+    /// Definition of the time to collision.
     pub ttc: TtcReading,
 }
 
-/// Deceleration of a lead car that is an event, and the headway up to which.
+/// Deceleration of a lead car that counts as an event, and its largest headway.
 const LEAD_BRAKES_MPS2: f64 = 5.0;
 const LEAD_HEADWAY_S: f64 = 2.0;
 
-/// Whether a gap that opens has a time to collision.
+/// Definition of the time to collision for opening gaps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TtcReading {
-    /// Only a gap that closes has one.
+    /// Only a closing gap has a time to collision.
     #[default]
     Closing,
-    /// |g/Δv| of any gap, as the published models compute it: they may take a
-    /// car that drives away for a danger.
+    /// g/Δv| of any gap, as in the published models.
+    ///
+    /// With it, a car that drives away may count as a danger.
     Magnitude,
 }
 
 impl Encounter {
-    /// g: clear distance along the lane; negative alongside.
+    /// Returns g, the clearance along the lane, negative alongside.
     pub fn gap_m(&self) -> f64 {
         (self.other.x_m - self.ego.x_m).abs() - self.mean_length_m()
     }
 
-    /// c: clear distance across; 0 or less in each other's path.
+    /// Returns c, the lateral clearance, at most 0 in each other's path.
     pub fn clearance_m(&self) -> f64 {
         (self.other.y_m - self.ego.y_m).abs() - 0.5 * (self.ego.width_m + self.other.width_m)
     }
 
-    /// Δv: speed of the ego minus the other's; above 0 the gap closes.
+    /// Returns Δv, the ego's speed minus the other's, above 0 if the gap closes.
     pub fn closing_mps(&self) -> f64 {
         self.ego.speed_mps - self.other.speed_mps
     }
 
-    /// s: how fast the two come closer sideways.
+    /// Returns s, the lateral closing speed.
     pub fn approach_mps(&self) -> f64 {
         let apart_mps = self.other.lateral_mps - self.ego.lateral_mps;
         match self.ego.y_m < self.other.y_m {
@@ -114,7 +115,7 @@ impl Encounter {
         }
     }
 
-    /// |g/Δv|; infinite at equal speeds.
+    /// Returns the time to collision |g/Δv|, infinite at equal speeds.
     pub fn ttc_s(&self) -> f64 {
         let closing_mps = self.closing_mps();
         let opens = closing_mps < 0.0 && self.ttc == TtcReading::Closing;
@@ -124,11 +125,11 @@ impl Encounter {
         }
     }
 
-    /// Whether the other brakes hard ahead in the ego's path: the event with which
-    /// the regulation's following scene begins, harder than 5 m/s² within 2 s.
+    /// Returns whether the other agent brakes hard ahead in the ego's path.
     ///
-    /// The published models get that event from their scene, not from what they
-    /// see, so their reading of the time to collision leaves it out.
+    /// This event begins the regulation's following scene: harder than 5 m/s²
+    /// within 2 s. The published models get that event from their scene and not
+    /// from their input, so their reading of the time to collision omits it.
     pub fn lead_brakes_hard(&self) -> bool {
         self.ttc == TtcReading::Closing
             && !self.is_passed()
@@ -137,58 +138,58 @@ impl Encounter {
             && self.gap_m() <= LEAD_HEADWAY_S * self.ego.speed_mps
     }
 
-    /// l: the length by which middles are farther apart than bumpers.
+    /// Returns l, the difference between distances of middles and of bumpers.
     fn mean_length_m(&self) -> f64 {
         0.5 * (self.ego.length_m + self.other.length_m)
     }
 
-    /// Whether the ego's middle is past the other's: no braking helps.
+    /// Returns whether the ego's middle is past the other's, so braking is useless.
     fn is_passed(&self) -> bool {
         self.other.x_m < self.ego.x_m
     }
 }
 
-/// How a driver comes to brake, and how hard.
+/// Reaction and brakes of a driver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pedal {
-    /// τ: samples with danger for this long pass before it brakes.
+    /// Reaction time τ: time with danger that passes before it brakes.
     pub reaction_s: f64,
-    /// Deceleration meanwhile.
+    /// Deceleration during the reaction time.
     pub waiting_mps2: f64,
-    /// How fast braking builds up; infinite is at once.
+    /// Rate at which braking builds up, infinite for at once.
     pub jerk_mps3: f64,
     /// Hardest braking.
     pub max_brake_mps2: f64,
 }
 
-/// How long a driver goes on once it has seen danger.
+/// Duration of a driver's response to danger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Latching {
-    /// It looks again at every sample.
+    /// Danger is evaluated again at every sample.
     Momentary,
-    /// Until it is no faster than the other, stands, or has passed it.
+    /// Until the ego is no faster than the agent, stands, or has passed it.
     UntilSlower,
-    /// Until it stands, and it stays there.
+    /// Until the ego stands, and it stays there.
     UntilStandstill,
 }
 
-/// When a driver sees danger and how it brakes: one of the models.
+/// A model of danger and braking.
 pub trait DriverModel: Send {
-    /// Its reaction and its brakes.
+    /// Returns its reaction and its brakes.
     fn pedal(&self) -> Pedal;
 
-    /// The deceleration that an encounter asks for; `None`: no danger.
+    /// Returns the deceleration for an encounter, or `None` without danger.
     ///
-    /// Infinite is all that the pedal gives. An ego that is past the other's
-    /// middle is never asked.
+    /// Infinite is the maximum of the pedal. It is not called once the ego is
+    /// past the agent's middle.
     fn danger(&self, encounter: &Encounter) -> Option<f64>;
 
-    /// How long it goes on.
+    /// Returns the duration of its response.
     fn latching(&self) -> Latching {
         Latching::Momentary
     }
 
-    /// It, as a controller of the ego's car.
+    /// Returns it as a controller of the ego's car.
     fn at_the_wheel(&self) -> AtTheWheel<Self>
     where
         Self: Clone,
@@ -197,14 +198,14 @@ pub trait DriverModel: Send {
     }
 }
 
-/// What a driver does until the next sample.
+/// Action of a driver until the next sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Response {
-    /// It has seen no danger yet: it drives as it would anyway.
+    /// No danger so far: it drives as without the encounter.
     Nominal,
-    /// A danger has passed: it keeps the speed that it has.
+    /// A danger has passed: it keeps its current speed.
     Hold,
-    /// It decelerates by that much, m/s²; 0 while it only waits.
+    /// Deceleration in m/s², 0 during the reaction time of some models.
     Brake(f64),
 }
 
@@ -216,19 +217,19 @@ pub struct Reflexes<M> {
     sample_s: f64,
     lane_width_m: f64,
     ttc: TtcReading,
-    /// Whether it has seen danger before.
+    /// True once it has detected danger.
     reacted: bool,
-    /// Samples with danger that still pass before it brakes.
+    /// Samples with danger that remain before it brakes.
     left: u32,
     brake_mps2: f64,
-    /// Speed at the sample before.
+    /// Speed at the preceding sample.
     last_mps: Option<f64>,
-    /// Whom it brakes for whatever it sees, by position among the others.
+    /// Agent that it keeps braking for, by position in `others`.
     latched: Option<usize>,
 }
 
 impl<M: DriverModel> Reflexes<M> {
-    /// A driver with a fresh reaction time, asked every `sample_s`.
+    /// Creates a driver with an unused reaction time, stepped every `sample_s`.
     pub fn new(model: M, sample_s: f64, lane_width_m: f64) -> Reflexes<M> {
         let pedal = model.pedal();
         Reflexes {
@@ -245,19 +246,20 @@ impl<M: DriverModel> Reflexes<M> {
         }
     }
 
-    /// The same with another reading of the time to collision.
+    /// Returns the same driver with a different time to collision.
     #[must_use]
     pub fn reading(self, ttc: TtcReading) -> Reflexes<M> {
         Reflexes { ttc, ..self }
     }
 
-    /// Whether it has seen danger.
+    /// Returns whether it has detected danger.
     pub fn has_reacted(&self) -> bool {
         self.reacted
     }
 
-    /// What it does until the next sample; of several others the one counts
-    /// that asks for the hardest braking.
+    /// Returns its action until the next sample.
+    ///
+    /// If several agents are dangerous, the hardest braking counts.
     pub fn step(&mut self, ego: &LaneBody, others: &[LaneBody]) -> Response {
         let last_mps = self.last_mps.replace(ego.speed_mps);
         let accel_mps2 = last_mps.map_or(0.0, |last| (ego.speed_mps - last) / self.sample_s);
@@ -268,6 +270,8 @@ impl<M: DriverModel> Reflexes<M> {
             lane_width_m: self.lane_width_m,
             ttc: self.ttc,
         };
+        // While latched, danger is not evaluated: the response lasts for the
+        // same agent.
         if let Some(of) = self.latched {
             let over = match self.model.latching() {
                 Latching::UntilStandstill => false,
@@ -281,14 +285,19 @@ impl<M: DriverModel> Reflexes<M> {
             }
             self.latched = None;
             self.brake_mps2 = 0.0;
+            // A released driver does not accelerate back: the models end with
+            // the danger.
             return Response::Hold;
         }
         let mut hardest: Option<(usize, f64)> = None;
         for (i, encounter) in others.iter().map(meet).enumerate() {
+            // Braking cannot avoid an agent that the ego has passed.
             if encounter.is_passed() {
                 continue;
             }
             let asked = self.model.danger(&encounter);
+            // Strictly harder: among equal demands the first agent is kept, so
+            // latching is deterministic.
             let harder = asked.filter(|ask| hardest.is_none_or(|(_, most)| most < *ask));
             hardest = harder.map(|ask| (i, ask)).or(hardest);
         }
@@ -298,10 +307,9 @@ impl<M: DriverModel> Reflexes<M> {
         self.respond(hardest.map(|(_, ask)| ask))
     }
 
-    /// The common step, once it is known what the danger asks for.
+    /// Performs the common step for a known danger.
     ///
-    /// The reaction time runs only in samples with danger and is never reset:
-    /// what has passed of it stays passed.
+    /// The reaction time runs only in samples with danger and is never reset.
     pub fn respond(&mut self, danger: Option<f64>) -> Response {
         let Some(asked_mps2) = danger else {
             return match self.reacted {
@@ -315,6 +323,7 @@ impl<M: DriverModel> Reflexes<M> {
             self.brake_mps2 = self.pedal.waiting_mps2;
             return Response::Brake(self.brake_mps2);
         }
+        // The build-up starts from the deceleration of the last sample.
         let built_up_mps2 = self.brake_mps2 + self.pedal.jerk_mps3 * self.sample_s;
         let most_mps2 = self.pedal.max_brake_mps2.min(asked_mps2);
         self.brake_mps2 = built_up_mps2.min(most_mps2);
@@ -322,7 +331,9 @@ impl<M: DriverModel> Reflexes<M> {
     }
 }
 
-/// Samples that a time lasts; a quotient within 1e-9 of a whole number is it.
+/// Returns a duration in samples, rounded up.
+///
+/// A quotient within 1e-9 of a whole number counts as whole.
 fn whole_samples(time_s: f64, sample_s: f64) -> u32 {
     let samples = time_s / sample_s;
     let nearest = libm::round(samples);

@@ -1,4 +1,4 @@
-//! The reference drivers by name, with the values of the regulation.
+//! Reference drivers by name, with the values of the regulation.
 
 use serde::{Deserialize, Serialize};
 use strum::{EnumString, IntoStaticStr, VariantArray};
@@ -8,9 +8,9 @@ use super::{
     Latching, Pedal, RegDriver, RssDriver,
 };
 
-/// A reference driver as files and tables name it.
+/// A reference driver as named in files and tables.
 ///
-/// Itself a [`DriverModel`], with the default parameters of the model.
+/// It is a [`DriverModel`] with the default parameters of the model.
 ///
 /// ```
 /// use brakecheck::ego::reference::ReferenceDriver;
@@ -64,12 +64,12 @@ pub enum ReferenceDriver {
 }
 
 impl ReferenceDriver {
-    /// The name in files and tables.
+    /// Returns the name in files and tables.
     pub fn name(self) -> &'static str {
         self.into()
     }
 
-    /// Who it is, in a few words.
+    /// Returns a short description.
     pub fn words(self) -> &'static str {
         match self {
             ReferenceDriver::Cc => "the competent driver of UN R157 (CC)",
@@ -82,13 +82,14 @@ impl ReferenceDriver {
         }
     }
 
-    /// Whether it is a model of a driver, not a bound on all of them.
+    /// Returns whether it models a driver, and is not a bound on all drivers.
     pub fn is_human(self) -> bool {
         self != ReferenceDriver::Ideal
     }
 
-    /// Whether its braking builds up as that of a car does, so that the lag of
-    /// the ego's actuator would count it twice.
+    /// Returns whether its braking builds up like that of a car.
+    ///
+    /// The lag of the ego's actuator would then count twice.
     pub fn has_build_up(self) -> bool {
         self.pedal().jerk_mps3.is_finite()
     }

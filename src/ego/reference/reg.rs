@@ -1,31 +1,32 @@
-//! REG: the cut-in formula of UN R157 ¶5.2.5.2, made a driver.
+//! REG: the cut-in formula of UN R157 ¶5.2.5.2 as a driver.
 //!
-//! The regulation demands that a cut-in is survived if TTC > Δv / (2 · 6 m/s²) +
-//! 0.35 s when the other is 0.3 m inside the lane. Taken for a driver: danger
-//! when the other is within 0.5 m sideways, which stands for those 0.3 m with
-//! lanes of 3.5 m and cars of 1.9 m, and |g/Δv| ≤ Δv/12 + 0.35 s + 0.1 s; after
-//! 0.35 s it brakes with 6 m/s² at once. The 0.1 s is one step of the published
-//! model, kept as a constant. EU 2022/1426 has 0.25 s instead of 0.35 s.
+//! The regulation demands that a cut-in is survived above a certain TTC, when
+//! the other car is 0.3 m inside the lane: TTC > Δv / (2 · 6 m/s²) + 0.35 s.
+//! As a driver, it detects danger when the other car is within 0.5 m laterally
+//! and |g/Δv| ≤ Δv/12 + 0.35 s + 0.1 s. The 0.5 m correspond to those 0.3 m for
+//! lanes of 3.5 m and cars of 1.9 m. After 0.35 s it brakes with 6 m/s² at once.
+//! The 0.1 s is a step of the published model, kept as a constant.
+//! EU 2022/1426 has 0.25 s instead of 0.35 s.
 
 use super::{DriverModel, Encounter, Pedal};
 use crate::ego::parameters::parameters;
 
 parameters! {
-    /// Brakes for cut-ins as UN R157's formula demands at the latest (REG).
+    /// Brakes for cut-ins at the latest time of UN R157's formula (REG).
     pub struct RegDriver {
         /// Lateral clearance that counts as inside the lane, m.
         inside_m = 0.5, at_least 0.0;
         /// Time from danger to braking, s.
         reaction_s = 0.35, at_least 0.0;
-        /// Deceleration it brakes with and counts on, m/s².
+        /// Deceleration that it applies and assumes, m/s².
         max_brake_mps2 = 6.0, at_least 0.1;
-        /// Time it is early by, s.
+        /// Time by which it brakes early, s.
         early_s = 0.1, at_least 0.0;
     }
 }
 
 impl RegDriver {
-    /// The regulation's bound on the time to collision: Δv/(2b) + τ.
+    /// Returns the regulation's bound on the time to collision: Δv/(2b) + τ.
     pub fn bound_s(&self, closing_mps: f64) -> f64 {
         closing_mps / (2.0 * self.max_brake_mps2) + self.reaction_s
     }
@@ -36,6 +37,7 @@ impl DriverModel for RegDriver {
         Pedal {
             reaction_s: self.reaction_s,
             waiting_mps2: 0.0,
+            // The formula assumes constant braking, so it does not build up.
             jerk_mps3: f64::INFINITY,
             max_brake_mps2: self.max_brake_mps2,
         }

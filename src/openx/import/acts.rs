@@ -1,7 +1,8 @@
-//! What the acts of a storyboard let somebody do, as steps one after the other.
+//! Acts of a storyboard, as sequential steps of every entity.
 //!
-//! A script does one step after the other. Events that may overlap, repeat or
-//! begin without the one before them are refused: their priorities would decide.
+//! A script executes one step after another. Events that may overlap, repeat or
+//! begin before the previous event ends are refused. Their priorities would
+//! decide, and a script has none.
 
 use super::entity::{Approached, Entity, Law, Step};
 use super::error::ImportError;
@@ -12,13 +13,15 @@ use super::scope::Scope;
 use super::tree::Node;
 use super::triggers::{Starts, StoryElement, starts};
 
-/// A meeting that is prepared so late is prepared from the start on: how somebody
-/// gets up to its speed is not the protocol's.
+/// Latest time in seconds of a meeting that counts as prepared from the start.
+///
+/// The protocol leaves open in which way an entity reaches its speed before
+/// that.
 const SOON_S: f64 = 1.0;
-/// Somebody who walks from a place stands there.
+/// Tolerance in metres between the start of a path and the entity's place.
 const SAME_M: f64 = 0.01;
 
-/// Reads the acts: who does what, and who is not there.
+/// Reads the acts into the steps of the entities, and removes deleted entities.
 pub(super) fn acts(
     board: &Node,
     scope: &Scope,
@@ -34,6 +37,7 @@ pub(super) fn acts(
     for act in board.all("Story").flat_map(|story| story.all("Act")) {
         reader.act(act, scope)?;
     }
+    // Checked last, since a later act may contain the lane change.
     reader.lanes_stay()?;
     let Reader { scripts, gone, .. } = reader;
     for (entity, script) in entities.iter_mut().zip(scripts) {
@@ -46,24 +50,23 @@ pub(super) fn acts(
     Ok(())
 }
 
-/// What somebody does, as far as it has been read.
+/// Steps of one entity, as far as they have been read.
 struct Script {
     name: String,
     placed: Placed,
     speeds: Speeds,
-    /// Where it is beside the reference line, and by how much lane changes have
-    /// moved it.
+    /// Lane, lateral offset, and the sum of its lane changes.
     lane: Option<i32>,
     t_m: f64,
     changed_m: f64,
     steps: Vec<Step>,
     meets: Option<Approached>,
     gap_m: Option<f64>,
-    /// Whether an event of it has been read.
+    /// True once an event of the entity has been read.
     has_begun: bool,
-    /// The elements that end with the step before.
+    /// Elements that end together with the previous step.
     ended: Vec<StoryElement>,
-    /// The act of the step before.
+    /// Place of the act of the previous step.
     act: usize,
 }
 
@@ -89,7 +92,7 @@ impl Script {
     }
 }
 
-/// An event with what surrounds it.
+/// Event with its surrounding elements.
 struct EventContext<'a> {
     act: &'a Node,
     begins_s: f64,
@@ -104,7 +107,7 @@ struct Reader<'a> {
     ground: Ground<'a>,
     scripts: Vec<Script>,
     gone: Vec<String>,
-    /// Who has been asked for its lane, and where.
+    /// Entities to whose lane a target is relative, with the error if they leave it.
     relative: Vec<(String, ImportError)>,
 }
 
@@ -127,13 +130,16 @@ impl Reader<'_> {
                 context.push((group, names.clone(), maneuver, own));
             }
         }
+        // Only moving events matter: an act of lights or sounds is no part of
+        // the script.
         let mut moves = false;
         for (_, actors, maneuver, _) in &context {
             for event in maneuver.all("Event") {
                 moves |= !moving(event, actors)?.is_empty();
             }
         }
-        // What does nothing may begin when it likes.
+        // The trigger of an act without moving events has no effect and is not
+        // checked.
         if !moves {
             return Ok(());
         }
@@ -171,6 +177,8 @@ impl Reader<'_> {
 
     fn event(&mut self, context: &EventContext<'_>) -> Result<(), ImportError> {
         let actions = moving(context.event, context.actors)?;
+        // Checked before the early return: weather does not move an entity, and
+        // its change is refused all the same.
         for action in context.event.all("Action") {
             self.weather(action, context)?;
         }
@@ -183,7 +191,12 @@ impl Reader<'_> {
             match kind.name.as_str() {
                 "PrivateAction" => moved.push(*inner),
                 "GlobalAction" => self.global(context, inner)?,
-                _ => return Err(kind.error("an action of this kind is not read")),
+                _ => {
+                    return Err(kind.refused(
+                        "an action of this kind is not read",
+                        "leave it out: what moves anybody is a `PrivateAction`",
+                    ));
+                }
             }
         }
         if moved.is_empty() {
@@ -192,7 +205,7 @@ impl Reader<'_> {
         for actor in context.actors {
             if actor == "Ego" {
                 let help = "let the ego keep its speed: your controller drives it";
-                let what = "an ego that is context how to move is not read";
+                let what = "an ego with a motion of its own is not read";
                 return Err(moved[0].refused(what, help));
             }
             let known = self.scripts.iter().position(|it| it.name == *actor);
@@ -206,7 +219,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Friction is that of the Init.
+    /// Refuses weather that changes the friction after the Init.
     fn weather(&self, action: &Node, context: &EventContext<'_>) -> Result<(), ImportError> {
         let global = action.child("GlobalAction");
         let changed = global.and_then(|it| it.child("EnvironmentAction"));
@@ -225,9 +238,13 @@ impl Reader<'_> {
     fn global(&mut self, context: &EventContext<'_>, it: &Node) -> Result<(), ImportError> {
         let deletes = it.name == "EntityAction" && it.child("DeleteEntityAction").is_some();
         if !deletes {
-            return Err(it.error("an action of this kind is not read"));
+            return Err(it.refused(
+                "an action of this kind is not read",
+                "leave it out, or delete an entity instead",
+            ));
         }
         match starts(context.event, context.scope, context.begins_s)? {
+            // A deletion at the start equals a file without the entity.
             Starts::At(at_s) if at_s <= 0.0 => self.gone.push(context.scope.text(it, "entityRef")?),
             Starts::Never => {}
             _ => {
@@ -256,7 +273,8 @@ impl Reader<'_> {
             after_s: 0.0,
             laws: Vec::new(),
         };
-        // Behind an act that begins later, the end of another act may be past.
+        // A later act may begin after an element of another act has ended. Its
+        // trigger would then miss that end.
         let in_time = context.begins_s == 0.0 || script.act == context.act.place;
         match starts(event, context.scope, context.begins_s)? {
             Starts::Never => return Ok(()),
@@ -264,13 +282,16 @@ impl Reader<'_> {
             Starts::After { element, delay_s } if script.ended.contains(&element) && in_time => {
                 step.after_s = delay_s;
             }
+            // An edge that rises before the act begins would be missed by a
+            // player.
             Starts::When { watch, .. } if is_first && watch.rises && 0.0 < context.begins_s => {
                 let help = "begin the act at 0 s, or write conditionEdge=\"none\"";
                 let what = "a rising edge in an act that begins later is not read";
                 return Err(event.refused(what, help));
             }
             Starts::When { watch, delay_s } if is_first => {
-                // Nobody looks before the act has begun.
+                // A condition is only observed once its act has begun, so an
+                // empty step waits for it.
                 if 0.0 < context.begins_s {
                     self.scripts[who].steps.push(Step {
                         after_s: context.begins_s,
@@ -289,6 +310,7 @@ impl Reader<'_> {
         }
         self.scripts[who].has_begun = true;
         self.scripts[who].act = context.act.place;
+        // Some actions are only read at the start of the run.
         let at_start = is_first && step.when.is_none() && step.after_s <= SOON_S;
         for action in actions {
             self.action(who, context, action, at_start, &mut step)?;
@@ -299,7 +321,7 @@ impl Reader<'_> {
             let help = "let the SynchronizeAction be the only action of the entity";
             return Err(event.refused("an action beside a meeting is not read", help));
         }
-        // What is done at the start by itself needs no step.
+        // Actions at the start that change the initial state need no step.
         if !step.laws.is_empty() {
             script.steps.push(step);
         }
@@ -330,11 +352,14 @@ impl Reader<'_> {
                 let law = self.lane_offset(who, it, scope)?;
                 step.laws.push(law);
             }
+            // The gap becomes part of the initial state.
             "LongitudinalDistanceAction" if at_start && step.after_s == 0.0 => {
                 let now_mps = script.speeds.now_mps.unwrap_or(0.0);
                 script.gap_m = Some(gap_of(it, scope, now_mps)?);
             }
             "SynchronizeAction" if at_start => {
+                // A meeting accelerates the entity itself, and its approach
+                // starts from rest.
                 if script.speeds.now_mps != Some(0.0) {
                     let help = "let it stand in Init: the meeting brings it up to its speed";
                     return Err(it.refused("a meeting of somebody who moves is not read", help));
@@ -343,6 +368,8 @@ impl Reader<'_> {
             }
             "FollowTrajectoryAction" if script.steps.is_empty() => {
                 let (way, law) = walked(it, scope, ground)?;
+                // The path replaces the placement, so both must agree at the
+                // start.
                 let off = way.way.begins.sees(&script.placed.spot);
                 if SAME_M < libm::hypot(off.x_m, off.y_m) {
                     let what = format!(
@@ -355,7 +382,7 @@ impl Reader<'_> {
                 script.placed.way = Some(way);
                 step.laws.push(law);
             }
-            _ => return Err(it.error("an action of this kind is not read here")),
+            _ => return Err(it.refused("an action of this kind is not read here", "a speed, a change of lane or offset; at the start also a distance, a meeting or a trajectory")),
         }
         Ok(())
     }
@@ -371,6 +398,7 @@ impl Reader<'_> {
         };
         let line = ground.roads.road(it, &on.road)?;
         let to_m = line.middle_m(it, to)? + scope.number_or_zero(it, "targetLaneOffset")?;
+        // The rate of a sinusoidal change is its greatest lateral speed.
         let rate_mps = dynamics(it.inner("LaneChangeActionDynamics")?, scope, "rate")?;
         let script = &mut self.scripts[who];
         let by_m = to_m - script.t_m;
@@ -398,25 +426,35 @@ impl Reader<'_> {
         }
         let dynamics = it.inner("LaneOffsetActionDynamics")?;
         if dynamics.raw("dynamicsShape") != Some("sinusoidal") {
-            return Err(dynamics.error("only sinusoidal lane offsets are read"));
+            return Err(dynamics.refused(
+                "only sinusoidal lane offsets are read",
+                "write dynamicsShape=\"sinusoidal\"",
+            ));
         }
+        // The greatest lateral acceleration of a cosine determines its
+        // duration.
         let most_lateral_mps2 = scope.number(dynamics, "maxLateralAcc")?;
         let script = &mut self.scripts[who];
         script.t_m = middle_m + offset_m;
         Ok(Law::Beside {
+            // A world adds lane changes and offsets, so the changes so far are
+            // subtracted.
             t_m: script.t_m - script.changed_m,
             most_lateral_mps2,
         })
     }
 
-    /// The lane of somebody to which a target is relative, which must be the one
-    /// on which it is placed for as long as it is there.
+    /// Lane of the entity to which a target is relative.
+    ///
+    /// The entity must keep its initial lane for as long as it exists.
+    /// `lanes_stay` checks this after all acts are read.
     fn lane_of(&mut self, target: &Node, scope: &Scope) -> Result<OnLane, ImportError> {
         let name = scope.text(target, "entityRef")?;
         let other = self.ground.placed.get(&name);
         let lane = other.and_then(|it| it.lane.clone());
         let lane = lane.ok_or_else(|| target.error(format!("`{name}` is on no lane")))?;
         let help = "name the lane by an absolute target";
+        // In OpenDRIVE, lanes left of the reference line have positive numbers.
         if 0 < lane.lane {
             let what = format!("a lane relative to `{name}`, who drives against the road");
             return Err(target.refused(what, help));
@@ -426,7 +464,7 @@ impl Reader<'_> {
         Ok(lane)
     }
 
-    /// Refuses what is relative to the lane of somebody who leaves it.
+    /// Refuses targets that are relative to the lane of an entity that leaves it.
     fn lanes_stay(&self) -> Result<(), ImportError> {
         let leaves = |name: &str| {
             let script = self.scripts.iter().find(|it| it.name == name);
@@ -441,10 +479,10 @@ impl Reader<'_> {
 
 fn own_lane(script: &Script, it: &Node) -> Result<OnLane, ImportError> {
     let lane = script.placed.lane.clone();
-    lane.ok_or_else(|| it.error("it is on no lane"))
+    lane.ok_or_else(|| it.refused("it is on no lane", "place it by a `LanePosition`"))
 }
 
-/// The actions of an event that move somebody, each with what contains it.
+/// Actions of an event that move an entity, each with its containing element.
 fn moving<'a>(
     event: &'a Node,
     actors: &[String],
@@ -461,7 +499,7 @@ fn moving<'a>(
     Ok(moving)
 }
 
-/// Refuses what happens again, and actors who are only known on the way.
+/// Refuses repeated events, and actors that are selected during the scenario.
 fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError> {
     for node in [context.event, context.group] {
         let often = context
@@ -483,9 +521,10 @@ fn happens_once(context: &EventContext<'_>) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// The elements that end when an event does: those in which nothing else goes on.
+/// Elements that end with the event: those without other activity.
 fn ended(context: &EventContext<'_>, moving: usize) -> Vec<StoryElement> {
     let mut ended = Vec::new();
+    // With several actors, the element ends with the slowest of them.
     if context.actors.len() != 1 {
         return ended;
     }
@@ -494,6 +533,7 @@ fn ended(context: &EventContext<'_>, moving: usize) -> Vec<StoryElement> {
     if let ([action], 1) = (&actions[..], moving) {
         ended.extend(StoryElement::of("action", action));
     }
+    // A maneuver with several events ends with the last of them.
     if context.maneuver.all("Event").count() == 1 {
         ended.extend(StoryElement::of("maneuver", context.maneuver));
     }

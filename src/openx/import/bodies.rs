@@ -1,23 +1,23 @@
-//! Bodies from vehicles and pedestrians of scenario files.
+//! Bodies from the vehicles and pedestrians of scenario files.
 //!
-//! A file says boxes and axles. What it does not say and no carried body needs,
-//! masses and springs, is what such a body usually has.
+//! A file states boxes and axles. Masses and springs that it omits get typical
+//! values.
 
 use super::error::ImportError;
 use super::scope::Scope;
 use super::tree::Node;
 
-/// A body as a world file says it.
+/// Body in the form of a world file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImportedBody {
     pub name: String,
     pub ron: String,
     pub length_m: f64,
     pub width_m: f64,
-    /// From the point that a scenario moves to the front.
+    /// Distance from the reference point to the front, in metres.
     pub front_m: f64,
     pub on_foot: bool,
-    /// What it can do at most: gain and lose so much speed a second.
+    /// Greatest acceleration and deceleration, in m/s².
     pub most_mps2: (f64, f64),
 }
 
@@ -36,8 +36,11 @@ impl ImportedBody {
         let sizes = format!("length_m: {length_m}, width_m: {width_m}, height_m: {height_m}");
         let ron = match entity.name.as_str() {
             "Pedestrian" => {
+                // A pedestrian without a mass gets a typical mass: physics
+                // needs a positive value.
                 let mass_kg = if 0.0 < mass_kg { mass_kg } else { 75.0 };
                 format!(
+                    // A plan carries the pedestrian, whatever these limits are.
                     "(name: {name:?}, kind: Walker(max_speed_mps: 10.0, accel_mps2: 10.0), \
                      {sizes}, mass_kg: {mass_kg}, com_height_m: {})",
                     0.5 * height_m
@@ -70,6 +73,8 @@ impl ImportedBody {
                 height_m,
                 centre_m,
                 front_m,
+                // A `MiscObject` has no axles. Proportions of its box replace
+                // them.
                 wheelbase_m: 0.6 * length_m,
                 wheel_m: 0.1 * height_m,
                 track_m: 0.8 * width_m,
@@ -78,6 +83,8 @@ impl ImportedBody {
         };
         let most = |name: &str| match entity.child("Performance") {
             Some(performance) if performance.raw(name).is_some() => scope.number(performance, name),
+            // Without a stated limit, any speed profile of the file is
+            // possible.
             _ => Ok(f64::INFINITY),
         };
         let most_mps2 = (most("maxAcceleration")?, most("maxDeceleration")?);
@@ -107,6 +114,7 @@ struct Vehicle<'a> {
 }
 
 fn vehicle(it: Vehicle<'_>) -> String {
+    // Same width as the limit of two-wheelers in exported files.
     let narrow = it.width_m < 1.1;
     let usual_kg = match (narrow, 2.2 < it.width_m) {
         (true, _) => 100.0,
@@ -118,7 +126,8 @@ fn vehicle(it: Vehicle<'_>) -> String {
     } else {
         usual_kg
     };
-    // Files give two-wheelers no track; springs that hold them up are stiff.
+    // Files give two-wheelers no track, and a narrow body needs stiff springs
+    // to stay upright.
     let track_m = if 0.1 < it.track_m {
         it.track_m
     } else {
@@ -126,8 +135,9 @@ fn vehicle(it: Vehicle<'_>) -> String {
     };
     let suspension_hz = if narrow { 3.9 } else { 1.56 };
     let com_height_m = if narrow { 0.3 } else { 0.4 } * it.height_m;
+    // A body requires a wheel radius of at least 0.05 m.
     let wheel_m = it.wheel_m.max(0.06);
-    // Rounded to what measured files mean.
+    // Rounded to 1 nm: binary fractions add digits that the file did not state.
     let tidy = |value: f64| (value * 1e9).round() / 1e9;
     format!(
         "(name: {:?}, kind: Vehicle(wheelbase_m: {}, track_m: {track_m}, front_overhang_m: {}, \
@@ -139,6 +149,8 @@ fn vehicle(it: Vehicle<'_>) -> String {
         mass_kg * 70.0,
         it.sizes,
         tidy(com_height_m),
+        // The centre of mass lies midway between the axles, here relative to
+        // the middle of the box.
         tidy(0.5 * it.wheelbase_m - it.centre_m),
     )
 }

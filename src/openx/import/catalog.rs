@@ -1,4 +1,4 @@
-//! Catalogs: entries by name, with parameters of their own.
+//! Catalogs: named entries with parameters of their own.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -11,12 +11,14 @@ use super::files::Files;
 use super::scope::Scope;
 use super::tree::Node;
 
-/// The catalogs of a scenario file. `NAME.xosc` in one of the directories that
-/// the file lists is the catalog of that name.
+/// Catalogs of a scenario file.
+///
+/// `NAME.xosc` in one of the directories that the file lists is the catalog
+/// `NAME`.
 #[derive(Debug, Default)]
 pub(super) struct Catalogs {
     directories: Vec<PathBuf>,
-    /// What the entries say in vain.
+    /// Log of the elements of catalog entries that have no effect.
     dropped: Rc<DropLog>,
     read: RefCell<BTreeMap<String, Rc<Node>>>,
 }
@@ -39,7 +41,12 @@ impl Catalogs {
         })
     }
 
-    /// What a reference names, and the parameters that it may name itself.
+    /// Returns the entry of a reference, with the parameters that it may use.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for an unknown catalog or entry, and for an invalid
+    /// assignment.
     pub fn entry(
         &self,
         reference: &Node,
@@ -68,7 +75,11 @@ impl Catalogs {
             ))
         });
         let set = set.collect::<Result<Vec<_>, ImportError>>()?;
+        // Only entries in use are reported, since the rest of a catalog does
+        // not matter.
         self.dropped.look(entry);
+        // Parameters of the entry start from the caller's scope: assigned
+        // values may refer to it.
         let own = Scope::declared(entry.child("ParameterDeclarations"), scope, &set)?;
         Ok((entry.clone(), own))
     }
@@ -79,6 +90,8 @@ impl Catalogs {
         name: &str,
         files: Files<'_>,
     ) -> Result<Rc<Node>, ImportError> {
+        // Catalogs are cached: every entity at every point may refer to the
+        // same file.
         if let Some(known) = self.read.borrow().get(name) {
             return Ok(Rc::clone(known));
         }
@@ -91,6 +104,8 @@ impl Catalogs {
                 continue;
             }
             let root = Node::read(&path, files)?;
+            // A file of the right name may be another catalog, so the search
+            // continues.
             let named = root.child("Catalog").and_then(|it| it.raw("name"));
             if named == Some(name) {
                 let root = Rc::new(root);

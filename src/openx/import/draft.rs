@@ -1,51 +1,55 @@
-//! Texts of worlds with holes for numbers, and points that share a text.
+//! Drafts of worlds: texts with holes for numbers that may vary.
 //!
-//! Points whose texts are equal but for the holes are one world: a number that is
-//! the same at all of them stands in it, others become ranges, and `points` has a
-//! column for each.
+//! Points whose texts differ only in the holes share one world. A number that
+//! is equal at all points is written as it is. Other numbers become ranges, and
+//! `points` has a column for each of them.
 
 use std::fmt::Write as _;
 
-/// A world that was imported.
+/// World that an import produced.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedWorld {
-    /// Its name.
+    /// Name of the world.
     pub name: String,
-    /// Its text.
+    /// RON text of the world.
     pub text: String,
-    /// Which points of the variation file it has, in the order of its table.
+    /// Indices in the variation file of its points, in the order of its table.
     pub points: Vec<usize>,
 }
 
-/// A part of a draft.
+/// Part of a draft.
 #[derive(Clone, Debug, PartialEq)]
 enum Part {
     Text(String),
-    /// A number that may differ from point to point: the axis that its range is,
-    /// and by how much more the axis is than what is written.
+    /// Number that may differ between points.
+    ///
+    /// `axis` names its axis, and `more` is the difference between the value on
+    /// the axis and the written value.
     Hole {
         axis: String,
         value: f64,
         more: f64,
     },
-    /// The greatest, or the least, of all points.
+    /// Greatest and least value of all points.
     Most(f64),
     Least(f64),
 }
 
-/// A text with holes.
+/// Text with holes.
 #[derive(Clone, Debug)]
 pub(super) struct Draft {
     parts: Vec<Part>,
-    /// What the run lasts at least, and when somebody leaves its road at the earliest.
+    /// Least duration of the run, and earliest time at which an entity leaves its road.
     until_s: f64,
     leaves_s: f64,
-    /// Whether that is before the file ends the run.
+    /// True if the run ends before the stop time of the file.
     pub is_cut: bool,
 }
 
 impl Draft {
-    /// Of a run that lasts at least so long, and in which nobody leaves its road before.
+    /// Returns an empty draft of a run with the given least duration.
+    ///
+    /// No entity leaves its road before `leaves_s`.
     pub fn of(until_s: f64, leaves_s: f64) -> Draft {
         Draft {
             parts: Vec::new(),
@@ -66,17 +70,19 @@ impl Draft {
         self.beside(axis, value, 0.0);
     }
 
-    /// A number that is the greatest of all points.
+    /// Adds a number of which the greatest of all points is written.
     pub fn most(&mut self, value: f64) {
         self.parts.push(Part::Most(value));
     }
 
-    /// A number that is the least of all points.
+    /// Adds a number of which the least of all points is written.
     pub fn least(&mut self, value: f64) {
         self.parts.push(Part::Least(value));
     }
 
     pub fn beside(&mut self, axis: &str, value: f64, more: f64) {
+        // Values that differ only in rounding must be equal, or they would
+        // become an axis.
         self.parts.push(Part::Hole {
             axis: axis.to_owned(),
             value: tidy(value),
@@ -102,23 +108,29 @@ impl Draft {
         same_length && self.parts.iter().zip(&other.parts).all(alike)
     }
 
-    /// Whether a run that lasts as long as both ends before anybody leaves a road.
+    /// Returns true if the longer of both runs ends before an entity leaves its road.
     fn ends_with(&self, other: &Draft) -> bool {
         self.until_s.max(other.until_s) <= self.leaves_s.min(other.leaves_s)
     }
 }
 
-/// A number without the dust of sums of measured numbers.
+/// Rounds to nine decimals, without −0.
+///
+/// Rounding removes the digits that sums of decimal fractions add.
 pub(super) fn tidy(value: f64) -> f64 {
     let tidy = (value * 1e9).round() / 1e9;
     tidy + 0.0
 }
 
-/// Worlds of drafts, each with the points that share it.
+/// Groups drafts into worlds, each with the points that share it.
+///
+/// Several worlds are numbered from 1.
 pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> Vec<ImportedWorld> {
     let mut groups: Vec<Vec<(usize, Draft)>> = Vec::new();
     for (index, draft) in drafts {
         let fits = |group: &&mut Vec<(usize, Draft)>| {
+            // The comparison with every member is needed: the longest run of a
+            // group must end before the earliest departure of any member.
             group[0].1.is_like(&draft) && group.iter().all(|(_, it)| it.ends_with(&draft))
         };
         let group = groups.iter_mut().find(fits);
@@ -142,7 +154,7 @@ pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> V
     worlds.collect()
 }
 
-/// The text of a world; `group` are its points.
+/// RON text of the world of a group of points.
 fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
     let mut text = format!(
         "// Imported by `brakecheck new --from`.\n\
@@ -152,6 +164,8 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
     );
     let mut axes: Vec<(String, Vec<f64>)> = Vec::new();
     for (i, part) in group[0].1.parts.iter().enumerate() {
+        // All drafts of a group have the same parts, so the index fits all of
+        // them.
         let values = group.iter().filter_map(|(_, draft)| match draft.parts[i] {
             Part::Hole { value, .. } | Part::Most(value) | Part::Least(value) => Some(value),
             Part::Text(_) => None,
@@ -160,6 +174,7 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
             (f64::INFINITY, f64::NEG_INFINITY),
             |(least, most), value| (least.min(value), most.max(value)),
         );
+        // Writing to a string cannot fail.
         let _ = match part {
             Part::Text(part) => write!(text, "{part}"),
             Part::Most(_) => write!(text, "{}", decimal(tidy(most))),
@@ -192,7 +207,7 @@ fn written(name: &str, source: &str, group: &[(usize, Draft)]) -> String {
     text
 }
 
-/// A number with a point, as RON files here have them.
+/// Number with a decimal point, as in the RON files of the repository.
 fn decimal(value: f64) -> String {
     format!("{value:?}")
 }

@@ -1,4 +1,4 @@
-//! What files say and worlds do not: listed, since nothing is left out silently.
+//! List of the elements that have no effect, so that nothing is dropped silently.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -10,17 +10,19 @@ use super::tree::Node;
 /// Elements of one kind that have no effect on the worlds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DroppedElements {
-    /// What they are, such as `elevation`.
+    /// Kind of the elements, such as `elevation`.
     pub kind: &'static str,
-    /// The file of the first.
+    /// File of the first element.
     pub file: PathBuf,
-    /// Its line there.
+    /// Line of the first element.
     pub line: usize,
-    /// Number of them, in all files.
+    /// Number of elements in all files.
     pub count: usize,
 }
 
-/// What is left out by the name of its element; what is below it belongs to it.
+/// Names of dropped elements with their kinds.
+///
+/// Elements below a dropped element belong to it and are not counted.
 const KINDS: [(&str, &str); 28] = [
     ("AppearanceAction", "appearance"),
     ("AssignRouteAction", "routes"),
@@ -51,7 +53,7 @@ const KINDS: [(&str, &str); 28] = [
     ("superelevation", "lateral profile"),
     ("tunnel", "objects"),
 ];
-/// What may be written without saying anything.
+/// Elements that may be written without an effect.
 const CURVES: [&str; 5] = [
     "crossfall",
     "elevation",
@@ -59,22 +61,22 @@ const CURVES: [&str; 5] = [
     "shape",
     "superelevation",
 ];
-/// The terms that then are all 0.
+/// Attributes that are all 0 if such an element has no effect.
 const TERMS: [&str; 6] = ["a", "b", "c", "d", "inner", "outer"];
 
-/// A collector of what is left out, in the order in which it is met.
+/// Collector of dropped elements, in the order of their discovery.
 #[derive(Debug, Default)]
 pub(super) struct DropLog(RefCell<DropLists>);
 
 #[derive(Debug, Default)]
 struct DropLists {
     kinds: Vec<DroppedElements>,
-    /// Where each has been found, so that no element counts twice.
+    /// Places of the counted elements by file, so that no element counts twice.
     known: BTreeMap<PathBuf, Vec<usize>>,
 }
 
 impl DropLog {
-    /// Looks at an element and everything below it.
+    /// Examines an element and all elements below it.
     pub fn look(&self, node: &Node) {
         let kind = KINDS.iter().find(|(name, _)| *name == node.name);
         match kind {
@@ -83,6 +85,7 @@ impl DropLog {
                     self.note(kind, node);
                 }
             }
+            // A stop time ends the run. Every other stop condition is dropped.
             None if node.name == "StopTrigger" => {
                 for group in node.children.iter().filter(|it| lone_time(it).is_none()) {
                     self.note("stop conditions", group);
@@ -92,10 +95,12 @@ impl DropLog {
         }
     }
 
-    /// Notes an element, once however often it is met.
+    /// Counts an element, once however often it is found.
     pub fn note(&self, kind: &'static str, node: &Node) {
         let mut found = self.0.borrow_mut();
         let places = found.known.entry(node.file().to_owned()).or_default();
+        // Every point reads the same files, and two references may name one
+        // catalog entry.
         if places.contains(&node.place) {
             return;
         }
@@ -111,20 +116,22 @@ impl DropLog {
         }
     }
 
-    /// All that was found.
+    /// Returns the dropped elements by kind.
     pub fn list(&self) -> Vec<DroppedElements> {
         self.0.borrow().kinds.clone()
     }
 }
 
-/// Whether it is a curve or a height of 0.
+/// Returns true for a curve or a lane height whose terms are all 0.
 fn says_nothing(node: &Node) -> bool {
     let is_curve = CURVES.contains(&node.name.as_str());
     let mut terms = TERMS.iter().filter_map(|term| node.raw(term));
     is_curve && terms.all(|term| number(term) == Some(0.0))
 }
 
-/// The only condition of a group, if it is a time that comes.
+/// Only condition of a group, if it is a simulation time that comes.
+///
+/// Returns the condition and its time.
 pub(super) fn lone_time(group: &Node) -> Option<(&Node, &Node)> {
     let [condition] = &group.children[..] else {
         return None;
@@ -132,6 +139,7 @@ pub(super) fn lone_time(group: &Node) -> Option<(&Node, &Node)> {
     let time = condition
         .child("ByValueCondition")?
         .child("SimulationTimeCondition")?;
+    // Other rules hold from the start, and a time never falls.
     let comes = matches!(time.raw("rule"), Some("greaterThan" | "greaterOrEqual"));
     (comes && condition.raw("conditionEdge") != Some("falling")).then_some((condition, time))
 }

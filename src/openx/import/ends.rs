@@ -1,4 +1,4 @@
-//! When somebody who does as the file says leaves its road.
+//! Earliest times at which entities leave their roads.
 
 use core::f64::consts::{FRAC_PI_3, PI};
 
@@ -6,17 +6,20 @@ use super::entity::{Entity, Law, Step};
 use super::places::Placed;
 use super::roads::RoadMap;
 
-/// Ends of roads so far beside a way are ends of the way.
+/// Lateral distance in metres within which the end of a road is the end of a path.
 const BESIDE_M: f64 = 20.0;
 
-/// How far it is to the end of the road on which somebody is, as it faces;
-/// endless for who faces the side of it.
+/// Distance in metres to the end of an entity's road, in its direction.
+///
+/// It is infinite for an entity that faces the side of its road.
 pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f64 {
     if let Some(on) = &placed.way {
+        // Pedestrians stop at the end of their path.
         if on_foot {
             return f64::INFINITY;
         }
-        // The way goes straight on behind its end, to the last of the roads.
+        // A path continues straight after its end, up to the last end of a
+        // road.
         let end = on.way.at(on.ends_m);
         let ends = roads.all().flat_map(|line| {
             let places = [line.at(0.0, 0.0), line.at(line.length_m, 0.0)];
@@ -30,6 +33,8 @@ pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f
     let Some((line, at)) = at.and_then(|at| Some((roads.get(&at.road)?, at))) else {
         return f64::INFINITY;
     };
+    // Within 60° of the road's direction, or of the opposite direction, an
+    // entity drives along it.
     let turned_rad = line.at(at.s_m, at.t_m).sees(&placed.spot).heading_rad.abs();
     if turned_rad < FRAC_PI_3 {
         line.way_m(at.s_m, line.length_m, at.t_m)
@@ -40,8 +45,9 @@ pub(super) fn road_ahead_m(roads: &RoadMap, placed: &Placed, on_foot: bool) -> f
     }
 }
 
-/// The earliest time at which somebody has gone so far; relative speeds are those
-/// of an ego that coasts.
+/// Earliest time in seconds at which an entity has driven `ahead_m`.
+///
+/// Relative speeds assume an ego that coasts.
 pub(super) fn leaves_s(entity: &Entity, ahead_m: f64, ego_mps: f64) -> f64 {
     let t_m = entity.placed.lane.as_ref().map_or(0.0, |at| at.t_m);
     let mut journey = Journey {
@@ -53,7 +59,8 @@ pub(super) fn leaves_s(entity: &Entity, ahead_m: f64, ego_mps: f64) -> f64 {
     };
     for (i, step) in entity.steps.iter().enumerate() {
         if step.when.is_some() {
-            // It may begin at any time: as fast as it ever is.
+            // A pessimistic bound: the step may begin at any time, so the
+            // greatest later speed counts from now on.
             let later = entity.steps[i..].iter().flat_map(|it| &it.laws);
             let later = later.filter_map(|law| to_mps(law, ego_mps));
             journey.speed_mps = later.fold(journey.speed_mps, f64::max);
@@ -66,7 +73,7 @@ pub(super) fn leaves_s(entity: &Entity, ahead_m: f64, ego_mps: f64) -> f64 {
     journey.leaves_s()
 }
 
-/// The speed that a law leads to, beside an ego that coasts.
+/// Final speed in m/s of a law, beside an ego that coasts.
 pub(super) fn to_mps(law: &Law, ego_mps: f64) -> Option<f64> {
     match law {
         Law::Speed {
@@ -75,34 +82,39 @@ pub(super) fn to_mps(law: &Law, ego_mps: f64) -> Option<f64> {
             ..
         } => {
             let base_mps = relative_to.as_ref().map_or(0.0, |_| ego_mps);
+            // A negative sum would reverse, which no plan does.
             Some((base_mps + to_mps).max(0.0))
         }
         Law::Walk { .. } | Law::LaneChange { .. } | Law::Beside { .. } => None,
     }
 }
 
-/// Somebody on the way to the end of its road.
+/// Progress of an entity towards the end of its road.
 struct Journey {
     time_s: f64,
     left_m: f64,
     speed_mps: f64,
-    /// Beside the reference line, and of that by changes of lanes.
+    /// Lateral offset from the reference line, and the share of it from lane changes.
     t_m: f64,
     changed_m: f64,
 }
 
 impl Journey {
-    /// When the end is reached at the speed of now.
+    /// Time at which the end is reached at the current speed, in seconds.
     fn leaves_s(&self) -> f64 {
         self.time_s + self.left_m / self.speed_mps
     }
 
-    /// Goes on for a while at a speed that changes evenly; gives when the end is
-    /// reached in it, by its mean speed.
+    /// Advances at an evenly changing speed.
+    ///
+    /// Returns the time at which the end is reached, if it is reached on the
+    /// way.
     fn go_on(&mut self, for_s: f64, to_mps: f64) -> Option<f64> {
         let mean_mps = 0.5 * (self.speed_mps + to_mps);
         let way_m = mean_mps * for_s;
         if self.left_m <= way_m {
+            // The greater of both speeds gives the earliest time, which is the
+            // safe side.
             return Some(self.time_s + self.left_m / self.speed_mps.max(to_mps));
         }
         self.left_m -= way_m;
@@ -111,7 +123,10 @@ impl Journey {
         None
     }
 
-    /// Does a step; gives when the end is reached in it.
+    /// Executes a step.
+    ///
+    /// Returns the time at which the end is reached, if it is reached on the
+    /// way.
     fn carry_out(&mut self, step: &Step, ego_mps: f64) -> Option<f64> {
         let waits = self.go_on(step.after_s, self.speed_mps);
         if waits.is_some() {
@@ -128,6 +143,8 @@ impl Journey {
                     }
                 }
                 Law::LaneChange { by_m, rate_mps } => {
+                    // A cosine of amplitude by/2 has its greatest slope
+                    // π·by/(2·T), which is the rate.
                     aside_s = PI * by_m.abs() / (2.0 * rate_mps);
                     self.t_m += by_m;
                     self.changed_m += by_m;
@@ -137,13 +154,18 @@ impl Journey {
                     most_lateral_mps2,
                 } => {
                     let by_m = t_m + self.changed_m - self.t_m;
+                    // The greatest acceleration of the same cosine is
+                    // π²·by/(2·T²).
                     aside_s = PI * (by_m.abs() / (2.0 * most_lateral_mps2)).sqrt();
                     self.t_m += by_m;
                 }
-                // On foot nobody leaves a road's end, and stands in the end.
+                // Pedestrians stop at the end of their path and never leave a
+                // road.
                 Law::Walk { .. } => return Some(f64::INFINITY),
             }
         }
+        // Laws of one step run at the same time, so the longer one determines
+        // its duration.
         let ramp = self.go_on(ramp_s, ends_mps);
         ramp.or_else(|| self.go_on((aside_s - ramp_s).max(0.0), ends_mps))
     }

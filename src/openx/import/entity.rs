@@ -1,10 +1,10 @@
-//! Who is in a scenario, and what they do there.
+//! Entities of a scenario and their steps.
 
 use super::bodies::ImportedBody;
 use super::error::At;
 use super::places::Placed;
 
-/// Somebody in it.
+/// Entity of a scenario.
 #[derive(Clone, Debug)]
 pub(super) struct Entity {
     pub name: String,
@@ -14,13 +14,13 @@ pub(super) struct Entity {
     pub speed_mps: f64,
     pub steps: Vec<Step>,
     pub meets: Option<Approached>,
-    /// So far before the ego at the start, bumper to bumper, whatever the place.
+    /// Initial bumper-to-bumper gap to the ego in metres, which replaces the place.
     pub gap_m: Option<f64>,
-    /// Where the file places it.
+    /// Place of the entity's Init in the file.
     pub at: At,
 }
 
-/// A step of somebody's script.
+/// Step of an entity's script.
 #[derive(Clone, Debug)]
 pub(super) struct Step {
     pub when: Option<Watch>,
@@ -28,24 +28,25 @@ pub(super) struct Step {
     pub laws: Vec<Law>,
 }
 
-/// What a step waits for: a clearance along the road, as a length or as the time
-/// that the first needs for it.
+/// Condition of a step: a clearance along the road, as a length or a time.
+///
+/// As a time, it is the clearance divided by the triggering entity's speed.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
-    /// One of these, or all of them.
+    /// Entities of which one, or all, must meet the condition.
     pub who: Vec<String>,
     pub needs_all: bool,
     pub whom: String,
     pub is_below: bool,
     pub value: f64,
     pub is_time: bool,
-    /// Whether it must not hold from the beginning.
+    /// True if the condition must be false at the start.
     pub rises: bool,
-    /// Where the file states it.
+    /// Place of the condition in the file.
     pub at: At,
 }
 
-/// What a step does.
+/// Law of motion of a step.
 #[derive(Clone, Debug)]
 pub(super) enum Law {
     Speed {
@@ -57,8 +58,7 @@ pub(super) enum Law {
         by_m: f64,
         rate_mps: f64,
     },
-    /// To a place beside the reference line of the road, less the lane changes
-    /// before.
+    /// Change to an offset from the reference line, less the earlier lane changes.
     Beside {
         t_m: f64,
         most_lateral_mps2: f64,
@@ -69,13 +69,13 @@ pub(super) enum Law {
     },
 }
 
-/// Somebody who is at a place when the ego is at one.
+/// Meeting: the entity reaches a place when the ego reaches another.
 #[derive(Clone, Debug)]
 pub(super) struct Approached {
     pub ego: Placed,
     pub here: Placed,
     pub speed_mps: f64,
-    /// By length, or else by time.
+    /// Last part of the approach, at constant speed.
     pub steady: Steady,
 }
 

@@ -1,22 +1,22 @@
-//! What cannot be imported, and where.
+//! Import errors and their places.
 
 use std::path::{Path, PathBuf};
 
-/// Something in a file that cannot be imported.
+/// Error of an import, with its place in the files.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("`{}`{}{}: {what}", file.display(), self.place(), self.point())]
 pub struct ImportError {
-    /// The file.
+    /// File that contains the error.
     pub file: PathBuf,
-    /// The element, with its name if it has one, and its line.
+    /// Element with its name, if known, and its line.
     pub element: Option<Box<(String, usize)>>,
-    /// The point, from 0, with what it sets.
+    /// Index of the point, from 0, with the values that it sets.
     pub point: Option<Box<(usize, String)>>,
-    /// What is wrong.
+    /// Statement of the problem.
     pub what: String,
-    /// The cure, where one is known.
+    /// Fix, if known.
     pub help: Option<String>,
-    /// Whether it is the point that is wrong: others of the file may be sound.
+    /// True if the error concerns the point only. Other points may be valid.
     pub is_of_point: bool,
 }
 
@@ -36,7 +36,7 @@ impl ImportError {
         point.unwrap_or_default()
     }
 
-    /// The same of a point.
+    /// Returns the error with a point, unless it already has a point.
     pub(super) fn at_point(mut self, index: usize, set: &[(String, String)]) -> ImportError {
         let set = set.iter().map(|(name, value)| format!("{name} = {value}"));
         let set: Vec<String> = set.collect();
@@ -45,22 +45,23 @@ impl ImportError {
         self
     }
 
-    /// The same of a point that can be left out.
+    /// Returns the error as one of a point, which `--skip-broken` leaves out.
     pub(super) fn of_point(mut self) -> ImportError {
         self.is_of_point = true;
         let help = "--skip-broken leaves such points out and says how many";
+        // A more specific help takes precedence.
         self.help.get_or_insert_with(|| help.to_owned());
         self
     }
 
-    /// The same with a cure.
+    /// Returns the error with a help.
     pub(super) fn helped(mut self, help: &str) -> ImportError {
         self.help = Some(help.to_owned());
         self
     }
 }
 
-/// Where something stands.
+/// Place in a file.
 #[derive(Clone, Debug)]
 pub(super) struct At {
     file: PathBuf,
@@ -68,7 +69,7 @@ pub(super) struct At {
 }
 
 impl At {
-    /// A file as a whole.
+    /// Place of a file as a whole.
     pub fn file(file: &Path) -> At {
         At {
             file: file.to_owned(),
@@ -76,7 +77,7 @@ impl At {
         }
     }
 
-    /// An element of it.
+    /// Place of an element.
     pub fn element(file: &Path, element: String, line: usize) -> At {
         At {
             file: file.to_owned(),

@@ -1,12 +1,18 @@
-//! `${…}`: arithmetic of parameters.
+//! Arithmetic expressions of parameters: `${…}`.
 
 use core::f64::consts::PI;
 
-/// Deeper brackets are refused.
+/// Greatest depth of nested brackets.
 const MAX_DEPTH: usize = 100;
 
-/// The value of an expression, without its `${` and `}`; `value` gives those of
-/// parameters.
+/// Value of an expression without its `${` and `}`.
+///
+/// `value` returns the value of a parameter.
+///
+/// # Errors
+///
+/// Returns a message for invalid syntax, an unknown parameter or a value that
+/// is not finite.
 pub(super) fn evaluate(
     text: &str,
     value: &dyn Fn(&str) -> Result<f64, String>,
@@ -45,6 +51,7 @@ impl<'a> Cursor<'a> {
 
     fn sum(&mut self) -> Result<f64, String> {
         let mut sum = self.product()?;
+        // Left to right, since `1 - 2 - 3` is −4.
         loop {
             if self.take('+') {
                 sum += self.product()?;
@@ -70,6 +77,7 @@ impl<'a> Cursor<'a> {
     }
 
     fn factor(&mut self) -> Result<f64, String> {
+        // Guards the stack: a file can nest brackets or signs without end.
         self.depth += 1;
         if MAX_DEPTH < self.depth {
             return Err("its brackets nest too deeply".to_owned());
@@ -97,6 +105,8 @@ impl<'a> Cursor<'a> {
             let name = self.word(|c| c.is_alphanumeric() || c == '_');
             return (self.value)(name);
         }
+        // A sign belongs to a number only after its exponent, so `1-2` remains
+        // a difference.
         let mut before = '0';
         let number = self.word(|c| {
             let sign = matches!(c, '+' | '-') && matches!(before, 'e' | 'E');
@@ -152,6 +162,7 @@ impl<'a> Cursor<'a> {
             ("acos", [a]) => Ok(libm::acos(*a)),
             ("atan", [a]) => Ok(libm::atan(*a)),
             ("abs", [a]) => Ok(a.abs()),
+            // `signum` of 0 is 1, but OpenSCENARIO's `sign` of 0 is 0.
             ("sign", [a]) => Ok(match *a == 0.0 {
                 true => 0.0,
                 false => a.signum(),
@@ -191,6 +202,7 @@ mod tests {
             let found = of(text).expect(text);
             assert!((found - expected).abs() < 1e-12, "{text}: {found}");
         }
+        // The last text starts like an exponent without digits.
         for text in ["", "1 +", "$w", "foo(1)", "(1", "1/0", "pow(1)", "1 2", "e"] {
             assert!(of(text).is_err(), "{text}");
         }

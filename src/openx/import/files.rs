@@ -1,7 +1,7 @@
-//! Where the texts of files come from.
+//! Source of the texts of files.
 
 use std::io;
 use std::path::Path;
 
-/// Gives the text of a file.
+/// Function that returns the text of a file.
 pub type Files<'a> = &'a dyn Fn(&Path) -> io::Result<String>;

@@ -1,4 +1,4 @@
-//! Laws of motion, as actions of a storyboard say them.
+//! Laws of motion from the actions of a storyboard.
 
 use super::entity::{Approached, Law, Steady};
 use super::error::ImportError;
@@ -7,8 +7,9 @@ use super::scope::Scope;
 use super::tree::Node;
 use super::ways::OnWay;
 
-/// How far before the ego somebody is put, bumper to bumper.
+/// Bumper-to-bumper gap in metres at which an entity is placed ahead of the ego.
 pub(super) fn gap_of(action: &Node, scope: &Scope, speed_mps: f64) -> Result<f64, ImportError> {
+    // Attributes that are left out have the values that are read.
     let is = |name: &str, value: &str| action.raw(name).is_none_or(|it| it == value);
     let fits = is("continuous", "false")
         && is("freespace", "true")
@@ -18,20 +19,24 @@ pub(super) fn gap_of(action: &Node, scope: &Scope, speed_mps: f64) -> Result<f64
         let what = "only a clear gap before the ego is read, taken once";
         return Err(action.error(what));
     }
+    // A time gap is measured at the entity's own speed.
     match action.raw("timeGap") {
         Some(_) => Ok(scope.number(action, "timeGap")? * speed_mps),
         None => scope.number(action, "distance"),
     }
 }
 
-/// The speed of somebody, as far as it is known before the run, and what the body
-/// can do at most: gain and lose so much a second.
+/// Speed of an entity as far as it is known before the run.
+///
+/// `most_mps2` is the greatest acceleration and deceleration of its body.
 pub(super) struct Speeds {
     pub now_mps: Option<f64>,
     pub most_mps2: (f64, f64),
 }
 
-/// Rates are those of the file, but no body does more than its `Performance` says.
+/// Reads a speed action.
+///
+/// Rates are those of the file, but no greater than the body's `Performance`.
 pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law, ImportError> {
     let target = it.inner("SpeedActionTarget")?.only()?;
     let to_mps = scope.number(target, "value")?;
@@ -45,16 +50,24 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
             is_delta(target)?;
             Some(scope.text(target, "entityRef")?)
         }
-        _ => return Err(target.error("a target speed of this kind is not read")),
+        _ => {
+            return Err(target.refused(
+                "a target speed of this kind is not read",
+                "write an `AbsoluteTargetSpeed` or a `RelativeTargetSpeed`",
+            ));
+        }
     };
     let dynamics = it.inner("SpeedActionDynamics")?;
     keeps_place(dynamics)?;
     let value = scope.number_or_zero(dynamics, "value")?;
     let shape = dynamics.raw("dynamicsShape").unwrap_or_default();
+    // A speed relative to an entity depends on the run, and so does the
+    // direction of the change.
     let known = speeds.now_mps.filter(|_| relative_to.is_none());
     let rate_mps2 = match (shape, dynamics.raw("dynamicsDimension").unwrap_or_default()) {
         ("step", _) => None,
         ("linear", "rate") => Some(value.abs()),
+        // A change in no time is a step.
         ("linear", "time") if value <= 0.0 => None,
         ("linear", "time") => {
             let now_mps = known.ok_or_else(|| {
@@ -64,20 +77,27 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
             })?;
             Some((to_mps - now_mps).abs() / value)
         }
-        _ => return Err(dynamics.error("a speed that changes in this way is not read")),
+        _ => {
+            return Err(dynamics.refused(
+                "a speed that changes in this way is not read",
+                "write a step, or a linear change by rate or time",
+            ));
+        }
     };
     let most_mps2 = match known {
         None => speeds.most_mps2.0.min(speeds.most_mps2.1),
         Some(now_mps) if now_mps <= to_mps => speeds.most_mps2.0,
         Some(_) => speeds.most_mps2.1,
     };
+    // With an unknown direction, a rate that only one direction allows is
+    // ambiguous.
     let unsure = known.is_none() && speeds.most_mps2.0 != speeds.most_mps2.1;
     if unsure && rate_mps2.is_some_and(|rate| most_mps2 < rate) {
         let what = format!("a rate above {most_mps2} m/s², which its `Performance` may not allow");
         return Err(dynamics.refused(what, "give it a rate that the body can do either way"));
     }
     let rate_mps2 = rate_mps2.map(|rate| rate.min(most_mps2));
-    // A rate of 0 never gets anywhere: the speed stays.
+    // A rate of 0 never changes the speed.
     if rate_mps2 == Some(0.0) {
         let now_mps = speeds.now_mps.ok_or_else(|| {
             let help = "leave the event out, or give it a rate above 0";
@@ -89,6 +109,7 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
             rate_mps2: None,
         });
     }
+    // After a relative speed, the speed is unknown until the run.
     speeds.now_mps = relative_to.is_none().then_some(to_mps);
     Ok(Law::Speed {
         to_mps,
@@ -97,7 +118,7 @@ pub(super) fn speed(it: &Node, scope: &Scope, speeds: &mut Speeds) -> Result<Law
     })
 }
 
-/// Refuses a change that goes on as far as a body lets it.
+/// Refuses a change that ends wherever the body takes it.
 fn keeps_place(dynamics: &Node) -> Result<(), ImportError> {
     match dynamics.raw("followingMode") {
         None | Some("position") => Ok(()),
@@ -108,7 +129,7 @@ fn keeps_place(dynamics: &Node) -> Result<(), ImportError> {
     }
 }
 
-/// Refuses a speed relative to somebody's by another rule than a sum taken once.
+/// Refuses a relative speed other than a sum that is taken once.
 pub(super) fn is_delta(target: &Node) -> Result<(), ImportError> {
     let is = |name: &str, value: &str| target.raw(name).is_none_or(|it| it == value);
     match is("continuous", "false") && is("speedTargetValueType", "delta") {
@@ -120,7 +141,7 @@ pub(super) fn is_delta(target: &Node) -> Result<(), ImportError> {
     }
 }
 
-/// The rate of a change along a cosine.
+/// Rate of a sinusoidal change in the given dimension.
 pub(super) fn dynamics(it: &Node, scope: &Scope, dimension: &str) -> Result<f64, ImportError> {
     keeps_place(it)?;
     let fits = it.raw("dynamicsShape") == Some("sinusoidal")
@@ -131,14 +152,17 @@ pub(super) fn dynamics(it: &Node, scope: &Scope, dimension: &str) -> Result<f64,
     }
 }
 
-/// A meeting with the ego.
+/// Reads a meeting with the ego.
 pub(super) fn approached(
     it: &Node,
     scope: &Scope,
     ground: Ground<'_>,
 ) -> Result<Approached, ImportError> {
     if scope.text(it, "masterEntityRef")? != "Ego" {
-        return Err(it.error("only meetings with the ego are read"));
+        return Err(it.refused(
+            "only meetings with the ego are read",
+            "write masterEntityRef=\"Ego\"",
+        ));
     }
     let end = it.inner("FinalSpeed")?.inner("AbsoluteSpeed")?;
     let steady = match end.children.first() {
@@ -148,6 +172,8 @@ pub(super) fn approached(
         Some(it) if it.name == "TargetTimeSteadyState" => {
             Steady::Seconds(scope.number(it, "time")?)
         }
+        // Without a steady state, the final speed is reached at the place
+        // itself.
         _ => Steady::Metres(0.0),
     };
     Ok(Approached {
@@ -158,7 +184,7 @@ pub(super) fn approached(
     })
 }
 
-/// A straight way that is walked in the time that its vertices give.
+/// Reads a straight path that is walked in the time between its vertices.
 pub(super) fn walked(
     it: &Node,
     scope: &Scope,
@@ -170,13 +196,15 @@ pub(super) fn walked(
     let shape = trajectory.inner("Shape")?.only()?;
     let vertices: Vec<&Node> = shape.all("Vertex").collect();
     let (Some(first), Some(last)) = (vertices.first(), vertices.last()) else {
-        return Err(shape.error("a way without places"));
+        return Err(shape.refused("a way without places", "give the way at least two vertices"));
     };
     let end = ground.place(last.inner("Position")?, &own)?;
     let way_m = on.way.begins.sees(&end.spot).x_m;
     let begins_s = own.number(first, "time")?;
     let lasts_s = own.number(last, "time")? - begins_s;
     let is_straight = on.way.pieces.is_empty();
+    // One constant speed describes the motion, so only two vertices are
+    // possible.
     if !is_straight || vertices.len() != 2 || lasts_s <= 0.0 || begins_s != 0.0 {
         let help = "give it two vertices, the first with time=\"0\"";
         return Err(shape.refused("only a way between two times is read", help));
@@ -190,8 +218,9 @@ pub(super) fn walked(
     ))
 }
 
-/// Refuses a trajectory whose times are not counted from the beginning of its
-/// event, or that is not followed as it is.
+/// Refuses a trajectory with other times than from the start of its event.
+///
+/// It also refuses trajectories that are not followed exactly.
 fn timed(it: &Node, scope: &Scope, trajectory: &Node) -> Result<(), ImportError> {
     let timing = it.child("TimeReference").and_then(|it| it.child("Timing"));
     let Some(timing) = timing else {

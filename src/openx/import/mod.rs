@@ -1,13 +1,13 @@
-//! Test protocols from OpenSCENARIO and OpenDRIVE: points of a scenario file as
-//! worlds of our own.
+//! Test protocols from OpenSCENARIO and OpenDRIVE, as brakecheck worlds.
 //!
 //! A scenario is read at each point of its variation file, with every parameter
-//! evaluated, and turned into roads, bodies, places and laws. Points that differ
-//! in numbers only become one world with a table of starts. What is not
-//! understood is refused by file, element and point; what does not move anybody
-//! (logs, lights, weather) is left out and listed.
+//! evaluated. It becomes roads, bodies, places and laws of motion. Points that
+//! differ only in numbers share one world with a table of starts. Unsupported
+//! content is refused with file, element and point. Content without an effect
+//! on motion (logs, lights, weather) is dropped and listed.
 //!
-//! Architecture Invariant: files come in through a function; nothing is written.
+//! Architecture Invariant: a function provides the files, and this module
+//! writes none.
 
 mod acts;
 mod bodies;
@@ -46,48 +46,52 @@ use std::path::Path;
 use error::At;
 use scenario::Protocol;
 
-/// What is to be imported.
+/// Request to import a scenario file.
 #[derive(Clone, Copy, Debug)]
 pub struct Import<'a> {
-    /// The scenario.
+    /// Path of the scenario.
     pub scenario: &'a Path,
-    /// Its variation file; without one there is one point, the file's own.
+    /// Path of its variation file. Without it, the file itself is the only point.
     pub points: Option<&'a Path>,
-    /// The only one of them that is wanted, from 0; left out: all.
+    /// Index of the only point to import, from 0. Without it, all are imported.
     pub only: Option<usize>,
-    /// Whether points that break a constraint of the file, or whose ego's lane
-    /// leads off the road, are left out; else they are refused.
+    /// True to leave out invalid points instead of refusing them.
+    ///
+    /// A point is invalid if it breaks a constraint of the file, or if the
+    /// ego's lane leads off the road.
     pub skips_broken: bool,
-    /// What the worlds are called.
+    /// Name of the worlds.
     pub name: &'a str,
-    /// Who is an ado that strays from its plan, if anybody.
+    /// Entity that becomes an ado and may deviate from its plan.
     pub ado: Option<&'a str>,
 }
 
-/// The points of a variation file, in the order in which they are run.
+/// Returns the points of a variation file, in the order of execution.
 ///
 /// # Errors
-/// What cannot be read, by file and element.
+///
+/// Returns an error with file and element for content that is not supported.
 pub fn points_of(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
     points::read(path, files)
 }
 
-/// What came of an import.
+/// Result of an import.
 #[derive(Clone, Debug)]
 pub struct Imported {
-    /// The worlds, each with its points.
+    /// Worlds with their points.
     pub worlds: Vec<ImportedWorld>,
     /// Number of points that were left out.
     pub broken: usize,
-    /// What the files say and the worlds do not, by kind.
+    /// Elements of the files without an effect on the worlds, by kind.
     pub dropped: Vec<DroppedElements>,
 }
 
 impl Import<'_> {
-    /// Reads all files and makes the worlds.
+    /// Reads all files and returns the worlds.
     ///
     /// # Errors
-    /// What cannot be read or said, by file, element and point.
+    ///
+    /// Returns an error with file, element and point for unsupported content.
     pub fn read(&self, files: Files<'_>) -> Result<Imported, ImportError> {
         let protocol = Protocol::open(self.scenario, files)?;
         let points = match self.points {
@@ -115,6 +119,8 @@ impl Import<'_> {
                 }
                 continue;
             }
+            // The constraints of the file do not cover an ego whose lane leads
+            // off the road.
             let concrete = match protocol.at(&scope, files).map_err(at) {
                 Err(error) if error.is_of_point && self.skips_broken => {
                     broken += 1;
@@ -131,6 +137,8 @@ impl Import<'_> {
         }
         let cut = drafts.iter().filter(|(_, draft)| draft.is_cut).count();
         let mut dropped = protocol.dropped.list();
+        // Worlds end before an entity leaves its road, which may be earlier
+        // than in the file.
         if 0 < cut {
             dropped.push(DroppedElements {
                 kind: "what happens behind the end of a road",

@@ -1,5 +1,4 @@
-//! What the Init of a storyboard says: where everybody begins, and how fast, and
-//! when the run ends.
+//! Init of a storyboard: initial places, initial speeds and the end of the run.
 
 use super::dropped::lone_time;
 use super::entity::Entity;
@@ -9,8 +8,7 @@ use super::places::{Ground, Placed};
 use super::scope::Scope;
 use super::tree::Node;
 
-/// What an action does to nobody's motion: the ego's controller, lights,
-/// weather, logs.
+/// Actions without an effect on motion, such as lights, weather and logs.
 const STILL: [&str; 6] = [
     "ControllerAction",
     "ActivateControllerAction",
@@ -19,9 +17,9 @@ const STILL: [&str; 6] = [
     "VariableAction",
     "VisibilityAction",
 ];
-/// What an Init may say of a motion along the road.
+/// Longitudinal actions that an Init may contain.
 const FIRST: [&str; 2] = ["SpeedAction", "LongitudinalDistanceAction"];
-/// What hands the motion of somebody to a controller.
+/// Attributes that hand the motion of an entity to a controller.
 const HANDS_OVER: [&str; 4] = [
     "lateral",
     "longitudinal",
@@ -29,12 +27,14 @@ const HANDS_OVER: [&str; 4] = [
     "activateLongitudinal",
 ];
 
-/// Whether an action moves nobody, taken by whom it is for.
+/// Returns true for an action without an effect on motion.
 ///
 /// # Errors
-/// A controller that moves somebody else than the ego.
+///
+/// Returns an error for a controller that moves an entity other than the ego.
 pub(super) fn is_still(action: &Node, is_for_ego: bool) -> Result<bool, ImportError> {
     fn hands_over(node: &Node) -> bool {
+        // The attributes may belong to a nested element of the action.
         let names = HANDS_OVER.iter();
         let mut set = names.filter_map(|name| node.raw(name));
         set.any(|value| value != "false") || node.children.iter().any(hands_over)
@@ -49,7 +49,7 @@ pub(super) fn is_still(action: &Node, is_for_ego: bool) -> Result<bool, ImportEr
     Ok(STILL.contains(&name))
 }
 
-/// Where somebody begins.
+/// Returns the initial place of an entity.
 pub(super) fn begins(
     private: &Node,
     scope: &Scope,
@@ -57,6 +57,7 @@ pub(super) fn begins(
 ) -> Result<Placed, ImportError> {
     let mut at = None;
     let is_ego = private.raw("entityRef") == Some("Ego");
+    // Routes are checked last, since the place may follow in the file.
     let mut routes = Vec::new();
     for action in private.all("PrivateAction") {
         let it = action.only()?;
@@ -67,7 +68,7 @@ pub(super) fn begins(
                 match it.name.as_str() {
                     "AssignRouteAction" => routes.push(it),
                     "FollowTrajectoryAction" => at = Some(on_trajectory(it, scope, ground)?),
-                    _ => return Err(it.error("an action of this kind is not read")),
+                    _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
                 }
             }
             "LongitudinalAction" => match it.only()? {
@@ -78,10 +79,15 @@ pub(super) fn begins(
                 }
             },
             _ if is_still(it, is_ego)? => {}
-            _ => return Err(it.error("an action of this kind is not read")),
+            _ => return Err(it.refused("an action of this kind is not read", "place everybody by a `TeleportAction` or a trajectory, and leave the rest to events")),
         }
     }
-    let at = at.ok_or_else(|| private.error("nothing says where it begins"))?;
+    let at = at.ok_or_else(|| {
+        private.refused(
+            "nothing says where it begins",
+            "place it in Init by a `TeleportAction`",
+        )
+    })?;
     for route in routes {
         ground.leads_on(route, scope, &at)?;
     }
@@ -112,7 +118,7 @@ fn longitudinal<'a>(private: &'a Node, name: &'a str) -> impl Iterator<Item = &'
     along.filter_map(move |it| it.child(name))
 }
 
-/// How fast somebody is at first.
+/// Initial speed of an entity, in m/s.
 pub(super) fn first_speed_mps(
     private: &Node,
     scope: &Scope,
@@ -121,6 +127,7 @@ pub(super) fn first_speed_mps(
     let mut speed_mps = 0.0;
     for action in longitudinal(private, "SpeedAction") {
         let dynamics = action.inner("SpeedActionDynamics")?;
+        // A change in no time equals a step.
         let lasts = scope.number_or_zero(dynamics, "value")? != 0.0;
         if dynamics.raw("dynamicsShape") != Some("step") && lasts {
             let what = "a speed that is only reached after the start is not read in Init";
@@ -139,7 +146,12 @@ pub(super) fn first_speed_mps(
                     other.ok_or_else(|| target.error(format!("`{name}` is not placed before")))?;
                 other.speed_mps + value_mps
             }
-            _ => return Err(target.error("a target speed of this kind is not read")),
+            _ => {
+                return Err(target.refused(
+                    "a target speed of this kind is not read",
+                    "write an `AbsoluteTargetSpeed` or a `RelativeTargetSpeed`",
+                ));
+            }
         };
     }
     match 0.0 <= speed_mps {
@@ -148,7 +160,7 @@ pub(super) fn first_speed_mps(
     }
 }
 
-/// How far before the ego somebody is put, bumper to bumper.
+/// Initial bumper-to-bumper gap in metres of an entity ahead of the ego, if stated.
 pub(super) fn first_gap_m(
     private: &Node,
     scope: &Scope,
@@ -161,7 +173,7 @@ pub(super) fn first_gap_m(
     Ok(gap_m)
 }
 
-/// When the file ends a run, if it says so by nothing but a time.
+/// Time in seconds at which the file ends the run, if it states a time alone.
 pub(super) fn stop_s(board: &Node, scope: &Scope) -> Result<Option<f64>, ImportError> {
     let groups = board.child("StopTrigger");
     let groups = groups.into_iter().flat_map(|it| it.all("ConditionGroup"));
@@ -170,13 +182,14 @@ pub(super) fn stop_s(board: &Node, scope: &Scope) -> Result<Option<f64>, ImportE
         if let Some((condition, time)) = lone_time(group) {
             let delay_s = scope.number_or_zero(condition, "delay")?;
             let at_s = scope.number(time, "value")? + delay_s;
+            // Groups are alternatives, so the earliest time ends the run.
             stop_s = Some(stop_s.map_or(at_s, |known| known.min(at_s)));
         }
     }
     Ok(stop_s)
 }
 
-/// By what the Init scales the friction of all roads.
+/// Factor by which the Init scales the friction of all roads.
 pub(super) fn friction_scale(
     init: &Node,
     scope: &Scope,
@@ -190,16 +203,24 @@ pub(super) fn friction_scale(
                 scale = friction_of(action, scope, ground)?.unwrap_or(scale);
             }
             "VariableAction" => {}
-            _ => return Err(action.error("an action of this kind is not read in Init")),
+            _ => {
+                return Err(action.refused(
+                    "an action of this kind is not read in Init",
+                    "leave it out, or make it an event",
+                ));
+            }
         }
     }
     if let Some(user) = init.child("UserDefinedAction") {
-        return Err(user.error("an action of this kind is not read in Init"));
+        return Err(user.refused(
+            "an action of this kind is not read in Init",
+            "leave it out: its meaning is not in the file",
+        ));
     }
     Ok(scale)
 }
 
-/// By what an environment scales friction, if it says so.
+/// Factor by which an environment scales friction, if it states one.
 pub(super) fn friction_of(
     action: &Node,
     scope: &Scope,

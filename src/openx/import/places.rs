@@ -1,4 +1,4 @@
-//! Positions of scenario files, as places in the plane and ways through it.
+//! Positions of scenario files, as places in the plane and on paths.
 
 use std::collections::BTreeMap;
 
@@ -11,45 +11,45 @@ use super::spot::{Spot, wrapped};
 use super::tree::Node;
 use super::ways::{Bend, OnWay, Spiral, Way};
 
-/// Nearer than this two directions are one.
+/// Greatest angle in radians between two directions that count as equal.
 const SAME_RAD: f64 = 1e-6;
-/// A place so far beyond an end is at the end.
+/// Distance in metres beyond an end that still counts as the end.
 const SAME_M: f64 = 1e-6;
-/// A route so far beside somebody leads along its lane.
+/// Lateral distance in metres within which a route follows the lane.
 const ASIDE_M: f64 = 10.0;
 
-/// A place with what the file says of it.
+/// Place, with its description in the file.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub spot: Spot,
-    /// The lane, if it is given by one.
+    /// Lane, if the file gives the place by a lane.
     pub lane: Option<OnLane>,
-    /// The way on which it is, if it is given by one.
+    /// Position on a path, if the file gives the place by a path.
     pub way: Option<OnWay>,
 }
 
-/// A place by road and lane.
+/// Place by road and lane.
 #[derive(Clone, Debug)]
 pub(super) struct OnLane {
     pub road: String,
-    /// 0: none; the place is given by its t.
+    /// Number of the lane, or 0 if the place is given by its t.
     pub lane: i32,
     pub s_m: f64,
     pub t_m: f64,
 }
 
-/// What positions may refer to.
+/// Context to which positions may refer.
 #[derive(Clone, Copy)]
 pub(super) struct Ground<'a> {
     pub roads: &'a RoadMap,
     pub catalogs: &'a Catalogs,
     pub files: Files<'a>,
-    /// Who has been placed, by name.
+    /// Entities that have been placed, by name.
     pub placed: &'a BTreeMap<String, Placed>,
 }
 
 impl Ground<'_> {
-    /// The place that a `Position` says.
+    /// Returns the place of a `Position`.
     pub fn place(&self, position: &Node, scope: &Scope) -> Result<Placed, ImportError> {
         let it = position.only()?;
         match it.name.as_str() {
@@ -68,14 +68,21 @@ impl Ground<'_> {
             "RelativeLanePosition" => {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref().filter(|at| at.lane != 0);
-                let at = at.ok_or_else(|| it.error("what it is relative to is on no lane"))?;
+                let at = at.ok_or_else(|| it.refused("what it is relative to is on no lane", "place that by a `LanePosition`"))?;
                 let by = scope.number(it, "dLane")? as i32;
-                let ds = if it.raw("dsLane").is_some() {
-                    "dsLane"
-                } else {
-                    "ds"
-                };
-                let s_m = at.s_m + scope.number(it, ds)?;
+                let by_lane = it.raw("dsLane").is_some();
+                let s_m = at.s_m + scope.number(it, if by_lane { "dsLane" } else { "ds" })?;
+                // `ds` counts along the reference line and `dsLane` along the
+                // lane. The two agree on straight roads only.
+                if by_lane
+                    && !self
+                        .roads
+                        .road(it, &at.road)?
+                        .is_straight_between(at.s_m, s_m)
+                {
+                    let help = "use `ds`, which counts along the reference line of the road";
+                    return Err(it.refused("`dsLane` on a bend is not read", help));
+                }
                 let lane = (at.road.clone(), beside(at.lane, by));
                 let offset_m = scope.number_or_zero(it, "offset")?;
                 self.on_lane(it, scope, lane, s_m, offset_m)
@@ -83,7 +90,7 @@ impl Ground<'_> {
             "RelativeRoadPosition" => {
                 let other = self.other(it, scope)?;
                 let at = other.lane.as_ref();
-                let at = at.ok_or_else(|| it.error("what it is relative to is on no road"))?;
+                let at = at.ok_or_else(|| it.refused("what it is relative to is on no road", "place that by a `LanePosition` or a `RoadPosition`"))?;
                 let s_m = at.s_m + scope.number(it, "ds")?;
                 let t_m = at.t_m + scope.number(it, "dt")?;
                 self.on_road(it, scope, at.road.clone(), (s_m, t_m))
@@ -110,11 +117,11 @@ impl Ground<'_> {
                 })
             }
             "RoutePosition" => self.on_route(it, scope),
-            _ => Err(it.error("a position of this kind is not read")),
+            _ => Err(it.refused("a position of this kind is not read", "place it in the world, on a lane, a road, a trajectory or a route, or relative to these")),
         }
     }
 
-    /// A trajectory, and the parameters that it may name.
+    /// Returns a trajectory, with the parameters that it may use.
     pub fn trajectory(
         &self,
         reference: &Node,
@@ -127,7 +134,7 @@ impl Ground<'_> {
         }
     }
 
-    /// The way that a trajectory says, and where on it the trajectory begins.
+    /// Returns the path of a trajectory, and the position of its start on the path.
     pub fn way(&self, trajectory: &Node, scope: &Scope) -> Result<OnWay, ImportError> {
         let shape = trajectory.inner("Shape")?.only()?;
         match shape.name.as_str() {
@@ -150,22 +157,34 @@ impl Ground<'_> {
         }
     }
 
-    /// A way of lines, arcs and spirals.
+    /// Returns a path of lines, arcs and spirals.
     fn spline(&self, shape: &Node, scope: &Scope) -> Result<OnWay, ImportError> {
         let mut begins = None;
         let mut pieces = Vec::new();
         for segment in shape.all("ClothoidSplineSegment") {
             match (segment.child("PositionStart"), begins.is_none()) {
                 (Some(position), true) => begins = Some(self.place(position, scope)?),
-                (None, true) => return Err(segment.error("nothing says where it begins")),
+                (None, true) => {
+                    return Err(segment.refused(
+                        "nothing says where it begins",
+                        "give its first segment a `PositionStart`",
+                    ));
+                }
                 (Some(_), false) => {
-                    return Err(segment.error("a way that begins anew is not read"));
+                    return Err(segment.refused(
+                        "a way that begins anew is not read",
+                        "keep the `PositionStart` of the first segment only",
+                    ));
                 }
                 (None, false) => {}
             }
+            // A heading offset between segments would be a corner.
             let turns = scope.number_or_zero(segment, "hOffset")? != 0.0;
             if turns || shape.raw("timeEnd").is_some() {
-                return Err(segment.error("a way with corners or times is not read"));
+                return Err(segment.refused(
+                    "a way with corners or times is not read",
+                    "leave out `hOffset` and `timeEnd`",
+                ));
             }
             let spiral = Spiral {
                 length_m: scope.number(segment, "length")?,
@@ -175,9 +194,13 @@ impl Ground<'_> {
             if spiral.length_m <= 0.0 {
                 return Err(segment.error(format!("a piece of {} m", spiral.length_m)));
             }
+            // A path of its own has no lanes beside it, so its arcs need no
+            // margin.
             pieces.extend(spiral.arcs(0.0));
         }
-        let begins = begins.ok_or_else(|| shape.error("a way without pieces"))?;
+        let begins = begins.ok_or_else(|| {
+            shape.refused("a way without pieces", "give it a `ClothoidSplineSegment`")
+        })?;
         let lengths = pieces.iter().map(|piece: &Bend| piece.length_m);
         let mut on = OnWay {
             ends_m: lengths.sum(),
@@ -187,8 +210,9 @@ impl Ground<'_> {
             },
             along_m: 0.0,
         };
-        // A way that begins on a straight road goes on from where that does, so
-        // that points which begin elsewhere on it share a world.
+        // A path that starts on a straight road is extended back to the start
+        // of the road. Points that start elsewhere on the road then share a
+        // world.
         let lane = begins.lane.as_ref().filter(|at| 0.0 < at.s_m);
         if let Some((line, at)) = lane.and_then(|at| Some((self.roads.get(&at.road)?, at))) {
             let first = line.at(0.0, at.t_m);
@@ -197,6 +221,8 @@ impl Ground<'_> {
                 on.begin_at(first);
             }
         }
+        // A path continues straight after its last piece, so a final line adds
+        // nothing.
         on.way.end_straight();
         Ok(on)
     }
@@ -219,7 +245,7 @@ impl Ground<'_> {
         let t_m = line.middle_m(it, lane)? + offset_m;
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
         let on = line.at(s_m, t_m);
-        // Lanes on the left are driven against the road.
+        // Lanes left of the reference line are driven against its direction.
         let driven = match 0 < lane {
             true => Spot {
                 heading_rad: wrapped(on.heading_rad + core::f64::consts::PI),
@@ -265,6 +291,7 @@ impl Ground<'_> {
         let reference = it.inner("RouteRef")?.only()?;
         let (route, stops) = self.route(reference, scope)?;
         let spots: Vec<Spot> = stops.iter().map(|stop| stop.spot).collect();
+        // Only the direction of the route matters here: it must be straight.
         let begins = Way::through(&route, &spots)?.begins;
         let on = it.inner("InRoutePosition")?.only()?;
         let along_m = scope.number(on, "pathS")?;
@@ -273,12 +300,18 @@ impl Ground<'_> {
         within(on, along_m, ends_m, "the route")?;
         let aside_m = match on.name.as_str() {
             "FromLaneCoordinates" => scope.number_or_zero(on, "laneOffset")?,
-            // Seen from the middle of the road, not of the lane.
+            // The offset is relative to the reference line of the road, not to
+            // the lane.
             "FromRoadCoordinates" => {
                 let t_m = stops[0].lane.as_ref().map_or(0.0, |at| at.t_m);
                 scope.number_or_zero(on, "t")? - t_m
             }
-            _ => return Err(on.error("a place on a route of this kind is not read")),
+            _ => {
+                return Err(on.refused(
+                    "a place on a route of this kind is not read",
+                    "write `FromLaneCoordinates` or `FromRoadCoordinates`",
+                ));
+            }
         };
         let begins = begins.moved(0.0, aside_m);
         Ok(Placed {
@@ -292,7 +325,7 @@ impl Ground<'_> {
         })
     }
 
-    /// A route, and the places through which it leads.
+    /// Returns a route and its waypoints.
     fn route(&self, it: &Node, scope: &Scope) -> Result<(Node, Vec<Placed>), ImportError> {
         let (route, own) = match it.name.as_str() {
             "CatalogReference" => self.catalogs.entry(it, scope, self.files)?,
@@ -305,8 +338,7 @@ impl Ground<'_> {
         Ok((route, stops))
     }
 
-    /// Refuses a route that leads elsewhere than straight on from a place, or
-    /// along its road.
+    /// Refuses a route that leaves the straight line ahead of a place and its road.
     pub fn leads_on(&self, assigned: &Node, scope: &Scope, at: &Placed) -> Result<(), ImportError> {
         let (_, stops) = self.route(assigned.only()?, scope)?;
         let from = at.way.as_ref().map_or(at.spot, |on| on.way.begins);
@@ -327,7 +359,7 @@ impl Ground<'_> {
     }
 }
 
-/// Refuses a place before or behind what it lies on.
+/// Refuses a place before the start or after the end of its road or path.
 fn within(it: &Node, s_m: f64, length_m: f64, what: &str) -> Result<(), ImportError> {
     match (-SAME_M..=length_m + SAME_M).contains(&s_m) {
         true => Ok(()),
@@ -340,7 +372,7 @@ fn within(it: &Node, s_m: f64, length_m: f64, what: &str) -> Result<(), ImportEr
     }
 }
 
-/// A place turned as its `Orientation` says.
+/// Turns a place by its `Orientation`.
 fn turned(it: &Node, scope: &Scope, spot: Spot) -> Result<Spot, ImportError> {
     let Some(orientation) = it.child("Orientation") else {
         return Ok(spot);
@@ -348,6 +380,7 @@ fn turned(it: &Node, scope: &Scope, spot: Spot) -> Result<Spot, ImportError> {
     let h_rad = scope.number_or_zero(orientation, "h")?;
     let base_rad = match orientation.raw("type") {
         Some("relative") => spot.heading_rad,
+        // Absolute headings are the default of OpenSCENARIO.
         _ => 0.0,
     };
     Ok(Spot {
@@ -356,7 +389,9 @@ fn turned(it: &Node, scope: &Scope, spot: Spot) -> Result<Spot, ImportError> {
     })
 }
 
-/// The lane so many to the left; there is no lane 0.
+/// Lane that lies `by` lanes to the left.
+///
+/// The number 0 is skipped, because no driving lane has it.
 fn beside(lane: i32, by: i32) -> i32 {
     let there = lane + by;
     match (lane < 0 && 0 <= there, 0 < lane && there <= 0) {
@@ -366,14 +401,15 @@ fn beside(lane: i32, by: i32) -> i32 {
     }
 }
 
-/// Whether two directions are one.
+/// Returns true if two directions are equal within [`SAME_RAD`].
 pub(super) fn is_along(heading_rad: f64, direction_rad: f64) -> bool {
     wrapped(heading_rad - direction_rad).abs() < SAME_RAD
 }
 
-/// The lane so many beside another's.
+/// Lane beside another one, where 0 means the same lane.
 pub(super) fn lane_beside(at: &OnLane, by: i32) -> i32 {
     match by {
+        // A place by t has lane 0, which `beside` does not expect.
         0 => at.lane,
         by => beside(at.lane, by),
     }

@@ -1,4 +1,4 @@
-//! What somebody does, as a world file has it: meetings and scripts.
+//! Plans of entities in the form of a world file: meetings and scripts.
 
 use super::draft::{Draft, tidy};
 use super::entity::{Law, Steady, Step, Watch};
@@ -6,7 +6,12 @@ use super::error::ImportError;
 use super::scenario::Concrete;
 use super::seen::{Path, Seen, ego_lever_m, named};
 
-/// The plan of somebody, as `drive` or as `base`.
+/// Writes the plan of an entity, as its `drive` or as the base of an ado.
+///
+/// # Errors
+///
+/// Returns an error for a second condition, and for a place outside of the
+/// frame.
 pub(super) fn plan(
     draft: &mut Draft,
     concrete: &Concrete,
@@ -18,9 +23,11 @@ pub(super) fn plan(
     if let Some(meets) = &it.entity.meets {
         let ego = concrete.in_frame(&meets.ego)?;
         let here = concrete.in_frame(&meets.here)?;
+        // Places are those of reference points, and worlds state fronts.
         let here_m = match it.path {
             Path::Left | Path::Right => here.y_m + it.front_left_m(),
             Path::Own(begins, on) => {
+                // On a bent path, the station is the distance along the pieces.
                 let along_m = match &meets.here.way {
                     Some(here) if here.way == on.way && !on.way.pieces.is_empty() => here.along_m,
                     _ => begins.sees(&here).x_m,
@@ -63,10 +70,13 @@ fn step_of(
     (step, number): (&Step, usize),
     trigger: &mut Option<(String, f64)>,
 ) -> Result<(), ImportError> {
+    // Names of axes start with the entity and the number of the step, so they are
+    // unique.
     let axis = |what: &str| format!("{}.step{number}.{what}", it.name);
     draft.text("\n                (");
     if let Some(watch) = &step.when {
         let parameter = format!("{}_trigger", it.name);
+        // A world has one trigger parameter, which all its points share.
         if trigger.is_some() {
             let help = "let one event only wait for a distance";
             let what = "several steps that wait for somebody are not read";
@@ -136,6 +146,7 @@ fn law_of(
             most_lateral_mps2,
         } => {
             let width_m = concrete.lane_width_m;
+            // World files state offsets from the middle of the initial lane.
             let middle_m = concrete.lane_at(it.spot.y_m) * width_m;
             let to_m = t_m - concrete.zero_m() - middle_m;
             let most = (
@@ -152,8 +163,9 @@ fn law_of(
     }
 }
 
-/// A clearance along the road below or above a parameter, of one of several or
-/// of all of them.
+/// Formula of a clearance below or above a parameter.
+///
+/// It concerns one of several entities, or all of them.
 fn formula(
     all: &[Seen],
     watch: &Watch,
@@ -173,6 +185,7 @@ fn formula(
         true => holding.all(|holds| holds),
         false => holding.any(|holds| holds),
     };
+    // An edge from false to true requires a false start.
     if watch.rises && holds {
         let what = "its rising edge is not seen: it holds from the start on";
         let help = "write conditionEdge=\"none\", or place them so that it does not hold";
@@ -189,10 +202,12 @@ fn formula(
     })
 }
 
-/// Whether what a step waits for holds of somebody as the run begins.
+/// Returns true if the condition of a step holds at the start of the run.
 fn holds_at_start(watch: &Watch, who: &Seen, whom: &Seen) -> bool {
     let front_m = |it: &Seen| it.spot.x_m + it.front_along_m();
     let ahead_m = front_m(whom) - front_m(who);
+    // The pair is clear by the gap on either side. The gap is negative while
+    // they overlap.
     let clear_m = (ahead_m - whom.rear_m()).max(-ahead_m - who.rear_m());
     let bound_m = match watch.is_time {
         true => watch.value * who.entity.speed_mps,
@@ -208,7 +223,9 @@ fn waits(watch: &Watch, who: &Seen, whom: &Seen, parameter: &str, is_first: bool
     let headway = format!("{}.{}.headway", who.name, whom.name);
     let ahead = format!("{headway} - {}", tidy(whom.rear_m()));
     let behind = format!("-{headway} - {}", tidy(who.rear_m()));
-    // They come near before they pass each other, and are far apart behind that, too.
+    // Entities approach before they pass, and are far apart again after
+    // passing. A first step below a bound therefore only watches the side of
+    // the approach.
     let clearance = match (watch.is_below && is_first, who.spot.x_m <= whom.spot.x_m) {
         (true, true) => ahead,
         (true, false) => behind,
@@ -218,8 +235,10 @@ fn waits(watch: &Watch, who: &Seen, whom: &Seen, parameter: &str, is_first: bool
         true => format!("{parameter} * {}.speed", who.name),
         false => parameter.to_owned(),
     };
-    // Strictly: who touches is not nearer than 0 m.
+    // The comparison is strict: a touching entity has a clearance of 0 m, not
+    // less.
     match watch.is_below {
+        // A formula has no strict comparison, so 1 µm separates the two.
         true => format!("max({clearance}, 0) + 0.000001 <= {bound}"),
         false => format!("{clearance} >= {bound} + 0.000001"),
     }

@@ -1,4 +1,4 @@
-//! Variation files: the points at which a scenario is to be run.
+//! Variation files: points at which a scenario is run.
 
 use std::path::Path;
 
@@ -7,15 +7,18 @@ use super::files::Files;
 use super::scope::number;
 use super::tree::Node;
 
-/// More points than this are refused.
+/// Greatest number of points.
 const MAX_POINTS: usize = 1_000_000;
 
-/// What a point sets, as written, in the order of the file.
+/// Values that a point sets, as written and in the order of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportedPoint(pub Vec<(String, String)>);
 
-/// The points of a file: the product of its axes in the order of the document,
-/// of which the last runs fastest.
+/// Points of a file: the product of its axes, of which the last varies fastest.
+///
+/// # Errors
+///
+/// Returns an error for other distributions and for more than [`MAX_POINTS`].
 pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, ImportError> {
     let root = Node::read(path, files)?;
     let list = root
@@ -30,6 +33,8 @@ pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, 
         }
         for axis in &kind.children {
             let values = axis_of(axis)?;
+            // Checked before the product is built, which could exhaust the
+            // memory.
             if MAX_POINTS < points.len() * values.len() {
                 return Err(axis.error(format!("more than {MAX_POINTS} points")));
             }
@@ -45,7 +50,7 @@ pub(super) fn read(path: &Path, files: Files<'_>) -> Result<Vec<ImportedPoint>, 
     Ok(points)
 }
 
-/// What each step of an axis sets.
+/// Values that each step of an axis sets.
 fn axis_of(axis: &Node) -> Result<Vec<Vec<(String, String)>>, ImportError> {
     match axis.name.as_str() {
         "DeterministicSingleParameterDistribution" => {
@@ -79,7 +84,7 @@ fn axis_of(axis: &Node) -> Result<Vec<Vec<(String, String)>>, ImportError> {
     }
 }
 
-/// Both ends belong to a range.
+/// Values of a range, including both ends.
 fn range_of(range: &Node) -> Result<Vec<String>, ImportError> {
     let limits = range.inner("Range")?;
     let of = |node: &Node, name: &str| {
@@ -88,12 +93,15 @@ fn range_of(range: &Node) -> Result<Vec<String>, ImportError> {
     };
     let (lower, upper) = (of(limits, "lowerLimit")?, of(limits, "upperLimit")?);
     let step = of(range, "stepWidth")?;
+    // A small surplus keeps the upper limit: (upper − lower) / step may be just
+    // below a whole number.
     let count = ((upper - lower) / step + 1e-9).floor();
     if step <= 0.0 || !(0.0..MAX_POINTS as f64).contains(&count) {
         return Err(range.error(format!(
             "a range from {lower} to {upper} in steps of {step}"
         )));
     }
+    // Multiples of the step and not repeated sums, whose errors would add up.
     let values = (0..=count as u32).map(|i| (lower + f64::from(i) * step).to_string());
     Ok(values.collect())
 }

@@ -1,8 +1,8 @@
-//! Roads from OpenDRIVE: lines, arcs and spirals, with lanes of one width.
+//! Roads from OpenDRIVE: lines, arcs and spirals, with lanes of constant width.
 //!
-//! What cannot be read of a road is an error only where somebody is on it.
+//! Unsupported content of a road is an error only if an entity is on the road.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::error::ImportError;
 use super::scope::Scope;
@@ -11,13 +11,17 @@ use super::surface::Surface;
 use super::tree::Node;
 use super::ways::{Bend, Spiral};
 
-/// Lanes so far beside the reference line are near their spirals, too.
+/// Lateral distance in metres up to which lanes stay near their spirals.
 const LANES_M: f64 = 12.0;
-/// Pieces of a reference line meet within this.
+/// Tolerances within which consecutive pieces of a reference line connect.
 const MEET_M: f64 = 0.01;
 const MEET_RAD: f64 = 1e-3;
+/// A carriageway without lanes is about as wide as a car.
+const LEAST_WIDTH_M: f64 = 2.0;
+/// Places of a road that are looked at for whether it meets itself.
+const MOST_SAMPLES: f64 = 20_000.0;
 
-/// A piece of a reference line.
+/// Piece of a reference line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
     pub s_m: f64,
@@ -26,22 +30,22 @@ pub(super) struct Stretch {
     pub per_m: f64,
 }
 
-/// A road: its reference line, and its lanes from the middle outwards.
+/// Road: reference line and lanes.
 #[derive(Clone, Debug)]
 pub(super) struct Line {
     node: Node,
     pub length_m: f64,
     pub pieces: Vec<Stretch>,
-    /// What cannot be said of it, found when somebody is on it.
+    /// First unsupported content, returned when an entity is on the road.
     refused: Option<ImportError>,
     offset_m: f64,
-    /// Number, width, and whether one drives there.
+    /// Number, width in metres, and true for a driving lane.
     lanes: Vec<(i32, f64, bool)>,
     /// Friction and speed limits.
     pub surface: Surface,
 }
 
-/// All roads of a file, by their id.
+/// Roads of a file by their id.
 #[derive(Clone, Debug)]
 pub(super) struct RoadMap(BTreeMap<String, Line>);
 
@@ -54,22 +58,30 @@ impl RoadMap {
         Ok(RoadMap(roads.collect::<Result<_, ImportError>>()?))
     }
 
-    /// A road by its id.
+    /// Returns a road by its id.
     pub fn get(&self, id: &str) -> Option<&Line> {
         self.0.get(id)
     }
 
-    /// All roads.
+    /// Returns all roads.
     pub fn all(&self) -> impl Iterator<Item = &Line> {
         self.0.values()
     }
 
-    /// The friction of a road; where it is none, of all.
+    /// Friction of a road. Without a road, the common friction of all roads.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the roads differ.
     pub fn friction(&self, road: Option<&str>) -> Result<f64, ImportError> {
         self.one_of(road, |surface| surface.friction.clone())
     }
 
-    /// The speed limit of a road; where it is none, of all.
+    /// Speed limit of a road. Without a road, the common limit of all roads.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error if the roads differ.
     pub fn limit_mps(&self, road: Option<&str>) -> Result<Option<f64>, ImportError> {
         self.one_of(road, |surface| surface.limit_mps.clone())
     }
@@ -82,6 +94,7 @@ impl RoadMap {
         let asked = |(id, _): &(&String, &Line)| road.is_none_or(|road| road == *id);
         let mut roads = self.0.iter().filter(asked).map(|(_, line)| line);
         let Some(first) = roads.next() else {
+            // A file without roads has the default surface.
             return of(&Surface::default());
         };
         let value = of(&first.surface)?;
@@ -95,7 +108,9 @@ impl RoadMap {
         Ok(value)
     }
 
-    /// A road by its id, fit to be driven on; `asks` is who names it.
+    /// Returns a road by its id, if it is supported.
+    ///
+    /// `asks` is the element that refers to the road.
     pub fn road(&self, asks: &Node, id: &str) -> Result<&Line, ImportError> {
         let road = self.0.get(id);
         let road = road.ok_or_else(|| asks.error(format!("there is no road `{id}`")))?;
@@ -109,6 +124,8 @@ impl RoadMap {
 impl Line {
     fn of(road: &Node) -> Result<Line, ImportError> {
         let plain = Scope::default();
+        // The first problem of a road is kept and reading continues: an unused
+        // road must not fail the import.
         let mut refused = None;
         if road.raw("rule") == Some("LHT") {
             let help = "mirror the road and the scenario: worlds have right-hand traffic";
@@ -136,6 +153,7 @@ impl Line {
                     let what =
                         format!("a road with a `{other}`: only lines, arcs and spirals are read");
                     refused.get_or_insert_with(|| shape.error(what));
+                    // The shape is replaced by a line. No entity can be on it.
                     bend(0.0)
                 }
             };
@@ -145,7 +163,8 @@ impl Line {
                 y_m: plain.number(geometry, "y")?,
                 heading_rad: plain.number(geometry, "hdg")?,
             };
-            // Behind what is not read nothing fits.
+            // After an unsupported piece, the start of the next piece cannot be
+            // checked.
             if refused.is_none() {
                 refused = meets(geometry, before, (s_m, start)).err();
             }
@@ -163,6 +182,8 @@ impl Line {
         if pieces.is_empty() {
             return Err(road.error("a road without geometry"));
         }
+        // The declared length serves as the end of the road, so it must agree
+        // with the pieces.
         let ends_m = pieces.last().map_or(0.0, |piece| piece.end().0);
         if MEET_M < (ends_m - length_m).abs() {
             let what = format!("its length is {length_m} m, that of its geometry {ends_m} m");
@@ -195,7 +216,7 @@ impl Line {
             }
             all.push((id, width_m, lane.raw("type") == Some("driving")));
         }
-        Ok(Line {
+        let mut line = Line {
             surface: Surface::of(road, first)?,
             node: road.clone(),
             length_m,
@@ -203,28 +224,88 @@ impl Line {
             refused,
             offset_m,
             lanes: all,
-        })
+        };
+        if line.refused.is_none()
+            && let Some((s_m, again_m)) = line.meets_itself()
+        {
+            let what = format!("it is at s = {again_m:.0} m where it was at s = {s_m:.0} m");
+            let help = "cut it into roads that do not overlap: a place has one station on a road";
+            line.refused = Some(road.refused(what, help));
+        }
+        Ok(line)
     }
 
-    /// The place at a station, so far to the left of the reference line.
+    /// Two stations whose carriageways overlap, if there are any: the road closes
+    /// on itself, or crosses itself.
+    fn meets_itself(&self) -> Option<(f64, f64)> {
+        let turns = self.pieces.iter().map(|it| (it.per_m * it.length_m).abs());
+        // Nothing comes back that has not turned round.
+        if turns.sum::<f64>() <= core::f64::consts::PI {
+            return None;
+        }
+        let side_m = |sign: i32| {
+            let lanes = self.lanes.iter().filter(|(id, ..)| *id * sign > 0);
+            lanes.map(|(_, width_m, _)| width_m).sum::<f64>()
+        };
+        let near_m = (side_m(1) + side_m(-1)).max(LEAST_WIDTH_M);
+        let apart_m = (self.length_m / MOST_SAMPLES).max(0.25 * near_m);
+        let cell = |at_m: f64| (at_m / near_m).floor() as i64;
+        let mut seen: HashMap<(i64, i64), Vec<(f64, Spot)>> = HashMap::new();
+        let samples = (self.length_m / apart_m).min(MOST_SAMPLES) as usize;
+        for s_m in (0..=samples).map(|nth| nth as f64 * apart_m) {
+            let here = self.at(s_m, 0.0);
+            let (column, row) = (cell(here.x_m), cell(here.y_m));
+            let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
+            for (dx, dy) in around {
+                let there = seen.get(&(column + dx, row + dy)).into_iter().flatten();
+                // A bend is near itself for a while: half a turn at its tightest.
+                let mut others = there.filter(|(other_m, _)| other_m + 4.0 * near_m < s_m);
+                let touches = |spot: &Spot| {
+                    libm::hypot(spot.x_m - here.x_m, spot.y_m - here.y_m) < 0.9 * near_m
+                };
+                if let Some((other_m, _)) = others.find(|(_, spot)| touches(spot)) {
+                    return Some((*other_m, s_m));
+                }
+            }
+            seen.entry((column, row)).or_default().push((s_m, here));
+        }
+        None
+    }
+
+    /// Returns whether the reference line is straight between two stations.
+    pub fn is_straight_between(&self, from_m: f64, to_m: f64) -> bool {
+        let (from_m, to_m) = (from_m.min(to_m), from_m.max(to_m));
+        let between = |it: &&Stretch| it.s_m < to_m && from_m < it.s_m + it.length_m;
+        let mut pieces = self.pieces.iter().filter(between);
+        pieces.all(|it| it.per_m == 0.0)
+    }
+
+    /// Place at a station, `t_m` to the left of the reference line.
     pub fn at(&self, s_m: f64, t_m: f64) -> Spot {
+        // A station on a joint belongs to the later piece.
         let before = self.pieces.iter().rev().find(|it| it.s_m <= s_m);
         let piece = before.unwrap_or(&self.pieces[0]);
         let on = piece.start.bent(s_m - piece.s_m, piece.per_m);
         on.moved(0.0, t_m)
     }
 
-    /// How long the way beside the reference line is between two stations.
+    /// Length of the parallel to the reference line between two stations, in metres.
     pub fn way_m(&self, from_m: f64, to_m: f64, t_m: f64) -> f64 {
         let parts = self.pieces.iter().map(|piece| {
             let ends_m = piece.s_m + piece.length_m;
             let part_m = to_m.min(ends_m) - from_m.max(piece.s_m);
+            // On the inside of a bend a parallel is shorter, by the factor 1 −
+            // κ·t.
             part_m.max(0.0) * (1.0 - piece.per_m * t_m)
         });
         parts.sum()
     }
 
-    /// Where the middle of a lane is, from the reference line.
+    /// Lateral position of the middle of a lane, from the reference line in metres.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for an unknown lane.
     pub fn middle_m(&self, asks: &Node, lane: i32) -> Result<f64, ImportError> {
         let width_of = |id: i32| {
             let found = self.lanes.iter().find(|(known, ..)| *known == id);
@@ -233,6 +314,8 @@ impl Line {
                 asks.error(format!("the road `{road}` has no lane {id}"))
             })
         };
+        // All lanes between the reference line and the lane add up, driven or
+        // not.
         let mut edge_m = 0.0;
         for id in 1..lane.abs() {
             edge_m += width_of(id * lane.signum())?;
@@ -241,8 +324,7 @@ impl Line {
         Ok(self.offset_m + middle_m * f64::from(lane.signum()))
     }
 
-    /// The lanes on which one drives on the side of another one, the outermost
-    /// first, if they lie beside each other and are of one width.
+    /// Driving lanes on the side of a lane with their widths, the outermost first.
     pub fn driven_beside(&self, lane: i32) -> Vec<(i32, f64)> {
         let side = self.lanes.iter();
         let side = side.filter(|(id, _, drives)| *drives && *id * lane > 0);
@@ -251,22 +333,21 @@ impl Line {
         side
     }
 
-    /// Whether it goes straight on.
+    /// Returns true for a single straight piece.
     pub fn is_straight(&self) -> bool {
         self.pieces.len() == 1 && self.pieces[0].per_m == 0.0
     }
 }
 
 impl Stretch {
-    /// The station and the place at its end.
+    /// Station and place of its end.
     fn end(&self) -> (f64, Spot) {
         let end = self.start.bent(self.length_m, self.per_m);
         (self.s_m + self.length_m, end)
     }
 }
 
-/// Refuses a piece of a reference line that does not begin where the one before
-/// it ends.
+/// Refuses a piece that does not start at the end of the previous piece.
 fn meets(
     geometry: &Node,
     before: Option<(f64, Spot)>,
@@ -289,7 +370,7 @@ fn meets(
     }
 }
 
-/// By how much all lanes are moved aside.
+/// Lateral offset of all lanes in metres.
 fn lane_offset_m(lanes: &Node, refused: &mut Option<ImportError>) -> Result<f64, ImportError> {
     let plain = Scope::default();
     let mut offset_m = 0.0;
@@ -297,6 +378,7 @@ fn lane_offset_m(lanes: &Node, refused: &mut Option<ImportError>) -> Result<f64,
         let before_m = offset_m;
         offset_m = plain.number_or_zero(offset, "a")?;
         let begins_m = plain.number(offset, "s")?;
+        // A repeated offset changes nothing and is accepted.
         if offset_m != before_m && (0 < i || begins_m != 0.0) {
             let what = "lanes whose offset changes along the road are not read";
             let help = "keep one laneOffset from s = 0 on: cut the road where it changes";

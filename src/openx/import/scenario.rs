@@ -1,4 +1,4 @@
-//! A scenario file, and what it is at a point.
+//! Scenario file, and its content at one point.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -21,49 +21,49 @@ use super::spot::Spot;
 use super::tree::Node;
 use super::ways::{Bend, OnWay, Way};
 
-/// What a road's friction may be.
+/// Valid range of friction coefficients.
 const FRICTIONS: core::ops::RangeInclusive<f64> = 0.01..=2.0;
-/// A lane with less than this ahead of the ego leads off the road.
+/// Least length in metres of the ego's lane ahead of the ego.
 const LEAST_AHEAD_M: f64 = 100.0;
 
-/// A scenario file with its catalogs and roads.
+/// Scenario file with its catalogs and roads.
 pub(super) struct Protocol {
     root: Node,
     path: PathBuf,
     catalogs: Catalogs,
     roads: RefCell<BTreeMap<PathBuf, Rc<RoadMap>>>,
-    /// What the file says that it is.
+    /// Description of the file.
     pub about: String,
-    /// What all files say in vain.
+    /// Elements of all files that have no effect.
     pub dropped: Rc<DropLog>,
 }
 
-/// The ego's road, in whose frame all is said.
+/// Frame of the ego's road, to which all places refer.
 #[derive(Clone, Debug)]
 pub(super) enum Frame {
-    /// Straight on from a place.
+    /// Straight line from a place.
     Straight(Spot),
-    /// Beside a reference line, so far to its left.
+    /// Parallel to a reference line, `t_m` to its left.
     Beside { road: String, t_m: f64 },
-    /// Along a way that bends.
+    /// Bent path.
     Along(Way),
 }
 
-/// A scenario at a point.
+/// Scenario at a point.
 pub(super) struct Concrete {
     pub frame: Frame,
-    /// Where a straight frame lies beside its reference line.
+    /// Lateral position of a straight frame, from its reference line.
     straight_zero_m: f64,
     pub roads: Rc<RoadMap>,
     pub lanes: usize,
     pub lane_width_m: f64,
-    /// μ of the ego's road.
+    /// Friction coefficient μ of the ego's road.
     pub friction: f64,
     pub limit_mps: Option<f64>,
     pub entities: Vec<Entity>,
-    /// When the file ends the run, if it says so by time.
+    /// Time at which the file ends the run, if it states a time alone.
     pub stop_s: Option<f64>,
-    /// The file, for what is refused later.
+    /// Place of the file, for later errors.
     pub at: At,
 }
 
@@ -91,7 +91,7 @@ impl Protocol {
         })
     }
 
-    /// The line on which the file ends the run.
+    /// Line of the file's StopTrigger.
     pub fn ends_line(&self) -> usize {
         let board = self.root.child("Storyboard");
         let stop = board.and_then(|it| it.child("StopTrigger"));
@@ -102,7 +102,11 @@ impl Protocol {
         self.root.child("ParameterDeclarations")
     }
 
-    /// The parameters at a point.
+    /// Returns the parameters at a point.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a value of an undeclared parameter.
     pub fn scope(&self, point: &ImportedPoint) -> Result<Scope, ImportError> {
         let declared = |name: &str| {
             let list = self.declarations();
@@ -111,6 +115,7 @@ impl Protocol {
                 .flat_map(|it| it.all("ParameterDeclaration"));
             list.any(|it| it.raw("name") == Some(name))
         };
+        // A misspelled parameter would silently leave its default in place.
         if let Some((name, _)) = point.0.iter().find(|(name, _)| !declared(name)) {
             let what = format!("a point sets `{name}`, which the scenario does not declare");
             return Err(self.root.error(what));
@@ -118,7 +123,7 @@ impl Protocol {
         Scope::declared(self.declarations(), &Scope::default(), &point.0)
     }
 
-    /// What is wrong with a point whose values the file does not allow.
+    /// Returns the error of a point whose values break a constraint of the file.
     pub fn broken(&self, scope: &Scope) -> Result<Option<ImportError>, ImportError> {
         let broken = scope.broken(self.declarations())?;
         Ok(broken.map(|declaration| {
@@ -129,7 +134,11 @@ impl Protocol {
         }))
     }
 
-    /// The scenario with these parameters.
+    /// Returns the scenario with the given parameters.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error with file and element for unsupported content.
     pub fn at(&self, scope: &Scope, files: Files<'_>) -> Result<Concrete, ImportError> {
         let roads = self.road_map(scope, files)?;
         let mut placed: BTreeMap<String, Placed> = BTreeMap::new();
@@ -148,7 +157,8 @@ impl Protocol {
                 return Err(object.error("it is not placed"));
             }
         }
-        // In the order in which they are placed: some relative to those before.
+        // In the order of the Init, since a place may be relative to earlier
+        // entities.
         for begun in &privates {
             let name = begun.need("entityRef")?;
             let object = objects.iter().find(|it| it.raw("name") == Some(name));
@@ -167,6 +177,8 @@ impl Protocol {
                 files,
                 placed: &placed,
             };
+            // `ground` borrows the places so far, so an entity cannot refer to
+            // a later entity.
             let at = motion::begins(begun, scope, ground)?;
             let speed_mps = motion::first_speed_mps(begun, scope, &entities)?;
             let gap_m = motion::first_gap_m(begun, scope, speed_mps)?;
@@ -198,6 +210,8 @@ impl Protocol {
         let (Some(ego), Some(asks)) = (ego, asks) else {
             return Err(self.root.error("nobody is called `Ego`"));
         };
+        // The road of the ego decides: one world has one friction and one speed
+        // limit.
         let (frame, zero_m, lanes, lane_width_m) = frame(asks, &roads, ego)?;
         let road = ego.placed.lane.as_ref().map(|at| at.road.as_str());
         let scale = motion::friction_scale(init, scope, ground)?;
@@ -224,6 +238,7 @@ impl Protocol {
         let file = self.root.inner("RoadNetwork")?.inner("LogicFile")?;
         let beside = self.path.parent().unwrap_or(Path::new(""));
         let path = beside.join(scope.text(file, "filepath")?);
+        // Points often share a road file, which is parsed once.
         if let Some(known) = self.roads.borrow().get(&path) {
             return Ok(Rc::clone(known));
         }
@@ -236,8 +251,14 @@ impl Protocol {
 }
 
 impl Concrete {
-    /// A place along the ego's road, to its left, and turned from it; beside a way
-    /// that bends one that is not on it is a place in the plane.
+    /// Returns a place in the frame: along the ego's road, to its left, and turned.
+    ///
+    /// Beside a bent path, a place that is not on the path is a place in the
+    /// plane.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for a place on another road than a bent one of the ego.
     pub fn in_frame(&self, placed: &Placed) -> Result<Spot, ImportError> {
         let refused = |what: String| self.at.error(what);
         match &self.frame {
@@ -266,6 +287,8 @@ impl Concrete {
                 }
                 let root = self.roads.get(road);
                 let root = root.ok_or_else(|| refused(format!("there is no road `{road}`")))?;
+                // The frame is a parallel of the reference line, and its length
+                // differs by 1 − κ·t.
                 let pieces = root.pieces.iter();
                 let along = pieces.filter(|piece| piece.s_m < *s_m).map(|piece| {
                     let way_m = (s_m - piece.s_m).min(piece.length_m);
@@ -281,13 +304,15 @@ impl Concrete {
         }
     }
 
-    /// The curvature of the ego's lane 0 where its road begins.
+    /// Curvature of the ego's lane 0 at the start of its road, in 1/m.
     pub fn bend_per_m(&self) -> f64 {
+        // Any positive length returns the first piece.
         self.pieces(1.0).first().map_or(0.0, |piece| piece.per_m)
     }
 
-    /// Whether the ego's road is that of a place, too: all are on it but where
-    /// the ego turns off.
+    /// Returns true if a place is on the ego's road.
+    ///
+    /// Every place is, except beside an ego that turns off.
     pub fn is_on_road(&self, placed: &Placed) -> bool {
         match &self.frame {
             Frame::Along(way) => placed.way.as_ref().is_some_and(|on| on.way == *way),
@@ -295,18 +320,18 @@ impl Concrete {
         }
     }
 
-    /// Whether the ego's lane bends anywhere.
+    /// Returns true if the ego's lane bends anywhere.
     pub fn bends(&self) -> bool {
         !matches!(self.frame, Frame::Straight(_))
     }
 
-    /// Whether the ego's lane is bent in different ways as it goes on.
+    /// Returns true if the curvature of the ego's lane changes.
     pub fn bends_change(&self) -> bool {
         let pieces = self.pieces(f64::INFINITY);
         pieces.windows(2).any(|pair| pair[0].per_m != pair[1].per_m)
     }
 
-    /// Where lane 0 is beside the reference line of the ego's road.
+    /// Lateral position of lane 0, from the reference line of the ego's road.
     pub fn zero_m(&self) -> f64 {
         match &self.frame {
             Frame::Beside { t_m, .. } => *t_m,
@@ -314,13 +339,14 @@ impl Concrete {
         }
     }
 
-    /// The number of the lane in which a place beside lane 0's middle lies.
+    /// Number of the lane at a lateral distance from the middle of lane 0.
     pub fn lane_at(&self, left_m: f64) -> f64 {
+        // Places beside all lanes belong to the nearest lane.
         let lane = (left_m / self.lane_width_m).round().max(0.0);
         lane.min(self.lanes as f64 - 1.0)
     }
 
-    /// The pieces of the ego's lane 0 for so far; none where it is straight.
+    /// Pieces of the ego's lane 0 up to a length. A straight lane has none.
     pub fn pieces(&self, until_m: f64) -> Vec<Bend> {
         let (road, t_m) = match &self.frame {
             Frame::Straight(_) => return Vec::new(),
@@ -333,6 +359,8 @@ impl Concrete {
         let mut left_m = until_m;
         let mut pieces = Vec::new();
         for piece in &line.pieces {
+            // A parallel at t has the length 1 − κ·t times that of the
+            // reference line, and the curvature κ / (1 − κ·t).
             let scale = 1.0 - piece.per_m * t_m;
             let length_m = (piece.length_m * scale).min(left_m);
             left_m -= length_m;
@@ -346,14 +374,17 @@ impl Concrete {
     }
 }
 
-/// The frame of the ego's road: its outermost lane, where that is beside the
-/// reference line, how many there are, and their width.
+/// Frame of the ego's road.
+///
+/// Returns the frame, the lateral position of its outermost lane, and the
+/// number and the width of its lanes.
 fn frame(
     asks: &Node,
     roads: &RoadMap,
     ego: &Entity,
 ) -> Result<(Frame, f64, usize, f64), ImportError> {
     if let Some(OnWay { way, .. }) = &ego.placed.way {
+        // A path has no lanes of its own, so two of a usual width are drawn.
         let frame = match way.pieces.is_empty() {
             true => Frame::Straight(way.begins),
             false => Frame::Along(way.clone()),
@@ -383,7 +414,8 @@ fn frame(
     let width_m = own.map_or(3.5, |(_, width_m)| *width_m);
     let same = beside.iter().all(|(_, other_m)| *other_m == width_m);
     let (outer, lanes) = match (same, beside.len()) {
-        // The oncoming lane is drawn as well.
+        // A single lane, or lanes of different widths: the ego's lane and the
+        // oncoming lane.
         (true, 1) | (false, _) => (at.lane, 2),
         (true, lanes) => (beside[0].0, lanes),
     };
@@ -395,6 +427,6 @@ fn frame(
             t_m,
         },
     };
-    // Wider lanes than a world may have are fields, not lanes.
+    // Lanes wider than the limit of a world are proving grounds, not lanes.
     Ok((frame, t_m, lanes, width_m.min(20.0)))
 }

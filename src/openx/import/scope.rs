@@ -1,4 +1,4 @@
-//! Parameters with their values, and texts that name them.
+//! Parameters with their values, and texts that refer to them.
 
 use std::collections::BTreeMap;
 
@@ -6,15 +6,19 @@ use super::error::ImportError;
 use super::expression::evaluate;
 use super::tree::Node;
 
-/// The parameters that a part of a file may name, by name.
+/// Values of the parameters that a part of a file may use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scope(BTreeMap<String, String>);
 
 impl Scope {
-    /// The parameters that an element declares, with values of their own.
+    /// Returns the parameters of an element, in addition to the outer parameters.
     ///
-    /// Values are evaluated in the order of their declarations; `set` gives those
-    /// that somebody else sets, and which of them were declared.
+    /// Values are evaluated in the order of their declarations. `set` overrides
+    /// declared values and ignores undeclared names.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for an invalid expression or an unknown parameter.
     pub fn declared(
         node: Option<&Node>,
         outer: &Scope,
@@ -26,8 +30,11 @@ impl Scope {
             .flat_map(|it| it.all("ParameterDeclaration"));
         for declaration in declarations {
             let name = declaration.need("name")?;
+            // The last assignment of a name counts.
             let given = set.iter().rev().find(|(known, _)| known == name);
             let value = match given {
+                // Set values may contain expressions of parameters that are
+                // declared earlier.
                 Some((_, value)) => scope.resolve_text(declaration, value)?,
                 None => scope.text(declaration, "value")?,
             };
@@ -36,23 +43,23 @@ impl Scope {
         Ok(scope)
     }
 
-    /// Whether there is a parameter of a name.
+    /// Returns the value of a parameter.
     pub fn get(&self, name: &str) -> Option<&str> {
         self.0.get(name).map(String::as_str)
     }
 
-    /// An attribute, evaluated, that must be there.
+    /// Returns a required attribute, evaluated.
     pub fn text(&self, node: &Node, name: &str) -> Result<String, ImportError> {
         self.resolve_text(node, node.need(name)?)
     }
 
-    /// An attribute as a number, that must be there.
+    /// Returns a required attribute as a number.
     pub fn number(&self, node: &Node, name: &str) -> Result<f64, ImportError> {
         let text = self.text(node, name)?;
         number(&text).ok_or_else(|| node.error(format!("`{name}` is `{text}`, which is no number")))
     }
 
-    /// An attribute as a number, 0 if it is left out.
+    /// Returns an attribute as a number, or 0 if it is missing.
     pub fn number_or_zero(&self, node: &Node, name: &str) -> Result<f64, ImportError> {
         match node.raw(name) {
             Some(_) => self.number(node, name),
@@ -60,8 +67,10 @@ impl Scope {
         }
     }
 
-    /// A text, evaluated.
+    /// Evaluates a text.
     pub fn resolve_text(&self, node: &Node, text: &str) -> Result<String, ImportError> {
+        // Only complete texts are expressions or references. OpenSCENARIO has
+        // no interpolation.
         let trimmed = text.trim();
         if let Some(inner) = trimmed
             .strip_prefix("${")
@@ -75,6 +84,8 @@ impl Scope {
             };
             let value = evaluate(inner, &value);
             return match value {
+                // The shortest text that reads back bit for bit keeps the value
+                // exact.
                 Ok(value) => Ok(value.to_string()),
                 Err(why) => Err(node.error(format!("the expression `{trimmed}`: {why}"))),
             };
@@ -88,8 +99,9 @@ impl Scope {
         }
     }
 
-    /// The first declaration whose constraints its value breaks: one group must
-    /// hold, and of a group all.
+    /// Returns the first declaration whose constraints its value breaks.
+    ///
+    /// One constraint group must hold, with all its constraints.
     pub fn broken<'a>(&self, node: Option<&'a Node>) -> Result<Option<&'a Node>, ImportError> {
         let declarations = node
             .into_iter()
@@ -118,14 +130,16 @@ impl Scope {
     }
 }
 
-/// A text as a finite number.
+/// Parses a finite number.
 pub(super) fn number(text: &str) -> Option<f64> {
     let value: f64 = text.trim().parse().ok()?;
     value.is_finite().then_some(value)
 }
 
-/// Whether a rule holds between two values; `None`: there is no such rule.
+/// Evaluates a rule between two values. Returns `None` for an unknown rule.
 pub(super) fn compared(a: &str, rule: &str, b: &str) -> Option<bool> {
+    // Numbers are compared as numbers, since `1` equals `1.0`. Other values are
+    // compared as texts.
     let equal = match (number(a), number(b)) {
         (Some(a), Some(b)) => a == b,
         _ => a == b,

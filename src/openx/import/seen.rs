@@ -1,4 +1,4 @@
-//! Who is there, in the frame of the ego's road.
+//! Entities in the frame of the ego's road.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -9,34 +9,34 @@ use super::scenario::Concrete;
 use super::spot::Spot;
 use super::ways::OnWay;
 
-/// A pedestrian who faces a side within this does.
+/// Tolerance in radians of a pedestrian's direction.
 const SQUARE_RAD: f64 = 0.02;
 
-/// Somebody in the frame of the ego's road.
+/// Entity in the frame of the ego's road.
 pub(super) struct Seen<'a> {
     pub entity: &'a Entity,
     pub name: String,
-    /// The point that a scenario moves.
+    /// Reference point of the entity.
     pub spot: Spot,
     pub path: Path<'a>,
 }
 
-/// On what somebody moves.
+/// Path of an entity.
 pub(super) enum Path<'a> {
-    /// The ego's road, with it or against it.
+    /// Along the ego's road, with its direction or against it.
     With,
     Against,
-    /// Across it on foot: to the left or to the right.
+    /// Across the road on foot, to the left or to the right.
     Left,
     Right,
-    /// A way of its own: where that begins, and where it is on it.
+    /// Path of its own: the start of the path, and the position on it.
     Own(Spot, &'a OnWay),
-    /// It stands, turned from the road.
+    /// Standing entity, turned away from the road.
     Turned,
 }
 
 impl Seen<'_> {
-    /// From the moved point to the front, along the road.
+    /// Distance in metres from the reference point to the front, along the road.
     pub fn front_along_m(&self) -> f64 {
         let front_m = self.entity.body.front_m;
         match self.path {
@@ -61,23 +61,30 @@ impl Seen<'_> {
         entity.speed_mps == 0.0 && entity.steps.is_empty() && entity.meets.is_none()
     }
 
-    /// How much of it lies behind its front, along the ego's road.
+    /// Length in metres of the body behind its front, along the ego's road.
     pub fn rear_m(&self) -> f64 {
         let body = &self.entity.body;
         match self.path {
             Path::With => body.length_m,
+            // A crossing pedestrian covers its width along the road, half on
+            // each side of its front.
             Path::Left | Path::Right => 0.5 * body.width_m,
             _ => 0.0,
         }
     }
 }
 
-/// Somebody as the ego's road has it.
+/// Returns an entity in the frame of the ego's road.
+///
+/// # Errors
+///
+/// Returns an error for a direction that a world file cannot express.
 pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'a>, ImportError> {
     let spot = concrete.in_frame(&entity.placed)?;
     let refused = |what: String| entity.at.error(what);
     let moves = entity.speed_mps != 0.0 || !entity.steps.is_empty() || entity.meets.is_some();
-    // On foot it goes where its way leads, whatever it looks at.
+    // A pedestrian walks in the direction of its path, whatever its own
+    // heading.
     let heading_rad = match (&entity.placed.way, entity.body.on_foot) {
         (Some(on), true) => {
             let placed = super::places::Placed {
@@ -88,8 +95,9 @@ pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'
         }
         _ => spot.heading_rad,
     };
-    // A road that turns off is nobody's but who keeps to that very way.
+    // A road that turns off is shared only by entities on the same path.
     let shares_road = concrete.is_on_road(&entity.placed);
+    // Headings are within ±π, and both ends mean the opposite direction.
     let near = |direction_rad: f64| (heading_rad - direction_rad).abs() < SQUARE_RAD;
     let path = match entity.body.on_foot {
         true if !shares_road => {
@@ -121,6 +129,7 @@ pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'
                     "it moves across the ego's road on no way of its own".to_owned(),
                 ));
             }
+            // A standing entity needs no path.
             (_, false) => Path::Turned,
         },
     };
@@ -132,17 +141,18 @@ pub(super) fn seen<'a>(concrete: &Concrete, entity: &'a Entity) -> Result<Seen<'
     })
 }
 
-/// From the point of the ego that a scenario moves to its front.
+/// Distance in metres from the ego's reference point to its front.
 pub(super) fn ego_lever_m(all: &[Seen]) -> f64 {
     let ego = all.iter().find(|it| it.entity.is_ego);
     ego.map_or(0.0, |it| it.entity.body.front_m)
 }
 
-/// `ObstructionVehicle_Large` as `obstruction_vehicle_large`.
+/// Name in snake case: `ObstructionVehicle_Large` is `obstruction_vehicle_large`.
 pub(super) fn named(name: &str) -> String {
     let mut named = String::new();
     let mut before = '_';
     for c in name.chars() {
+        // Runs of capitals stay together, such as `VUT` in `VUT_Front`.
         if c.is_uppercase() && before != '_' && !before.is_uppercase() {
             named.push('_');
         }

@@ -1,6 +1,6 @@
 //! Places in the plane.
 
-/// A place in the plane, and where it faces.
+/// Place in the plane, with its direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Spot {
     pub x_m: f64,
@@ -9,7 +9,7 @@ pub(super) struct Spot {
 }
 
 impl Spot {
-    /// The place so far ahead and to the left, facing the same way.
+    /// Place ahead and to the left, with the same direction.
     pub fn moved(&self, ahead_m: f64, left_m: f64) -> Spot {
         let (sin, cos) = libm::sincos(self.heading_rad);
         Spot {
@@ -19,9 +19,10 @@ impl Spot {
         }
     }
 
-    /// The place so far along an arc, facing along it.
+    /// Place along an arc, with the direction of the arc.
     pub fn bent(&self, along_m: f64, per_m: f64) -> Spot {
         let turn_rad = per_m * along_m;
+        // A line is the limit of an arc, where the division by 0 fails.
         let (ahead_m, left_m) = match per_m == 0.0 {
             true => (along_m, 0.0),
             false => (
@@ -35,7 +36,7 @@ impl Spot {
         }
     }
 
-    /// Another place as it is seen from here: ahead, to the left, turned.
+    /// Another place in the frame of this place: ahead, to the left, turned.
     pub fn sees(&self, other: &Spot) -> Spot {
         let (dx, dy) = (other.x_m - self.x_m, other.y_m - self.y_m);
         let (sin, cos) = libm::sincos(self.heading_rad);
@@ -47,7 +48,7 @@ impl Spot {
     }
 }
 
-/// An angle in −π ..= π.
+/// Wraps an angle to −π ..= π.
 pub(super) fn wrapped(angle_rad: f64) -> f64 {
     libm::remainder(angle_rad, core::f64::consts::TAU)
 }

@@ -1,17 +1,18 @@
-//! Friction and speed limits of a road.
+//! Friction and speed limit of a road.
 
 use super::error::ImportError;
 use super::scope::Scope;
 use super::tree::Node;
 
-/// Metres per second of a mile per hour.
+/// Metres per second in one mile per hour.
 const MPH_MPS: f64 = 0.44704;
 
-/// What a world says of a road as a whole; refused where it changes along the
-/// road or from lane to lane.
+/// Properties of a road as a whole.
+///
+/// A property that changes along the road or between lanes is an error.
 #[derive(Clone, Debug)]
 pub(super) struct Surface {
-    /// μ as the road has it, before the scenario scales it.
+    /// Friction coefficient μ before the scenario scales it.
     pub friction: Result<f64, ImportError>,
     pub limit_mps: Result<Option<f64>, ImportError>,
 }
@@ -19,6 +20,8 @@ pub(super) struct Surface {
 impl Default for Surface {
     fn default() -> Surface {
         Surface {
+            // Without a material, the scenario's scale is the coefficient
+            // itself.
             friction: Ok(1.0),
             limit_mps: Ok(None),
         }
@@ -26,10 +29,12 @@ impl Default for Surface {
 }
 
 impl Surface {
-    /// Of a road with the lanes of a section.
+    /// Returns the surface of a road with the lanes of one section.
     pub fn of(road: &Node, section: Option<&Node>) -> Result<Surface, ImportError> {
         let sides = section.into_iter().flat_map(|it| &it.children);
         let lanes = sides.flat_map(|side| side.all("lane"));
+        // Materials of shoulders and sidewalks do not matter: no vehicle drives
+        // there.
         let driven = lanes.filter(|lane| lane.raw("type") == Some("driving"));
         let driven: Vec<&Node> = driven.collect();
         Ok(Surface {
@@ -54,7 +59,9 @@ fn friction(driven: &[&Node]) -> Result<Result<f64, ImportError>, ImportError> {
     Ok(Ok(known.unwrap_or(1.0)))
 }
 
-/// The limit of the lanes, or else of the road.
+/// Speed limit of the lanes. Without a limit, that of the road.
+///
+/// The outer error is a malformed file, the inner error an unsupported limit.
 fn limit_mps(
     road: &Node,
     driven: &[&Node],
@@ -64,7 +71,7 @@ fn limit_mps(
         .map(|it| (it, "s", it.child("speed").unwrap_or(it)));
     let of_lanes = driven.iter().flat_map(|lane| lane.all("speed"));
     let of_lanes: Vec<_> = of_lanes.map(|it| (it, "sOffset", it)).collect();
-    // Lanes of which only some have a limit differ from the road's.
+    // Lanes without a limit have that of the road, so both are compared.
     let limited = driven.iter().filter(|lane| lane.child("speed").is_some());
     let is_partly = !of_lanes.is_empty() && limited.count() < driven.len();
     let records: Vec<_> = match of_lanes.is_empty() {
@@ -72,6 +79,7 @@ fn limit_mps(
         false if is_partly => of_road.chain(of_lanes).collect(),
         false => of_lanes,
     };
+    // Lanes without any limit have none, which the others must not have either.
     let has_none = is_partly && road.child("type").is_none();
     let mut known = has_none.then_some(None);
     for (record, begins, speed) in records {
@@ -88,7 +96,7 @@ fn limit_mps(
     Ok(Ok(known.flatten()))
 }
 
-/// What a `speed` says; `no limit` and `undefined` are none.
+/// Limit of a `speed` element. `no limit` and `undefined` are no limit.
 fn max_mps(speed: &Node) -> Result<Option<f64>, ImportError> {
     if matches!(speed.raw("max"), None | Some("no limit" | "undefined")) {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! XML as a tree that knows its lines.
+//! XML tree with line numbers.
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -10,31 +10,37 @@ use quick_xml::events::{BytesStart, Event};
 use super::error::{At, ImportError};
 use super::files::Files;
 
-/// Larger files are refused.
+/// Greatest size of a file in bytes.
 const MAX_BYTES: usize = 16 << 20;
-/// Deeper documents are refused.
+/// Greatest depth of nested elements.
 const MAX_DEPTH: usize = 200;
 
-/// An element.
+/// Element of a file.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub name: String,
     attributes: Vec<(String, String)>,
     pub children: Vec<Node>,
     pub line: usize,
-    /// Offset behind its opening tag, by which two of one line differ.
+    /// Offset behind its opening tag, which distinguishes elements of one line.
     pub place: usize,
     file: Rc<PathBuf>,
 }
 
 impl Node {
-    /// The root of a file.
+    /// Reads the root element of a file.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for an unreadable or too large file, and for invalid
+    /// XML.
     pub fn read(path: &Path, files: Files<'_>) -> Result<Node, ImportError> {
         let at = At::file(path);
         let text = files(path).map_err(|error| at.error(error.to_string()))?;
         if MAX_BYTES < text.len() {
             return Err(at.error(format!("it is larger than {MAX_BYTES} bytes")));
         }
+        // A byte order mark is no part of the XML.
         Node::parse(path, text.trim_start_matches('\u{feff}'))
     }
 
@@ -46,6 +52,8 @@ impl Node {
         let mut root: Option<Node> = None;
         loop {
             let event = reader.read_event();
+            // The position lies behind the event, so the line is that of the
+            // end of a tag.
             let upto = (reader.buffer_position() as usize).min(text.len());
             line += text
                 .get(counted..upto)
@@ -61,6 +69,8 @@ impl Node {
                     let node = Node::of(&file, &start, (line, upto))
                         .map_err(|what| At::element(path, "here".to_owned(), line).error(what))?;
                     open.push(node);
+                    // Guards the stack of the recursive functions that read the
+                    // tree.
                     if MAX_DEPTH < open.len() {
                         return Err(At::file(path).error("its elements nest too deeply"));
                     }
@@ -109,12 +119,12 @@ impl Node {
         })
     }
 
-    /// The file in which it stands.
+    /// Returns the path of its file.
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    /// Where it is.
+    /// Returns its place for errors.
     pub fn at(&self) -> At {
         let name = self.raw("name").or_else(|| self.raw("entityRef"));
         let shown = match name {
@@ -128,41 +138,43 @@ impl Node {
         self.at().error(what)
     }
 
-    /// The same with a cure.
+    /// Returns an error with a help.
     pub fn refused(&self, what: impl Into<String>, help: &str) -> ImportError {
         self.error(what).helped(help)
     }
 
-    /// An attribute as written.
+    /// Returns an attribute as written.
     pub fn raw(&self, name: &str) -> Option<&str> {
         let mut attributes = self.attributes.iter();
         let found = attributes.find(|(known, _)| known == name);
         found.map(|(_, value)| value.as_str())
     }
 
-    /// An attribute as written that must be there.
+    /// Returns a required attribute as written.
     pub fn need(&self, name: &str) -> Result<&str, ImportError> {
         self.raw(name)
             .ok_or_else(|| self.error(format!("it has no `{name}`")))
     }
 
-    /// Its children of a name.
+    /// Returns the children of a name.
     pub fn all<'a>(&'a self, name: &'a str) -> impl Iterator<Item = &'a Node> {
         self.children.iter().filter(move |child| child.name == name)
     }
 
-    /// The first child of a name.
+    /// Returns the first child of a name.
     pub fn child(&self, name: &str) -> Option<&Node> {
         self.children.iter().find(|child| child.name == name)
     }
 
-    /// The first child of a name, which must be there.
+    /// Returns the first child of a name, or an error.
     pub fn inner(&self, name: &str) -> Result<&Node, ImportError> {
         self.child(name)
             .ok_or_else(|| self.error(format!("there is no `{name}` in it")))
     }
 
-    /// The only thing in it, whatever it is.
+    /// Returns the first child, or an error for an empty element.
+    ///
+    /// It serves elements with exactly one child of several possible kinds.
     pub fn only(&self) -> Result<&Node, ImportError> {
         self.children
             .first()

@@ -1,14 +1,14 @@
-//! When acts and events of a storyboard begin.
+//! Start times of acts and events.
 
 use super::entity::Watch;
 use super::error::ImportError;
 use super::scope::{Scope, compared};
 use super::tree::Node;
 
-/// When something begins.
+/// Start of an act or an event.
 pub(super) enum Starts {
     Never,
-    /// At a time of the run.
+    /// Simulation time in seconds.
     At(f64),
     After {
         element: StoryElement,
@@ -20,16 +20,16 @@ pub(super) enum Starts {
     },
 }
 
-/// An element of a storyboard, as conditions name it.
+/// Element of a storyboard, as conditions refer to it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct StoryElement {
-    /// `act`, `maneuver`, `event`, `action`, ….
+    /// Kind: `act`, `maneuver`, `event`, `action`, ….
     pub kind: String,
     pub name: String,
 }
 
 impl StoryElement {
-    /// The element that a node is; without a name nothing can refer to it.
+    /// Returns the element of a node, or `None` without a name.
     pub fn of(kind: &str, node: &Node) -> Option<StoryElement> {
         node.raw("name").map(|name| StoryElement {
             kind: kind.to_owned(),
@@ -38,7 +38,13 @@ impl StoryElement {
     }
 }
 
-/// When an act or an event begins, whose trigger is first looked at after `from_s`.
+/// Returns the start of an act or an event.
+///
+/// Its trigger is first evaluated after `from_s`.
+///
+/// # Errors
+///
+/// Returns an error for more than one relevant condition.
 pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, ImportError> {
     let Some(trigger) = node.child("StartTrigger") else {
         return Ok(Starts::At(from_s));
@@ -51,9 +57,11 @@ pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
         for condition in group.all("Condition") {
             all.push(condition_of(condition, scope, from_s)?);
         }
+        // A group of conditions holds only if all of them hold.
         if all.iter().any(|it| matches!(it, Starts::Never)) {
             continue;
         }
+        // A condition that holds at once adds nothing to the others.
         let is_now = |it: &Starts| matches!(it, Starts::At(at_s) if *at_s == from_s);
         all.retain(|it| !is_now(it));
         match (all.pop(), all.is_empty()) {
@@ -68,6 +76,8 @@ pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
         }
     }
     match (possible.pop(), possible.is_empty()) {
+        // An empty trigger starts at once. Groups that never hold never start
+        // it.
         (None, _) if groups == 0 => Ok(Starts::At(from_s)),
         (None, _) => Ok(Starts::Never),
         (Some(one), true) => Ok(one),
@@ -78,12 +88,12 @@ pub(super) fn starts(node: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
     }
 }
 
-/// Whether a condition must become true while it is watched.
+/// Returns true if a condition must become true while it is evaluated.
 fn rises(condition: &Node) -> Result<bool, ImportError> {
     match condition.raw("conditionEdge") {
         None | Some("none") => Ok(false),
-        // What is false at first and then true rises; what may fall is refused
-        // where it could.
+        // The conditions that are read become true at most once. A falling edge
+        // is refused.
         Some("rising" | "risingOrFalling") => Ok(true),
         Some(edge) => {
             let what = format!("a condition with a {edge} edge is not read");
@@ -96,6 +106,7 @@ fn rises(condition: &Node) -> Result<bool, ImportError> {
 
 fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, ImportError> {
     let delay_s = scope.number_or_zero(condition, "delay")?;
+    // A negative delay would start before the condition holds.
     if delay_s < 0.0 {
         let what = format!("a delay of {delay_s} s");
         return Err(condition.refused(what, "a delay is at least 0 s"));
@@ -104,8 +115,15 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
     let (kind, by) = condition
         .children
         .iter()
+        // The condition itself is the last child: the triggering entities
+        // precede it.
         .find_map(|it| Some((it, it.children.last()?)))
-        .ok_or_else(|| condition.error("there is nothing in it"))?;
+        .ok_or_else(|| {
+            condition.refused(
+                "there is nothing in it",
+                "name what it waits for, such as a `SimulationTimeCondition`",
+            )
+        })?;
     if kind.name == "ByValueCondition" {
         return match by.name.as_str() {
             "SimulationTimeCondition" => {
@@ -114,6 +132,7 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
             }
             "ParameterCondition" => parameter(by, scope, rises, from_s + delay_s),
             "StoryboardElementStateCondition" => {
+                // Both states begin when the element ends.
                 let ended = ["endTransition", "completeState"];
                 if !by.raw("state").is_some_and(|state| ended.contains(&state)) {
                     let what = "only the end of an element is read";
@@ -125,17 +144,22 @@ fn condition_of(condition: &Node, scope: &Scope, from_s: f64) -> Result<Starts, 
                 };
                 Ok(Starts::After { element, delay_s })
             }
-            _ => Err(by.error("a condition of this kind is not read")),
+            _ => Err(by.refused(
+                "a condition of this kind is not read",
+                "wait for a time, a parameter, or the end of an element",
+            )),
         };
     }
     let watch = watch(kind, scope, rises)?;
     Ok(Starts::When { watch, delay_s })
 }
 
-/// When a time has come that is first looked at after `from_s`.
+/// Time in seconds at which a time condition holds, evaluated after `from_s`.
 fn time_s(by: &Node, scope: &Scope, rises: bool, from_s: f64) -> Result<f64, ImportError> {
     let at_s = scope.number(by, "value")?;
     let is_past = match by.raw("rule") {
+        // At `from_s` itself, `greaterThan` does not hold yet, and
+        // `greaterOrEqual` does.
         Some("greaterThan") => at_s < from_s,
         Some("greaterOrEqual") => at_s <= from_s,
         _ => {
@@ -178,11 +202,15 @@ fn watch(kind: &Node, scope: &Scope, rises: bool) -> Result<Watch, ImportError> 
         .map(|it| scope.text(it, "entityRef"));
     let who = who.collect::<Result<Vec<_>, _>>()?;
     if who.is_empty() {
-        return Err(entities.error("nobody triggers it"));
+        return Err(entities.refused(
+            "nobody triggers it",
+            "name an entity: `<EntityRef entityRef=\"Ego\"/>`",
+        ));
     }
     let needs_all = match entities.raw("triggeringEntitiesRule") {
         Some("any") => false,
         Some("all") => true,
+        // A rule does not matter for one entity.
         _ if who.len() == 1 => false,
         _ => return Err(entities.refused("any of them, or all", "write the rule `any` or `all`")),
     };
@@ -190,15 +218,25 @@ fn watch(kind: &Node, scope: &Scope, rises: bool) -> Result<Watch, ImportError> 
     let is_time = match it.name.as_str() {
         "RelativeDistanceCondition" => false,
         "TimeHeadwayCondition" => true,
-        _ => return Err(it.error("a condition of this kind is not read")),
+        _ => {
+            return Err(it.refused(
+                "a condition of this kind is not read",
+                "wait for a `RelativeDistanceCondition` or a `TimeHeadwayCondition`",
+            ));
+        }
     };
     let is_longitudinal = it
         .raw("relativeDistanceType")
+        // Longitudinal is the default type.
         .is_none_or(|it| it == "longitudinal");
     if !is_longitudinal || it.raw("freespace") != Some("true") {
-        return Err(it.error("only clear distances along the road are read"));
+        return Err(it.refused(
+            "only clear distances along the road are read",
+            "write relativeDistanceType=\"longitudinal\" and freespace=\"true\"",
+        ));
     }
     let is_below = match it.need("rule")? {
+        // Equality has no duration, so both rules of a side are read alike.
         "lessThan" | "lessOrEqual" => true,
         "greaterThan" | "greaterOrEqual" => false,
         rule => return Err(it.error(format!("the rule `{rule}` is not read here"))),

@@ -1,43 +1,44 @@
-//! Ways through the plane: lines and arcs one after the other, and spirals as
-//! arcs that stay as near to them as nobody sees.
+//! Paths in the plane: sequences of lines and arcs.
+//!
+//! Spirals are replaced by arcs within a millimetre of them.
 
 use super::error::ImportError;
 use super::spot::Spot;
 use super::tree::Node;
 
-/// So far from a spiral its arcs lie at most, in metres.
+/// Greatest distance in metres of the arcs from their spiral.
 const NEAR_M: f64 = 0.001;
-/// What shares a line is no farther from it than this.
+/// Greatest distance in metres of a point from a line that counts as on it.
 const STRAIGHT_M: f64 = 1e-3;
-/// An arc of a world turns by half a circle at most.
+/// Greatest turn of an arc in radians: a world allows half a circle.
 const MOST_TURN_RAD: f64 = 3.0;
 
-/// A piece of a way: a line, or an arc.
+/// Piece of a path: a line or an arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bend {
     pub length_m: f64,
-    /// To the left.
+    /// Curvature in 1/m, positive to the left.
     pub per_m: f64,
 }
 
-/// Where somebody goes: pieces from a place on, and straight on behind them.
+/// Path of an entity: pieces from a place on, then straight.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Way {
     pub begins: Spot,
-    /// None: straight on.
+    /// Pieces. An empty list is a straight line.
     pub pieces: Vec<Bend>,
 }
 
-/// A place along a way.
+/// Position on a path.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OnWay {
     pub way: Way,
     pub along_m: f64,
-    /// Where the file ends the way; behind it goes straight on.
+    /// Station at which the file ends the path. The path continues straight after it.
     pub ends_m: f64,
 }
 
-/// A piece whose curvature changes evenly.
+/// Clothoid: a piece whose curvature changes linearly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spiral {
     pub length_m: f64,
@@ -46,7 +47,7 @@ pub(super) struct Spiral {
 }
 
 impl Way {
-    /// Straight on from a place.
+    /// Returns a straight path from a place.
     pub fn straight(begins: Spot) -> Way {
         Way {
             begins,
@@ -54,13 +55,19 @@ impl Way {
         }
     }
 
-    /// The way through places, if they lie on one line.
+    /// Returns the path through places on one line.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error for places beside the line, and for a path without a
+    /// length.
     pub fn through(asks: &Node, spots: &[Spot]) -> Result<Way, ImportError> {
         let (Some(first), Some(last)) = (spots.first(), spots.last()) else {
-            return Err(asks.error("a way without places"));
+            return Err(asks.refused("a way without places", "give the way at least two places"));
         };
         let (dx, dy) = (last.x_m - first.x_m, last.y_m - first.y_m);
         let begins = Spot {
+            // The direction is that of the line. The places may face elsewhere.
             heading_rad: libm::atan2(dy, dx),
             ..*first
         };
@@ -68,19 +75,23 @@ impl Way {
             .iter()
             .find(|spot| STRAIGHT_M < begins.sees(spot).y_m.abs());
         match aside {
-            Some(_) => Err(asks.error("a way that turns at its places is not read")),
-            None if dx == 0.0 && dy == 0.0 => Err(asks.error("a way that leads nowhere")),
+            Some(_) => Err(asks.refused(
+                "a way that turns at its places is not read",
+                "keep its places on one straight line, or write a clothoid spline",
+            )),
+            None if dx == 0.0 && dy == 0.0 => {
+                Err(asks.refused("a way that leads nowhere", "set its places apart"))
+            }
             None => Ok(Way::straight(begins)),
         }
     }
 
-    /// The same without the line at its end, since behind its pieces a way goes
-    /// straight on.
+    /// Removes lines at the end, since a path continues straight after its pieces.
     pub fn end_straight(&mut self) {
         while self.pieces.pop_if(|last| last.per_m == 0.0).is_some() {}
     }
 
-    /// The place so far along it, facing along it.
+    /// Place on the path, with the direction of the path.
     pub fn at(&self, along_m: f64) -> Spot {
         let mut spot = self.begins;
         let mut left_m = along_m;
@@ -96,7 +107,11 @@ impl Way {
 }
 
 impl OnWay {
-    /// Goes on along it; `asks` is who says so.
+    /// Moves along the path. `asks` is the element that states the distance.
+    ///
+    /// # Errors
+    ///
+    /// Returns an error of the point if the place is not on the path.
     pub fn move_on(&mut self, asks: &Node, by_m: f64) -> Result<(), ImportError> {
         let left_m = self.ends_m - self.along_m;
         if !(-STRAIGHT_M..=left_m + STRAIGHT_M).contains(&by_m) {
@@ -108,15 +123,17 @@ impl OnWay {
         Ok(())
     }
 
-    /// The place.
+    /// Returns the place.
     pub fn spot(&self) -> Spot {
         self.way.at(self.along_m)
     }
 
-    /// The same with its first line from a place behind it on.
+    /// Extends the first line of the path back to an earlier place.
     pub fn begin_at(&mut self, first: Spot) {
         let by_m = first.sees(&self.way.begins).x_m;
         if let Some(piece) = self.way.pieces.first_mut().filter(|it| it.per_m == 0.0) {
+            // The position and the end keep their places, so their stations
+            // grow.
             piece.length_m += by_m;
             self.along_m += by_m;
             self.ends_m += by_m;
@@ -126,16 +143,18 @@ impl OnWay {
 }
 
 impl Spiral {
-    /// Arcs in its place, of which no point is farther from it than [`NEAR_M`],
-    /// nor are those of lines up to `beside_m` beside both.
+    /// Arcs within [`NEAR_M`] of the spiral.
     ///
-    /// With the curvature κ₀ + c·s, and arcs of a length h that have its curvature
-    /// in their middles, the heading is off by c·v²/2 − δ at v from a middle. A
-    /// first and a last arc that reach h/√12 over their middles, and h/2 inwards,
-    /// make δ = c·h²/24: the mean of c·v²/2 over an arc. So the heading is right
-    /// at both ends, off by c·h²/12 at most, and on the whole by nothing: the place
-    /// beside the spiral, its integral, does not add up from arc to arc. It is 0
-    /// at both ends and c·h³/(36·√3) at most.
+    /// The bound also holds for parallels up to `beside_m` beside both.
+    ///
+    /// The curvature of the spiral is κ₀ + c·s. Each arc of length h has the
+    /// curvature of the spiral at its middle. At v from a middle, the heading
+    /// is then off by c·v²/2 − δ. The first and the last arc reach h/√12
+    /// outward and h/2 inward from their middles, so δ = c·h²/24. This is the
+    /// mean of c·v²/2 over an arc. So the heading is exact at both ends, off by
+    /// at most c·h²/12, and off by 0 on average. The lateral error is the
+    /// integral of the heading error and does not add up from arc to arc. It is
+    /// 0 at both ends and at most c·h³/(36·√3).
     pub fn arcs(&self, beside_m: f64) -> Vec<Bend> {
         if self.from_per_m == self.to_per_m {
             return vec![Bend {
@@ -145,12 +164,15 @@ impl Spiral {
         }
         let change_per_m2 = ((self.to_per_m - self.from_per_m) / self.length_m).abs();
         let most = 36.0 * 3f64.sqrt();
+        // Solved for h: the lateral error of the spiral itself, then that of a
+        // parallel, which is the heading error times its distance.
         let by_place_m = libm::cbrt(most * NEAR_M / change_per_m2);
         let by_heading_m = (12.0 * NEAR_M / (change_per_m2 * beside_m)).sqrt();
         let most_m = by_place_m.min(by_heading_m);
         let outer = 1.0 / 12f64.sqrt();
-        // Both ends together reach 2·outer over the middles.
+        // Both ends together reach 2·outer beyond the middles.
         let arcs = (self.length_m / most_m + 1.0 - 2.0 * outer).ceil().max(1.0);
+        // The steps are evened out, so all inner arcs have equal lengths.
         let step_m = self.length_m / (arcs - 1.0 + 2.0 * outer);
         let last = arcs as usize - 1;
         let arcs = (0..=last).map(|i| {
@@ -166,7 +188,7 @@ impl Spiral {
     }
 }
 
-/// The piece in parts that a world takes.
+/// Splits a piece into parts that a world accepts.
 pub(super) fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
     let parts = ((piece.length_m * piece.per_m).abs() / MOST_TURN_RAD)
         .ceil()
@@ -182,8 +204,9 @@ pub(super) fn laid(piece: Bend) -> impl Iterator<Item = Bend> {
 mod tests {
     use super::*;
 
-    /// The spiral itself, by its equation in small steps: places and headings at
-    /// even distances.
+    /// Reference solution of the spiral by numerical integration.
+    ///
+    /// Places and headings are at even distances.
     fn exact(spiral: Spiral, steps: usize) -> Vec<Spot> {
         let step_m = spiral.length_m / steps as f64;
         let change_per_m2 = (spiral.to_per_m - spiral.from_per_m) / spiral.length_m;
@@ -209,7 +232,7 @@ mod tests {
 
     #[test]
     fn arcs_lie_within_a_millimetre_of_their_spiral_and_of_lines_beside_it() {
-        // Turns at junctions, and the longest and the sharpest bends of motorways.
+        // Turns at junctions, and the longest and sharpest bends of motorways.
         let cases = [
             (6.439317, 1.0 / 1500.0, 1.0 / 9.0, 0.0),
             (11.109693, 1.0 / 14.75, 1.0 / 1500.0, 0.0),
@@ -235,6 +258,8 @@ mod tests {
                 for aside_m in [0.0, -beside_m] {
                     let (a, b) = (here.moved(0.0, aside_m), there.moved(0.0, aside_m));
                     let off_m = (a.x_m - b.x_m).hypot(a.y_m - b.y_m);
+                    // The bound is of first order, so a margin of 10 % covers
+                    // the rest.
                     assert!(off_m < 1.1 * NEAR_M, "{length_m}: {off_m} m at {i}");
                 }
             }

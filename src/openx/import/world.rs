@@ -1,4 +1,4 @@
-//! The world of a concrete scenario: its road, who is on it, and what they do.
+//! World of a concrete scenario: its road, its agents and their plans.
 
 use super::draft::{Draft, tidy};
 use super::ends::{leaves_s, road_ahead_m, to_mps};
@@ -8,25 +8,32 @@ use super::scenario::Concrete;
 use super::seen::{Path, Seen, ego_lever_m, seen};
 use super::ways::{Bend, laid};
 
-/// How long a run goes on behind what is expected to happen.
+/// Duration in seconds of a run after the expected encounter.
 const BEYOND_S: f64 = 5.0;
-/// Time between two samples.
+/// Time between two samples in seconds.
 const SAMPLE_S: f64 = 0.05;
-/// Time between two decisions of who strays.
+/// Time between two decisions of an ado in seconds.
 const DECISION_S: f64 = 0.5;
-/// Runs up to so long have that many decisions; longer ones have fewer a second.
+/// Longest run in seconds with decisions at that rate.
+///
+/// Longer runs decide less often.
 const OFTEN_UNTIL_S: f64 = 60.0;
-/// What a run lasts if nothing says.
+/// Duration in seconds of a run whose end is unknown.
 const USUAL_S: f64 = 60.0;
-/// A bend is laid this far ahead of where anybody gets in the run.
+/// Length in metres of a bend ahead of the farthest place of the run.
 const AHEAD_M: f64 = 100.0;
-/// It is laid at least for such a turn, so that points share a world, and still
-/// does not come back to where it begins.
+/// Least turn of a bend in radians, so that points share a world.
+///
+/// It is less than a full circle, so the road does not return to its start.
 const LEAST_TURN_RAD: f64 = 5.0;
-/// Beyond that it is laid in such steps.
+/// Step in metres in which a longer bend grows.
 const STEP_M: f64 = 100.0;
 
-/// The world of a point as a text with holes.
+/// Returns the world of a point as a text with holes.
+///
+/// # Errors
+///
+/// Returns an error for content that a world file cannot express.
 pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, ImportError> {
     let all = concrete
         .entities
@@ -35,11 +42,12 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     let mut all = all.collect::<Result<Vec<Seen>, ImportError>>()?;
     let ego = all.iter().position(|it| it.entity.is_ego);
     let ego = ego.ok_or_else(|| concrete.at.error("nobody is called `Ego`"))?;
-    // A gap to the ego is what it says, wherever the file puts somebody first.
+    // A stated gap to the ego replaces the place in the file.
     let (ego_front_m, ego_mps) = (
         all[ego].spot.x_m + all[ego].entity.body.front_m,
         all[ego].entity.speed_mps,
     );
+    // Stations count along lane 0, and a gap counts along the ego's own line.
     let scale = 1.0 - concrete.bend_per_m() * all[ego].spot.y_m;
     for it in &mut all {
         if let Some(gap_m) = it.entity.gap_m {
@@ -49,14 +57,18 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         }
     }
     let ego_at = (ego_front_m, ego_mps);
-    // A run ends before anybody who does as the file says leaves its road.
+    // A run ends before an entity that moves as in the file leaves its road.
     let leaves_s = first_leaves_s(concrete, &all, ego_at)?;
     let known_s = ends_s(concrete, &all, ego_at)?;
+    // A run lasts at least one second, even if the file ends it earlier.
     let asked_s = known_s.unwrap_or(USUAL_S).max(1.0);
+    // Whole samples: rounded up if there is road left, otherwise down.
     let until_s = match asked_s <= leaves_s {
         true => (asked_s / SAMPLE_S).ceil() * SAMPLE_S,
         false => (leaves_s / SAMPLE_S).floor() * SAMPLE_S,
     };
+    // With an unknown end, the run ends at the earliest departure of all
+    // points. Such points can share a world whatever their durations.
     let mut draft = match known_s {
         Some(_) => Draft::of(until_s, leaves_s.max(until_s)),
         None => Draft::of(0.0, f64::INFINITY),
@@ -68,6 +80,8 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         None => draft.least(until_s),
     }
     draft.text(", decision_s: ");
+    // Longer runs decide less often, so that their search is no larger than
+    // that of short runs.
     draft.most(DECISION_S * (until_s / OFTEN_UNTIL_S).ceil().max(1.0));
     draft.text(&format!(
         ", sample_s: {SAMPLE_S}, substeps: 5),\n    plant: Kinematic,\n    \
@@ -76,6 +90,8 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     road(&mut draft, concrete, &all, until_s);
     bodies(&mut draft, &all);
     draft.text("    agents: [\n");
+    // Standing vehicles may hide others. A single standing vehicle along the
+    // road is the target itself.
     let hides = all
         .iter()
         .any(|it| it.stands() && matches!(it.path, Path::Turned));
@@ -86,7 +102,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
             .count()
             > 1;
     let mut trigger = None;
-    // Who is placed first is known to those behind in the file.
+    // The ego comes first, since plans of later agents may refer to it.
     for it in std::iter::once(&all[ego]).chain(all.iter().filter(|it| !it.entity.is_ego)) {
         agent(&mut draft, concrete, &all, it, ado, &mut trigger)?;
     }
@@ -101,6 +117,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     }
     let others = all.iter().filter(|it| !it.entity.is_ego);
     let clear: Vec<String> = others
+        // 1 cm separates a contact from a near miss despite rounding.
         .map(|it| format!("{}.{}.gap >= 0.01", all[ego].name, it.name))
         .collect();
     let passed = match clear.is_empty() {
@@ -111,7 +128,7 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     Ok(draft)
 }
 
-/// What is asked of an ego that is alone: its sides stay within its lane.
+/// Specification of an ego without other agents: its sides stay within its lane.
 fn within_lane(concrete: &Concrete, ego: &Seen) -> String {
     let middle_m = concrete.lane_width_m * concrete.lane_at(ego.spot.y_m);
     let room_m = 0.5 * (concrete.lane_width_m - ego.entity.body.width_m);
@@ -123,7 +140,7 @@ fn within_lane(concrete: &Concrete, ego: &Seen) -> String {
     )
 }
 
-/// When all that is expected has happened, where that is known.
+/// End of the expected encounters in seconds, where it is known.
 fn ends_s(
     concrete: &Concrete,
     all: &[Seen],
@@ -134,6 +151,8 @@ fn ends_s(
         let met_s = match &it.entity.meets {
             Some(meets) => {
                 let ego = concrete.in_frame(&meets.ego)?;
+                // The ego coasts, so it arrives at a time that is known in
+                // advance.
                 (ego.x_m + ego_lever_m(all) - ego_front_m) / ego_mps
             }
             None => {
@@ -143,20 +162,25 @@ fn ends_s(
                     Path::Against => -it.entity.speed_mps,
                     _ => 0.0,
                 };
+                // Steps change the speeds, so the time of the encounter is not
+                // known.
                 match way_m / (ego_mps - away_mps) {
                     met_s if it.entity.steps.is_empty() => met_s,
                     _ => continue,
                 }
             }
         };
+        // Parallel motion never leads to an encounter, and a negative time lies
+        // in the past.
         if met_s.is_finite() && 0.0 < met_s {
             until_s = Some(until_s.unwrap_or(0.0).max(met_s + BEYOND_S));
         }
     }
+    // A stop time of the file takes precedence.
     Ok(concrete.stop_s.or(until_s))
 }
 
-/// When the first of all leaves its road.
+/// Time in seconds at which the first entity leaves its road.
 fn first_leaves_s(
     concrete: &Concrete,
     all: &[Seen],
@@ -174,7 +198,7 @@ fn first_leaves_s(
             }
             None => leaves_s(it.entity, ahead_m(&it.entity.placed), ego_mps),
         };
-        // Nobody who stands gets anywhere, not even from the end of a road.
+        // A standing entity never leaves, even from the end of a road.
         if own_s.is_finite() {
             first_s = first_s.min(own_s);
         }
@@ -182,9 +206,11 @@ fn first_leaves_s(
     Ok(first_s)
 }
 
-/// How far bends are laid: as far as anybody gets, where they do not change.
+/// Length in metres of the bends, as far as any entity drives.
+///
+/// Bends that change are complete.
 fn laid_m(concrete: &Concrete, all: &[Seen], until_s: f64) -> f64 {
-    // Where bends follow one another all are driven.
+    // A sequence of bends is driven completely.
     if concrete.bends_change() {
         return f64::INFINITY;
     }
@@ -199,6 +225,7 @@ fn laid_m(concrete: &Concrete, all: &[Seen], until_s: f64) -> f64 {
     let farthest_m = all.iter().map(|it| it.spot.x_m).fold(0.0, f64::max);
     let reach_m = farthest_m + fastest_mps * until_s + AHEAD_M;
     let least_m = LEAST_TURN_RAD / concrete.bend_per_m().abs();
+    // Equal lengths for all points keep the texts equal, so they share a world.
     match reach_m <= least_m {
         true => least_m,
         false => (reach_m / STEP_M).ceil() * STEP_M,
@@ -207,6 +234,8 @@ fn laid_m(concrete: &Concrete, all: &[Seen], until_s: f64) -> f64 {
 
 fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
     let pieces = concrete.pieces(laid_m(concrete, all, until_s));
+    // Numbers in the text are the same at all points of a world. A different
+    // road makes another world.
     let mut lanes = format!(
         "lanes: {}, lane_width_m: {}, friction: {:?}",
         concrete.lanes,
@@ -231,6 +260,7 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
     });
     let ways: Vec<String> = ways
         .map(|(it, begins, on)| {
+            // A path without pieces is a straight road.
             let pieces = match on.way.pieces.is_empty() {
                 true => String::new(),
                 false => format!(", pieces: [{}]", bends(&on.way.pieces)),
@@ -249,7 +279,7 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
     }
 }
 
-/// Pieces as a world file has them.
+/// Pieces in the form of a world file.
 fn bends(pieces: &[Bend]) -> String {
     let pieces = pieces.iter().copied().flat_map(laid);
     let pieces = pieces.map(|piece| match piece.per_m == 0.0 {
@@ -268,6 +298,7 @@ fn bodies(draft: &mut Draft, all: &[Seen]) {
     draft.text("    bodies: {\n");
     for it in all {
         let body = &it.entity.body;
+        // Agents may share a body.
         if !known.contains(&body.name.as_str()) {
             known.push(&body.name);
             draft.text(&format!("        \"{}\": {},\n", body.name, body.ron));
@@ -290,11 +321,13 @@ fn agent(
         format!("{name}.lateral"),
         format!("{name}.speed"),
     );
+    // On a path of its own, the station counts from the start of the path.
     let front_m = match it.path {
         Path::Own(_, on) => on.along_m + it.front_along_m(),
         _ => it.spot.x_m + it.front_along_m(),
     };
     let left_m = it.spot.y_m + it.front_left_m();
+    // An entity that stands askew is an obstacle, which has no lane.
     if let Path::Turned = it.path {
         return obstacle(draft, concrete, all, it);
     }
@@ -324,7 +357,8 @@ fn agent(
                     let width_m = concrete.lane_width_m;
                     let lane = concrete.lane_at(left_m);
                     draft.text(&format!(", lane: {lane}"));
-                    // In bends a protocol's rear axle keeps the line.
+                    // In bends, the rear axle of a protocol's vehicle keeps the
+                    // line.
                     if it.entity.is_ego && concrete.bends() {
                         draft.text(", lane_keeping: RearAxle");
                     }
@@ -341,6 +375,7 @@ fn agent(
     draft.text(",\n            start: At(x_m: ");
     draft.hole(&x, front_m);
     draft.text(", speed_mps: ");
+    // A meeting starts from rest.
     match it.entity.meets {
         Some(_) => draft.text("0.0"),
         None => draft.hole(&speed, it.entity.speed_mps),
@@ -350,6 +385,7 @@ fn agent(
         draft.text("Ego(Coast(accel_mps2: 0.0, lag_s: 0.0)),\n        ),\n");
         return Ok(());
     }
+    // Users may write the name of the file or that of the world.
     let is_ado = ado == Some(it.entity.name.as_str()) || ado == Some(name.as_str());
     if is_ado {
         draft.text("Ado(\n                base: ");
@@ -357,6 +393,8 @@ fn agent(
     plan(draft, concrete, all, it, trigger)?;
     if is_ado {
         draft.text(&format!(
+            // The default tolerances of the rules are a start, to be replaced
+            // by those of the protocol.
             ",\n                actions: Deviate(accelerations: [-1.0, 0.0, 1.0], lateral_mps: \
              [-0.3, 0.0, 0.3]), neutral: 4,\n                rulebook: [\n\
              \x20                   Rule(name: \"keeps its speed\", stl: \"always ({name}.speed - \
@@ -371,7 +409,9 @@ fn agent(
     Ok(())
 }
 
-/// Somebody who stands, on the straight road beside whose middle it is nearest.
+/// Writes a standing entity as an obstacle.
+///
+/// It refers to the straight road whose middle is nearest.
 fn obstacle(
     draft: &mut Draft,
     concrete: &Concrete,
@@ -381,6 +421,7 @@ fn obstacle(
     let (name, body) = (&it.name, &it.entity.body);
     let front = it.spot.moved(body.front_m, 0.0);
     let shares_road = concrete.is_on_road(&it.entity.placed);
+    // An empty name is the world's own road.
     let mut nearest = shares_road.then(|| (String::new(), front));
     for other in all {
         match other.path {

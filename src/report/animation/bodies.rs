@@ -1,15 +1,14 @@
-//! Road users from above, each in its own frame: x forward, y left, metres.
+//! Road users from above, each in its own frame: x forward, y left, in metres.
 //!
-//! They are as large as their bodies. What tells the front from the rear is
-//! glass and lamps; the fill is the colour of the role.
+//! Their size is that of their bodies. Glass and lamps distinguish the front
+//! from the rear. The fill is the colour of the role.
 
 use maud::{Markup, html};
 
 use super::write::n;
 use crate::scene::{Cast, Figure, Role};
 
-/// The class that colours somebody everywhere on the page: the ego, each of
-/// the ados, whoever else there is.
+/// CSS class of an agent's colour on the page: ego, ado by number, or scripted.
 pub(in crate::report) fn colour_class(cast: &[Cast], who: usize) -> String {
     let role = cast[who].role;
     let before = cast[..who].iter().filter(|cast| cast.role == role).count();
@@ -20,11 +19,13 @@ pub(in crate::report) fn colour_class(cast: &[Cast], who: usize) -> String {
     }
 }
 
-/// The shape of a body.
+/// Shape of a body.
 pub(super) fn body(cast: &Cast) -> Markup {
     let [length_m, width_m, _] = cast.size_m;
     let body = Body { length_m, width_m };
     match (cast.body.as_str(), cast.figure()) {
+        // On a grid, shapes and not only colours distinguish the ego from the
+        // ados.
         ("cell", _) if cast.role == Role::Ego => body.hull(0.12),
         ("cell", _) => html! { circle class="paint" r=(n(0.5 * length_m, 3)) {} },
         (_, Figure::Person) => body.person(),
@@ -35,11 +36,11 @@ pub(super) fn body(cast: &Cast) -> Markup {
     }
 }
 
-/// Where glass is, by shares of the length from the middle.
+/// Windows of a vehicle, in shares of the length from the middle.
 struct Cabin {
     /// Rear and front end of the windscreen.
     windscreen: (f64, f64),
-    /// Rear and front end of the rear window, if there is one.
+    /// Rear and front end of the rear window, if any.
     rear_window: Option<(f64, f64)>,
 }
 
@@ -58,12 +59,12 @@ struct Body {
 }
 
 impl Body {
-    /// The outline, as large as the body.
+    /// Outline in the size of the body.
     fn hull(&self, rounding: f64) -> Markup {
         self.bar("paint", (-0.5, 0.5), (-0.5, 0.5), rounding * self.width_m)
     }
 
-    /// A rectangle by shares of length and width.
+    /// Rectangle by shares of length and width.
     fn bar(&self, class: &str, x: (f64, f64), y: (f64, f64), round_m: f64) -> Markup {
         let (length, width) = (self.length_m, self.width_m);
         html! {
@@ -71,7 +72,7 @@ impl Body {
         }
     }
 
-    /// Glass that narrows from `wide` to `narrow`, by shares.
+    /// Window that narrows from `wide` to `narrow`, in shares.
     fn glass(&self, wide: (f64, f64), narrow: (f64, f64)) -> Markup {
         let corners = [
             (wide.0, wide.1),
@@ -95,6 +96,7 @@ impl Body {
 
     fn car(&self, cabin: &Cabin) -> Markup {
         let (from, to) = cabin.windscreen;
+        // Without a rear window the roof reaches almost to the rear.
         let roof_from = cabin.rear_window.map_or(-0.46, |(_, front)| front);
         html! {
             (self.hull(0.22))
@@ -126,8 +128,9 @@ impl Body {
         }
     }
 
-    /// Shoulders, head, and a face that looks ahead; with a ring around, since
-    /// a person is small beside cars.
+    /// Shoulders, a head and a face that looks ahead.
+    ///
+    /// A ring surrounds it, because a person is small beside cars.
     fn person(&self) -> Markup {
         let (length, width) = (self.length_m, self.width_m);
         let nose = [(0.5, 0.0), (0.22, 0.2), (0.22, -0.2)];

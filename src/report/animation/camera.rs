@@ -1,29 +1,29 @@
-//! Where the camera stands: what of the world a picture shows, and how large.
+//! Camera: visible part of the world, and its scale.
 
 use super::film::Film;
 
-/// What a picture has room for.
+/// Layout of a picture.
 pub(super) struct Canvas {
     /// Width and height.
     pub size_px: [f64; 2],
-    /// What is kept free of bodies, on either side and above and below.
+    /// Margins without bodies, at the sides and at top and bottom.
     pub margin_px: [f64; 2],
-    /// What is written over at the foot.
+    /// Height of the overlay at the bottom.
     pub foot_px: f64,
-    /// The ego is no shorter than this.
+    /// Least length of the ego.
     pub ego_px: f64,
-    /// The height shows no fewer metres than this.
+    /// Least visible height in metres.
     pub least_height_m: f64,
 }
 
 impl Canvas {
-    /// Width and height without what is written over.
+    /// Width and height without the overlay.
     fn room_px(&self) -> [f64; 2] {
         [self.size_px[0], self.size_px[1] - self.foot_px]
     }
 }
 
-/// The picture in the page: play.js uses the same numbers.
+/// Picture in the page. play.js uses the same numbers.
 pub(super) const SCREEN: Canvas = Canvas {
     size_px: [1190.0, 340.0],
     margin_px: [120.0, 62.0],
@@ -32,7 +32,7 @@ pub(super) const SCREEN: Canvas = Canvas {
     least_height_m: 8.5,
 };
 
-/// A small still.
+/// Small still.
 pub(super) const THUMB: Canvas = Canvas {
     size_px: [240.0, 120.0],
     margin_px: [14.0, 12.0],
@@ -41,37 +41,44 @@ pub(super) const THUMB: Canvas = Canvas {
     least_height_m: 8.0,
 };
 
-/// From places to a picture.
+/// Map from places to pixels.
 pub(super) struct Camera<'a> {
     pub canvas: &'a Canvas,
     /// Pixels per metre.
     pub scale: f64,
-    /// What stands in the middle, in the picture's directions.
+    /// Place in the middle, in the picture's directions.
     pub centre_m: [f64; 2],
     turn_rad: f64,
 }
 
 impl<'a> Camera<'a> {
-    /// The camera at a sample: everybody who matters is in the picture, as long
-    /// as the ego stays large enough; else the ego is, and what lies its way.
+    /// Returns the camera at a sample.
     ///
-    /// `ego` is who that is and how long; `None`: everything fits, whatever size
-    /// it gets.
+    /// It shows all relevant agents as long as the ego stays large enough.
+    /// Otherwise it shows the ego and the part of the scene in its direction.
+    ///
+    /// `ego` is the index and the length of the ego. With `None` everything
+    /// fits, at any scale.
     pub fn of(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &'a Canvas) -> Camera<'a> {
         let scale = Camera::fitting(film, i, ego, canvas);
         Camera::at_scale(film, i, (ego, scale), canvas)
     }
 
-    /// Pixels per metre at which everybody who matters at a sample is in the
-    /// picture, as long as the ego stays large enough.
+    /// Pixels per metre at which all relevant agents fit.
+    ///
+    /// The scale is greater if the ego would otherwise be too small.
     pub fn fitting(film: &Film, i: usize, ego: Option<(usize, f64)>, canvas: &Canvas) -> f64 {
         let focus = film.focus[i];
         let room_px = canvas.room_px();
         let fits = [0, 1].map(|axis| {
+            // A lower bound on the size: a single point would give an infinite
+            // scale.
             (room_px[axis] - 2.0 * canvas.margin_px[axis]) / focus.size_m[axis].max(0.1)
         });
         let scale = fits[0].min(fits[1]);
         match ego {
+            // The least ego size comes last: it outweighs the number of visible
+            // agents.
             Some((_, ego_m)) => scale
                 .min(room_px[1] / canvas.least_height_m)
                 .max(canvas.ego_px / ego_m),
@@ -79,7 +86,7 @@ impl<'a> Camera<'a> {
         }
     }
 
-    /// The camera at a sample, with a scale of pixels per metre.
+    /// Returns the camera at a sample, with the given pixels per metre.
     pub fn at_scale(
         film: &Film,
         i: usize,
@@ -94,7 +101,8 @@ impl<'a> Camera<'a> {
                 let track = &film.tracks[ego];
                 let own_m = film.turned(track.x_m[i], track.y_m[i]);
                 [0, 1].map(|axis| {
-                    // So far from the middle the ego may be.
+                    // Greatest distance of the ego from the middle, so that it
+                    // stays in the picture.
                     let margin_px = canvas.margin_px[axis].min(40.0);
                     let reach_m = (0.5 * room_px[axis] - margin_px) / scale - 0.5 * ego_m;
                     let reach_m = reach_m.max(0.0);
@@ -110,13 +118,13 @@ impl<'a> Camera<'a> {
         }
     }
 
-    /// Where the middle of the picture is.
+    /// Middle of the picture.
     pub fn middle_px(&self) -> [f64; 2] {
         let [width_px, height_px] = self.canvas.size_px;
         [0.5 * width_px, 0.5 * (height_px - self.canvas.foot_px)]
     }
 
-    /// The `transform` of everything that is drawn in metres, y upwards.
+    /// SVG `transform` for elements in metres, with y upward.
     pub fn transform(&self) -> String {
         let [x, y] = self.middle_px();
         let [u, v] = self.centre_m;
@@ -126,11 +134,13 @@ impl<'a> Camera<'a> {
             m = -self.scale,
             u = -u,
             v = -v,
+            // The negative y scale mirrors the picture, so the turn changes its
+            // sign.
             turn = -self.turn_rad.to_degrees(),
         )
     }
 
-    /// A place, given in the picture's directions, in the picture.
+    /// Pixel position of a place that is given in the picture's directions.
     pub fn at(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         let [x, y] = self.middle_px();
         [

@@ -1,7 +1,7 @@
-//! The film as text that play.js reads: lists of rounded numbers per body.
+//! Film as text that play.js reads: lists of rounded numbers per body.
 //!
-//! Places are to the millimetre, headings to 0.1 mrad, so that a shape is less
-//! than a centimetre from where its body was.
+//! Places are rounded to 1 mm and headings to 0.1 mrad. A shape is then less
+//! than 1 cm from the place of its body.
 
 use serde_json::to_string;
 
@@ -12,7 +12,7 @@ use super::write::{list, n};
 use crate::ego::Phase;
 use crate::visible::visible_json;
 
-/// Everything that moves in a picture.
+/// Data of all moving elements of a picture.
 pub(super) fn json(picture: &Picture<'_>) -> String {
     let film = &picture.film;
     let (ego, _) = picture.ego();
@@ -62,7 +62,7 @@ fn body(picture: &Picture<'_>, who: usize) -> String {
     )
 }
 
-/// When a light shows something new, and what.
+/// Times at which a light changes, with the new phase.
 fn turns(film: &Film, phases: &[Phase]) -> String {
     let mut turns: Vec<(f64, Phase)> = Vec::new();
     for (time_s, phase) in film.times_s.iter().zip(phases) {
@@ -76,9 +76,10 @@ fn turns(film: &Film, phases: &[Phase]) -> String {
     format!("[{}]", turns.collect::<Vec<_>>().join(","))
 }
 
-/// A text as JSON; the page escapes it once more.
+/// Text as JSON, which the page escapes once more.
 fn quoted(text: &str) -> String {
-    // A text is always JSON; empty quotes rather than a page without a film.
+    // A string always has a JSON form. If not, empty quotes keep the page
+    // valid.
     let json = to_string(text).unwrap_or_else(|_| "\"\"".to_owned());
     visible_json(&json).into_owned()
 }

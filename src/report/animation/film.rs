@@ -1,37 +1,38 @@
-//! An episode as numbers to be shown: where every body is, and what to look at.
+//! Episode as numbers to show: the track of every body, and the camera's focus.
 
 use crate::ego::Phase;
 use crate::scene::{Frame, Role, Stage, Touch};
 use crate::testbench::Episode;
 use crate::trace::Trace;
 
-/// Samples that are nearer to each other in time than this are not all shown.
+/// Least time in seconds between two shown samples.
 const APART_S: f64 = 0.05;
-/// Who is farther from the ego than this does not move the camera, unless it is
-/// whom the ego meets: that one may be as far as it likes.
+/// Distance in metres from the ego within which an agent moves the camera.
+///
+/// The agent that the ego encounters moves it at any distance.
 const FAR_M: f64 = 25.0;
-/// Half of the time over which the camera's moves are evened out.
+/// Half of the averaging window of the camera's motion, in seconds.
 const STEADY_S: f64 = 0.5;
-/// Half of the time over which an acceleration is read from speeds.
+/// Half of the time in seconds over which speeds give an acceleration.
 const ACCEL_S: f64 = 0.1;
-/// Turns of the road that are smaller than this do not turn the picture.
+/// Least turn of the road that turns the picture, in radians.
 const STRAIGHT_RAD: f64 = 0.2;
 
-/// What a film must know of what it shows, besides the frames.
+/// Properties of a film besides its frames.
 #[derive(Clone, Copy)]
 pub(super) struct Course<'a> {
-    /// Time between two frames.
+    /// Time between two frames in seconds.
     pub dt_s: f64,
-    /// Samples up to the verdict.
+    /// Number of samples up to the verdict.
     pub judged: usize,
-    /// The contact with which it ends.
+    /// Final contact.
     pub contact: Option<&'a Touch>,
-    /// The trace, for speeds; without one they follow from the places.
+    /// Trace with the speeds. Without a trace, speeds follow from the places.
     pub trace: Option<&'a Trace>,
 }
 
 impl<'a> Course<'a> {
-    /// That of an episode.
+    /// Returns the properties of an episode.
     pub fn of(episode: &'a Episode) -> Course<'a> {
         Course {
             dt_s: episode.trace.dt_s(),
@@ -41,40 +42,41 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// When the verdict falls.
+    /// Time of the verdict in seconds.
     fn judged_s(&self) -> f64 {
         self.judged.saturating_sub(1) as f64 * self.dt_s
     }
 }
 
-/// An episode, sample by sample, in the order of the cast.
+/// Episode, sample by sample, in the order of the cast.
 pub(super) struct Film {
-    /// When the samples are; the last one is the end.
+    /// Times of the samples. The last time is the end.
     pub times_s: Vec<f64>,
-    /// How everybody moves.
+    /// Tracks of all agents.
     pub tracks: Vec<Track>,
-    /// What every light shows, per sample.
+    /// Phases of every light, per sample.
     pub phases: Vec<Vec<Phase>>,
-    /// What the camera looks at, per sample.
+    /// Focus of the camera, per sample.
     pub focus: Vec<Focus>,
-    /// Which direction of the world is to the right in the picture.
+    /// Direction of the world that points right in the picture.
     pub turn_rad: f64,
-    /// Whom the ego has to do with: who touches it, else who is nearest to it
-    /// when the verdict falls.
+    /// Agent that the ego touches.
+    ///
+    /// Without a contact, the agent nearest to the ego at the verdict.
     pub met: Option<usize>,
 }
 
-/// The centre of one body over time.
+/// Centre of one body over time.
 pub(super) struct Track {
     pub x_m: Vec<f64>,
     pub y_m: Vec<f64>,
-    /// Without jumps of a whole turn.
+    /// Headings without jumps of a full turn.
     pub heading_rad: Vec<f64>,
     pub speed_mps: Vec<f64>,
     pub accel_mps2: Vec<f64>,
 }
 
-/// A rectangle in the picture's directions: to the right, up.
+/// Rectangle in the picture's directions: right and up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Focus {
     pub centre_m: [f64; 2],
@@ -82,16 +84,18 @@ pub(super) struct Focus {
 }
 
 impl Film {
-    /// The film of an episode; `frames` has one per sample, the first at 0 s.
+    /// Returns the film of an episode. `frames` has one per sample, the first at 0 s.
     ///
-    /// A contact ends the motion between two samples: the last frame is of that
-    /// instant, not of the sample's time.
+    /// A contact ends the motion between two samples. The last frame is then
+    /// that of the contact.
     pub fn of(stage: &Stage, frames: &[Frame], course: &Course<'_>) -> Film {
         let dt_s = course.dt_s;
         let end_s = course.contact.map(|touch| touch.time_s);
         let time_s = |i: usize| (i as f64 * dt_s).min(end_s.unwrap_or(f64::INFINITY));
         let every = ((APART_S / dt_s).round() as usize).max(1);
         let last = frames.len().saturating_sub(1);
+        // The verdict and the end are always shown, even between regular
+        // samples.
         let special = [course.judged.saturating_sub(1), last];
         let shown = |i: &usize| i.is_multiple_of(every) || special.contains(i);
         let kept: Vec<usize> = (0..frames.len()).filter(shown).collect();
@@ -112,6 +116,8 @@ impl Film {
             turn_rad: 0.0,
             met: None,
         };
+        // Order matters: the focus depends on the turn and on the encountered
+        // agent.
         film.turn_rad = film.turn(stage, course);
         film.met = film.met(stage, course);
         film.focus = match is_on_cells(stage) {
@@ -121,24 +127,25 @@ impl Film {
         film
     }
 
-    /// The place of a sample in the lists: the last at or before a time.
+    /// Index of the last sample at or before a time.
     pub fn at(&self, time_s: f64) -> usize {
+        // Rounding may make an equal time slightly larger.
         let after = self.times_s.partition_point(|t| *t <= time_s + 1e-9);
         after.saturating_sub(1)
     }
 
-    /// When it ends.
+    /// End in seconds.
     pub fn end_s(&self) -> f64 {
         self.times_s.last().copied().unwrap_or(0.0)
     }
 
-    /// A place of the world in the picture's directions.
+    /// Place of the world in the picture's directions.
     pub fn turned(&self, x_m: f64, y_m: f64) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.turn_rad);
         [x_m * cos + y_m * sin, y_m * cos - x_m * sin]
     }
 
-    /// Half of the room that a body takes in the picture's directions.
+    /// Half of the extent of a body in the picture's directions.
     pub fn half_room(&self, size_m: [f64; 3], who: usize, i: usize) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.tracks[who].heading_rad[i] - self.turn_rad);
         let (length_m, width_m) = (0.5 * size_m[0], 0.5 * size_m[1]);
@@ -148,8 +155,9 @@ impl Film {
         ]
     }
 
-    /// The picture's direction: the ego's when the verdict falls, unless it is
-    /// nearly along x.
+    /// Direction of the picture: the heading of the ego at the verdict.
+    ///
+    /// A heading close to x does not turn the picture.
     fn turn(&self, stage: &Stage, course: &Course<'_>) -> f64 {
         let headings = &self.tracks[ego_of(stage)].heading_rad;
         let heading_rad = headings.get(self.at(course.judged_s())).copied();
@@ -159,7 +167,7 @@ impl Film {
         }
     }
 
-    /// All cells, at every sample.
+    /// Focus on all cells, at every sample.
     fn whole_map(&self, stage: &Stage) -> Vec<Focus> {
         let places = stage.lane_borders_m.iter().flatten();
         let side_m = places.map(|place| place[0]).fold(0.0, f64::max);
@@ -170,7 +178,7 @@ impl Film {
         vec![whole; self.times_s.len()]
     }
 
-    /// How far the middles of two are apart at a sample.
+    /// Distance of the centres of two agents at a sample, in metres.
     pub fn apart_m(&self, one: usize, other: usize, i: usize) -> f64 {
         let (one, other) = (&self.tracks[one], &self.tracks[other]);
         libm::hypot(one.x_m[i] - other.x_m[i], one.y_m[i] - other.y_m[i])
@@ -187,8 +195,7 @@ impl Film {
         met_by_ego(stage, course.contact).or(nearest)
     }
 
-    /// Everything that matters at each sample: the ego, who it meets in the end,
-    /// and who else is near.
+    /// Focus at each sample: the ego, the agent that it encounters, and near agents.
     fn looked_at(&self, stage: &Stage) -> Vec<Focus> {
         let ego = ego_of(stage);
         let near = |who: usize, i: usize| {
@@ -212,14 +219,14 @@ impl Film {
         (0..self.times_s.len()).map(at).collect()
     }
 
-    /// Means over a second, so that the camera does not jump when somebody
-    /// comes near.
+    /// Means over one second, so that the camera does not jump when an agent appears.
     fn steady(&self, focus: Vec<Focus>) -> Vec<Focus> {
         let mean = |i: usize| {
             let near = |t: &f64| (t - self.times_s[i]).abs() <= STEADY_S;
             let from = self.times_s.iter().position(near).unwrap_or(i);
             let count = self.times_s[from..].iter().take_while(|t| near(t)).count();
-            // As far to one side as to the other: at the ends nothing is evened out.
+            // The window is symmetric and shrinks at both ends, so the mean
+            // lags on neither side.
             let reach = (i - from).min(from + count - 1 - i);
             let around = &focus[i - reach..=i + reach];
             let mean = |value: &dyn Fn(&Focus) -> f64| {
@@ -248,6 +255,7 @@ impl Track {
             .unzip();
         let heading_rad = unwound(places.map(|place| heading_rad(place.rotation)));
         let speed_mps: Vec<f64> = match speeds {
+            // The trace may end before the last frame.
             Some(speeds) => kept.iter().map(|i| at_or_last(&speeds, *i)).collect(),
             None => {
                 let slope = |values: &[f64]| slopes(times_s, values);
@@ -255,6 +263,8 @@ impl Track {
                 parts.map(|(x, y)| libm::hypot(x, y)).collect()
             }
         };
+        // Accelerations are slopes of speeds, because not every film has a
+        // trace.
         Track {
             accel_mps2: slopes(times_s, &speed_mps),
             x_m,
@@ -265,13 +275,13 @@ impl Track {
     }
 }
 
-/// The ego's place in the cast.
+/// Index of the ego in the cast.
 pub(super) fn ego_of(stage: &Stage) -> usize {
     let is_ego = |cast: &crate::scene::Cast| cast.role == Role::Ego;
     stage.cast.iter().position(is_ego).unwrap_or(0)
 }
 
-/// Whom the ego touches.
+/// Agent that the ego touches.
 fn met_by_ego(stage: &Stage, contact: Option<&Touch>) -> Option<usize> {
     let touch = contact?;
     let named = |name: &String| stage.cast.iter().position(|cast| cast.name == *name);
@@ -284,17 +294,17 @@ fn met_by_ego(stage: &Stage, contact: Option<&Touch>) -> Option<usize> {
     }
 }
 
-/// Whether the world is cells, not a road.
+/// Returns true for a world of cells.
 pub(super) fn is_on_cells(stage: &Stage) -> bool {
     stage.cast.iter().any(|cast| cast.body == "cell")
 }
 
-/// The angle about the vertical of a quaternion (x, y, z, w).
+/// Angle about the vertical of a quaternion (x, y, z, w).
 fn heading_rad([x, y, z, w]: [f64; 4]) -> f64 {
     libm::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 }
 
-/// Angles without jumps of a whole turn.
+/// Angles without jumps of a full turn.
 fn unwound(angles_rad: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut unwound: Vec<f64> = Vec::new();
     for angle_rad in angles_rad {
@@ -304,7 +314,7 @@ fn unwound(angles_rad: impl Iterator<Item = f64>) -> Vec<f64> {
     unwound
 }
 
-/// How fast values change, read from a little before to a little after.
+/// Rates of change, from central differences over a short time.
 fn slopes(times_s: &[f64], values: &[f64]) -> Vec<f64> {
     let slope = |i: usize| {
         let near = |j: &usize| (times_s[*j] - times_s[i]).abs() <= ACCEL_S + 1e-9;
@@ -315,6 +325,7 @@ fn slopes(times_s: &[f64], values: &[f64]) -> Vec<f64> {
             .unwrap_or(i.saturating_sub(1));
         let to = (i + 1..values.len()).take_while(near).last();
         let to = to.unwrap_or((i + 1).min(values.len() - 1));
+        // A contact right after a sample leaves two equal times.
         match times_s[from] < times_s[to] {
             true => (values[to] - values[from]) / (times_s[to] - times_s[from]),
             false => 0.0,

@@ -1,4 +1,4 @@
-//! What does not move: road and markings, or the cells of a grid; lights.
+//! Static parts of a picture: road and markings, the cells of a grid, and lights.
 
 use maud::{Markup, html};
 
@@ -8,15 +8,15 @@ use crate::ego::Phase;
 use crate::scene::ground::{GroundPoint, along, beside, near, reach};
 use crate::scene::{Frame, Stage};
 
-/// What lies beyond the bodies' way by more than this is not drawn.
+/// Distance in metres beyond the bodies' paths up to which the ground is drawn.
 const MARGIN_M: f64 = 120.0;
-/// How far the posts stand beside the road, and how far from each other.
+/// Distance of the posts from the road and from each other, in metres.
 const POST_M: f64 = 0.9;
 const POSTS_APART_M: f64 = 10.0;
-/// Size of a light's housing, across and along the road.
+/// Radius of a light's lamp, from which its housing is sized.
 const LAMP_M: f64 = 0.42;
 
-/// The roads on which something happens, the world's own on top.
+/// Roads with bodies on them, the world's own road on top.
 pub(super) fn road(stage: &Stage, frames: &[Frame]) -> Markup {
     let reach = reach(frames, MARGIN_M);
     html! {
@@ -29,6 +29,7 @@ fn one_road(borders: &[Vec<GroundPoint>]) -> Markup {
     let (Some(right), Some(left)) = (borders.first(), borders.last()) else {
         return html! {};
     };
+    // One closed outline: along the right border and back along the left one.
     let outline: Vec<GroundPoint> = right.iter().chain(left.iter().rev()).copied().collect();
     let last = borders.len() - 1;
     let verge = beside(right, left, -POST_M);
@@ -41,7 +42,7 @@ fn one_road(borders: &[Vec<GroundPoint>]) -> Markup {
     }
 }
 
-/// The cells of a grid.
+/// Cells of a grid.
 pub(super) fn cells(stage: &Stage) -> Markup {
     let lines = &stage.lane_borders_m;
     let size = lines
@@ -56,7 +57,7 @@ pub(super) fn cells(stage: &Stage) -> Markup {
     }
 }
 
-/// Stop line and lamps of every light; `phases` is what each shows.
+/// Stop line and lamps of every light, in the given phases.
 pub(super) fn lights(stage: &Stage, phases: &[Phase]) -> Markup {
     html! {
         @for (light, phase) in stage.lights.iter().zip(phases) {
@@ -75,7 +76,7 @@ pub(super) fn lights(stage: &Stage, phases: &[Phase]) -> Markup {
     }
 }
 
-/// The ways of everybody, from the first sample to the last.
+/// Paths of all agents, from the first sample to the last.
 pub(super) fn trails(film: &Film, classes: &[String]) -> Markup {
     html! {
         @for (track, class) in film.tracks.iter().zip(classes) {
@@ -85,7 +86,7 @@ pub(super) fn trails(film: &Film, classes: &[String]) -> Markup {
     }
 }
 
-/// What a phase is called.
+/// Word for a phase.
 pub(super) fn phase_word(phase: Phase) -> &'static str {
     match phase {
         Phase::Green => "green",

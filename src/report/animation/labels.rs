@@ -1,4 +1,4 @@
-//! Names and what everybody does, beside the bodies: placed where nothing is.
+//! Labels with names and actions, placed beside the bodies on free space.
 
 use super::camera::Camera;
 use super::film::{Film, ego_of};
@@ -6,16 +6,16 @@ use super::moves::Move;
 use super::write::n;
 use crate::scene::Stage;
 
-/// Width of a letter, height of a line, room around: play.js has the same.
+/// Width of a letter, height of a line and padding. play.js uses the same numbers.
 const LETTER_PX: f64 = 7.4;
 const LINE_PX: f64 = 15.0;
 const ROOM_PX: f64 = 6.0;
-/// Above this there are clock and event.
+/// Height at the top that clock and event occupy.
 const HEAD_PX: f64 = 28.0;
-/// What is below this is no braking and no acceleration worth a word.
+/// Acceleration in m/s² below which a label mentions no speed change.
 const CLEAR_MPS2: f64 = 0.5;
 
-/// A label and where it stands: its left upper corner and its size.
+/// Label with its upper left corner and its size.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Label {
     pub lines: Vec<String>,
@@ -23,10 +23,10 @@ pub(super) struct Label {
     pub size_px: [f64; 2],
 }
 
-/// A rectangle: left, top, right, bottom.
+/// Rectangle: left, top, right, bottom.
 type Room = [f64; 4];
 
-/// The labels of everybody at a sample.
+/// Labels of all agents at a sample.
 pub(super) fn labels(
     stage: &Stage,
     film: &Film,
@@ -42,6 +42,7 @@ pub(super) fn labels(
             [x - w, y - h, x + w, y + h]
         })
         .collect();
+    // Bodies are obstacles as well as the labels that are already placed.
     let mut taken: Vec<Room> = rooms.clone();
     let mut labels = Vec::new();
     for (who, room) in rooms.iter().enumerate() {
@@ -54,7 +55,7 @@ pub(super) fn labels(
     labels
 }
 
-/// Name and speed; below, what an ado chose or how the others brake.
+/// Lines of a label: name and speed, then the chosen or the measured action.
 fn lines(
     stage: &Stage,
     film: &Film,
@@ -67,6 +68,7 @@ fn lines(
         return vec![name.clone()];
     }
     let track = &film.tracks[who];
+    // Outside of the picture, the distance to the ego is the useful number.
     if !inside {
         let own = &film.tracks[ego_of(stage)];
         let apart_m = libm::hypot(own.x_m[i] - track.x_m[i], own.y_m[i] - track.y_m[i]);
@@ -76,6 +78,7 @@ fn lines(
     let chosen = moves.iter().find(|(ado, _)| ado == name);
     let time_s = film.times_s[i];
     let chosen = chosen.and_then(|(_, moves)| {
+        // The last move that has begun, with a tolerance for rounded times.
         let now = moves.iter().rev().find(|it| it.from_s < time_s + 1e-9);
         now.map(|it| it.words.clone())
     });
@@ -93,8 +96,10 @@ fn is_inside(room: &Room, camera: &Camera<'_>) -> bool {
     0.0 < room[2] && room[0] < width_px && 0.0 < room[3] && room[1] < height_px
 }
 
-/// The first of some places at which nothing else is: the ego's below it, those
-/// of the others above, else on the other side, before or behind.
+/// Label at the first free position.
+///
+/// The ego's label is preferably below it, and other labels above. Positions on
+/// the other side, ahead and behind follow.
 fn placed(
     lines: Vec<String>,
     body: &Room,
@@ -115,8 +120,11 @@ fn placed(
         true => [below, above, behind, ahead],
         false => [above, below, ahead, behind],
     };
+    // The second ring of positions lies one label further out.
     let far = wanted.map(|[x, y]| [x, y + (y - beside).signum() * (h + ROOM_PX)]);
     let within = |[x, y]: [f64; 2]| {
+        // A tall label in a small picture may leave no room between head and
+        // foot.
         let highest = HEAD_PX.min(bottom_px - h);
         [
             x.clamp(4.0, (width_px - w - 4.0).max(4.0)),
@@ -129,6 +137,8 @@ fn placed(
             .all(|it| x + w <= it[0] || it[2] <= *x || y + h <= it[1] || it[3] <= *y)
     };
     let mut places = wanted.into_iter().chain(far).map(within);
+    // Without a free position, an overlap at the preferred position is the
+    // least confusing.
     let at_px = places.find(is_free).unwrap_or(within(wanted[0]));
     Label {
         lines,
@@ -137,7 +147,7 @@ fn placed(
     }
 }
 
-/// A label as SVG; play.js moves it and writes into it.
+/// Label as SVG. play.js moves it and replaces its text.
 pub(super) fn drawn(label: &Label, class: &str) -> maud::Markup {
     let [x, y] = label.at_px;
     let [w, h] = label.size_px;

@@ -1,18 +1,20 @@
-//! The actions of ados and the phases of lights as lanes over time, with the
-//! moments across.
+//! Lanes over time: actions of ados, phases of lights, and key moments.
 
 use maud::{Markup, html};
 
 use super::ground::phase_word;
 use super::picture::Picture;
 
-/// What a letter takes of a lane on a wide screen; where words do not fit,
-/// there are none.
+/// Share of a lane that a letter takes on a wide screen.
+///
+/// Words that do not fit are left out.
 const LETTER_SHARE: f64 = 0.0068;
-/// The same on a phone, where words that do not fit are hidden.
+/// Share of a lane that a letter takes on a phone.
+///
+/// Words that do not fit are hidden.
 const PHONE_LETTER_SHARE: f64 = 0.0245;
 
-/// One stretch of a lane.
+/// Stretch of a lane.
 struct Stretch<'a> {
     from_s: f64,
     until_s: f64,
@@ -20,10 +22,13 @@ struct Stretch<'a> {
     class: String,
 }
 
-/// A lane per ado and per light.
+/// Lanes: one per ado and one per light.
 pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
+    // An episode may end at its first sample, and the shares divide by its
+    // duration.
     let end_s = picture.film.end_s().max(1e-9);
     let cast = &picture.stage.cast;
+    // A light that is an ado has a lane of phases instead of actions.
     let is_light = |name: &String| picture.stage.lights.iter().any(|it| it.name == *name);
     html! {
         div class="lanes" {
@@ -48,6 +53,7 @@ pub(super) fn lanes(picture: &Picture<'_>) -> Markup {
 
 fn stretch(end_s: f64, it: &Stretch<'_>) -> Markup {
     let share = (it.until_s - it.from_s) / end_s;
+    // Two letters more than the text, for the padding.
     let letters = (it.words.chars().count() + 2) as f64;
     let fits = PHONE_LETTER_SHARE * letters < share;
     let class = format!("{}{}", it.class, if fits { " fits" } else { "" });
@@ -57,12 +63,13 @@ fn stretch(end_s: f64, it: &Stretch<'_>) -> Markup {
     }
 }
 
-/// Equal neighbours: from when, until when, what.
+/// Runs of equal values, with start and end in seconds.
 fn runs<T: Copy + PartialEq>(times_s: &[f64], values: &[T]) -> Vec<(f64, f64, T)> {
     let mut runs: Vec<(f64, f64, T)> = Vec::new();
     for (time_s, value) in times_s.iter().zip(values) {
         match runs.last_mut() {
             Some((_, until_s, last)) => {
+                // A run lasts until the next value is first seen.
                 *until_s = *time_s;
                 if last != value {
                     runs.push((*time_s, *time_s, *value));

@@ -1,13 +1,14 @@
-//! A counterexample from above: what happened, to be played, scrubbed and read.
+//! Counterexample from above, to play, to scrub and to read.
 //!
-//! A film (everybody's poses per sample) is looked at by a camera that follows
-//! the conflict. What the page holds is the still of the decisive moment, stills
-//! of the others, the actions as lanes, and the poses for a small script that
-//! moves the same shapes; without the script the stills tell the story.
+//! A film (the poses of all bodies per sample) is seen by a camera that follows
+//! the conflict. The page contains the still of the decisive moment, stills of
+//! other moments, the actions as lanes, and the poses. A small script moves the
+//! same shapes. Without it the stills show the course of events.
 //!
-//! `bodies`, `ground`: shapes in metres. `moves`, `moments`: what is told of the
-//! episode. `labels`: words beside bodies. `play.js`: the only script of a page. `looping`: the same
-//! shapes as one SVG that plays without it.
+//! `bodies` and `ground` are shapes in metres. `moves` and `moments` describe
+//! the episode. `labels` places words beside bodies. `play.js` is the only
+//! script of a page. `looping` is the same picture as one SVG that plays
+//! without a script.
 
 mod bodies;
 mod camera;
@@ -33,12 +34,12 @@ use super::verdict::VerdictWords;
 use crate::world::Scenario;
 use picture::Picture;
 
-/// What moves the pictures of a page; it loads nothing.
+/// Script that moves the pictures of a page. It loads nothing.
 pub(super) const SCRIPT: &str = include_str!("play.js");
 /// Colours and layout of the pictures.
 pub(super) const STYLE: &str = include_str!("animation.css");
 
-/// The animated picture of one example; `nth` tells its parts from others'.
+/// Animated picture of one example. `nth` makes its identifiers unique.
 ///
 /// Empty if the example has no frames.
 pub(super) fn animation(

@@ -1,5 +1,7 @@
-//! The moments that tell the story: start, decisive action, last chance,
-//! violation, contact.
+//! Key moments of an episode, from the start to the contact.
+//!
+//! They are the start, the decisive action, the last chance, the violation and
+//! the contact.
 
 use super::super::Example;
 use super::super::verdict::ego_failed;
@@ -7,19 +9,19 @@ use super::moves::{Kind, Move};
 use crate::stl::Interval;
 use crate::world::Scenario;
 
-/// Moments that are nearer than this share a still.
+/// Greatest time in seconds between two moments that share a still.
 const TOGETHER_S: f64 = 0.02;
 
-/// An instant worth a still.
+/// Instant with a still.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Moment {
     pub time_s: f64,
     pub words: String,
-    /// The class that colours it in the lanes and stills.
+    /// CSS class of its colour in lanes and stills.
     pub class: &'static str,
 }
 
-/// The moments of a counterexample in the order of time, the start first.
+/// Moments of a counterexample in the order of time, the start first.
 pub(super) fn moments(
     scenario: &Scenario,
     example: &Example,
@@ -53,14 +55,17 @@ pub(super) fn moments(
         };
         moment(touch.time_s, words, "k-contact")
     }));
+    // A decisive action may come before or after the last chance.
     moments.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     together(moments)
 }
 
-/// The first sample from which ψ_ego can no longer be satisfied.
+/// Time in seconds of the first sample from which ψ_ego cannot be satisfied.
 pub(super) fn violated_s(scenario: &Scenario, example: &Example) -> f64 {
     let episode = &example.episode;
     let trace = &episode.trace;
+    // The monitor needs the length of a full episode, not that of the recorded
+    // part.
     let mut online = scenario
         .rulebook()
         .spec
@@ -79,7 +84,7 @@ pub(super) fn violated_s(scenario: &Scenario, example: &Example) -> f64 {
     (sample as f64 * trace.dt_s()).min(contact_s.unwrap_or(f64::INFINITY))
 }
 
-/// What the ados do from a time on; who does nothing is not named.
+/// Actions of the ados from a time on. Neutral actions are omitted.
 fn done_at(time_s: f64, moves: &[(String, Vec<Move>)]) -> String {
     let now = moves.iter().filter_map(|(ado, moves)| {
         let mut begun = moves.iter().rev().filter(|it| it.from_s < time_s + 1e-9);
@@ -90,13 +95,15 @@ fn done_at(time_s: f64, moves: &[(String, Vec<Move>)]) -> String {
     done.collect::<Vec<_>>().join("; ")
 }
 
-/// Moments at one time as one, with the time and the colour of the last.
+/// Joins moments at one time, with the time and the colour of the last.
 fn together(moments: Vec<Moment>) -> Vec<Moment> {
     let mut joined: Vec<Moment> = Vec::new();
     for moment in moments {
         match joined.last_mut() {
             Some(last) if moment.time_s - last.time_s <= TOGETHER_S => {
                 last.words = match last.class {
+                    // The start keeps its short word, whatever it is joined
+                    // with.
                     "k-start" => format!("start; {}", moment.words),
                     _ => format!("{}; {}", last.words, moment.words),
                 };

@@ -1,13 +1,13 @@
-//! What the ados choose, in words: who, from when to when.
+//! Chosen actions of the ados in words, with their start and end.
 
 use crate::scene::drive::{Actions, Direction, Lateral};
 use crate::testbench::Episode;
 use crate::world::Scenario;
 
-/// Below this nobody runs.
+/// Speed in m/s from which a pedestrian runs.
 const RUNS_MPS: f64 = 2.2;
 
-/// A stretch of equal actions of one ado.
+/// Stretch of equal actions of one ado.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Move {
     pub from_s: f64,
@@ -17,7 +17,7 @@ pub(super) struct Move {
 }
 
 impl Move {
-    /// The words without the signs of direction.
+    /// Returns the words without the signs of direction.
     pub fn plain(&self) -> String {
         without_signs(&self.words)
     }
@@ -29,10 +29,10 @@ fn without_signs(words: &str) -> String {
     plain.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What a move looks like in the lanes of actions.
+/// Appearance of a move in the lanes of actions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Nothing is asked for.
+    /// No action is requested.
     Neutral,
     /// Slower, or away.
     Brakes,
@@ -53,7 +53,7 @@ impl Kind {
     }
 }
 
-/// The moves of every ado that has a body or is a light, by name, up to `end_s`.
+/// Moves up to `end_s` of every ado that is a body or a light, by name.
 pub(super) fn moves(
     scenario: &Scenario,
     episode: &Episode,
@@ -66,6 +66,8 @@ pub(super) fn moves(
             let (words, kind) = told(*action);
             let (from_s, until_s) = (nth as f64 * decision_s, (nth + 1) as f64 * decision_s);
             match moves.last_mut() {
+                // Equal words are joined, even if the actions behind them
+                // differ.
                 Some(last) if last.words == words => last.until_s = until_s.min(end_s),
                 _ if from_s < end_s => moves.push(Move {
                     from_s,
@@ -80,6 +82,7 @@ pub(super) fn moves(
     };
     let joint = &episode.actions;
     let Some(spec) = scenario.drive() else {
+        // A grid has a single ado, whose actions are the joint actions.
         let neutral = scenario.world().spaces().neutral;
         let told = |action| match action == neutral {
             true => (scenario.action_label(action), Kind::Neutral),
@@ -89,12 +92,12 @@ pub(super) fn moves(
     };
     let mut stride = 1;
     let sets = spec.action_sets().map(|(agent, set, _)| {
-        // A joint action counts the first ado's actions fastest.
+        // In a joint action, the first ado's action varies fastest.
         let own = joint.iter().map(|joint| joint / stride % set.len());
         let own: Vec<usize> = own.collect();
         stride *= set.len();
-        // The signs are those of the picture, in which the ego goes to the right:
-        // who comes along or across would need others.
+        // Signs refer to the picture, in which the ego drives to the right.
+        // They would be wrong for oncoming or crossing ados.
         let turned = spec.agents.iter().find(|it| it.name == agent);
         let turned = turned.is_some_and(|it| it.road != 0 || it.direction == Direction::Against);
         let told = |action| match (turned, told(set, action)) {
@@ -106,12 +109,13 @@ pub(super) fn moves(
     sets.collect()
 }
 
-/// An action in words, with what it looks like.
+/// Action in words, with its appearance.
 fn told(set: &Actions, action: usize) -> (String, Kind) {
     match set {
         Actions::Accelerations(list) => along(list[action]),
         Actions::Grid(grid) => {
             let count = grid.accelerations.len();
+            // The accelerations vary fastest in the grid of actions.
             let (words, kind) = along(grid.accelerations[action % count]);
             let aside = match grid.lateral[action / count] {
                 Lateral::Hold => return (words, kind),
@@ -129,7 +133,7 @@ fn told(set: &Actions, action: usize) -> (String, Kind) {
 }
 
 fn along(accel_mps2: f64) -> (String, Kind) {
-    // What the picture shows: forward is to the right.
+    // The picture has forward to the right.
     match accel_mps2 {
         a if a < 0.0 => (format!("◀ brakes {} m/s²", signed(a)), Kind::Brakes),
         a if 0.0 < a => (format!("▶ speeds up {} m/s²", signed(a)), Kind::Speeds),
@@ -140,6 +144,7 @@ fn along(accel_mps2: f64) -> (String, Kind) {
 fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, Kind) {
     let speed_mps = libm::hypot(along_mps, left_mps);
     if speed_mps == 0.0 {
+        // A pedestrian with a speed of 0 has no direction.
         return ("stands".to_owned(), Kind::Neutral);
     }
     let verb = if RUNS_MPS < speed_mps {
@@ -164,7 +169,7 @@ fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, Kind) {
     (words, Kind::Goes)
 }
 
-/// A number with a true minus or a plus.
+/// Number with a plus or a true minus sign.
 pub(super) fn signed(value: f64) -> String {
     match value < 0.0 {
         true => format!("−{}", -value),
@@ -192,7 +197,8 @@ mod tests {
                 seed: 1,
                 index: 0,
             });
-            // The last action brakes, speeds up or moves, and is not neutral.
+            // The last action brakes, accelerates or moves sideways, and is not
+            // neutral.
             let mut last = Constant(scenario.world().spaces().actions - 1);
             let episode = play(&mut bench, &start, 0, &mut last, Aftermath::Skip);
             let moves = moves(&scenario, &episode, 1.0);

@@ -1,4 +1,4 @@
-//! The stills of a film: the large one, and small ones of its moments.
+//! Stills of a film: a large still, and small stills of its moments.
 
 use maud::{Markup, html};
 
@@ -15,31 +15,31 @@ use crate::report::Example;
 use crate::scene::Stage;
 use crate::world::Scenario;
 
-/// Who brakes harder than this shows it.
+/// Deceleration in m/s² above which brake lamps are lit.
 pub(super) const BRAKES_MPS2: f64 = 0.8;
 
-/// Everything that is shown of an example.
+/// Content of an example's picture.
 pub(super) struct Picture<'a> {
     pub example: &'a Example,
     pub stage: Stage,
     pub film: Film,
-    /// The colour class of everybody.
+    /// Colour classes of all agents.
     pub classes: Vec<String>,
-    /// The moves of each ado, by name.
+    /// Moves of each ado by name.
     pub moves: Vec<(String, Vec<Move>)>,
     pub moments: Vec<Moment>,
-    /// When ψ_ego was lost.
+    /// Time of the violation of ψ_ego in seconds.
     pub violated_s: f64,
-    /// The leaf of ψ_ego that was.
+    /// Violated leaf of ψ_ego.
     pub broken: String,
-    /// Whether the world is cells, not a road.
+    /// True for a world of cells.
     pub on_cells: bool,
-    /// Tells its parts from those of others on the page.
+    /// Number that makes its identifiers unique on the page.
     id: usize,
 }
 
 impl<'a> Picture<'a> {
-    /// What is shown of an example that has frames.
+    /// Returns the picture of an example with frames.
     pub fn of(scenario: &Scenario, example: &'a Example, id: usize) -> Picture<'a> {
         let stage = scenario.bench().stage();
         let film = Film::of(&stage, &example.frames, &Course::of(&example.episode));
@@ -61,24 +61,25 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// The moment of the large still: the contact, else the violation.
+    /// Time of the large still: the contact, otherwise the violation.
     pub fn still_s(&self) -> f64 {
         let contact = self.example.episode.contact.as_ref();
         contact.map_or(self.violated_s, |touch| touch.time_s)
     }
 
-    /// The ego's place in the cast, and its length.
+    /// Index of the ego in the cast, and its length.
     pub fn ego(&self) -> (usize, f64) {
         let ego = ego_of(&self.stage);
         (ego, self.stage.cast[ego].size_m[0])
     }
 
     fn camera<'c>(&self, i: usize, canvas: &'c Canvas) -> Camera<'c> {
+        // A grid is shown as a whole, so the camera ignores the ego.
         let ego = (!self.on_cells).then(|| self.ego());
         Camera::of(&self.film, i, ego, canvas)
     }
 
-    /// The large still, whose parts play.js moves.
+    /// Large still, whose parts play.js moves.
     pub fn screen(&self, label: &str) -> Markup {
         let i = self.film.at(self.still_s());
         let camera = self.camera(i, &SCREEN);
@@ -105,12 +106,13 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// A small still of a moment, with its words; play.js goes there.
+    /// Small still of a moment with its words. play.js jumps to it.
     pub fn thumb(&self, moment: &Moment) -> Markup {
         let i = self.film.at(moment.time_s);
         let camera = self.camera(i, &THUMB);
         let [width_px, height_px] = THUMB.size_px;
         let end_s = self.film.end_s();
+        // The contact is only drawn on stills at the end of the film.
         let touched = self.contact_m().filter(|_| end_s <= moment.time_s + 1e-9);
         html! {
             button type="button" class={ "thumb " (moment.class) } data-t=(n(moment.time_s, 3)) {
@@ -128,7 +130,7 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// A pointer at the edge to somebody who is outside a still.
+    /// Arrow at the edge for an agent outside of a still.
     fn beyond(&self, who: usize, i: usize, camera: &Camera<'_>) -> Markup {
         let [width_px, height_px] = camera.canvas.size_px;
         let track = &self.film.tracks[who];
@@ -144,7 +146,7 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// Where the contact is, in the picture's directions.
+    /// Place of the contact in the picture's directions.
     pub fn contact_m(&self) -> Option<[f64; 2]> {
         let touch = self.example.episode.contact.as_ref()?;
         Some(self.film.turned(touch.point_m[0], touch.point_m[1]))
@@ -155,7 +157,7 @@ impl<'a> Picture<'a> {
         phases.map(|phases| phases[i]).collect()
     }
 
-    /// A body where it is at a sample; who brakes shows it.
+    /// Body at its pose of a sample, with brake lamps if it brakes.
     fn placed(&self, who: usize, i: usize) -> Markup {
         let brakes = self.film.tracks[who].accel_mps2[i] < -BRAKES_MPS2;
         html! {
@@ -165,7 +167,7 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// Where a body of a film is at a sample.
+    /// SVG `transform` of a body at a sample.
     pub fn pose(&self, film: &Film, who: usize, i: usize) -> String {
         let track = &film.tracks[who];
         let turn_deg = track.heading_rad[i].to_degrees();
@@ -173,7 +175,7 @@ impl<'a> Picture<'a> {
         format!("translate({x} {y}) rotate({})", n(turn_deg, 2))
     }
 
-    /// Where ego and the one it meets were when ψ_ego was lost.
+    /// Outlines of the ego and the encountered agent at the violation of ψ_ego.
     fn ghosts(&self) -> Markup {
         let i = self.film.at(self.violated_s);
         let (ego, _) = self.ego();
@@ -187,18 +189,18 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// What the part of the picture is called that is drawn once.
+    /// Identifier of a part that is drawn once and used several times.
     pub fn part(&self, name: &str) -> String {
         format!("film{}-{name}", self.id)
     }
 
-    /// What the shape of a body is called.
+    /// Identifier of a body's shape.
     pub fn body(&self, who: usize) -> String {
         self.part(&format!("body{who}"))
     }
 }
 
-/// A star where two touch, of one size at any scale.
+/// Star at a contact, of one size at any scale.
 pub(super) fn burst(x: f64, y: f64) -> Markup {
     let points = (0..16).map(|nth| {
         let turn_rad = f64::from(nth) * std::f64::consts::TAU / 16.0;

@@ -14,10 +14,11 @@ pub(in crate::report) fn world(text: &str) -> Scenario {
     Scenario::parse("world.ron", text).expect("a world")
 }
 
-/// The first counterexample with a contact that one action, held, gives.
+/// First counterexample with a contact that a constant action causes.
 pub(in crate::report) fn crash(scenario: &Scenario) -> Example {
     let mut bench = scenario.bench();
     let spaces = scenario.world().spaces();
+    // The neutral action is no attack.
     let held = (0..spaces.actions).filter(|action| *action != spaces.neutral);
     let held: Vec<usize> = held.collect();
     let tried = (0..200).flat_map(|index| held.iter().map(move |action| (index, *action)));
@@ -41,7 +42,7 @@ pub(in crate::report) fn crash(scenario: &Scenario) -> Example {
     shown(scenario, crashed.expect("a crash"))
 }
 
-/// An episode as an example of a report.
+/// Episode as an example of a report.
 fn shown(scenario: &Scenario, episode: Episode) -> Example {
     Example {
         chosen_for: "being one".to_owned(),
@@ -60,7 +61,7 @@ fn acc() -> Scenario {
     world(include_str!("../../../worlds/acc.ron"))
 }
 
-/// The value of a list at a time, as play.js reads it.
+/// Value of a list at a time, interpolated as in play.js.
 fn at(times: &[f64], values: &Value, time_s: f64) -> f64 {
     let value = |i: usize| values[i].as_f64().expect("a number");
     let high = times.iter().position(|t| time_s <= *t + 1e-9);
@@ -75,12 +76,12 @@ fn numbers(values: &Value) -> Vec<f64> {
     values.iter().filter_map(Value::as_f64).collect()
 }
 
-/// A cut-in: somebody moves sideways, with a heading and a y that change.
+/// Cut-in, in which y and heading of an agent change.
 fn cut_in() -> Scenario {
     world(include_str!("../../../worlds/cut_in.ron"))
 }
 
-/// The numbers in the brackets after a name, of a `transform`.
+/// Numbers in the brackets after a name in a `transform`.
 fn arguments(transform: &str, name: &str) -> Vec<f64> {
     let (_, rest) = transform.split_once(&format!("{name}(")).expect(name);
     let inside = rest.split(')').next().expect("brackets");
@@ -116,6 +117,7 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
             for sample in 0..trace.len() {
                 let time_s = (sample as f64 * trace.dt_s()).min(end_s);
                 let heading_rad = at(&times, &body["h"], time_s);
+                // The trace has the front bumper, and the picture the centre.
                 let half_m = 0.5 * cast.size_m[0];
                 let shown = [
                     at(&times, &body["x"], time_s) + half_m * heading_rad.cos() - x_m[sample],
@@ -129,6 +131,7 @@ fn the_animation_shows_places_headings_and_speeds_of_the_trace() {
                 turned = turned.max(heading_rad.abs());
             }
         }
+        // A world without a turn would not test headings.
         assert!(scenario.name == "acc" || 0.02 < turned, "{turned} rad");
     }
 }
@@ -144,7 +147,8 @@ fn left_is_up_forward_is_right_and_bodies_are_turned_in_degrees() {
     let shown = camera.at([camera.centre_m[0] + 1.0, camera.centre_m[1] + 1.0]);
     let middle = camera.middle_px();
     assert!(middle[0] < shown[0] && shown[1] < middle[1], "{shown:?}");
-    // What places labels and stars is what moves the bodies.
+    // The function that places labels and stars agrees with the transform of
+    // the bodies.
     let transform = camera.transform();
     let scale = arguments(&transform, "scale");
     assert!((scale[0] - camera.scale).abs() < 1e-3 && (scale[1] + camera.scale).abs() < 1e-3);
@@ -162,6 +166,7 @@ fn left_is_up_forward_is_right_and_bodies_are_turned_in_degrees() {
 
 #[test]
 fn the_violation_is_when_what_is_asked_is_lost() {
+    // Bounds of ψ_ego in the two worlds.
     for (scenario, least_m) in [(acc(), 4.7), (cut_in(), 0.2)] {
         let example = crash(&scenario);
         let trace = &example.episode.trace;
@@ -237,7 +242,7 @@ fn the_contact_is_marked_when_and_where_it_is() {
     assert!((at[0] - touch.point_m[0]).abs() < 0.01 && (at[1] - touch.point_m[1]).abs() < 0.01);
     let verdict = VerdictWords::of(&scenario, &example);
     let page = animation(&scenario, &example, (0, &verdict)).into_string();
-    // In the large still and in that of the contact.
+    // The star appears in the large still and in that of the contact.
     assert_eq!(page.matches("class=\"burst\"").count(), 2);
     let camera = Camera::of(
         &picture.film,
@@ -282,6 +287,7 @@ fn bodies_have_their_true_sizes() {
             rest.split('"').next()?.parse().ok()
         };
         let reach = |axis: usize| {
+            // The ring around a pedestrian is larger than its body.
             let shapes = drawn.split('<').filter(|it| !it.contains("ring"));
             let sides = shapes.filter_map(|shape| match axis {
                 0 => number(shape, "x").map(|x| -x).or(number(shape, "rx")),
@@ -329,7 +335,7 @@ fn the_camera_keeps_the_conflict_in_the_picture() {
     }
 }
 
-/// The values of every list of keyframes, with their percents.
+/// Values of every list of keyframes, with their percentages.
 fn keyframes(svg: &str) -> Vec<Vec<(f64, String)>> {
     let lists = svg.split("@keyframes ").skip(1);
     let list = |text: &str| -> Vec<(f64, String)> {
@@ -384,7 +390,7 @@ fn a_looping_picture_moves_everybody_from_the_first_to_the_last_pose() {
 
 #[test]
 fn the_script_moves_shapes_as_the_stills_were_drawn() {
-    // What Camera and Picture compute, in the words of the script.
+    // Formulas of Camera and Picture, in the text of the script.
     let [across_px, along_px] = SCREEN.margin_px;
     let foot_px = SCREEN.foot_px;
     let same = [

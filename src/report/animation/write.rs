@@ -1,6 +1,6 @@
-//! Numbers as short texts.
+//! Short texts of numbers.
 
-/// A number with at most so many decimals, and none that say nothing.
+/// Number with at most `places` decimals, without trailing zeros.
 pub(super) fn n(value: f64, places: usize) -> String {
     let text = format!("{value:.places$}");
     let text = match text.contains('.') {
@@ -13,7 +13,7 @@ pub(super) fn n(value: f64, places: usize) -> String {
     }
 }
 
-/// A list of numbers, as JSON has it.
+/// List of numbers as JSON.
 pub(super) fn list(values: &[f64], places: usize) -> String {
     let values = values.iter().map(|value| n(*value, places));
     format!("[{}]", values.collect::<Vec<_>>().join(","))

@@ -15,23 +15,23 @@ pub struct PpoSettings {
     pub hidden: Vec<usize>,
     /// Decisions between updates, rounded up to whole episodes (2048).
     pub horizon: usize,
-    /// Passes over them (10): as in the paper's Table 3.
+    /// Passes over the rollout (10), as in the paper's Table 3.
     pub epochs: usize,
-    /// Decisions per gradient step (64): as in the paper's Table 3.
+    /// Decisions per gradient step (64), as in the paper's Table 3.
     pub batch: usize,
-    /// Adam's step at the start (1e-3): small networks bear it.
+    /// Step size of Adam at the start (1e-3): small networks tolerate it.
     pub learning_rate: f64,
-    /// Adam's step at the end, linear between (0): lets the policy settle.
+    /// Step size of Adam at the end, linear in between (0): the policy settles.
     pub final_learning_rate: f64,
     /// γ (1): the reward comes once, at the end.
     pub discount: f64,
     /// λ of the advantages (0.95): between one-step (0) and whole returns (1).
     pub trace: f64,
-    /// The ratio of probabilities counts up to 1 ± this (0.2).
+    /// Bound 1 ± clip on the ratio of probabilities (0.2).
     pub clip: f64,
-    /// Weight of the entropy (0.003): 0.01 leaves more fouls behind.
+    /// Weight of the entropy (0.003): 0.01 leaves more rule violations.
     pub entropy: f64,
-    /// Gradients longer than this are shortened to it (0.5), net by net.
+    /// Greatest length of a gradient, per network (0.5).
     pub max_gradient: f64,
 }
 

@@ -21,29 +21,30 @@ use crate::rl::nn::{Adam, Mlp, Tape, argmax};
 use crate::rl::replay::check;
 use crate::rl::{End, Env, Policy, Spaces};
 
-/// The kind of a kept policy.
+/// Kind of a kept policy.
 const POLICY: &str = "brakecheck ppo policy 1";
-/// The kind of a checkpoint.
+/// Kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck ppo checkpoint 1";
 
-/// What was lived since the last update, with the advantages.
+/// Experience since the last update, with its advantages.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Rollout {
     observations: Vec<f32>,
     actions: Vec<u32>,
-    /// log π(a | s) when the action was drawn.
+    /// log π(a | s) at the time of the draw.
     log_probabilities: Vec<f32>,
-    /// During an episode: V(s).
+    /// V(s), during an episode only.
     values: Vec<f32>,
-    /// During an episode: rewards.
+    /// Rewards, during an episode only.
     rewards: Vec<f32>,
     advantages: Vec<f32>,
     returns: Vec<f32>,
 }
 
 impl Rollout {
-    /// Back to the last `episode` boundary.
+    /// Truncates to the last episode boundary.
     fn drop_episode(&mut self, width: usize) {
+        // Advantages exist only for closed episodes, so their number is the boundary.
         let kept = self.advantages.len();
         self.observations.truncate(kept * width);
         self.actions.truncate(kept);
@@ -52,9 +53,10 @@ impl Rollout {
         self.rewards.clear();
     }
 
-    /// Advantages of the episode just lived: Â_t = Σ (γλ)^l δ_{t+l}, Eq. (16).
+    /// Computes the advantages of the last episode, Eq. (16) of GAE.
     ///
-    /// `after` is the value of what follows: 0 after a terminal state.
+    /// Â_t = Σ (γλ)^l δ_{t+l}. `after` is the value of the last observation, 0 after
+    /// a terminal state.
     fn close_episode(&mut self, after: f32, discount: f32, trace: f32) {
         let start = self.advantages.len();
         let end = start + self.rewards.len();
@@ -81,7 +83,7 @@ impl Rollout {
     }
 }
 
-/// The learner: everything that changes while it trains.
+/// Learner state: everything that changes during training.
 struct Ppo {
     config: PpoSettings,
     actor: Mlp,
@@ -96,7 +98,7 @@ struct Ppo {
     room: Room,
 }
 
-/// Buffers without meaning between updates.
+/// Reusable buffers without meaning between updates.
 struct Room {
     order: Vec<u32>,
     inputs: Vec<f32>,
@@ -122,7 +124,7 @@ impl Kind for PpoSettings {
 
     fn build(&self, spaces: &Spaces, seed: u64) -> Box<dyn Learner> {
         let mut dice = Dice::new(seed);
-        // A small last layer: all actions start equally likely.
+        // A small gain in the last layer: all actions start equally likely.
         let actor = Mlp::orthogonal(&self.sizes(spaces, spaces.actions), 0.01, &mut dice);
         let critic = Mlp::orthogonal(&self.sizes(spaces, 1), 1.0, &mut dice);
         Box::new(Ppo::around(self, actor, critic, dice))
@@ -155,6 +157,7 @@ impl Kind for PpoSettings {
             log_probabilities: floats("rollout/log_probabilities")?,
             advantages: floats("rollout/advantages")?,
             returns: floats("rollout/returns")?,
+            // A checkpoint lies between episodes, where values and rewards are empty.
             ..Rollout::default()
         };
         Ok(Box::new(ppo))
@@ -213,14 +216,14 @@ impl Ppo {
         }
     }
 
-    /// Several passes over the rollout in shuffled minibatches.
+    /// Runs several passes over the rollout in shuffled minibatches.
     fn update(&mut self) {
         let n = self.rollout.actions.len();
         let mut order = std::mem::take(&mut self.room.order);
         order.clear();
         order.extend(0..n as u32);
-        // Advantages, returns and old probabilities stay those of the rollout:
-        // the ratio measures how far all passes together have moved the policy.
+        // Advantages, returns and old probabilities stay those of the rollout. The
+        // ratio then measures the change of the policy over all passes together.
         for _ in 0..self.config.epochs {
             self.dice.shuffle(&mut order);
             for batch in order.chunks(self.config.batch) {
@@ -250,6 +253,7 @@ impl Ppo {
         }
 
         // Actor: −min(r Â, clip(r) Â) − c H, Eq. (7) and (9), by the logits.
+        // Normalised per minibatch, so the step does not depend on the reward's scale.
         let (mean, deviation) = moments(batch.iter().map(|&i| rollout.advantages[i as usize]));
         self.actor.forward(inputs, size, actor);
         let (actions, stride) = (self.actor.outputs(), self.actor.output_stride());
@@ -266,8 +270,8 @@ impl Ppo {
             let ratio = libm::expf(log - rollout.log_probabilities[i]);
             let advantage = (rollout.advantages[i] - mean) / deviation;
             let clip = self.config.clip as f32;
-            // The clipped branch is flat: no gradient once the ratio has
-            // moved beyond the clip in the direction of the advantage.
+            // The clipped branch is flat: no gradient once the ratio has moved beyond the
+            // clip in the direction of the advantage.
             let flat = match 0.0 < advantage {
                 true => 1.0 + clip < ratio,
                 false => ratio < 1.0 - clip,
@@ -289,6 +293,7 @@ impl Ppo {
         let stride = self.critic.output_stride();
         let (values, gradient) = self.critic.output_and_gradient(size, critic);
         gradient.fill(0.0);
+        // Only the first column is an output, the rest of a row is padding.
         for (at, &i) in batch.iter().enumerate() {
             let error = values[at * stride] - rollout.returns[i as usize];
             gradient[at * stride] = scale * error;
@@ -299,6 +304,7 @@ impl Ppo {
         let span = self.config.decisions as f64;
         let rate = linear(rates.0, rates.1, self.tally.decisions, span) as f32;
         let longest = self.config.max_gradient;
+        // Net by net: a large error of the critic must not shrink the actor's step.
         shorten(actor_gradient, longest);
         shorten(critic_gradient, longest);
         self.actor_adam
@@ -336,8 +342,8 @@ impl Learner for Ppo {
         self.room.probabilities = probabilities;
         self.explored = explored as f32 / self.rollout.rewards.len() as f32;
         let total = self.rollout.rewards.iter().sum();
-        // What comes after the last decision: nothing, what the critic expects
-        // where the clock cut the episode off, and what nobody knows.
+        // Value after the last decision: 0 at a terminal state, the critic's estimate
+        // after a cut by the clock, and unknown after a fault.
         let after = match end {
             End::Terminated => 0.0,
             End::Truncated => self.critic.evaluate(&obs, |value| value[0]),
@@ -350,6 +356,7 @@ impl Learner for Ppo {
         self.tally.episodes += 1;
         let (discount, trace) = (self.config.discount as f32, self.config.trace as f32);
         self.rollout.close_episode(after, discount, trace);
+        // Only here, so that a rollout consists of whole episodes.
         if self.config.horizon <= self.rollout.actions.len() {
             self.update();
             self.rollout.clear();
@@ -404,10 +411,10 @@ impl Learner for Ppo {
     }
 }
 
-/// Probabilities that are never exactly 0, so that their logarithms exist.
+/// Computes probabilities that are never exactly 0, with finite logarithms.
 ///
-/// Less the largest logit, no exponential overflows; e⁻⁴⁰ is still a normal
-/// `f32`.
+/// The largest logit is subtracted, so that no exponential overflows. e⁻⁴⁰ is
+/// still a normal `f32`.
 fn softmax(logits: &[f32], probabilities: &mut Vec<f32>) {
     let top = logits[argmax(logits)];
     probabilities.clear();
@@ -422,7 +429,7 @@ fn softmax(logits: &[f32], probabilities: &mut Vec<f32>) {
     }
 }
 
-/// The action at which the running sum of probabilities passes `unit`.
+/// Returns the action at which the running sum of probabilities exceeds `unit`.
 fn draw(probabilities: &[f32], unit: f64) -> usize {
     let mut left = unit as f32;
     for (action, p) in probabilities.iter().enumerate() {
@@ -431,11 +438,11 @@ fn draw(probabilities: &[f32], unit: f64) -> usize {
         }
         left -= p;
     }
-    // Rounding may leave a little: then the likeliest.
+    // Rounding may leave a remainder, which goes to the likeliest action.
     argmax(probabilities)
 }
 
-/// Mean and standard deviation; the latter with a floor, to divide by.
+/// Returns the mean and the standard deviation, floored for a division.
 fn moments(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
     let n = values.clone().count() as f32;
     let mean = values.clone().sum::<f32>() / n;
@@ -445,6 +452,7 @@ fn moments(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
 
 /// Scales a gradient down to at most this length.
 fn shorten(gradient: &mut [f32], longest: f64) {
+    // In f64, because a sum of many f32 squares loses digits.
     let square: f64 = gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum();
     let length = libm::sqrt(square);
     if longest < length {

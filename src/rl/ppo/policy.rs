@@ -1,11 +1,11 @@
-//! What proximal policy optimisation keeps.
+//! Kept policy of proximal policy optimisation.
 
 use crate::rl::Policy;
 use crate::rl::bundle::{Bundle, BundleError};
 use crate::rl::learner::expect_sizes;
 use crate::rl::nn::{Mlp, argmax};
 
-/// The actor's likeliest action, and the critic's value.
+/// Policy of the actor's likeliest action and the critic's value.
 pub(super) struct ActorCritic {
     pub(super) actor: Mlp,
     pub(super) critic: Mlp,

@@ -21,9 +21,9 @@ use crate::rl::nn::argmax;
 use crate::rl::replay::Lived;
 use crate::rl::{End, Env, Policy, Spaces};
 
-/// The kind of a kept policy.
+/// Kind of a kept policy.
 const POLICY: &str = "brakecheck q-table policy 1";
-/// The kind of a checkpoint.
+/// Kind of a checkpoint.
 const CHECKPOINT: &str = "brakecheck q-table checkpoint 1";
 
 impl Kind for QTableSettings {
@@ -48,6 +48,7 @@ impl Kind for QTableSettings {
             within("bins: low", bins.low, -1e9, 1e9)?;
             within("bins: high", bins.high, -1e9, 1e9)?;
             within("bins: count", f64::from(bins.count), 1.0, 65536.0)?;
+            // An empty range would divide by 0 in `Table::cell`.
             if bins.high <= bins.low {
                 return Err(ConfigError {
                     field: "bins",
@@ -101,7 +102,7 @@ impl Kind for QTableSettings {
     }
 }
 
-/// The learner: everything that changes while it trains.
+/// Learner state: everything that changes during training.
 struct QTable {
     config: QTableSettings,
     spaces: Spaces,
@@ -111,7 +112,7 @@ struct QTable {
     tally: Tally,
     cell: Vec<u32>,
     lived: Lived,
-    /// The row of every observation of the episode.
+    /// Row of every observation of the episode.
     trail: Vec<usize>,
 }
 
@@ -127,6 +128,7 @@ impl QTable {
             [spaces.observation, spaces.actions],
         );
         expect_sizes("the table's observation and actions", &found, &expected)?;
+        // Other bins would read the same cells as other observations.
         if table.bins != config.bins {
             return Err(BundleError::Mismatch {
                 what: "the table's `bins`",
@@ -151,20 +153,23 @@ impl QTable {
         }
     }
 
-    /// One-step updates from the end of the episode to its beginning, so that
-    /// a reward at the end reaches the start at once (Lin 1992).
+    /// Updates one step at a time from the end of the episode to its beginning.
+    ///
+    /// A reward at the end thus reaches the start at once (Lin 1992).
     fn learn(&mut self, bootstrap: f32) {
         let mut next = bootstrap;
         for t in (0..self.trail.len()).rev() {
             let (row, action) = (self.trail[t], self.lived.actions[t]);
             self.update((row, action), self.lived.rewards[t], next);
+            // Read after the update, so that the new value passes on to the step before.
             next = self.best(row);
         }
     }
 
-    /// One update of Q(s, a), with what is believed of the next state.
+    /// Updates Q(s, a) with the estimated value of the next state.
     fn update(&mut self, (row, action): (usize, usize), reward: f32, next: f32) {
         let at = row * self.spaces.actions + action;
+        // Saturating, since the count only sets the step size.
         self.visits[at] = self.visits[at].saturating_add(1);
         let rate = match self.config.learning_rate {
             LearningRate::Constant(rate) => rate,
@@ -174,7 +179,7 @@ impl QTable {
         self.table.values[at] += rate as f32 * (target - self.table.values[at]);
     }
 
-    /// The row of the observation's cell, made if it was never seen.
+    /// Returns the row of the observation's cell, creating it if needed.
     fn row(&mut self, obs: &[f32]) -> usize {
         let mut cell = std::mem::take(&mut self.cell);
         self.table.cell(obs, &mut cell);
@@ -187,6 +192,7 @@ impl QTable {
                 let (value, spread) = (self.config.initial_value, self.config.initial_spread);
                 self.table.values.resize(end, value as f32);
                 self.visits.resize(end, 0);
+                // No draw at a spread of 0, so the random stream does not depend on new cells.
                 if 0.0 < spread {
                     for at in row * self.spaces.actions..end {
                         let drawn = value + spread * (2.0 * self.dice.unit() - 1.0);
@@ -233,10 +239,12 @@ impl Learner for QTable {
             self.lived.actions.push(action);
             self.lived.rewards.push(step.reward);
             self.tally.decisions += 1;
+            // As in the paper, an update per decision. An aborted decision is dropped.
             if !self.config.backward && step.end != Some(End::Aborted) {
                 let next = match step.end {
                     Some(End::Terminated) => 0.0,
                     _ => {
+                        // A truncated episode bootstraps too, since its world would go on.
                         let row = self.row(&obs);
                         self.best(row)
                     }
@@ -251,6 +259,7 @@ impl Learner for QTable {
             self.tally.aborted += 1;
         } else {
             self.tally.episodes += 1;
+            // Everything was learned during the episode.
             if !self.config.backward {
                 return self.lived.rewards.iter().sum();
             }
@@ -302,7 +311,7 @@ impl Learner for QTable {
     }
 }
 
-/// Greedy in the table; in a cell never seen, neutral with value 0.
+/// Greedy policy in the table, neutral with value 0 in an unvisited cell.
 struct TablePolicy {
     table: Table,
 }

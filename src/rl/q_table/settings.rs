@@ -12,30 +12,32 @@ pub struct QTableSettings {
     pub learning_rate: LearningRate,
     /// γ (1): the reward comes once, at the end.
     pub discount: f64,
-    /// Q before the first visit (0): above every reward it is optimistic.
+    /// Q before the first visit (0). A value above every reward is optimistic.
     pub initial_value: f64,
     /// ε at the start (1): every action everywhere.
     pub exploration: f64,
-    /// ε at the end (0.05): ε-soft to the last.
+    /// ε at the end (0.05): ε-soft throughout.
     pub final_exploration: f64,
     /// Share of the training in which ε falls, linearly (0.5).
     pub exploration_fraction: f64,
-    /// An exploratory action is held 1 to this many decisions (4): reaches far.
+    /// Longest hold of an exploratory action, from 1 decision (4): reaches far.
     pub hold: usize,
-    /// Bins per observed number (one `Bins()` for all); the last one repeats.
+    /// Bins per observed number (one `Bins()` for all). The last entry repeats.
     pub bins: Vec<Bins>,
-    /// Q before the first visit is drawn uniformly from `initial_value` ± this (0):
-    /// the paper begins with a random table.
+    /// Half width of the uniform draw of Q around `initial_value` (0).
+    ///
+    /// The paper begins with a random table.
     #[serde(skip_serializing_if = "is_zero")]
     pub initial_spread: f64,
-    /// Whether an episode is learned from when it is over, last decision first
-    /// (true); `false`: each decision when it is taken, as in the paper.
+    /// Learns from an episode at its end, last decision first (true).
+    ///
+    /// `false` learns from each decision when it is taken, as in the paper.
     #[serde(skip_serializing_if = "is_true")]
     pub backward: bool,
 }
 
-// Settings that came later are left out where they change nothing, so that a
-// run directory of an earlier version still names the same learner.
+// Later settings are left out of the text where they change nothing. A run
+// directory of an earlier version then still names the same learner.
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
@@ -44,16 +46,16 @@ fn is_true(value: &bool) -> bool {
     *value
 }
 
-/// The step size of tabular updates.
+/// Step size of tabular updates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LearningRate {
-    /// Always this.
+    /// Constant step size.
     Constant(f64),
-    /// 1/n^ω at the n-th visit; converges for 0.5 < ω ≤ 1.
+    /// 1/n^ω at the n-th visit, which converges for 0.5 < ω ≤ 1.
     Power(f64),
 }
 
-/// How one observed number is cut into cells of equal width.
+/// Cells of equal width for one observed number.
 ///
 /// Numbers outside fall into the first or the last cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -63,7 +65,7 @@ pub struct Bins {
     pub low: f64,
     /// Upper end (1).
     pub high: f64,
-    /// Number of cells (16): finer ones see each state too rarely.
+    /// Number of cells (16). Finer cells see each state too rarely.
     pub count: u32,
 }
 

@@ -7,10 +7,12 @@ use crate::rl::bundle::{Bundle, BundleError};
 use crate::rl::kind::Kind;
 use crate::rl::replay::check;
 
-/// Cells in alphabetical order of their indices, with a row for each.
+/// Cells in lexicographic order of their indices, with a row for each.
+///
+/// A sorted map, so that the order of visits never reaches the bytes.
 pub(super) type Rows = BTreeMap<Box<[u32]>, usize>;
 
-/// The table: action values of every cell visited.
+/// Action values of every visited cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     pub(super) observation: usize,
@@ -22,13 +24,13 @@ pub struct Table {
 }
 
 impl Table {
-    /// The cell of an observation.
+    /// Computes the cell of an observation.
     pub(super) fn cell(&self, obs: &[f32], cell: &mut Vec<u32>) {
         cell.clear();
         for (i, value) in obs.iter().enumerate() {
             let bins = self.bins[i.min(self.bins.len() - 1)];
             let share = (f64::from(*value) - bins.low) / (bins.high - bins.low);
-            // A cast from float saturates, so below the range is cell 0.
+            // A cast from float saturates, so numbers below the range fall into cell 0.
             let index = (share * f64::from(bins.count)) as u32;
             cell.push(index.min(bins.count - 1));
         }
@@ -41,7 +43,7 @@ impl Table {
         Some(&self.values[row * self.actions..(row + 1) * self.actions])
     }
 
-    /// Writes rows in the order of their cells, whatever order they came in.
+    /// Writes rows in the order of their cells, independent of the visits.
     pub(super) fn save(&self, bundle: &mut Bundle) {
         let cells: Vec<u32> = self.rows.keys().flatten().copied().collect();
         bundle.put("cells", &[self.rows.len(), self.observation], cells);
@@ -66,6 +68,7 @@ impl Table {
     pub(super) fn load(bundle: &Bundle) -> Result<Table, BundleError> {
         let shape = |name: &str| bundle.shape(name).unwrap_or(&[]).to_vec();
         let (n, width) = match shape("cells")[..] {
+            // A missing or misshapen tensor fails in `get` below, with its name.
             [n, width] => (n, width),
             _ => (0, 0),
         };
@@ -83,6 +86,7 @@ impl Table {
                 count: b[2] as u32,
             })
             .collect();
+        // Bins of a file are untrusted, so they pass the checks of a world file.
         let config = QTableSettings {
             bins,
             ..QTableSettings::default()
@@ -94,6 +98,7 @@ impl Table {
         })?;
         let keys = cells.chunks_exact(width.max(1)).map(Box::from);
         let rows: Rows = keys.zip(0..n).collect();
+        // Repeated cells would leave fewer rows than values.
         if rows.len() != n {
             return Err(BundleError::Mismatch {
                 what: "number of different cells",

@@ -1,18 +1,18 @@
 #![cfg(test)]
-//! Lets the k-th step on the disk fail, for tests.
+//! Failures of the k-th step on the disk, for tests.
 //!
-//! Plans are told apart by directory, so that tests may run side by side.
+//! Plans are distinguished by directory, so tests can run in parallel.
 
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What becomes of a step.
+/// Kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum How {
-    /// It and all later ones do not happen, as if the program was killed there.
+    /// The step and all later steps fail, as if the program was killed there.
     Killed,
-    /// It fails and later ones do not, as on a disk that is full for a moment.
+    /// The step fails and later steps succeed, as on a disk that is full for a moment.
     Refused,
 }
 
@@ -29,7 +29,7 @@ fn plans() -> MutexGuard<'static, Vec<Plan>> {
     PLANS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Before every step that changes the disk.
+/// Hook before every step that changes the disk.
 pub(super) fn step(path: &Path) -> io::Result<()> {
     let mut plans = plans();
     let Some(plan) = plans.iter_mut().find(|plan| path.starts_with(&plan.under)) else {
@@ -43,8 +43,9 @@ pub(super) fn step(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Does something during which the step number `at` (from 1) under a directory
-/// fails; says how many steps were begun.
+/// Runs `act` while step number `at` (from 1) under a directory fails.
+///
+/// Returns the number of steps that were begun as well.
 pub(crate) fn failing<T>(under: &Path, at: u64, how: How, act: impl FnOnce() -> T) -> (T, u64) {
     plans().push(Plan {
         under: under.to_owned(),

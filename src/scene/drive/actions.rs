@@ -1,30 +1,29 @@
-//! What ados may choose from at each decision.
+//! Action sets from which ados choose at each decision.
 
 use serde::{Deserialize, Serialize};
 
-/// The actions of one ado.
+/// Action set of an ado.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Actions {
-    /// A vehicle that keeps its lane: net accelerations, m/s².
+    /// Net accelerations in m/s² of a vehicle that keeps its lane.
     Accelerations(Vec<f64>),
-    /// A vehicle that may also move sideways.
+    /// Accelerations and lateral moves of a vehicle.
     Grid(Grid),
-    /// Somebody on foot: velocities along the road and to the left, m/s.
+    /// Velocities of a pedestrian, along the road and to the left, in m/s.
     Walks(Vec<(f64, f64)>),
-    /// A traffic light.
+    /// Phase changes of a traffic light.
     Phases(Vec<Turn>),
-    /// Anybody who has a plan: what is added to it.
+    /// Deviations from the plan of an agent.
     Deviate(Deviation),
 }
 
-/// Every acceleration with every lateral speed, added to a plan.
+/// All pairs of an acceleration and a lateral speed, added to a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Deviation {
-    /// Accelerations along where it faces, m/s².
+    /// Accelerations along the heading, m/s².
     pub accelerations: Vec<f64>,
-    /// Speeds to its left, m/s; the acceleration counts faster in an action's
-    /// number.
+    /// Speeds to the left, m/s. In an action's number the acceleration counts faster.
     #[serde(default = "straight_on")]
     pub lateral_mps: Vec<f64>,
 }
@@ -34,7 +33,7 @@ fn straight_on() -> Vec<f64> {
 }
 
 impl Deviation {
-    /// What an action adds: acceleration along where it faces and speed to its left.
+    /// Returns the added acceleration along the heading and speed to the left.
     pub fn at(&self, action: usize) -> (f64, f64) {
         let count = self.accelerations.len();
         (
@@ -44,18 +43,18 @@ impl Deviation {
     }
 }
 
-/// Every acceleration with every lateral move.
+/// All pairs of an acceleration and a lateral move.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Grid {
     /// Net accelerations, m/s².
     pub accelerations: Vec<f64>,
-    /// Lateral moves; the acceleration counts faster in an action's number.
+    /// Lateral moves. In an action's number the acceleration counts faster.
     pub lateral: Vec<Lateral>,
     /// Speed of a lateral move.
     #[serde(default = "lateral_speed_mps")]
     pub lateral_mps: f64,
-    /// Time constant with which the lateral speed follows.
+    /// Time constant of the lateral speed.
     #[serde(default = "lateral_lag_s")]
     pub lateral_lag_s: f64,
 }
@@ -79,16 +78,16 @@ pub enum Lateral {
     Right,
 }
 
-/// What a light may do.
+/// Action of a traffic light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Turn {
     /// Keep the phase.
     Hold,
-    /// On to the next: green, yellow, red, green.
+    /// Switch to the next phase: green, yellow, red, green.
     Advance,
 }
 
-/// What an ado has chosen.
+/// Decoded action of an ado.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Choice {
     Drive { accel_mps2: f64, lateral_mps: f64 },
@@ -97,7 +96,7 @@ pub(super) enum Choice {
 }
 
 impl Choice {
-    /// What holds before the first decision: no acceleration, no lateral speed.
+    /// Action before the first decision: no acceleration, no lateral speed.
     pub const NONE: Choice = Choice::Drive {
         accel_mps2: 0.0,
         lateral_mps: 0.0,
@@ -105,7 +104,7 @@ impl Choice {
 }
 
 impl Actions {
-    /// Number of actions.
+    /// Returns the number of actions.
     pub fn len(&self) -> usize {
         match self {
             Actions::Accelerations(list) => list.len(),
@@ -116,12 +115,12 @@ impl Actions {
         }
     }
 
-    /// Whether there is nothing to choose.
+    /// Returns whether the set is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// An action in words.
+    /// Returns an action in words.
     pub fn label(&self, action: usize) -> String {
         match self {
             Actions::Accelerations(list) => format!("{:+} m/s²", list[action]),
@@ -158,10 +157,11 @@ impl Actions {
         }
     }
 
-    /// How far two actions are apart, 0 to 1: by the physical values they ask
-    /// for, as a share of the largest distance there is in this set.
+    /// Returns the distance of two actions, 0 to 1.
     ///
-    /// Of a grid both parts count half; a light's actions are alike or not.
+    /// The difference of the commanded physical values, as a share of the
+    /// largest difference in this set. In a grid both parts weigh one half.
+    /// Actions of a light are equal (0) or different (1).
     pub fn distance(&self, a: usize, b: usize) -> f64 {
         let among = |list: &[f64], a: f64, b: f64| {
             let least = list.iter().copied().fold(f64::INFINITY, f64::min);
@@ -194,11 +194,16 @@ impl Actions {
         }
     }
 
-    /// The actions that brake and that accelerate hardest, nobody moving across; on
-    /// foot they are against and along the road. Of a light both are to hold.
+    /// Returns the hardest braking and the hardest acceleration, both without
+    /// lateral motion.
+    ///
+    /// On foot these are the velocities against and along the road. For a light
+    /// both are to hold.
     pub(super) fn hardest(&self) -> [usize; 2] {
         let ends = |list: &mut dyn Iterator<Item = (usize, f64)>| {
             let all: Vec<(usize, f64)> = list.collect();
+            // Of equal values, the first is the least and the last the most,
+            // so a set of a single value still has two ends.
             let least = all.iter().min_by(|a, b| a.1.total_cmp(&b.1));
             let most = all.iter().max_by(|a, b| a.1.total_cmp(&b.1));
             [least, most].map(|end| end.map_or(0, |end| end.0))
@@ -207,6 +212,8 @@ impl Actions {
             Actions::Accelerations(list) => ends(&mut list.iter().copied().enumerate()),
             Actions::Grid(grid) => {
                 let hold = grid.lateral.iter().position(|it| *it == Lateral::Hold);
+                // A set without `Hold` has no straight action, so its first
+                // lateral move is used.
                 let from = hold.unwrap_or(0) * grid.accelerations.len();
                 ends(&mut grid.accelerations.iter().copied().enumerate()).map(|end| from + end)
             }
@@ -223,7 +230,7 @@ impl Actions {
         }
     }
 
-    /// What an action asks for.
+    /// Decodes an action.
     pub(super) fn choice(&self, action: usize) -> Choice {
         match self {
             Actions::Accelerations(list) => Choice::Drive {
@@ -252,16 +259,18 @@ impl Actions {
         }
     }
 
-    /// Time constant with which the lateral speed follows.
+    /// Returns the time constant of the lateral speed.
     pub(super) fn lateral_lag_s(&self) -> f64 {
         match self {
+            // Sets without lateral moves still correct their lane position with
+            // the default lag.
             Actions::Grid(grid) => grid.lateral_lag_s,
             _ => lateral_lag_s(),
         }
     }
 }
 
-/// A part of a whole that may be nothing.
+/// Returns the ratio of a part to a whole, 0 for an empty whole.
 fn share(part: f64, whole: f64) -> f64 {
     match 0.0 < whole {
         true => part / whole,
@@ -270,7 +279,7 @@ fn share(part: f64, whole: f64) -> f64 {
 }
 
 impl Lateral {
-    /// 1 to the left, −1 to the right.
+    /// Returns 1 for left, −1 for right and 0 for hold.
     fn towards(self) -> f64 {
         match self {
             Lateral::Hold => 0.0,
@@ -281,7 +290,7 @@ impl Lateral {
 }
 
 impl Grid {
-    /// What an action asks for: an acceleration, and a speed to the left, m/s.
+    /// Returns an action's acceleration and its speed to the left, m/s.
     pub fn command(&self, action: usize) -> (f64, f64) {
         let (accel_mps2, lateral) = self.at(action);
         let lateral_mps = match lateral {

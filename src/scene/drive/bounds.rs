@@ -1,20 +1,20 @@
-//! What the signals of a driving scene can be, and which no ado can change.
+//! Static bounds of the signals of a driving scene.
 
 use super::signals::schema_of;
 use super::spec::DriveSpec;
 use crate::stl::Interval;
 
-/// A signal as it is before anything has happened.
+/// Bounds of a signal before any episode runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
-    /// Between what it stays in any run.
+    /// Interval that contains the signal in every run.
     pub range: Interval,
-    /// Whether it is the same whatever the ados do.
+    /// True if no ado can change the signal.
     pub untouched: bool,
 }
 
 impl DriveSpec {
-    /// Bounds of each signal, in the order of the schema.
+    /// Returns the bounds of each signal, in the order of the schema.
     pub fn bounds(&self) -> Vec<Bounds> {
         let published = self.published();
         let mut bounds: Vec<Bounds> = published
@@ -28,9 +28,12 @@ impl DriveSpec {
             return bounds;
         };
         for derived in &self.derived {
+            // Signals derived later are not bounded yet and may take any value.
             let mut ranges: Vec<Interval> = bounds.iter().map(|known| known.range).collect();
             ranges.resize(schema.len(), Interval::ANY);
             let bound = derived.expr.bind(&schema, &self.constants);
+            // Binding errors are reported when the world is assembled. An
+            // unbounded range is safe here.
             let range = bound.map_or(Interval::ANY, |expr| expr.range(&ranges));
             let names = derived.expr.signals();
             let mut positions = names.iter().filter_map(|name| schema.position(name));

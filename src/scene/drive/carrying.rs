@@ -1,4 +1,4 @@
-//! Who keeps to a plan, or strays from one, is carried along it.
+//! Motion of agents that follow a plan or deviate from it.
 
 use std::sync::Arc;
 
@@ -9,22 +9,25 @@ use super::spec::Drive;
 use crate::sim::BodyCommand;
 
 impl DriveScene {
-    /// Whether anybody waits for a formula.
+    /// Returns whether any plan waits for a formula.
     fn is_watched(&self) -> bool {
         self.plans.iter().flatten().any(PlanRun::is_watching)
     }
 
-    /// Takes everybody who has a plan a sample further along it.
+    /// Advances every agent with a plan by one sample.
     pub(super) fn carry_all(&mut self) {
         if self.plans.is_empty() {
             return;
         }
         let layout = Arc::clone(&self.layout);
+        // The end is computed from the sample number, so rounding errors do not
+        // add up.
         let clock = layout.spec.clock;
         let (from_s, to_s) = (
             self.state.time_s(),
             (self.state.sample + 1) as f64 * clock.sample_s,
         );
+        // Signals are published for plans only if a plan waits for a formula.
         if self.is_watched() {
             let mut row = std::mem::take(&mut self.row);
             row.resize(layout.schema.len(), 0.0);
@@ -68,8 +71,10 @@ impl DriveScene {
         }
     }
 
-    /// Who was carried through a whole sample moves as its plan says at the end
-    /// of it; a plant knows the mean over the sample.
+    /// Sets the motion of planned agents at the end of a whole sample.
+    ///
+    /// Values come from the plan, because a plant only knows the mean over the
+    /// sample.
     pub(super) fn arrive_all(&mut self) {
         let time_s = self.state.time_s();
         for (i, run) in self.plans.iter().enumerate() {
@@ -87,9 +92,12 @@ impl DriveScene {
         }
     }
 
-    /// Who was carried into a contact has its plan at that instant, too, and as
-    /// fast as the plant has the body, in the mean over the sample: who adds
-    /// nothing to the plan keeps to it in the last row as in every other.
+    /// Sets the planned motion of all agents at the instant of a contact.
+    ///
+    /// The planned position is interpolated to that instant. Its speed is the
+    /// mean over the sample, like the speed of the body in the plant. An agent
+    /// that adds nothing to its plan thus matches it in the last row as in
+    /// every other.
     pub(super) fn stop_all(&mut self, after_s: f64) {
         let sample_s = self.layout.spec.clock.sample_s;
         let time_s = self.state.time_s();
@@ -110,9 +118,10 @@ impl DriveScene {
         }
     }
 
-    /// Where the plans have everybody at the start.
+    /// Sets the planned state of every agent at the start.
     pub(super) fn plans_begin(&mut self) {
         self.state.planned.clear();
+        // Without plans the list stays empty, as `SceneState::planned` states.
         if self.plans.is_empty() {
             return;
         }

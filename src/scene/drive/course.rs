@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::ego::RoadPiece;
 use crate::sim::Pose;
 
-/// One piece of a curved road.
+/// A piece of a curved road.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Piece {
@@ -18,30 +18,30 @@ pub enum Piece {
         /// Length along the middle of lane 0.
         length_m: f64,
     },
-    /// Along a circle.
+    /// A piece along a circle.
     Arc {
         /// Length along the middle of lane 0.
         length_m: f64,
-        /// Radius of the circle; positive turns left, negative right.
+        /// Radius of the circle. Positive turns left, negative right.
         radius_m: f64,
     },
 }
 
-/// Where somebody is on the road.
+/// Position and heading of an agent relative to a road.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct OnRoad {
-    /// Along the course.
+    /// Station along the course.
     pub s_m: f64,
-    /// To the left of the course.
+    /// Offset to the left of the course.
     pub lateral_m: f64,
     /// Heading relative to the course, counter-clockwise.
     pub heading_rad: f64,
-    /// Curvature of the course there, positive to the left.
+    /// Curvature of the course at that station, positive to the left.
     pub curvature_per_m: f64,
 }
 
 impl OnRoad {
-    /// The same place to somebody who drives against the road.
+    /// Returns the same place for an agent that drives against the road.
     pub(super) fn reversed(&self) -> OnRoad {
         OnRoad {
             s_m: -self.s_m,
@@ -52,19 +52,19 @@ impl OnRoad {
     }
 }
 
-/// A road whose course cannot be laid.
+/// Error: the course of a road is infeasible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{what}")]
 pub struct CourseError {
-    /// What is wrong.
+    /// Description of the problem.
     pub what: String,
-    /// The cure.
+    /// Advice on how to fix it.
     pub help: String,
-    /// Which piece or point; none if it is about all of them.
+    /// Index of the piece or point, or `None` if the error concerns all of them.
     pub index: Option<usize>,
 }
 
-/// A piece with its place.
+/// A piece with its placement in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Leg {
     from_s_m: f64,
@@ -83,19 +83,19 @@ pub struct Course {
     legs: Vec<Leg>,
 }
 
-/// Straight road before the first and behind the last piece.
+/// Length of straight road before the first and behind the last piece.
 const RUN_OUT_M: f64 = 10_000.0;
-/// Distance of the points by which borders are drawn on arcs.
+/// Distance between the points with which borders are drawn on arcs.
 const DRAWN_M: f64 = 2.0;
-/// Of so many pieces none is passed over: it would cost more than it saves.
+/// Up to this number of legs, all are searched: skipping costs more than it saves.
 const FEW_LEGS: usize = 8;
-/// Lengths that are as near as this may be one.
+/// Tolerance of the search radius, which covers rounding of distances.
 const SAME_M: f64 = 1e-6;
-/// How far borders are drawn before and behind what happens on a road.
+/// Length of border drawn before and behind the used part of a road.
 const DRAWN_BEYOND_M: f64 = 100.0;
 
 impl Course {
-    /// A road without pieces: along world x, without end.
+    /// Returns a straight road along world x, without end.
     pub(super) fn straight() -> Course {
         Course::default()
     }
@@ -111,7 +111,7 @@ impl Course {
         Course::begin(0.0, 0.0, 0.0).laid(pieces, reach_m)
     }
 
-    /// A road that begins at a place; without pieces it is straight.
+    /// Returns a road that begins at a given place. Without pieces it is straight.
     pub(super) fn placed(
         (x_m, y_m): (f64, f64),
         heading_rad: f64,
@@ -121,7 +121,7 @@ impl Course {
         Course::begin(x_m, y_m, heading_rad).laid(pieces, reach_m)
     }
 
-    /// With pieces behind what there is, and the straight run-out.
+    /// Appends the pieces and the straight run-out.
     fn laid(self, pieces: &[Piece], reach_m: f64) -> Result<Course, CourseError> {
         let mut course = self;
         for (i, piece) in pieces.iter().enumerate() {
@@ -138,6 +138,8 @@ impl Course {
                     (length_m, 1.0 / radius_m)
                 }
             };
+            // Beyond half a circle, `Leg::locate` (an atan2) would no longer be
+            // unique.
             if length_m <= 0.0 || PI < (length_m * curvature_per_m).abs() {
                 return Err(CourseError {
                     what: format!("a piece of {length_m} m"),
@@ -187,6 +189,8 @@ impl Course {
             };
             // A fillet takes r·tan(turn/2) from both of its sides.
             let next_cut_m = radius_m * libm::tan(0.5 * turn_rad.abs());
+            // Near 180° the tangent diverges. The limit of 0.9 π also rejects
+            // points that turn back on themselves.
             if 0.9 * PI < turn_rad.abs() || length_m <= cut_m + next_cut_m {
                 let what = format!("the corner after point {i} does not fit");
                 let help = "move the points apart, or make the corners' radius smaller";
@@ -196,6 +200,7 @@ impl Course {
             if turn_rad != 0.0 {
                 course.append(radius_m * turn_rad.abs(), turn_rad.signum() / radius_m);
             }
+            // The fillet shortens the next side as well.
             cut_m = next_cut_m;
         }
         course.append(RUN_OUT_M, 0.0);
@@ -237,8 +242,9 @@ impl Course {
         });
     }
 
-    /// The pieces in order, without the straight ends; empty where there is
-    /// nothing but straight road.
+    /// Returns the pieces in order, without the straight ends.
+    ///
+    /// Empty on a road that is straight throughout.
     pub fn pieces(&self) -> Vec<RoadPiece> {
         let last = self.legs.len().saturating_sub(1);
         let between = self.legs.iter().take(last).skip(1);
@@ -250,12 +256,12 @@ impl Course {
         between.map(piece).collect()
     }
 
-    /// Where on the road a pose is: beside the nearest point of the course.
+    /// Returns the road coordinates of a pose, at the nearest point of the course.
     pub fn locate(&self, pose: &Pose) -> OnRoad {
         let mut nearest: Option<(f64, OnRoad)> = None;
         let within_m = match self.legs.len() <= FEW_LEGS {
             true => f64::INFINITY,
-            // No piece is nearer than its beginning, less its length.
+            // A leg is at least as far as its start minus its length.
             false => {
                 let starts_m = self.legs.iter().map(|leg| leg.start_away_m(pose));
                 starts_m.fold(f64::INFINITY, f64::min) + SAME_M
@@ -266,6 +272,7 @@ impl Course {
                 continue;
             }
             let (away_m, at) = leg.locate(pose);
+            // Strictly nearer, so the earlier of two equally near legs is kept.
             if nearest.as_ref().is_none_or(|(best_m, _)| away_m < *best_m) {
                 nearest = Some((away_m, at));
             }
@@ -281,14 +288,15 @@ impl Course {
         }
     }
 
-    /// Its curvature at a place, positive to the left.
+    /// Returns the curvature at a station, positive to the left.
     pub(super) fn curvature_per_m(&self, s_m: f64) -> f64 {
         let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
         leg.map_or(0.0, |leg| leg.curvature_per_m)
     }
 
-    /// Its curvature on the whole over a way that begins at a place.
+    /// Returns the mean curvature over a distance from a station.
     pub(super) fn mean_curvature_per_m(&self, s_m: f64, way_m: f64) -> f64 {
+        // Too short a way for a quotient of two rounded angles.
         if way_m.abs() < 1e-6 {
             return self.curvature_per_m(s_m);
         }
@@ -296,12 +304,12 @@ impl Course {
         wrapped(heading_rad(s_m + way_m) - heading_rad(s_m)) / way_m
     }
 
-    /// Where the pieces end, along the course; 0 without any.
+    /// Returns the station at which the pieces end, 0 without pieces.
     pub fn end_s_m(&self) -> f64 {
         self.legs.last().map_or(0.0, |last| last.from_s_m)
     }
 
-    /// The pose of somebody who drives along the course.
+    /// Returns the pose of an agent that drives along the course.
     pub fn pose(&self, s_m: f64, lateral_m: f64) -> Pose {
         let leg = self.legs.iter().rev().find(|leg| leg.from_s_m <= s_m);
         match leg.or(self.legs.first()) {
@@ -314,8 +322,9 @@ impl Course {
         }
     }
 
-    /// A line beside the course, as a polyline on the ground: along all pieces
-    /// and between two places, and 100 m beyond.
+    /// Returns a line beside the course, as a polyline on the ground.
+    ///
+    /// It covers all pieces and the given interval, and 100 m beyond.
     pub fn polyline_m(&self, lateral_m: f64, (from_m, to_m): (f64, f64)) -> Vec<[f64; 3]> {
         let point = |s_m: f64| {
             let pose = self.pose(s_m, lateral_m);
@@ -325,6 +334,7 @@ impl Course {
             return vec![point(-100.0), point(900.0)];
         };
         let mut stations_m = vec![from_m.min(0.0) - DRAWN_BEYOND_M];
+        // The run-in has negative s and is covered by the first station.
         for leg in self.legs.iter().filter(|leg| 0.0 <= leg.from_s_m) {
             let points = match leg.curvature_per_m == 0.0 {
                 true => 1,
@@ -339,7 +349,7 @@ impl Course {
 }
 
 impl Leg {
-    /// From a pose to where it begins.
+    /// Returns the distance from a pose to the start of the leg.
     fn start_away_m(&self, pose: &Pose) -> f64 {
         let (dx, dy) = (pose.x_m - self.x_m, pose.y_m - self.y_m);
         (dx * dx + dy * dy).sqrt()
@@ -350,6 +360,7 @@ impl Leg {
         let turn_rad = k * along_m;
         let (turn_sin, turn_cos) = libm::sincos(turn_rad);
         let (ahead_m, left_m) = match k == 0.0 {
+            // A branch and not a limit: k = 0 would divide by zero.
             true => (along_m, lateral_m),
             false => (
                 turn_sin / k - lateral_m * turn_sin,
@@ -363,7 +374,7 @@ impl Leg {
         }
     }
 
-    /// Distance from the piece, and the coordinates beside its nearest point.
+    /// Returns the distance to the leg and the coordinates at its nearest point.
     fn locate(&self, pose: &Pose) -> (f64, OnRoad) {
         let (dx, dy) = (pose.x_m - self.x_m, pose.y_m - self.y_m);
         let ahead_m = dx * self.cos + dy * self.sin;
@@ -374,6 +385,8 @@ impl Leg {
             false => {
                 let (across, towards) = (k * ahead_m, 1.0 - k * left_m);
                 let radii = (across * across + towards * towards).sqrt();
+                // Coordinates from the circle's centre, scaled by k. The centre
+                // itself is far away on slight bends and is never computed.
                 (libm::atan2(across, towards) / k, (1.0 - radii) / k)
             }
         };
@@ -381,6 +394,8 @@ impl Leg {
         let end = self.pose(on_m, 0.0);
         let (off_x, off_y) = (pose.x_m - end.x_m, pose.y_m - end.y_m);
         let away_m = match on_m == along_m {
+            // Beside the leg the lateral offset is the distance, without
+            // rounding.
             true => lateral_m.abs(),
             false => (off_x * off_x + off_y * off_y).sqrt(),
         };
@@ -394,7 +409,7 @@ impl Leg {
     }
 }
 
-/// An angle in −π ..= π.
+/// Returns an angle in −π ..= π.
 pub(super) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - 2.0 * PI * libm::round(angle_rad / (2.0 * PI))
 }

@@ -1,4 +1,4 @@
-//! A start, drawn: where everybody begins, and with which plan.
+//! Decoding of a start: initial state and plan of every agent.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::scene::Start;
 use crate::sim::Pose;
 use crate::stl::Monitor;
 
-/// A start, drawn: what of an agent it says.
+/// Initial values of an agent, decoded from a start.
 #[derive(Clone, Debug)]
 pub(super) struct Drawn {
     pub front_m: f64,
@@ -21,11 +21,11 @@ pub(super) struct Drawn {
 }
 
 impl DriveSpec {
-    /// The parameters of a start.
+    /// Returns the parameters of a start.
     pub(super) fn parameters_of(&self, start: &Start) -> Vec<f64> {
         let ranges = self.parameters.values();
         let drawn = ranges.clone().filter(|range| !range.is_fixed()).count();
-        // They are the last of a start.
+        // Parameters are the last values of a start.
         let mut drawn = start.0[start.0.len().saturating_sub(drawn)..]
             .iter()
             .copied();
@@ -36,8 +36,10 @@ impl DriveSpec {
         ranges.map(value).collect()
     }
 
-    /// Where everybody is at a start, in file order.
+    /// Returns the initial values of every agent, in file order.
     pub(super) fn drawn(&self, start: &Start) -> Vec<Drawn> {
+        // The order of these reads is that of `axes`, so a start is read as it
+        // was drawn.
         let mut drawn = start.0.iter().copied();
         let mut value = |range: Range| match range.is_fixed() {
             true => range.lo,
@@ -47,6 +49,8 @@ impl DriveSpec {
         for agent in &self.agents {
             let front_m = match agent.place {
                 StartPlace::At { x_m, .. } => value(x_m),
+                // The agent ahead precedes in file order, which loading
+                // ensures.
                 StartPlace::Ahead { of, headway_m, .. } => all[of].front_m + value(headway_m),
             };
             let lateral_m = value(agent.lateral_m);
@@ -63,11 +67,10 @@ impl DriveSpec {
         all
     }
 
-    /// Whether every meeting of a start can be; the number of the agent that
-    /// cannot meet the ego, why, and the cure.
+    /// Checks that every `meet` of a start is feasible.
     ///
     /// # Errors
-    /// The first that cannot.
+    /// The first agent that cannot meet the ego, with the reason and a help.
     pub fn meets(&self, start: &Start) -> Result<(), (usize, Unmet)> {
         let drawn = self.drawn(start);
         let Some(ego) = self.egos().next().map(|ego| &drawn[ego]) else {
@@ -76,6 +79,8 @@ impl DriveSpec {
         let ego = (ego.front_m, ego.speed_mps);
         for (i, at) in drawn.iter().enumerate() {
             if let Some(plan) = &at.plan {
+                // No monitors: feasibility does not depend on the formulas of
+                // the steps.
                 let carried = self.carried(i, Arc::from([]));
                 let place = (at.front_m, at.lateral_m, at.speed_mps);
                 PlanRun::begin(carried, plan.clone(), place, ego).map_err(|why| (i, why))?;
@@ -96,10 +101,10 @@ impl DriveSpec {
 }
 
 impl Layout {
-    /// An agent's plan at its beginning, if it has one.
+    /// Begins an agent's plan, if it has one.
     ///
     /// # Errors
-    /// It cannot meet the ego.
+    /// The agent cannot meet the ego.
     pub(super) fn begun(
         &self,
         agent: usize,

@@ -1,7 +1,7 @@
-//! TrainedAdo ados bound to the world they act in.
+//! Trained ados bound to the world in which they act.
 //!
-//! Whatever a policy observed at home is worked out here from those who play
-//! the parts it knows.
+//! The signals that a policy observed in its training world are computed here
+//! from the agents that take the corresponding parts.
 
 use std::sync::Arc;
 
@@ -17,57 +17,57 @@ use crate::scene::Derived;
 use crate::stl::{BoundExpr, StlError};
 use crate::trace::{Schema, SchemaError};
 
-/// A trained ado that cannot act in a world.
+/// Error: a trained ado cannot act in a world.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainedError {
-    /// It decides between two samples.
+    /// Its decisions would fall between two samples.
     #[error("it decides every {decision_s} s, which is no multiple of `sample_s` = {sample_s} s")]
     Period {
         /// Time between its decisions.
         decision_s: f64,
-        /// Time between samples here.
+        /// Time between samples in this world.
         sample_s: f64,
     },
-    /// Nobody plays a part that it observes.
+    /// No agent takes a part that it observes.
     #[error("it observes `{signal}`, but nobody here is `{name}`")]
     Nobody {
-        /// The signal at home.
+        /// Signal in the training world.
         signal: String,
-        /// The part.
+        /// Name of the part.
         name: String,
     },
-    /// A part that its world does not have.
+    /// A mapped part does not exist in the training world.
     #[error("its world has no `{name}`")]
     Stranger {
-        /// What was written.
+        /// Name in the file.
         name: String,
-        /// Who there is.
+        /// Names in the training world.
         known: Vec<String>,
     },
-    /// A part given to somebody who is not here.
+    /// A part is mapped to an unknown agent.
     #[error("nobody here is called `{name}`")]
     Unknown {
         /// The part.
         part: String,
-        /// What was written.
+        /// Name in the file.
         name: String,
-        /// Who there is.
+        /// Names in this world.
         known: Vec<String>,
     },
-    /// A light for a road user, or the other way round.
+    /// A light is mapped to a road user, or a road user to a light.
     #[error("`{name}` cannot play `{part}`: one is a traffic light, the other a road user")]
     Kind {
         /// The part.
         part: String,
-        /// Who should play it.
+        /// Agent mapped to the part.
         name: String,
     },
-    /// Its own part given to somebody else.
+    /// Its own part is mapped to a different agent.
     #[error("it plays `{part}` itself, not `{name}`")]
     Itself {
         /// Its own part.
         part: String,
-        /// What was written.
+        /// Name in the file.
         name: String,
     },
     /// Its signals clash.
@@ -78,7 +78,7 @@ pub enum TrainedError {
     Derived(#[from] StlError),
 }
 
-/// A trained ado bound to the world it acts in.
+/// A trained ado bound to the world in which it acts.
 #[derive(Clone)]
 pub(super) struct Frozen {
     pub(super) who: Who,
@@ -90,11 +90,11 @@ pub(super) struct Frozen {
     observed: Observation,
 }
 
-/// A basic signal of its own world, worked out here.
+/// A basic signal of the training world, computed in this world.
 #[derive(Clone, Copy)]
 enum Input {
     Here(Source),
-    /// Times count as if its own episode ended with this one.
+    /// Remaining time, capped at the horizon of the training world.
     TimeLeft {
         source: Source,
         horizon_s: f64,
@@ -106,10 +106,10 @@ enum Input {
 }
 
 impl TrainedAdo {
-    /// Whether it can act in a world as the agent or light `own` of it.
+    /// Checks that it can act in a world as the agent or light `own`.
     ///
     /// # Errors
-    /// A part nobody plays, or one that does not fit; other decision times.
+    /// A part is missing or of the wrong kind, or the decision times do not match.
     pub fn fits(&self, here: &DriveSpec, own: &str) -> Result<(), TrainedError> {
         self.bind(here, own).map(|_| ())
     }
@@ -118,6 +118,7 @@ impl TrainedAdo {
         let home = &*self.home;
         let (decision_s, sample_s) = (home.clock.decision_s, here.clock.sample_s);
         let ratio = decision_s / sample_s;
+        // A tolerance, since 0.3 / 0.1 is no integer in binary.
         if ratio.round() < 1.0 || 1e-6 < (ratio - ratio.round()).abs() {
             return Err(TrainedError::Period {
                 decision_s,
@@ -135,7 +136,7 @@ impl TrainedAdo {
             .iter()
             .map(|derived| derived.expr.bind(&schema, &home.constants));
         let bound = bound.collect::<Result<Vec<BoundExpr>, StlError>>()?;
-        // Invariant: its own world was assembled, so it publishes them.
+        // Invariant: the training world was assembled, so it publishes them.
         let observed = Observation::bind(&home.observe, &schema);
         let observed = observed.map_err(|name| nobody(name, &home.world))?;
         Ok(Frozen {
@@ -149,7 +150,7 @@ impl TrainedAdo {
         })
     }
 
-    /// Who plays each part of its world that somebody plays.
+    /// Returns the agent for each part of the training world that has one.
     fn parts(&self, here: &DriveSpec, own: &str) -> Result<Vec<(String, Who)>, TrainedError> {
         let (home, here) = (&self.home.names, here.names());
         for (part, name) in &self.names {
@@ -175,6 +176,8 @@ impl TrainedAdo {
         }
         let mut parts = Vec::new();
         for part in home.all() {
+            // Without a mapping, parts go to agents of the same name, and its
+            // own part to itself.
             let namesake = || if *part == self.part { own } else { part };
             let name = self.names.get(part).map_or_else(namesake, String::as_str);
             let Some(player) = here.who(name) else {
@@ -200,10 +203,12 @@ fn nobody(signal: &str, name: &str) -> TrainedError {
     }
 }
 
-/// What of its world's signals an observation hangs on, in order.
+/// Returns the signals on which the observation depends, in order.
 fn needed(home: &TrainingWorld) -> (Vec<Declared>, Vec<&Derived>) {
     let mut names: Vec<String> = home.observe.iter().map(|o| o.name.clone()).collect();
     let mut derived: Vec<&Derived> = Vec::new();
+    // Backwards: a derived signal only mentions earlier ones, so a single pass
+    // finds all dependencies.
     for candidate in home.derived.iter().rev() {
         if names.contains(&candidate.signal.name) {
             let mentioned = candidate.expr.signals();
@@ -216,7 +221,7 @@ fn needed(home: &TrainingWorld) -> (Vec<Declared>, Vec<&Derived>) {
     (basic, derived)
 }
 
-/// The same quantity of those who play the parts here.
+/// Returns the same quantity for the agents that take the parts here.
 fn input(
     home: &TrainingWorld,
     here: &DriveSpec,
@@ -252,9 +257,13 @@ fn input(
         Of::AgentAndLight => [agent(a)?, light(b)?],
     };
     let source = Source { quantity, whose };
+    // A quantity can exist in the training world and be meaningless here,
+    // depending on roads, plans or kinds of body.
     if !source.exists(here) {
         return Err(nobody(&needed.signal.name, &home.world));
     }
+    // A policy has only seen times up to its own horizon. Its clock is shifted
+    // so that both episodes end at the same time.
     Ok(match (quantity.of, quantity.name) {
         (Of::Clock, "time") => Input::Time {
             source,
@@ -269,7 +278,7 @@ fn input(
 }
 
 impl Frozen {
-    /// What it does at a sample, if it decides there.
+    /// Returns its action at a sample, or `None` between decisions.
     pub(super) fn act(&self, scene: &SceneState) -> Option<usize> {
         if !scene.sample.is_multiple_of(self.samples_per_decision) {
             return None;

@@ -1,25 +1,25 @@
-//! An episode played on to the horizon, as if nobody could be touched.
+//! Continuation of an episode to the horizon, with contacts ignored.
 //!
-//! Whoever puts an ego of their own into a recorded crash may never get there:
-//! then the others must still be going somewhere after the recorded contact.
+//! A user's own ego in a recorded crash may never reach the contact. The other
+//! agents must then continue to move after the recorded contact.
 
 use super::world::DriveWorld;
 use crate::ego::Fault;
 use crate::scene::{Flow, Motion, Passage, Scene, Start};
 
 impl DriveWorld {
-    /// An episode to the horizon, in which bodies pass through each other.
+    /// Runs an episode to the horizon with bodies that pass through each other.
     ///
-    /// Up to the contact it is the episode itself, bit for bit. From there on
-    /// everybody still sees the others and answers to them, but none is stopped:
-    /// who was hit goes on as if the other were a ghost. After the last of
-    /// `actions` the ados take their neutral one.
+    /// Up to the contact it equals the episode, bit for bit. From then on all
+    /// agents still perceive and avoid each other, but no contact stops them.
+    /// After the last of `actions` the ados take their neutral action.
     ///
     /// # Errors
     /// The ego or the physics fails on the way.
     pub fn ghostly(&self, start: &Start, noise: u64, actions: &[usize]) -> Result<Passage, Fault> {
         let clock = self.spec().clock;
         let mut scene = self.scene();
+        // The setting survives `reset`, which clears the plant.
         scene.state.plant.pass_through();
         scene.reset(start, noise);
         let mut bodies = Vec::new();
@@ -41,6 +41,7 @@ impl DriveWorld {
             phases.push(scene.frame().phases);
         }
         scene.finish();
+        // No contact ends this motion, so it always reaches the horizon.
         motion.end_s = (clock.samples() - 1) as f64 * clock.sample_s;
         Ok(Passage { motion, phases })
     }

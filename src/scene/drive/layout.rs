@@ -1,4 +1,4 @@
-//! A driving world assembled: everything that is bound once and shared.
+//! An assembled driving world: all data that is bound once and shared.
 
 use std::sync::Arc;
 
@@ -15,54 +15,54 @@ use crate::scene::Axis;
 use crate::stl::{BoundExpr, Formula, Monitor, Settings, StlError};
 use crate::trace::{Schema, SchemaError};
 
-/// A driving scene could not be assembled.
+/// Error: a driving scene could not be assembled.
 #[derive(Debug, thiserror::Error)]
 pub enum SceneError {
-    /// The signals clash.
+    /// Two signals have the same name.
     #[error(transparent)]
     Schema(#[from] SchemaError),
     /// A derived signal does not bind.
     #[error("the signal `{name}`: {source}")]
     Derived {
-        /// Its name.
+        /// Name of the signal.
         name: String,
-        /// Why.
+        /// Cause.
         source: Box<StlError>,
     },
-    /// What a step of a plan waits for does not bind.
+    /// A formula that triggers a step of a plan does not bind.
     #[error("what a step of `{name}` waits for: {source}")]
     When {
-        /// Whose plan.
+        /// Name of the agent.
         name: String,
-        /// Why.
+        /// Cause.
         source: Box<StlError>,
     },
     /// An observed signal is not published.
     #[error("`{name}` is observed but not published")]
     Observed {
-        /// Its name.
+        /// Name of the signal.
         name: String,
     },
-    /// There must be exactly one ego.
+    /// The number of egos differs from one.
     #[error("a driving scene has exactly one ego, not {count}")]
     Egos {
-        /// How many there are.
+        /// Number of egos.
         count: usize,
     },
-    /// A trained ado cannot act in it.
+    /// A trained ado cannot act in this world.
     #[error("the trained ado `{name}`: {source}")]
     Trained {
-        /// Its name here.
+        /// Name of the ado in this world.
         name: String,
-        /// Why.
+        /// Cause.
         source: Box<TrainedError>,
     },
-    /// The road cannot be laid.
+    /// The course of the road is infeasible.
     #[error(transparent)]
     Course(#[from] CourseError),
 }
 
-/// What the scenes of a world share.
+/// Data that the scenes of a world share.
 #[derive(Clone)]
 pub(super) struct Layout {
     pub spec: Arc<DriveSpec>,
@@ -74,7 +74,7 @@ pub(super) struct Layout {
     pub observed: Observation,
     /// The trained ados, road users first.
     pub frozen: Vec<Frozen>,
-    /// What the steps of each agent's plan wait for.
+    /// Triggers of the steps of each agent's plan.
     pub whens: Vec<Arc<[Option<Monitor>]>>,
     pub axes: Vec<Axis>,
     pub spaces: Spaces,
@@ -104,6 +104,8 @@ impl Layout {
         let observed = observed.map_err(|name| SceneError::Observed {
             name: name.to_owned(),
         })?;
+        // Joint actions are numbers in mixed radix, and the first ado is the
+        // lowest digit. `DriveScene::decide` reads them in the same order.
         let (mut actions, mut neutral) = (1, 0);
         for (_, set, set_neutral) in spec.action_sets() {
             neutral += set_neutral * actions;
@@ -136,13 +138,15 @@ impl Layout {
     }
 }
 
-/// What the steps of an agent's plan wait for, bound: that it has once been true.
+/// Binds the triggers of an agent's plan: each must have been true once.
 fn whens(
     spec: &DriveSpec,
     schema: &Schema,
     agent: &Agent,
 ) -> Result<Arc<[Option<Monitor>]>, SceneError> {
     let bind = |when: &Formula| {
+        // A monitor rates a formula at its first sample. `eventually` makes
+        // this: true at some sample since the step began to wait.
         let once = format!("eventually ({when})").parse::<Formula>();
         let monitor =
             once.and_then(|once| once.bind_with(schema, &spec.formulas, &Settings::default()));
@@ -158,7 +162,7 @@ fn whens(
     bound.collect()
 }
 
-/// The trained ados of a spec, bound to it.
+/// Returns the trained ados of a spec, bound to it.
 fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
     let bind = |(name, trained): (&str, &TrainedAdo)| {
         trained
@@ -172,7 +176,7 @@ fn frozen(spec: &DriveSpec) -> Result<Vec<Frozen>, SceneError> {
 }
 
 impl Layout {
-    /// What the ego is told of the road before its first episode.
+    /// Returns the road data that the ego receives before its first episode.
     pub fn briefing(&self) -> Briefing {
         let road = &self.spec.road;
         Briefing {

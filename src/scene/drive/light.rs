@@ -1,4 +1,4 @@
-//! Traffic lights: a phase, and what turns it.
+//! Traffic lights: their phases and the drives that change them.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,44 +11,46 @@ use crate::ego::Phase;
 pub struct Light {
     /// Name in signals.
     pub name: String,
-    /// The stop line, along the road.
+    /// Position of the stop line along the road.
     pub line_m: f64,
-    /// What it shows at first.
+    /// Initial phase.
     pub phase: Phase,
-    /// What turns it.
+    /// Source of its phase changes.
     pub drive: LightDrive,
 }
 
-/// What turns a light.
+/// Source of the phase changes of a light.
 #[derive(Clone, Debug)]
 pub enum LightDrive {
-    /// Phases, each from its time on.
+    /// A fixed schedule.
     Schedule(Schedule),
     /// A learning adversary.
     Ado {
-        /// What it may choose from.
+        /// Action set.
         actions: Actions,
-        /// The action that leaves things alone.
+        /// Action that changes nothing.
         neutral: usize,
     },
-    /// An ado trained elsewhere, frozen.
+    /// An ado that was trained in a different world, frozen.
     Trained(TrainedAdo),
 }
 
-/// Phases, each from its time on: `[(at_s, phase), …]`.
+/// Phases with their start times: `[(at_s, phase), …]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Schedule(pub Vec<(f64, Phase)>);
 
 impl Schedule {
-    /// What it shows at a time; `first` before its first entry.
+    /// Returns the phase at a time, `first` before the first entry.
     fn at(&self, time_s: f64, first: Phase) -> Phase {
         let begun = self.0.iter();
+        // Times of samples are products and may lie just below the written
+        // value.
         let begun = begun.take_while(|(at_s, _)| *at_s <= time_s + 1e-9);
         begun.last().map_or(first, |(_, phase)| *phase)
     }
 }
 
-/// A light in motion.
+/// Current phase of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Shown {
     pub phase: Phase,
@@ -57,7 +59,7 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// As an episode begins.
+    /// Returns the phase at the start of an episode.
     pub fn first(light: &Light) -> Shown {
         let phase = match &light.drive {
             LightDrive::Schedule(schedule) => schedule.at(0.0, light.phase),
@@ -66,14 +68,14 @@ impl Shown {
         Shown { phase, since: 0 }
     }
 
-    /// Moves a scheduled light on to a time.
+    /// Updates a scheduled light to a time.
     pub fn keep_time(&mut self, light: &Light, time_s: f64, sample: usize) {
         if let LightDrive::Schedule(schedule) = &light.drive {
             self.show(schedule.at(time_s, light.phase), sample);
         }
     }
 
-    /// What an ado's light does.
+    /// Applies the action of an ado's light.
     pub fn turn(&mut self, turn: Turn, sample: usize) {
         if turn == Turn::Advance {
             self.show(self.phase.next(), sample);
@@ -81,6 +83,8 @@ impl Shown {
     }
 
     fn show(&mut self, phase: Phase, sample: usize) {
+        // `since` is the start of the phase, so showing the same phase again
+        // keeps it.
         if phase != self.phase {
             *self = Shown {
                 phase,

@@ -1,7 +1,7 @@
 //! The driving scene, assembled from data: a road, an ego, ados and traffic.
 //!
-//! There is no scene type per scenario. Whatever a world file describes is a
-//! [`DriveSpec`], and [`DriveScene`] moves it on either plant.
+//! No scene type per scenario exists. A world file describes a [`DriveSpec`],
+//! and [`DriveScene`] simulates it on either plant.
 
 mod actions;
 mod bounds;

@@ -32,28 +32,29 @@ pub struct DriveScene {
     pub(super) layout: Arc<Layout>,
     pub(super) state: SceneState,
     controller: Box<dyn Controller>,
-    /// Of an ego that nobody here wrote: what it commanded so far.
+    /// Commands of an external ego so far. Other egos are deterministic and
+    /// leave it empty.
     commands: Vec<ego::Command>,
     sensing: Sensing,
-    /// The lag behind each agent's acceleration.
+    /// Lag of each agent's acceleration.
     actuators: Vec<Actuator>,
     pub(super) keepers: Vec<LaneKeeper>,
     pub(super) chosen: Vec<Choice>,
-    /// What each body was last asked to do; `None` before the first time.
+    /// Last command of each body, `None` before the first.
     pub(super) commanded: Vec<Option<BodyCommand>>,
-    /// Each agent's plan, in motion; empty where nobody has one.
+    /// Plan of each agent, in motion. Empty if no agent has a plan.
     pub(super) plans: Vec<Option<PlanRun>>,
-    /// A plan that cannot be begun; found at load where starts are tried.
+    /// Reason for which a plan cannot begin. Loading finds it for tried starts.
     unmet: Option<String>,
-    /// How each of them ends the sample.
+    /// State of each planned agent at the end of the sample.
     pub(super) arrivals: Vec<Arrival>,
-    /// The signals that plans look at, kept to save the allocation.
+    /// Signals that plans read, kept to save the allocation.
     pub(super) row: Vec<f64>,
     percept: Percept,
 }
 
 impl DriveWorld {
-    /// A scene at rest, to be `reset`.
+    /// Returns a scene at rest. Call `reset` before use.
     pub fn scene(&self) -> DriveScene {
         DriveScene::new(Arc::clone(&self.0))
     }
@@ -99,7 +100,7 @@ impl DriveScene {
         self.spawn_at(agent, pose, lateral_m, speed_mps);
     }
 
-    /// Puts an agent on the ground; it keeps `lateral_m` of its road.
+    /// Spawns an agent at a pose. It keeps `lateral_m` of its road.
     pub(super) fn spawn_at(&mut self, agent: &Agent, pose: Pose, lateral_m: f64, speed_mps: f64) {
         self.state.spawn(&agent.body, pose, speed_mps);
         let (lag_s, lateral_lag_s) = match &agent.drive {
@@ -109,10 +110,12 @@ impl DriveScene {
             }
             Drive::Ado { actions, lag_s, .. } => (*lag_s, actions.lateral_lag_s()),
             Drive::Trained(TrainedAdo { actions, lag_s, .. }) => (*lag_s, actions.lateral_lag_s()),
+            // Background traffic has no actuators, and plans prescribe motion.
             Drive::Scripted(_) | Drive::Planned(_) => (0.0, 0.0),
         };
         let sample_s = self.layout.spec.clock.sample_s;
         self.actuators.push(Actuator::new(lag_s, sample_s));
+        // Keepers work in the driving direction, in which left and right swap.
         let kept_m = match agent.direction {
             Direction::With => lateral_m,
             Direction::Against => -lateral_m,
@@ -125,7 +128,7 @@ impl DriveScene {
         ));
     }
 
-    /// Takes everybody off the road; time starts at 0.
+    /// Removes every agent and restarts time at 0.
     pub(super) fn clear(&mut self) {
         self.state.clear();
         self.actuators.clear();
@@ -134,7 +137,7 @@ impl DriveScene {
         self.commanded.fill(None);
     }
 
-    /// What the trained ados decide now.
+    /// Sets the actions that the trained ados decide at this sample.
     fn decide_trained(&mut self) {
         let layout = Arc::clone(&self.layout);
         for frozen in &layout.frozen {
@@ -151,9 +154,13 @@ impl DriveScene {
     }
 
     fn command_all(&mut self) -> Result<(), Fault> {
+        // All commands derive from the state before the sample. The plant moves
+        // only after every agent has decided, so the file order has no effect.
         perceiving::fill(&mut self.percept, &self.state, self.layout.ego);
         self.sensing.look(&mut self.percept);
         let command = self.controller.control(&self.percept)?;
+        // A NaN command would otherwise reach the physics and be reported as
+        // its fault.
         if let Some(fault) = command.flaw() {
             let message = format!("{} at {:.3} s", fault.message, self.state.time_s());
             return Err(Fault { message, ..fault });
@@ -169,6 +176,7 @@ impl DriveScene {
         self.carry_all();
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             let wish = match &agent.drive {
+                // `carry_all` has already commanded the planned bodies.
                 Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,
                 Drive::Ego => asked,
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
@@ -225,6 +233,8 @@ impl DriveScene {
                 along_mps,
                 left_mps,
             } => {
+                // Walks are given along the road: the body's heading minus its
+                // angle to the road is the road's direction.
                 let road_rad = state.pose.heading_rad - at.heading_rad;
                 let (sin, cos) = libm::sincos(road_rad);
                 BodyCommand::Walk {
@@ -240,7 +250,7 @@ impl DriveScene {
         self.state.plant.command(body, command);
     }
 
-    /// One sample of physics under the commands that everybody has.
+    /// Advances the physics by one sample under the current commands.
     pub(super) fn move_on(&mut self) -> Flow {
         self.state.advance();
         if !self.state.plant.sound() {
@@ -270,6 +280,7 @@ impl DriveScene {
         let name = |body: BodyId| self.layout.spec.agents[body.0].name.clone();
         Touch {
             between: (name(contact.pair.0), name(contact.pair.1)),
+            // The state's time is already that of the sample's end.
             time_s: self.state.time_s() - self.layout.spec.clock.sample_s + contact.after_s,
             closing_speed_mps: contact.closing_speed_mps,
             point_m: contact.point_m,
@@ -277,13 +288,14 @@ impl DriveScene {
         }
     }
 
-    /// What a contact does to the ego, if it has part in it.
+    /// Returns the effect of a contact on the ego, or `None` if it is not involved.
     fn impact_of(&self, contact: &Contact) -> Option<Impact> {
         let ego = self.layout.ego;
         let (BodyId(first), BodyId(second)) = contact.pair;
         let [x, y] = contact.normal;
         let (other, normal) = match (first == ego, second == ego) {
             (true, _) => (second, [x, y]),
+            // The normal must point from the ego to the other body.
             (false, true) => (first, [-x, -y]),
             (false, false) => return None,
         };
@@ -317,6 +329,8 @@ impl Scene for DriveScene {
         let mut rng = key.generator(&self.layout.spec.world, "start");
         let points = &self.layout.spec.points;
         if !points.is_empty() {
+            // The clamp covers a product that rounds up to the length of the
+            // list.
             let number = (rng.random::<f64>() * points.len() as f64) as usize;
             return points[number.min(points.len() - 1)].clone();
         }
@@ -343,6 +357,8 @@ impl Scene for DriveScene {
                 speed_mps,
                 ..
             } = *at;
+            // `reset` cannot fail, so the reason is kept and `advance` reports
+            // it as a fault.
             let begun = layout.begun(i, &drawn).unwrap_or_else(|(why, _)| {
                 self.unmet = Some(format!("`{}`: {why}", agent.name));
                 None
@@ -371,6 +387,8 @@ impl Scene for DriveScene {
 
     fn decide(&mut self, mut action: usize) {
         let layout = Arc::clone(&self.layout);
+        // Decodes the joint action in the mixed radix of `Layout::new`, lowest
+        // digit first: road users in file order, then lights.
         for (i, agent) in layout.spec.agents.iter().enumerate() {
             if let Drive::Ado { actions, .. } = &agent.drive {
                 self.chosen[i] = actions.choice(action % actions.len());
@@ -388,6 +406,8 @@ impl Scene for DriveScene {
     }
 
     fn advance(&mut self) -> Flow {
+        // An episode with an infeasible plan is invalid and must not count as a
+        // success.
         if let Some(why) = &self.unmet {
             return Flow::Fault(Fault::new(FaultKind::Physics, why.clone()));
         }
@@ -458,6 +478,7 @@ impl Scene for DriveScene {
             plans: self.plans.clone(),
             unmet: self.unmet.clone(),
             arrivals: self.arrivals.clone(),
+            // Scratch space: it is filled before every use.
             row: Vec::new(),
             percept: self.percept.clone(),
         }))

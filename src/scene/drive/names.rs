@@ -1,4 +1,4 @@
-//! Who is in a driving world, by name.
+//! Names of the agents in a driving world.
 
 /// The names of road users and lights, each in file order.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -7,11 +7,11 @@ pub struct AgentNames {
     pub agents: Vec<String>,
     /// The traffic lights.
     pub lights: Vec<String>,
-    /// The numbers that a start draws besides where everybody is.
+    /// Names of the drawn parameters, which belong to no agent.
     pub parameters: Vec<String>,
 }
 
-/// Somebody in a world: a road user or a light, by position.
+/// A road user or a light, by position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Who {
     Agent(usize),
@@ -19,12 +19,12 @@ pub(super) enum Who {
 }
 
 impl AgentNames {
-    /// All names, road users first.
+    /// Returns all names, road users first.
     pub fn all(&self) -> impl Iterator<Item = &String> {
         self.agents.iter().chain(&self.lights)
     }
 
-    /// Who has a name.
+    /// Returns the agent or light with a name.
     pub(super) fn who(&self, name: &str) -> Option<Who> {
         let agent = self.agents.iter().position(|agent| agent == name);
         let light = || self.lights.iter().position(|light| light == name);

@@ -1,47 +1,50 @@
-//! All roads of a world, and where the ways of its agents cross.
+//! All roads of a world, and the crossings between the paths of its agents.
 
 use super::course::{Course, CourseError, OnRoad, wrapped};
 use super::placed::{Direction, Priority};
 use super::spec::{Agent, DriveSpec};
 use crate::sim::Pose;
 
-/// How far beyond the pieces of a road crossings are looked for.
+/// Length beyond the pieces of a road that is searched for crossings.
 const BEYOND_M: f64 = 1000.0;
-/// Ways are followed in steps of this length: two crossings that are nearer to
-/// each other are none.
+/// Step of the search along a path. Two crossings closer than this are missed.
 const STEP_M: f64 = 0.5;
-/// A way is on another where it is as near as this.
+/// Largest distance at which a point counts as lying on a path.
 const ON_M: f64 = 1e-6;
 
-/// The roads of a world, laid.
+/// The roads of a world with their courses.
 #[derive(Clone, Debug)]
 pub(super) struct RoadNetwork {
     /// The world's own road, then the named ones in file order.
     courses: Vec<Course>,
-    /// Which of them each agent is on.
+    /// Index of the course of each agent.
     road_of: Vec<usize>,
-    /// By agent and agent: where the way of the first is crossed by that of the
-    /// second, in the order in which it gets there. Ways on one road never are.
+    /// Crossings by pair of agents, in the order in which the first reaches them.
+    ///
+    /// Paths on the same road never cross.
     crossings: Vec<Vec<Vec<Crossing>>>,
 }
 
-/// A place where two ways cross.
+/// A crossing of two paths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
-    /// Along the road of who asks.
+    /// Station along the road of the first agent.
     pub s_m: f64,
-    /// From its driving direction there to the other's, counter-clockwise.
+    /// Angle from its driving direction to the other's, counter-clockwise.
     pub turned_rad: f64,
 }
 
 impl RoadNetwork {
-    /// Lays the roads of a world.
+    /// Builds the roads of a world.
     pub fn new(spec: &DriveSpec) -> Result<RoadNetwork, CourseError> {
         let own = std::iter::once(spec.road.course());
         let placed = spec.roads.values().map(|placed| placed.course());
         let courses = own.chain(placed).collect::<Result<Vec<_>, _>>()?;
         let way = |agent: &Agent| Way {
             course: courses[agent.road].clone(),
+            // Agents are taken to drive in the middle of their range of starts:
+            // crossings are fixed once per world and do not depend on the
+            // start.
             lateral_m: 0.5 * (agent.lateral_m.lo + agent.lateral_m.hi),
             direction: agent.direction,
         };
@@ -62,40 +65,39 @@ impl RoadNetwork {
         })
     }
 
-    /// The course of the world's own road.
+    /// Returns the course of the world's own road.
     pub fn main(&self) -> &Course {
         &self.courses[0]
     }
 
-    /// All courses, the world's own first.
+    /// Returns all courses, the world's own first.
     pub fn courses(&self) -> &[Course] {
         &self.courses
     }
 
-    /// The course of the road on which an agent is.
+    /// Returns the course of an agent's road.
     pub fn course_of(&self, agent: usize) -> &Course {
         &self.courses[self.road_of[agent]]
     }
 
-    /// Whether two agents are on one road.
+    /// Returns whether two agents are on the same road.
     pub fn share_road(&self, a: usize, b: usize) -> bool {
         self.road_of[a] == self.road_of[b]
     }
 
-    /// Where on its road an agent in a pose is.
+    /// Returns the road coordinates of an agent in a pose.
     pub fn locate(&self, agent: usize, pose: &Pose) -> OnRoad {
         self.course_of(agent).locate(pose)
     }
 
-    /// Where the way of `a` is crossed by that of `b`, in the order in which `a`
-    /// gets there.
+    /// Returns the crossings of `a` with `b`, in the order in which `a` arrives.
     pub fn crossings(&self, a: usize, b: usize) -> &[Crossing] {
         let of_a = self.crossings.get(a).and_then(|all| all.get(b));
         of_a.map_or(&[], Vec::as_slice)
     }
 }
 
-/// A line beside a course, driven one way.
+/// A line beside a course, driven in a direction.
 struct Way {
     course: Course,
     lateral_m: f64,
@@ -103,15 +105,15 @@ struct Way {
 }
 
 impl Way {
-    /// By how much a place of the other way, at its s, is to the left of this one.
+    /// Returns the offset of a point of the other path to the left of this path.
     fn offset_m(&self, other: &Way, s_m: f64) -> f64 {
         let at = other.course.pose(s_m, other.lateral_m);
         self.course.locate(&at).lateral_m - self.lateral_m
     }
 
-    /// Crossings with another way, in the order of this one's driving.
+    /// Returns the crossings with another path, in driving order.
     ///
-    /// Follows the other way and looks where it changes sides.
+    /// Follows the other path and detects where it changes sides.
     fn crossed_by(&self, other: &Way) -> Vec<Crossing> {
         let steps = (other.course.end_s_m() + 2.0 * BEYOND_M) / STEP_M;
         let s_m = |step: usize| step as f64 * STEP_M - BEYOND_M;
@@ -131,14 +133,17 @@ impl Way {
         found
     }
 
-    /// The crossing between two places of the other way, by halving; `None` where
-    /// it changes sides at a bend of the road, far away from it.
+    /// Locates a crossing between two stations of the other path by bisection.
+    ///
+    /// Returns `None` if the sign changes at a bend far from this road.
     fn crossing(
         &self,
         other: &Way,
         (mut from_m, mut to_m): (f64, f64),
         from_right: bool,
     ) -> Option<Crossing> {
+        // 60 halvings of a 0.5 m step exceed the precision of f64, so the loop
+        // needs no tolerance.
         for _ in 0..60 {
             let middle_m = 0.5 * (from_m + to_m);
             match (self.offset_m(other, middle_m) < 0.0) == from_right {
@@ -158,13 +163,17 @@ impl Way {
                 at.heading_rad + turn_rad(other.direction) - turn_rad(self.direction),
             ),
         };
+        // Distances to a bent road jump where its nearest piece changes. Only a
+        // point on the path itself is a crossing.
         ((at.lateral_m - self.lateral_m).abs() < ON_M).then_some(crossing)
     }
 }
 
-/// Whether `a` goes before `b` where their ways cross: whose road has priority,
-/// and on equal roads who does not have the other on the right. So who turns left
-/// across oncoming traffic lets it pass. Ways that never cross have no order.
+/// Returns whether `a` has right of way over `b` where their paths cross.
+///
+/// The road of higher priority goes first. On equal roads, an agent yields to
+/// traffic from its right. A left turn therefore yields to oncoming traffic.
+/// Paths that never cross have no order.
 pub(super) fn goes_first(spec: &DriveSpec, crossings: &[Crossing], [a, b]: [usize; 2]) -> bool {
     let rank = |agent: usize| match spec.agents[agent].road {
         0 => Priority::Equal,
@@ -174,7 +183,7 @@ pub(super) fn goes_first(spec: &DriveSpec, crossings: &[Crossing], [a, b]: [usiz
         (None, _) => false,
         (Some(_), core::cmp::Ordering::Greater) => true,
         (Some(_), core::cmp::Ordering::Less) => false,
-        // Who comes from the right drives on to the left.
+        // Traffic from the right continues to the left.
         (Some(crossing), core::cmp::Ordering::Equal) => libm::sin(crossing.turned_rad) < 0.0,
     }
 }

@@ -1,9 +1,9 @@
-//! Rows of signals as observations.
+//! Conversion from rows of signals to observations.
 
 use crate::scene::Observed;
 use crate::trace::Schema;
 
-/// Which signals of a row are observed, and by what scales.
+/// Observed signals of a row, with their scales.
 #[derive(Clone, Debug)]
 pub(super) struct Observation(Vec<Scaled>);
 
@@ -16,8 +16,10 @@ struct Scaled {
 }
 
 impl Observation {
-    /// The observed signals in rows of a schema; the name of the first one that
-    /// such rows do not have.
+    /// Binds the observed signals to rows of a schema.
+    ///
+    /// # Errors
+    /// The name of the first signal that the schema lacks.
     pub fn bind<'a>(observed: &'a [Observed], schema: &Schema) -> Result<Observation, &'a str> {
         let scaled = observed.iter().map(|observed| {
             let position = schema.position(&observed.name);
@@ -30,7 +32,7 @@ impl Observation {
         scaled.collect::<Result<_, _>>().map(Observation)
     }
 
-    /// How many signals are observed.
+    /// Returns the number of observed signals.
     pub fn len(&self) -> usize {
         self.0.len()
     }
@@ -38,7 +40,7 @@ impl Observation {
     /// Writes the observation of a row.
     pub fn read(&self, row: &[f64], obs: &mut [f32]) {
         for (value, scaled) in obs.iter_mut().zip(&self.0) {
-            // The one cast from signals to observations.
+            // The one cast from signals to observations (see ARCHITECTURE.md).
             *value = ((row[scaled.position] - scaled.mid) * scaled.per_half) as f32;
         }
     }

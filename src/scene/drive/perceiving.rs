@@ -1,4 +1,4 @@
-//! What the ego sees of a moving scene, before its sensors.
+//! Ideal percepts of the ego, before its sensors.
 
 use core::f64::consts::{PI, TAU};
 
@@ -8,7 +8,7 @@ use super::state::SceneState;
 use crate::ego::{Own, Percept, Phase, Seen, SeenLight};
 use crate::sim::BodyState;
 
-/// A percept with everybody but the ego named, to be filled sample by sample.
+/// Returns a percept with all other agents named, to be filled per sample.
 pub(super) fn blank(spec: &DriveSpec, ego: usize) -> Percept {
     let others = spec.agents.iter().enumerate();
     let others = others.filter(|&(i, _)| i != ego);
@@ -35,7 +35,7 @@ pub(super) fn blank(spec: &DriveSpec, ego: usize) -> Percept {
     }
 }
 
-/// Fills a percept with what the ego could see now.
+/// Fills a percept with everything the ego could see at this sample.
 pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
     let spec = &scene.spec;
     let (state, at) = (&scene.states[ego], &scene.on_road[ego]);
@@ -56,7 +56,7 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
     };
     let others = (0..spec.agents.len()).filter(|&i| i != ego);
     if spec.sensors.line_of_sight {
-        // Whoever was hidden before may be there again.
+        // An agent that was hidden in the last sample may be visible again.
         percept.others = blank(spec, ego).others;
     }
     for (seen, i) in percept.others.iter_mut().zip(others.clone()) {
@@ -72,6 +72,8 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
         in_ego_frame(seen, state, &scene.states[i]);
     }
     if spec.sensors.line_of_sight {
+        // Filtered last: the agents above are matched by position, which gaps
+        // would shift.
         let visible = sight::visible(spec, &scene.states, ego);
         let mut sees = others.map(|i| visible[i]);
         percept.others.retain(|_| sees.next().unwrap_or(true));
@@ -83,7 +85,7 @@ pub(super) fn fill(percept: &mut Percept, scene: &SceneState, ego: usize) {
     }
 }
 
-/// Fills in where another body is and how it moves, seen from the ego's front.
+/// Fills in the pose and motion of a body, seen from the ego's front.
 fn in_ego_frame(seen: &mut Seen, ego: &BodyState, other: &BodyState) {
     let (sin, cos) = libm::sincos(ego.pose.heading_rad);
     let (dx_m, dy_m) = (other.pose.x_m - ego.pose.x_m, other.pose.y_m - ego.pose.y_m);
@@ -97,6 +99,7 @@ fn in_ego_frame(seen: &mut Seen, ego: &BodyState, other: &BodyState) {
     let (sin, cos) = libm::sincos(turned_rad);
     seen.vx_mps = other.speed_mps * cos - other.lateral_mps * sin;
     seen.vy_mps = other.speed_mps * sin + other.lateral_mps * cos;
+    // The plant knows the acceleration along the heading only.
     seen.ax_mps2 = other.accel_mps2 * cos;
     seen.ay_mps2 = other.accel_mps2 * sin;
 }

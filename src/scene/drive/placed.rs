@@ -1,4 +1,4 @@
-//! Roads beside the world's own: where in the plane they lie, and who goes first.
+//! Further roads of a world: their place in the plane and their priority.
 
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -9,33 +9,34 @@ use super::road::Road;
 /// Named roads, in file order.
 pub type PlacedRoads = IndexMap<String, PlacedRoad>;
 
-/// Where a road begins: the middle of its lane 0 at s = 0, in the frame of the
-/// world's own road.
+/// Origin of a road: the middle of its lane 0 at s = 0.
+///
+/// In the frame of the world's own road.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RoadPlace {
-    /// Along world x.
+    /// Position along world x.
     pub x_m: f64,
-    /// Along world y.
+    /// Position along world y.
     pub y_m: f64,
-    /// Counter-clockwise from world x.
+    /// Heading, counter-clockwise from world x.
     #[serde(default)]
     pub heading_rad: f64,
 }
 
-/// Who goes first where a road crosses the world's own.
+/// Right of way where a road crosses the world's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Priority {
-    /// The world's own road.
+    /// Traffic on this road yields.
     Yields,
-    /// Who comes from the right, on either road.
+    /// Traffic from the right goes first, on either road.
     #[default]
     Equal,
-    /// This one.
+    /// Traffic on this road goes first.
     Over,
 }
 
-/// Which way somebody drives on a road.
+/// Driving direction on a road.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Direction {
     /// Towards greater s.
@@ -48,27 +49,29 @@ pub enum Direction {
 /// A road placed in the plane.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlacedRoad {
-    /// Where it begins.
+    /// Origin of the road.
     pub at: RoadPlace,
     /// Its lanes, on the surface of the world's own road.
     pub road: Road,
-    /// The course of its lane 0; before, after and without pieces it is straight.
+    /// Course of its lane 0. Around the pieces, or without any, it is straight.
     pub pieces: Vec<Piece>,
-    /// Who goes first where it crosses the world's own road.
+    /// Right of way where it crosses the world's own road.
     pub priority: Priority,
 }
 
 impl PlacedRoad {
-    /// The course of lane 0.
+    /// Returns the course of lane 0.
     ///
     /// # Errors
-    /// What is wrong with the pieces, with the number of the one.
+    /// The pieces are invalid. The error has the number of the first such piece.
     pub fn course(&self) -> Result<Course, CourseError> {
         let RoadPlace {
             x_m,
             y_m,
             heading_rad,
         } = self.at;
+        // The lanes lie on the left of lane 0, so an arc must be wider than all
+        // of them.
         let reach_m = self.road.lanes() as f64 * self.road.lane_width_m();
         Course::placed((x_m, y_m), heading_rad, &self.pieces, reach_m)
     }

@@ -1,107 +1,116 @@
-//! Motions that are planned: steps by laws, or a meeting with the ego.
+//! Planned motions: steps that follow laws, or a meeting with the ego.
 //!
-//! The laws are those of scenario files, so that what test protocols prescribe
-//! can be said. Numbers are of a type `N`: a number or a range in a world, a
-//! number once a start is drawn. When a step begins is a `W`: a formula.
+//! The laws are those of OpenSCENARIO files, so that worlds can express the
+//! motions of test protocols. Numbers have a type `N`: a number or a range in a
+//! world, and a number once a start is drawn. The trigger of a step has a type
+//! `W`: a formula.
 
 use serde::{Deserialize, Serialize};
 
-/// What somebody who keeps to a plan does.
+/// Planned motion of an agent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
 pub enum MotionPlan<N, W> {
-    /// Steps, one after the other.
+    /// Steps in sequence.
     Script(Vec<ScriptStep<N, W>>),
-    /// Be at a place when the ego is at one.
+    /// Arrival at a place when the ego arrives at one.
     Meet(MeetEgo<N>),
 }
 
-/// A step of a script: it waits for the end of the one before, then for its
-/// formula, then for a while, and then does all it has to do at once.
+/// A step of a script.
+///
+/// It waits for the end of the preceding step, then for its formula, then for a
+/// delay. It then begins all its laws at once.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "Step", deny_unknown_fields)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>, W: Deserialize<'de>"))]
 pub struct ScriptStep<N, W> {
-    /// A formula over the present and the past; left out: at once.
+    /// Formula over present and past that triggers the step. Default: at once.
     #[serde(default = "none")]
     pub when: Option<W>,
-    /// How long it waits after that.
+    /// Delay after the trigger.
     #[serde(default = "zero")]
     pub after_s: N,
-    /// What is done: at most one law along the way and one across it.
+    /// Laws to begin: at most one along the path and one across it.
     #[serde(default = "nothing")]
     pub does: Vec<MotionLaw<N>>,
 }
 
-/// How a motion changes.
+/// Change of a motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[serde(bound(deserialize = "N: Deserialize<'de> + From<f64>"))]
 pub enum MotionLaw<N> {
-    /// v goes evenly to another value.
+    /// The speed v changes linearly to a new value.
     Speed {
-        /// What it is then.
+        /// Target speed.
         to_mps: N,
-        /// Somebody whose speed, as the step begins, is added to that.
+        /// Agent whose speed at the start of the step is added to the target.
         #[serde(default)]
         relative_to: Option<String>,
-        /// |v̇|; left out: at once.
+        /// Rate |v̇|. Default: at once.
         #[serde(default = "none")]
         rate_mps2: Option<N>,
     },
-    /// v goes evenly to 0.
+    /// The speed v changes linearly to 0.
     Brake {
-        /// |v̇|.
+        /// Rate |v̇|.
         rate_mps2: N,
     },
-    /// Sideways by Δ: y = Δ/2·(1 − cos πt/T), T = π·|Δ|/(2·rate). What is
-    /// driven sideways is missing ahead: v stays the speed along the heading.
+    /// Lateral motion by Δ: y = Δ/2·(1 − cos πt/T), T = π·|Δ|/(2·rate).
+    ///
+    /// The speed v stays that along the heading, so lateral motion reduces
+    /// progress along the road.
     LaneChange {
-        /// Δ, to the left as the road goes.
+        /// Distance Δ, to the left in road direction.
         by_m: N,
-        /// The greatest lateral speed.
+        /// Greatest lateral speed.
         rate_mps: N,
     },
-    /// Sideways to an offset from the middle of the lane, the one at the start or
-    /// where lane changes have led since, by the same curve with
-    /// T = π·√(|Δ|/(2·a)). v stays the speed along the road.
+    /// Lateral motion to an offset from the middle of the lane.
+    ///
+    /// The lane is that of the start, shifted by all lane changes since. The
+    /// curve is that of `LaneChange` with T = π·√(|Δ|/(2·a)). The speed v stays
+    /// that along the road.
     LaneOffset {
-        /// The offset, to the left as the road goes.
+        /// Target offset, to the left in road direction.
         to_m: N,
-        /// a: the greatest lateral acceleration.
+        /// Greatest lateral acceleration a.
         most_lateral_mps2: N,
     },
-    /// On foot: a way at a speed, at once.
+    /// On foot: a distance at a constant speed, reached at once.
     Walk {
-        /// The speed.
+        /// Speed.
         speed_mps: N,
-        /// How far.
+        /// Distance.
         way_m: N,
     },
 }
 
-/// Be at a place when the ego, at the speed with which it starts, would be at
-/// one: stand, accelerate evenly, and keep the speed for the last part of the
-/// way and beyond. Where there is no time to stand it begins moving.
+/// Arrival at a place when the ego arrives at one.
+///
+/// The ego is assumed to keep its initial speed. The agent stands, accelerates
+/// evenly and keeps its speed for the last part of the distance and beyond. If
+/// the time is too short to stand first, it begins in motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "Meet", deny_unknown_fields)]
 pub struct MeetEgo<N> {
-    /// The ego's front bumper then, along the world's own road.
+    /// Front bumper of the ego at the meeting, along the world's own road.
     pub ego_at_m: N,
-    /// The own front then: along its road, of who walks across `lateral`.
+    /// Own front at the meeting, along its road. For crossing agents, its `lateral`.
     pub here_at_m: N,
-    /// The speed in the end.
+    /// Final speed.
     pub speed_mps: N,
-    /// For how long before it is steady.
+    /// Length of the steady part before the meeting.
     pub steady: SteadyPart<N>,
 }
 
-/// The last part of a way, driven at one speed.
+/// The last part of a path, driven at constant speed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SteadyPart<N> {
-    /// By length.
+    /// Part given by its length.
     Metres(N),
-    /// By time.
+    /// Part given by its duration.
     Seconds(N),
 }
 
@@ -117,11 +126,11 @@ fn zero<N: From<f64>>() -> N {
     N::from(0.0)
 }
 
-/// A number of a plan: its name there, and its unit.
+/// Name and unit of a number in a plan.
 pub type PlanNumber = (&'static str, &'static str);
 
 impl<N: Copy> MotionLaw<N> {
-    /// The same with other numbers, taken in the order of the fields.
+    /// Returns the same law with converted numbers, in the order of the fields.
     pub fn map<M>(&self, mut f: impl FnMut(PlanNumber, N) -> M) -> MotionLaw<M> {
         match self {
             MotionLaw::Speed {
@@ -154,7 +163,7 @@ impl<N: Copy> MotionLaw<N> {
         }
     }
 
-    /// Whether it moves across the way, not along it.
+    /// Returns whether it moves across the path, and not along it.
     pub fn is_across(&self) -> bool {
         matches!(
             self,
@@ -164,10 +173,13 @@ impl<N: Copy> MotionLaw<N> {
 }
 
 impl<N: Copy, W> MotionPlan<N, W> {
-    /// The same with other numbers and no formulas; names are dotted, steps
-    /// count from 1.
+    /// Returns the same plan with converted numbers and without formulas.
+    ///
+    /// `f` receives dotted names, in which steps count from 1.
     pub fn map<M>(&self, mut f: impl FnMut(&str, &'static str, N) -> M) -> MotionPlan<M, ()> {
         match self {
+            // The order of these calls is that of the axes of X_init. Recorded
+            // starts depend on it.
             MotionPlan::Script(steps) => {
                 let steps = steps.iter().zip(1..).map(|(step, number)| {
                     let mut of_step =
@@ -195,7 +207,7 @@ impl<N: Copy, W> MotionPlan<N, W> {
         }
     }
 
-    /// Its steps; a meeting has none.
+    /// Returns its steps. A meeting has none.
     pub fn steps(&self) -> &[ScriptStep<N, W>] {
         match self {
             MotionPlan::Script(steps) => steps,
@@ -203,7 +215,7 @@ impl<N: Copy, W> MotionPlan<N, W> {
         }
     }
 
-    /// Whether it goes on in the same way whatever the others do.
+    /// Returns whether it proceeds alike regardless of all other agents.
     pub fn is_blind(&self) -> bool {
         let steps = self.steps().iter();
         let mut laws = steps.clone().flat_map(|step| &step.does);
@@ -220,32 +232,33 @@ impl<N: Copy, W> MotionPlan<N, W> {
     }
 }
 
-/// When and how a meeting is begun.
+/// Begin of a meeting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Approach {
-    /// The speed at the start.
+    /// Initial speed.
     pub from_mps: f64,
-    /// When it begins to accelerate.
+    /// Time at which it begins to accelerate.
     pub begins_s: f64,
-    /// How.
+    /// Acceleration from then on.
     pub accel_mps2: f64,
-    /// The speed in the end.
+    /// Final speed.
     pub to_mps: f64,
 }
 
-/// What makes a meeting impossible, with the cure.
+/// Reason why a meeting is infeasible, with advice.
 pub type Unmet = (String, &'static str);
 
 impl MeetEgo<f64> {
-    /// The law, solved: `ego` is where its front starts and how fast, `way_m` how
-    /// far it is from the own start to the place of meeting.
+    /// Solves the law for a start.
     ///
-    /// With the last D at the speed v, and r = way − D before that: from a
-    /// standstill an even acceleration takes 2·r/v. If there is only t < 2·r/v it
-    /// begins at 2·r/t − v.
+    /// `ego` is the initial position and speed of the ego's front. `way_m` is
+    /// the distance from the own start to the meeting. The last D are driven at
+    /// the speed v, and r = way − D before that. From a standstill an even
+    /// acceleration takes 2·r/v. If only t < 2·r/v is left, the agent begins at
+    /// 2·r/t − v.
     ///
     /// # Errors
-    /// The ego never gets there, or the way is shorter than its steady part.
+    /// The ego never gets there, or the distance is shorter than its steady part.
     pub fn approach(&self, (ego_m, ego_mps): (f64, f64), way_m: f64) -> Result<Approach, Unmet> {
         if self.speed_mps <= 0.0 {
             return Err((
@@ -254,6 +267,8 @@ impl MeetEgo<f64> {
             ));
         }
         let until_s = (self.ego_at_m - ego_m) / ego_mps;
+        // Also rejects NaN and infinity, which a standing ego gives. The upper
+        // bound rejects an ego that hardly moves.
         if !(0.0..=1e6).contains(&until_s) {
             return Err((
                 format!(
@@ -275,6 +290,7 @@ impl MeetEgo<f64> {
             ));
         }
         let left_s = until_s - steady_m / self.speed_mps;
+        // Without time for the ramp no finite acceleration exists.
         if left_s < 0.0 || (left_s == 0.0 && 0.0 < ramp_m) {
             return Err((
                 format!(
@@ -292,6 +308,7 @@ impl MeetEgo<f64> {
         Ok(Approach {
             from_mps,
             begins_s,
+            // No ramp: the agent starts to move at its final speed.
             accel_mps2: match ramp_m == 0.0 {
                 true => f64::INFINITY,
                 false => (self.speed_mps - from_mps) / (left_s - begins_s),
@@ -314,7 +331,7 @@ mod tests {
         }
     }
 
-    /// Where somebody is when the ego is at its place.
+    /// Distance driven until the ego is at its place.
     fn driven_m(approach: &Approach, until_s: f64) -> f64 {
         let Approach {
             from_mps,

@@ -1,9 +1,9 @@
-//! A plan in motion: where somebody who keeps to it is, sample by sample.
+//! A plan in motion: the state of an agent on its plan, sample by sample.
 //!
-//! What moves by the laws is the rear axle, or the middle of who is on foot;
-//! the body lies along its velocity. Laws that begin or end within a sample do
-//! so at their instant, not at the sample's: between those, speeds change
-//! evenly and sideways is a closed form, so that nothing adds up over time.
+//! The laws move the rear axle of vehicles and the middle of pedestrians. The
+//! body lies along its velocity. Laws that begin or end within a sample do so
+//! at their own instant. Between those instants speeds are linear and lateral
+//! motion has a closed form, so no error accumulates over time.
 
 use core::f64::consts::PI;
 use std::sync::Arc;
@@ -14,14 +14,14 @@ use super::road::Road;
 use crate::sim::Pose;
 use crate::stl::{Monitor, OnlineMonitor};
 
-/// Two instants that are as near as this are one.
+/// Largest difference at which two instants count as equal.
 const SAME_S: f64 = 1e-9;
-/// Slower than this a body keeps its heading.
+/// Speed below which a body keeps its heading.
 const TURNING_MPS: f64 = 0.05;
-/// No car strays sideways faster than this share of its speed.
+/// Largest lateral deviation speed of a vehicle, as a share of its speed.
 const MAX_SLIP: f64 = 0.4;
 
-/// Where a plan has somebody: the front bumper on its road, and the speed.
+/// Planned state of an agent: front bumper on its road, and speed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PlannedAt {
     pub s_m: f64,
@@ -29,19 +29,19 @@ pub(super) struct PlannedAt {
     pub speed_mps: f64,
 }
 
-/// What of somebody does not change while the plan goes on.
+/// Constant data of a planned agent.
 #[derive(Clone, Debug)]
 pub(super) struct Carried {
-    /// From the point that moves by the laws to the front.
+    /// Distance from the point moved by the laws to the front.
     pub lever_m: f64,
-    /// Where it faces, from the road's direction.
+    /// Heading at the start, relative to the road's direction.
     pub facing_rad: f64,
     pub on_foot: bool,
-    /// The formulas of its steps, each as "has once been true".
+    /// Formulas of its steps, each as "has once been true".
     pub whens: Arc<[Option<Monitor>]>,
 }
 
-/// By how much somebody has strayed from its plan, as it faces.
+/// Deviation of an agent from its plan, in its own heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Stray {
     ahead_m: f64,
@@ -50,57 +50,57 @@ struct Stray {
     left_mps: f64,
 }
 
-/// How a body arrives at the end of a sample.
+/// State of a body at the end of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Arrival {
     pub pose: Pose,
-    /// Along the heading.
+    /// Speed along the heading.
     pub speed_mps: f64,
-    /// To the left of it, at the front.
+    /// Speed to the left of the heading, at the front.
     pub lateral_mps: f64,
     pub yaw_rate_rad_per_s: f64,
     pub accel_mps2: f64,
 }
 
-/// A speed that changes evenly.
+/// A speed that changes linearly.
 #[derive(Clone, Copy, Debug)]
 struct Ramp {
     begins_s: f64,
     from_mps: f64,
     to_mps: f64,
-    /// At least 0; without bound: at once.
+    /// At least 0. Infinity changes the speed at once.
     rate_mps2: f64,
 }
 
-/// A motion across the road along a cosine.
+/// A lateral motion along a cosine.
 #[derive(Clone, Copy, Debug)]
 struct Swing {
     begins_s: f64,
     lasts_s: f64,
     by_m: f64,
-    /// Whether what is driven sideways is missing ahead.
+    /// True if lateral motion reduces progress along the road.
     is_slanted: bool,
 }
 
 #[derive(Clone, Debug)]
 enum Phase {
-    /// Until the formula of the step comes true.
+    /// Waits for the formula of the step.
     Waits {
         since_s: f64,
-        /// When it was looked at before, and how far it was from true.
+        /// Time and robustness at the previous sample.
         before: Option<(f64, f64)>,
         watch: Box<OnlineMonitor>,
     },
-    /// Until it is time.
+    /// Waits for a time.
     Due(f64),
     Acts {
         ends_s: f64,
     },
-    /// There is no step any more.
+    /// No steps are left.
     Over,
 }
 
-/// Somebody on the way.
+/// An agent on its plan.
 #[derive(Clone, Debug)]
 pub(super) struct PlanRun {
     carried: Carried,
@@ -109,14 +109,14 @@ pub(super) struct PlanRun {
     phase: Phase,
     ramp: Ramp,
     swing: Option<Swing>,
-    /// The point that moves by the laws, on its road.
+    /// The point moved by the laws, on its road.
     s_m: f64,
     lateral_m: f64,
-    /// Where it starts beside the road, by which its lane is told, and by how
-    /// much it has changed lanes since.
+    /// Initial lateral position, which determines the lane, and the sum of all
+    /// lane changes since.
     start_m: f64,
     changed_m: f64,
-    /// From the road's direction, and the same without what it has strayed.
+    /// Heading relative to the road's direction, with and without deviation.
     heading_rad: f64,
     planned_rad: f64,
     stray: Stray,
@@ -145,6 +145,8 @@ impl Ramp {
     }
 
     fn speed_mps(&self, time_s: f64) -> f64 {
+        // Exact at the end: interpolation would miss the target by a rounding
+        // error.
         if self.ends_s() - SAME_S <= time_s {
             return self.to_mps;
         }
@@ -152,7 +154,7 @@ impl Ramp {
         self.from_mps + (self.to_mps - self.from_mps) * for_s / self.lasts_s()
     }
 
-    /// The way between two instants, none of them within it its end.
+    /// Returns the distance between two instants, without an end of the ramp between.
     fn way_m(&self, from_s: f64, to_s: f64) -> f64 {
         0.5 * (self.speed_mps(from_s) + self.speed_mps(to_s)) * (to_s - from_s)
     }
@@ -176,7 +178,7 @@ impl Swing {
     }
 }
 
-/// What a sample asks of a plan: the road, its course, from when to when.
+/// Interval and road of a sample, as input to a plan.
 #[derive(Clone, Copy)]
 pub(super) struct SampleSpan<'a> {
     pub course: &'a Course,
@@ -186,11 +188,13 @@ pub(super) struct SampleSpan<'a> {
 }
 
 impl PlanRun {
-    /// Begins with the front at a place of the road, as if it were straight
-    /// there: on bends the body lies along the tangent at its rear axle.
+    /// Begins with the front at a place of the road.
+    ///
+    /// The road counts as straight there. On bends the body lies along the
+    /// tangent at its rear axle.
     ///
     /// # Errors
-    /// A meeting that cannot be.
+    /// The meeting is infeasible.
     pub fn begin(
         carried: Carried,
         plan: MotionPlan<f64, ()>,
@@ -201,6 +205,8 @@ impl PlanRun {
         let (speed_mps, steps) = match plan {
             MotionPlan::Script(steps) => (speed_mps, steps),
             MotionPlan::Meet(meet) => {
+                // Agents that face across the road measure the distance
+                // laterally.
                 let way_m = match cos.abs() < sin.abs() {
                     true => sin.signum() * (meet.here_at_m - lateral_m),
                     false => cos.signum() * (meet.here_at_m - front_m),
@@ -232,20 +238,20 @@ impl PlanRun {
         Ok(run)
     }
 
-    /// The speed now, as planned.
+    /// Returns the planned speed now.
     pub fn speed_mps(&self) -> f64 {
         self.ramp.speed_mps(self.ramp.begins_s)
     }
 
-    /// Whether it waits for a formula, which reads rows.
+    /// Returns whether it waits for a formula, which needs rows of signals.
     pub fn is_watching(&self) -> bool {
         matches!(self.phase, Phase::Waits { .. })
     }
 
-    /// Looks at a sample: does what the next step waits for hold?
+    /// Checks the trigger of the next step at a sample.
     ///
-    /// The instant at which it came true is taken from ρ before and now, as if
-    /// that went evenly from one sample to the next.
+    /// The instant at which it came true is interpolated from ρ at the previous
+    /// and the current sample.
     pub fn look(&mut self, row: &[f64], time_s: f64) {
         let Phase::Waits {
             since_s,
@@ -269,14 +275,16 @@ impl PlanRun {
                 at_s + (time_s - at_s) * (-rho / (now - rho))
             }
             Some(_) => time_s,
-            // It held when it was first looked at.
+            // It held when it was first checked.
             None => *since_s,
         };
         self.phase = Phase::Due(came_s + self.steps[self.step].after_s);
     }
 
-    /// Moves on by a sample; `asked` is what an ado adds: an acceleration along
-    /// and a speed to the left of where it faces.
+    /// Advances by a sample.
+    ///
+    /// `asked` is the deviation of an ado: an acceleration along and a speed to
+    /// the left of its heading.
     pub fn advance(
         &mut self,
         stretch: SampleSpan<'_>,
@@ -286,6 +294,8 @@ impl PlanRun {
         let SampleSpan { from_s, to_s, .. } = stretch;
         let mut time_s = from_s;
         loop {
+            // Steps due at the end of the sample are settled too, so the
+            // arrival has the motion that follows them.
             self.settle(time_s, stretch.road, &speed_of);
             if to_s - SAME_S <= time_s {
                 break;
@@ -301,7 +311,7 @@ impl PlanRun {
         self.arrive(stretch.course, (speed_mps, sideways_mps), sample_s)
     }
 
-    /// Where the plan has it, whatever it has strayed.
+    /// Returns the planned state, without deviations.
     pub fn planned(&self, course: &Course, time_s: f64) -> PlannedAt {
         let at = course.locate(&self.front(course, Stray::default(), self.planned_rad));
         PlannedAt {
@@ -311,7 +321,7 @@ impl PlanRun {
         }
     }
 
-    /// The front bumper now.
+    /// Returns the pose of the front bumper now.
     pub fn pose(&self, course: &Course) -> Pose {
         self.front(course, self.stray, self.heading_rad)
     }
@@ -330,7 +340,7 @@ impl PlanRun {
         }
     }
 
-    /// What a step that has its turn from an instant on waits for.
+    /// Returns the initial phase of a step that is next from an instant on.
     fn turn_of(&self, step: usize, since_s: f64) -> Phase {
         let Some(next) = self.steps.get(step) else {
             return Phase::Over;
@@ -345,7 +355,7 @@ impl PlanRun {
         }
     }
 
-    /// Begins and ends the steps whose time has come.
+    /// Begins and ends the steps that are due.
     fn settle(&mut self, time_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) {
         loop {
             match self.phase {
@@ -379,8 +389,9 @@ impl PlanRun {
         later.fold(f64::INFINITY, f64::min)
     }
 
-    /// Begins the laws of a step that was due at an instant, maybe before this
-    /// one, and says when all have ended.
+    /// Begins the laws of a step and returns the time at which all have ended.
+    ///
+    /// The step was due at `at_s`, which may lie before the current time.
     fn act(&mut self, at_s: f64, now_s: f64, road: &Road, speed_of: &impl Fn(&str) -> f64) -> f64 {
         let from_mps = self.ramp.speed_mps(now_s);
         let mut ends_s = at_s;
@@ -390,6 +401,8 @@ impl PlanRun {
                 self.ramp = Ramp {
                     begins_s: at_s,
                     from_mps,
+                    // Plans never reverse: `relative_to` could make the target
+                    // negative.
                     to_mps: to_mps.max(0.0),
                     rate_mps2: rate_mps2.abs(),
                 };
@@ -427,7 +440,7 @@ impl PlanRun {
             };
             ends_s = ends_s.max(law_ends_s);
         }
-        // What began before now has gone on since, along and across.
+        // Laws that began before now have acted since, along and across.
         let missed_m = self.ramp.way_m(at_s, now_s) - from_mps * (now_s - at_s);
         if at_s < now_s {
             let (cos, sin) = self.carried.direction();
@@ -450,7 +463,7 @@ impl PlanRun {
         begins_s + lasts_s
     }
 
-    /// Between two instants at which no law begins or ends.
+    /// Advances between two instants at which no law begins or ends.
     fn move_on(&mut self, course: &Course, from_s: f64, to_s: f64) {
         let way_m = self.ramp.way_m(from_s, to_s);
         let (aside_m, is_slanted) = match self.swing {
@@ -458,27 +471,31 @@ impl PlanRun {
             None => (0.0, false),
         };
         let ahead_m = match is_slanted {
+            // The guard covers rounding where the motion is purely lateral.
             true => (way_m * way_m - aside_m * aside_m).max(0.0).sqrt(),
             false => way_m,
         };
         let (cos, sin) = self.carried.direction();
-        // Beside a bend the same way is another piece of the course.
+        // Beside a bend the same distance covers a different length of course.
         let middle_m = self.lateral_m + 0.5 * (aside_m + sin * ahead_m);
         let shorter = 1.0 - course.curvature_per_m(self.s_m) * middle_m;
         self.s_m += cos * ahead_m / shorter;
         self.lateral_m += sin * ahead_m + aside_m;
     }
 
-    /// Adds what an ado asks for to what it has strayed already.
+    /// Adds an ado's action to the deviation.
     fn stray_on(&mut self, (accel_mps2, left_mps): (f64, f64), planned_mps: f64, sample_s: f64) {
         let before_mps = self.stray.ahead_mps;
-        // Nobody reverses.
+        // Agents never reverse.
         let ahead_mps = (before_mps + accel_mps2 * sample_s).max(-planned_mps);
         let most_mps = match self.carried.on_foot {
             true => f64::INFINITY,
             false => MAX_SLIP * (planned_mps + ahead_mps),
         };
         let left_mps = left_mps.clamp(-most_mps, most_mps);
+        // Trapezoidal rule, exact for the even acceleration within a sample.
+        // The earlier speed is limited too, since the plan may have slowed down
+        // since.
         self.stray.ahead_mps = ahead_mps;
         self.stray.ahead_m += 0.5 * (before_mps.max(-planned_mps) + ahead_mps) * sample_s;
         self.stray.left_mps = left_mps;
@@ -506,6 +523,8 @@ impl PlanRun {
             cos * ahead_mps - sin * left_mps,
             sin * ahead_mps + cos * left_mps + sideways_mps,
         );
+        // At low speeds the direction of the velocity is mostly noise, and a
+        // standing body must not turn.
         let moves = TURNING_MPS <= ahead_mps.max(sideways_mps.abs());
         if !self.carried.on_foot && moves {
             self.heading_rad = libm::atan2(velocity.1, velocity.0);
@@ -540,14 +559,14 @@ impl PlanRun {
         self.last
     }
 
-    /// Notes where it begins, so that the first sample has one before it.
+    /// Records the initial pose, which precedes that of the first sample.
     pub fn begun(&mut self, pose: Pose) {
         self.last.pose = pose;
     }
 }
 
 impl Carried {
-    /// Cosine and sine of where it faces; cars face along the road.
+    /// Returns cosine and sine of the facing. Vehicles face along the road.
     fn direction(&self) -> (f64, f64) {
         match self.on_foot {
             true => {
@@ -559,7 +578,7 @@ impl Carried {
     }
 }
 
-/// The one step of a meeting.
+/// Returns the single step of a meeting.
 fn approach_step(approach: Approach) -> ScriptStep<f64, ()> {
     let Approach {
         begins_s,

@@ -1,16 +1,16 @@
 //! Numbers that a start draws.
 
-/// A fixed number or a range from which starts are drawn uniformly.
+/// A fixed number, or a range from which starts are drawn uniformly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     /// Least value.
     pub lo: f64,
-    /// Greatest value; equal to `lo` for a fixed number.
+    /// Greatest value, equal to `lo` for a fixed number.
     pub hi: f64,
 }
 
 impl Range {
-    /// A fixed number.
+    /// Returns a range of a single number.
     pub fn fixed(value: f64) -> Range {
         Range {
             lo: value,
@@ -18,7 +18,7 @@ impl Range {
         }
     }
 
-    /// Whether there is nothing to draw.
+    /// Returns whether the range has a single value.
     pub fn is_fixed(&self) -> bool {
         self.lo == self.hi
     }

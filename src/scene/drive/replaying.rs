@@ -1,9 +1,9 @@
-//! Recorded motions, moved again with somebody else in the ego's place.
+//! Recorded motions, replayed with a different driver in the ego's place.
 //!
-//! Everybody but the ego moves as recorded and reacts to nothing. It is done on
-//! the kinematic plant, whose contacts are exact. What was recorded on it is
-//! repeated by its commands, bit for bit; other motions by their poses, between
-//! two samples in a straight line.
+//! All agents but the ego move as recorded and react to nothing. Replays use
+//! the kinematic plant, whose contacts are exact. Motions recorded on that
+//! plant are repeated by their commands, bit for bit. Other motions are
+//! repeated by their poses, which are joined by straight lines.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ use crate::scene::{BodySample, Flow, Motion, Scene};
 use crate::sim::{Body, BodyCommand, BodyState, PlantKind};
 
 impl DriveWorld {
-    /// The same world on the kinematic plant, with nobody at the ego's wheel.
+    /// Returns the same world on the kinematic plant, without an ego controller.
     pub fn for_replay(&self) -> DriveWorld {
         let mut layout = Layout::clone(&self.0);
         Arc::make_mut(&mut layout.spec).plant = PlantKind::Kinematic;
@@ -27,20 +27,21 @@ impl DriveWorld {
         DriveWorld(Arc::new(layout))
     }
 
-    /// Position of the ego among the agents.
+    /// Returns the position of the ego among the agents.
     pub fn ego(&self) -> usize {
         self.0.ego
     }
 
-    /// Where on the road an agent's body is, and how it moves along it.
+    /// Returns the place and motion of an agent's body along the road.
     pub fn lane_body(&self, agent: usize, state: &BodyState) -> LaneBody {
         let at = self.0.network.main().locate(&state.pose);
         in_lane(state, &at, &self.0.spec.agents[agent].body)
     }
 
-    /// Which agents the ego sees at a sample of a motion, whatever the delay and
-    /// the noise of its sensors: all but those that are hidden, where the world
-    /// has a line of sight.
+    /// Returns which agents the ego sees at a sample of a motion.
+    ///
+    /// Ignores delay and noise of the sensors. Agents are hidden only if the
+    /// world has a line of sight.
     pub fn seen(&self, sample: &[BodySample]) -> Vec<bool> {
         let spec = &self.0.spec;
         match spec.sensors.line_of_sight {
@@ -49,18 +50,18 @@ impl DriveWorld {
         }
     }
 
-    /// A motion of this world with commands that repeat it, and gone on with
-    /// until there are `samples`.
+    /// Returns a motion with commands that repeat it, continued to `samples`.
     ///
-    /// Where the record has ended everybody moves sideways on to the middle of
-    /// the next lane and straight on from there; lengthwise whoever braked keeps
-    /// that deceleration until it stands, and others keep their speed.
+    /// After the record, every agent moves sideways to the middle of the next
+    /// lane and straight on from there. An agent that braked keeps its
+    /// deceleration until it stands. The remaining agents keep their speed.
     pub fn continued(&self, motion: &Motion, samples: usize) -> Motion {
         let spec = &self.0.spec;
         let mut whole = motion.clone();
         let Some(last) = motion.len().checked_sub(1) else {
             return whole;
         };
+        // The rigid plant's commands would lead elsewhere on the kinematic one.
         let is_exact = spec.plant == PlantKind::Kinematic;
         let by_commands =
             |body: &BodySample| is_exact && matches!(body.command, Some(BodyCommand::Drive { .. }));
@@ -83,6 +84,8 @@ impl DriveWorld {
             .collect();
         let mut row = motion.at(last).to_vec();
         for sample in last..samples {
+            // A contact ends the record within a sample, whose remainder is
+            // continued too.
             let after_s = sample as f64 * spec.clock.sample_s - motion.end_s;
             if after_s <= 0.0 {
                 continue;
@@ -90,6 +93,9 @@ impl DriveWorld {
             for (agent, (body, end)) in row.iter_mut().zip(&ends).enumerate() {
                 let state = end.state(after_s, self.0.network.course_of(agent));
                 let recorded = &motion.at(last)[agent];
+                // The last recorded sample ends early at a contact. Repeating
+                // its command still gives the body's exact motion over the
+                // whole sample.
                 let command = match sample == last && by_commands(recorded) {
                     true => recorded.command,
                     false => Some(BodyCommand::Glide { to: state.pose }),
@@ -105,7 +111,7 @@ impl DriveWorld {
     }
 }
 
-/// How a body goes on when its record has ended.
+/// Continuation of a body after the end of its record.
 struct Onward {
     at: OnRoad,
     /// Speeds along the road and to the left.
@@ -113,7 +119,7 @@ struct Onward {
     across_mps: f64,
     /// Deceleration until it stands, at least 0.
     brake_mps2: f64,
-    /// When it stands, and when it is in the middle of the next lane.
+    /// Times at which it stops and at which it reaches the middle of a lane.
     stands_s: f64,
     centred_s: f64,
 }
@@ -151,6 +157,7 @@ impl Onward {
         let direction = if self.along_mps < 0.0 { -1.0 } else { 1.0 };
         let lost_mps = self.brake_mps2 * braking_s;
         let sideways_s = braking_s.min(self.centred_s);
+        // A body that moves against the road brakes towards positive s.
         let s_m = self.at.s_m + (self.along_mps - direction * 0.5 * lost_mps) * braking_s;
         let lateral_m = self.at.lateral_m + self.across_mps * sideways_s;
         let is_centred = self.centred_s <= after_s;
@@ -180,7 +187,7 @@ impl Onward {
     }
 }
 
-/// Velocity along and across the road.
+/// Returns the velocity along and across the road.
 fn velocity_mps(state: &BodyState, at: &OnRoad) -> (f64, f64) {
     let (sin, cos) = libm::sincos(at.heading_rad);
     (
@@ -189,11 +196,11 @@ fn velocity_mps(state: &BodyState, at: &OnRoad) -> (f64, f64) {
     )
 }
 
-/// A body in lane coordinates: by its middle, as reference drivers see it.
+/// Returns a body in lane coordinates of its middle, as reference drivers need it.
 fn in_lane(state: &BodyState, at: &OnRoad, body: &Body) -> LaneBody {
     let (sin, cos) = libm::sincos(at.heading_rad);
     let lever_mps = state.yaw_rate_rad_per_s * body.half_length_m();
-    // Turning moves the front sideways, not the middle.
+    // Turning moves the front sideways, and not the middle.
     let lateral_mps = state.lateral_mps - lever_mps;
     let velocity = (
         state.speed_mps * cos - lateral_mps * sin,
@@ -207,12 +214,14 @@ fn in_lane(state: &BodyState, at: &OnRoad, body: &Body) -> LaneBody {
 }
 
 impl DriveScene {
-    /// Puts everybody where a motion has them at a sample.
+    /// Sets all agents to their states at a sample of a motion.
     ///
-    /// At the first one this is how the episode began, bit for bit.
+    /// At the first sample this is the start of the episode, bit for bit.
     pub fn take_up(&mut self, motion: &Motion, sample: usize) {
         self.reset(&motion.start, 0);
         let recorded = motion.at(sample).iter().map(|body| &body.state);
+        // `reset` has already produced this state, and spawning at located
+        // coordinates could round differently.
         if self.state.states.iter().eq(recorded) {
             return;
         }
@@ -225,13 +234,17 @@ impl DriveScene {
         }
         self.state.sample = sample;
         self.state.read();
+        // A fresh body in the plant has neither acceleration nor yaw rate, so
+        // the recorded states replace those that were read.
         let recorded = motion.at(sample).iter().map(|body| body.state);
         self.state.states.clear();
         self.state.states.extend(recorded);
     }
 
-    /// Moves on by one sample: the ego by a command of its own, everybody else
-    /// as in `next`, a sample of a [continued](DriveWorld::continued) motion.
+    /// Advances by one sample with a given command of the ego.
+    ///
+    /// All other agents move as in `next`, a sample of a
+    /// [continued](DriveWorld::continued) motion.
     pub fn advance_along(&mut self, ego: BodyCommand, next: &[BodySample]) -> Flow {
         for (agent, body) in next.iter().enumerate() {
             let command = match agent == self.layout.ego {
@@ -243,8 +256,8 @@ impl DriveScene {
             }
         }
         let flow = self.move_on();
-        // A plant knows of who is carried the mean velocity on the way there. The
-        // ego is not carried, whatever the record says of who drove it then.
+        // For gliding bodies a plant only knows the mean velocity over the sample.
+        // The ego does not glide, whatever the record holds for its driver.
         let own = self.layout.ego;
         let carried = self.state.states.iter_mut().zip(next).enumerate();
         for (_, (state, body)) in carried.filter(|(agent, _)| *agent != own) {
@@ -256,7 +269,7 @@ impl DriveScene {
         flow
     }
 
-    /// The command that accelerates the ego and keeps it in its lane.
+    /// Returns the command that accelerates the ego and keeps it in its lane.
     pub fn keep_lane(&mut self, accel_mps2: f64) -> BodyCommand {
         let ego = self.layout.ego;
         let (at, speed_mps) = (self.state.on_road[ego], self.state.states[ego].speed_mps);
@@ -267,14 +280,14 @@ impl DriveScene {
         }
     }
 
-    /// An agent in lane coordinates.
+    /// Returns an agent in lane coordinates.
     pub fn lane_body(&self, agent: usize) -> LaneBody {
         let body = &self.layout.spec.agents[agent].body;
         let at = self.state.on_road_of(self.layout.ego, agent);
         in_lane(&self.state.states[agent], &at, body)
     }
 
-    /// Which agents the ego sees now; see [`DriveWorld::seen`].
+    /// Returns which agents the ego sees now. See [`DriveWorld::seen`].
     pub fn seen(&self) -> Vec<bool> {
         let spec = &self.layout.spec;
         match spec.sensors.line_of_sight {
@@ -283,12 +296,12 @@ impl DriveScene {
         }
     }
 
-    /// Curvature of the road beside the ego, positive to the left.
+    /// Returns the curvature of the road beside the ego, positive to the left.
     pub fn curvature_per_m(&self) -> f64 {
         self.state.on_road[self.layout.ego].curvature_per_m
     }
 
-    /// Clear distance between the ego and an agent; 0 at a contact.
+    /// Returns the clearance between the ego and an agent, 0 at a contact.
     pub fn gap_m(&self, agent: usize) -> f64 {
         let ego = self.state.bodies[self.layout.ego];
         self.state.plant.gap_m(ego, self.state.bodies[agent])

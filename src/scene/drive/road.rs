@@ -1,4 +1,4 @@
-//! Roads: lanes along a course, and where on it somebody is.
+//! Roads: lanes along a course, and positions on them.
 //!
 //! Lane 0 is the rightmost, and its middle is the course. A position on the
 //! road is (s, lateral): metres along the course, metres to the left of it.
@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use super::course::{Course, CourseError, Piece};
 
-/// The road. Lane 0 is the rightmost; its middle is y = 0 on a straight one.
+/// A road. Lane 0 is the rightmost. Its middle is y = 0 on a straight road.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Road {
-    /// Along world x, without end.
+    /// A straight road along world x, without end.
     Straight {
         /// Number of lanes.
         lanes: usize,
@@ -19,11 +19,11 @@ pub enum Road {
         lane_width_m: f64,
         /// Coefficient of friction μ of the surface.
         friction: f64,
-        /// The law's limit, which egos are told of; rules are written with constants.
+        /// Legal speed limit, passed to egos. Rules use constants instead.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         speed_limit_mps: Option<f64>,
     },
-    /// Lines and arcs one after the other, from the origin along world x.
+    /// Lines and arcs in sequence, from the origin along world x.
     Curved {
         /// Number of lanes.
         lanes: usize,
@@ -31,13 +31,13 @@ pub enum Road {
         lane_width_m: f64,
         /// Coefficient of friction μ of the surface.
         friction: f64,
-        /// The law's limit, which egos are told of; rules are written with constants.
+        /// Legal speed limit, passed to egos. Rules use constants instead.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         speed_limit_mps: Option<f64>,
-        /// The course of lane 0; before and after it the road is straight.
+        /// Course of lane 0. Before and after it the road is straight.
         pieces: Vec<Piece>,
     },
-    /// Straight from point to point, with rounded corners.
+    /// Straight lines between points, with rounded corners.
     Polyline {
         /// Number of lanes.
         lanes: usize,
@@ -45,17 +45,17 @@ pub enum Road {
         lane_width_m: f64,
         /// Coefficient of friction μ of the surface.
         friction: f64,
-        /// The law's limit, which egos are told of; rules are written with constants.
+        /// Legal speed limit, passed to egos. Rules use constants instead.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         speed_limit_mps: Option<f64>,
-        /// The course of lane 0; before and after it the road is straight.
+        /// Course of lane 0. Before and after it the road is straight.
         points_m: Vec<(f64, f64)>,
         /// Radius of the corners.
         corner_radius_m: f64,
     },
 }
 
-/// What roads of all kinds have.
+/// Data common to all kinds of road.
 struct Shape {
     lanes: usize,
     lane_width_m: f64,
@@ -94,27 +94,27 @@ impl Road {
         }
     }
 
-    /// The law's limit, where the world file names one.
+    /// Returns the legal speed limit, if the world file has one.
     pub fn speed_limit_mps(&self) -> Option<f64> {
         self.shape().speed_limit_mps
     }
 
-    /// Number of lanes.
+    /// Returns the number of lanes.
     pub fn lanes(&self) -> usize {
         self.shape().lanes
     }
 
-    /// Width of a lane.
+    /// Returns the width of a lane.
     pub fn lane_width_m(&self) -> f64 {
         self.shape().lane_width_m
     }
 
-    /// Coefficient of friction μ.
+    /// Returns the coefficient of friction μ.
     pub fn friction(&self) -> f64 {
         self.shape().friction
     }
 
-    /// Lays another surface.
+    /// Replaces the coefficient of friction.
     pub fn set_friction(&mut self, to: f64) {
         match self {
             Road::Straight { friction, .. }
@@ -123,29 +123,30 @@ impl Road {
         }
     }
 
-    /// Lateral position of a lane's middle.
+    /// Returns the lateral position of a lane's middle.
     pub fn lane_middle_m(&self, lane: usize) -> f64 {
         lane as f64 * self.lane_width_m()
     }
 
-    /// The lane in which a lateral position lies, clamped to the road.
+    /// Returns the lane of a lateral position, clamped to the road.
     pub fn lane_at(&self, lateral_m: f64) -> usize {
+        // A border between two lanes belongs to the left one.
         let lane = (lateral_m / self.lane_width_m()).round();
         (lane.max(0.0) as usize).min(self.lanes() - 1)
     }
 
-    /// Lateral positions of the lanes' borders, from the right.
+    /// Returns the lateral positions of the lanes' borders, from the right.
     pub fn borders_m(&self) -> impl Iterator<Item = f64> {
         let width_m = self.lane_width_m();
         (0..=self.lanes()).map(move |border| (border as f64 - 0.5) * width_m)
     }
 
-    /// The course of lane 0.
+    /// Returns the course of lane 0.
     ///
     /// # Errors
-    /// What is wrong with the pieces or points, with the number of the one.
+    /// The pieces or points are invalid. The error has the number of the first such.
     pub fn course(&self) -> Result<Course, CourseError> {
-        // Nobody can drive where the lanes fold over each other.
+        // An arc narrower than the road would fold its lanes over each other.
         let reach_m = self.lanes() as f64 * self.lane_width_m();
         match self {
             Road::Straight { .. } => Ok(Course::straight()),

@@ -1,37 +1,41 @@
-//! Background traffic: road users that follow a plan.
+//! Background traffic that follows a script.
 
 use serde::{Deserialize, Serialize};
 
 use crate::ego::{Actuated, Idm};
 
-/// Deceleration by which who stands is held.
+/// Deceleration that keeps a standing road user in place.
 const HELD_MPS2: f64 = 3.0;
 
-/// A background road user's plan.
+/// Script of a background road user.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub enum Script {
     /// Keeps its initial speed.
     ConstantSpeed,
-    /// Stands with its brakes on, as parked cars do.
+    /// Stands with its brakes on, like a parked car.
     Stand,
-    /// Net accelerations, each from its time on: `[(at_s, accel_mps2), …]`.
+    /// Net accelerations with their start times: `[(at_s, accel_mps2), …]`.
     Profile(Vec<(f64, f64)>),
-    /// Follows whoever is ahead in its lane, by the intelligent driver model.
-    /// Traffic has no actuators: the lag that is written is not used.
+    /// Follows the leader in its lane by the intelligent driver model.
+    ///
+    /// Traffic has no actuators, so the written lag has no effect.
     Idm(Actuated<Idm>),
-    /// On foot: velocities along the road and to the left, each from its time
-    /// on: `[(at_s, along_mps, left_mps), …]`.
+    /// Velocities of a pedestrian with their start times.
+    ///
+    /// Along the road and to the left: `[(at_s, along_mps, left_mps), …]`.
     Walk(Vec<(f64, f64, f64)>),
 }
 
 impl Script {
-    /// Whether it is for somebody on foot.
+    /// Returns whether it is for pedestrians.
     pub fn is_on_foot(&self) -> bool {
         matches!(self, Script::Walk(_))
     }
 
-    /// Net acceleration at a time; `leader` is the clearance and the speed.
+    /// Returns the net acceleration at a time.
+    ///
+    /// `leader` returns the clearance and the speed of the leader.
     pub(super) fn accel_mps2(
         &self,
         time_s: f64,
@@ -43,6 +47,8 @@ impl Script {
             Script::Stand => -HELD_MPS2,
             Script::Idm(idm) => idm.controller.accel_mps2(speed_mps, leader()),
             Script::Profile(points) => points
+                // Times of samples are products and may lie just below the
+                // written value.
                 .iter()
                 .take_while(|(at_s, _)| *at_s <= time_s + 1e-9)
                 .last()
@@ -50,7 +56,7 @@ impl Script {
         }
     }
 
-    /// Velocity along the road and to the left at a time.
+    /// Returns the velocity along the road and to the left at a time.
     pub(super) fn walk_mps(&self, time_s: f64) -> (f64, f64) {
         let Script::Walk(points) = self else {
             return (0.0, 0.0);

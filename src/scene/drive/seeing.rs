@@ -1,14 +1,16 @@
-//! What ados see unless a world says otherwise, and of what they see nothing.
+//! Default observation of ados, and signals that an observation does not cover.
 
 use super::script::Script;
 use super::signals::{Declared, Of, Source, declared};
 use super::spec::{Drive, DriveSpec};
 
 impl DriveSpec {
-    /// The observation of ados whose world names none: where everybody is from
-    /// the ego, obstacles included, how fast all are, what the ego's acceleration
-    /// is, the lights with their time, and the time left. Sideways, where there
-    /// is a sideways.
+    /// Returns the default observation of ados, for worlds that name none.
+    ///
+    /// It holds the headway of every agent from the ego, obstacles included,
+    /// all speeds and the ego's acceleration. It also holds the lights with
+    /// their time, and the time left. Lateral signals are added where agents
+    /// can move sideways.
     pub fn usual_observation(&self) -> Vec<String> {
         let Some(ego) = self.egos().next() else {
             return Vec::new();
@@ -31,7 +33,7 @@ impl DriveSpec {
                 seen.push(format!("{}.lateral_speed", name(other)));
             }
         }
-        // What stands tells where on the road that is.
+        // The headway of a parked body determines the position on the road.
         for stander in (0..self.agents.len()).filter(|&i| stands(i)) {
             seen.push(format!("{}.{}.headway", name(ego), name(stander)));
         }
@@ -52,10 +54,10 @@ impl DriveSpec {
         seen
     }
 
-    /// Of the signals that are read, those of which the ados see nothing: neither
-    /// the signal nor another one of the same agents.
+    /// Returns the signals in `read` that the ados' observation does not cover.
     ///
-    /// What stays the same whatever the ados do is not asked for.
+    /// A signal is covered if it, or a different signal of the same agents, is
+    /// observed. Signals that no ado can change need no coverage.
     pub fn unseen<'a>(&self, read: &'a [String]) -> Vec<&'a str> {
         let all = declared(&self.names());
         let observed = self.observe.iter();
@@ -69,8 +71,9 @@ impl DriveSpec {
         read.iter().filter(hidden).map(String::as_str).collect()
     }
 
-    /// The published signals that a name stands for: itself, or what it is
-    /// derived from.
+    /// Returns the published signals behind a name.
+    ///
+    /// These are the signal itself or the inputs of a derived signal.
     fn sources(&self, all: &[Declared], name: &str) -> Vec<Source> {
         if let Some(declared) = all.iter().find(|declared| declared.signal.name == name) {
             return vec![declared.source];
@@ -87,7 +90,7 @@ impl DriveSpec {
             seen.iter()
                 .any(|s| s.quantity.of == Of::Pair && (s.whose == [a, b] || s.whose == [b, a]))
         };
-        // Who is seen from the same third one is seen from each other.
+        // Two agents seen from the same third agent are seen from each other.
         let by_another = |a: usize, b: usize| {
             (0..self.agents.len()).any(|third| related(third, a) && related(third, b))
         };
@@ -96,6 +99,7 @@ impl DriveSpec {
         };
         let [a, b] = wanted.whose;
         match wanted.quantity.of {
+            // Neither is changed by an ado, so they need no observation.
             Of::Clock | Of::Parameter => true,
             Of::Scene => {
                 let ego = self.egos().next().unwrap_or(0);
@@ -103,6 +107,8 @@ impl DriveSpec {
             }
             Of::Pair => pair([a, b]),
             Of::Agent => seen.iter().any(|s| match s.quantity.of {
+                // A speed is no substitute for a place, and a place covers
+                // every other signal of its agent.
                 Of::Agent => s.whose[0] == a && (places(*s) || !places(wanted)),
                 Of::Pair => s.whose.contains(&a),
                 _ => false,
@@ -118,13 +124,13 @@ impl DriveSpec {
     }
 }
 
-/// Whether an agent's place on the road is seen.
+/// Returns whether an agent's place on the road is observed.
 fn is_placed(seen: &[Source], agent: usize) -> bool {
     let mut seen = seen.iter();
     seen.any(|s| s.quantity.of == Of::Agent && s.whose[0] == agent && places(*s))
 }
 
-/// Whether an agent's signal says where it is.
+/// Returns whether a signal of an agent is a position.
 fn places(source: Source) -> bool {
     matches!(source.quantity.name, "x" | "y" | "s" | "lateral" | "lane")
 }

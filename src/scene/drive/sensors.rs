@@ -1,4 +1,4 @@
-//! What stands between the world and the ego's percepts: delay and noise.
+//! Sensors of the ego, which delay and disturb its percepts.
 
 use std::collections::VecDeque;
 
@@ -9,17 +9,17 @@ use serde::{Deserialize, Serialize};
 use crate::ego::Percept;
 use crate::seed;
 
-/// Flaws of the ego's sensors; the default has none.
+/// Errors of the ego's sensors. The default has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Sensors {
-    /// How old what it sees of others is; a multiple of the sample.
+    /// Delay of percepts of other agents, a multiple of the sample.
     pub delay_s: f64,
     /// Standard deviation of headways and lateral offsets.
     pub position_sd_m: f64,
-    /// Standard deviation of others' speeds, along and across the road.
+    /// Standard deviation of other agents' speeds, along and across the road.
     pub speed_sd_mps: f64,
-    /// Whether who is behind others on wheels is hidden.
+    /// True if vehicles hide the agents behind them.
     #[serde(skip_serializing_if = "is_off")]
     pub line_of_sight: bool,
 }
@@ -29,13 +29,13 @@ fn is_off(it: &bool) -> bool {
 }
 
 impl Sensors {
-    /// Whether equal starts and actions can give different episodes.
+    /// Returns whether equal starts and actions can give different episodes.
     pub fn is_noisy(&self) -> bool {
         0.0 < self.position_sd_m || 0.0 < self.speed_sd_mps
     }
 }
 
-/// The sensors in motion.
+/// Sensors in motion.
 #[derive(Clone, Debug)]
 pub(super) struct Sensing {
     spec: Sensors,
@@ -54,15 +54,16 @@ impl Sensing {
         }
     }
 
-    /// Begins an episode; `noise` is its seed.
+    /// Begins an episode with the seed `noise`.
     pub fn reset(&mut self, noise: u64) {
         self.seen.clear();
         self.dice = seed::generator("sensors", &[noise]);
     }
 
-    /// Makes what is there into what the ego sees; its own state stays true.
+    /// Converts an ideal percept to the ego's percept.
     ///
-    /// Before the delay has passed it sees the first moment.
+    /// Its own state stays exact. Until the delay has passed, it sees the first
+    /// sample.
     pub fn look(&mut self, percept: &mut Percept) {
         if 0 < self.delay {
             self.seen.push_back(percept.clone());
@@ -79,6 +80,8 @@ impl Sensing {
             return;
         }
         for seen in &mut percept.others {
+            // The same error in both frames: road and ego coordinates describe
+            // a single measurement.
             let (along, across) = self.normal_pair();
             seen.headway_m += self.spec.position_sd_m * along;
             seen.lateral_m += self.spec.position_sd_m * across;
@@ -92,8 +95,9 @@ impl Sensing {
         }
     }
 
-    /// Two standard normal numbers (Box, Muller 1958).
+    /// Returns two standard normal numbers (Box, Muller 1958).
     fn normal_pair(&mut self) -> (f64, f64) {
+        // `random` is in 0 .. 1. The complement avoids log 0.
         let radius = (-2.0 * libm::log(1.0 - self.dice.random::<f64>())).sqrt();
         let (sin, cos) = libm::sincos(core::f64::consts::TAU * self.dice.random::<f64>());
         (radius * cos, radius * sin)

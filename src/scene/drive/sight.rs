@@ -1,14 +1,14 @@
-//! Whom the ego can see: whoever is not hidden behind somebody on wheels.
+//! Line of sight of the ego: agents hidden behind vehicles.
 //!
-//! It looks from the middle of its front bumper. Somebody is seen if the corner
-//! of its body's box or its middle is, of five points one; a point is hidden if
-//! the straight line to it passes through the box of a third body on wheels,
-//! parked or driving, however high it is. People hide nobody.
+//! The ego looks from the middle of its front bumper. An agent is seen if at
+//! least one of five points of its box is visible: a corner or the middle. A
+//! point is hidden if the straight line to it crosses the box of a third body
+//! on wheels, parked or moving, whatever its height. Pedestrians hide nothing.
 
 use super::spec::DriveSpec;
 use crate::sim::{Body, BodyState, Pose};
 
-/// A body seen from above.
+/// Outline of a body from above.
 struct Footprint {
     middle: (f64, f64),
     cos: f64,
@@ -33,7 +33,7 @@ impl Footprint {
         }
     }
 
-    /// Its corners and its middle.
+    /// Returns its middle and its corners.
     fn points(&self) -> [(f64, f64); 5] {
         let at = |ahead: f64, left: f64| {
             let (ahead_m, left_m) = (ahead * self.half_length_m, left * self.half_width_m);
@@ -51,10 +51,10 @@ impl Footprint {
         ]
     }
 
-    /// Whether the line between two points passes through it.
+    /// Returns whether the line between two points crosses this box.
     ///
-    /// In its own frame it is |ahead| ≤ a and |left| ≤ b: the shares of the line
-    /// within each of the two strips must overlap (Kay, Kajiya 1986).
+    /// In its own frame the box is |ahead| ≤ a and |left| ≤ b. The shares of
+    /// the line within the two strips must overlap (Kay, Kajiya 1986).
     fn hides(&self, from: (f64, f64), to: (f64, f64)) -> bool {
         let own = |(x, y): (f64, f64)| {
             let (dx, dy) = (x - self.middle.0, y - self.middle.1);
@@ -68,6 +68,7 @@ impl Footprint {
         {
             let step_m = to[axis] - from[axis];
             if step_m == 0.0 {
+                // A line along an edge only touches the box and is not hidden.
                 if half_m <= from[axis].abs() {
                     return false;
                 }
@@ -84,7 +85,7 @@ impl Footprint {
     }
 }
 
-/// Whether the ego sees each of the agents, which are in these states.
+/// Returns whether the ego sees each of the agents in the given states.
 pub(super) fn visible<'a>(
     spec: &DriveSpec,
     states: impl IntoIterator<Item = &'a BodyState>,
@@ -100,6 +101,7 @@ pub(super) fn visible<'a>(
     let sees = |seen: usize| {
         let points = boxes[seen].points();
         points.into_iter().any(|point| {
+            // A body does not hide itself, and the eye lies on the ego's box.
             let mut third = (0..boxes.len()).filter(|&i| i != ego && i != seen);
             !third.any(|i| on_wheels(&i) && boxes[i].hides(eye, point))
         })

@@ -1,4 +1,4 @@
-//! What a driving scene is made of: checked data, no spans.
+//! Data of a driving scene: checked, without spans.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::sim::{Body, PlantKind};
 use crate::stl::{Constants, Formula, Names};
 
-/// Where and how fast an agent starts.
+/// Initial place and speed of an agent.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StartPlace {
     /// At a position along the road.
@@ -30,11 +30,11 @@ pub enum StartPlace {
         /// Initial speed.
         speed_mps: Range,
     },
-    /// Relative to an agent declared before.
+    /// Relative to an agent that precedes it in the file.
     Ahead {
         /// Position of that agent in the file.
         of: usize,
-        /// Front bumper to front bumper; negative is behind.
+        /// Front bumper to front bumper, negative for behind.
         headway_m: Range,
         /// Initial speed.
         speed_mps: Range,
@@ -42,7 +42,7 @@ pub enum StartPlace {
 }
 
 impl StartPlace {
-    /// The initial speed.
+    /// Returns the initial speed.
     pub fn speed_mps(&self) -> Range {
         match *self {
             StartPlace::At { speed_mps, .. } | StartPlace::Ahead { speed_mps, .. } => speed_mps,
@@ -50,31 +50,33 @@ impl StartPlace {
     }
 }
 
-/// Makes a fresh controller, once per worker.
+/// Creates a fresh controller, once per worker.
 pub type ControllerFactory = Arc<dyn Fn() -> Box<dyn Controller> + Send + Sync>;
 
-/// What drives the ego: its controller, and the lag of its actuator.
+/// Drive of the ego: its controller and the lag of its actuator.
 pub type EgoDrive = Actuated<EgoController>;
 
-/// The ego's controller: a stock one from the world file, the user's own, or the
-/// commands of one that is not there.
+/// Controller of the ego.
+///
+/// A stock controller of the world file, the user's own type, or the recorded
+/// commands of an absent controller.
 #[derive(Clone)]
 pub enum EgoController {
-    /// From the world file.
+    /// A stock controller of the world file.
     Stock(ControllerSpec),
     /// A Rust type implementing [`Controller`].
     Own {
-        /// How rows call it.
+        /// Name in result rows.
         name: String,
-        /// Makes a controller that remembers nothing of others.
+        /// Creates a controller that shares no state with earlier ones.
         factory: ControllerFactory,
     },
-    /// What a program or a user's own type commanded once, sample by sample.
+    /// Recorded commands of a program or a user's own type, per sample.
     Recorded(Arc<[Command]>),
 }
 
 impl EgoDrive {
-    /// The stock controller with its actuator, if it is one.
+    /// Returns the stock controller with its actuator, if it is one.
     pub fn stock(&self) -> Option<Actuated<ControllerSpec>> {
         match &self.controller {
             EgoController::Stock(spec) => Some(Actuated {
@@ -85,7 +87,7 @@ impl EgoDrive {
         }
     }
 
-    /// Whether nobody here wrote it: equal percepts may get unequal answers.
+    /// Returns whether it is external: equal percepts may get unequal commands.
     pub fn is_foreign(&self) -> bool {
         matches!(
             self.controller,
@@ -95,14 +97,14 @@ impl EgoDrive {
         )
     }
 
-    /// Whether it only repeats recorded commands, whatever it sees.
+    /// Returns whether it repeats recorded commands, regardless of percepts.
     pub fn is_recorded(&self) -> bool {
         matches!(self.controller, EgoController::Recorded(_))
     }
 }
 
 impl EgoController {
-    /// A fresh controller.
+    /// Returns a fresh controller.
     pub fn build(&self) -> Box<dyn Controller> {
         match self {
             EgoController::Stock(spec) => spec.build(),
@@ -124,34 +126,34 @@ impl std::fmt::Debug for EgoController {
     }
 }
 
-/// A plan as a world has it: numbers may be ranges, steps wait for formulas.
+/// A plan in a world file: numbers may be ranges, and steps have formulas.
 pub type PlanSpec = MotionPlan<Range, Formula>;
 
-/// Who drives an agent.
+/// Driver of an agent.
 #[derive(Clone, Debug)]
 pub enum Drive {
     /// The system under test: [`DriveSpec::ego`].
     Ego,
     /// A learning adversary.
     Ado {
-        /// What it may choose from.
+        /// Action set.
         actions: Actions,
-        /// The action that leaves things alone.
+        /// Action that changes nothing.
         neutral: usize,
-        /// Time constant with which its acceleration follows; 0 is none.
+        /// Time constant of its acceleration, 0 for none.
         lag_s: f64,
-        /// The plan from which its actions stray, if it has one.
+        /// Plan from which its actions deviate, if it has one.
         base: Option<PlanSpec>,
     },
-    /// An ado trained elsewhere, frozen.
+    /// An ado that was trained in a different world, frozen.
     Trained(TrainedAdo),
     /// Background traffic.
     Scripted(Script),
-    /// Carried along a plan, as targets of test protocols are.
+    /// Motion along a plan, as prescribed for targets of test protocols.
     Planned(PlanSpec),
 }
 
-/// One agent.
+/// An agent of a driving scene.
 #[derive(Clone, Debug)]
 pub struct Agent {
     /// Name in signals.
@@ -160,42 +162,42 @@ pub struct Agent {
     pub body: Body,
     /// Its road: 0 is the world's own, the named ones follow.
     pub road: usize,
-    /// Which way it drives there.
+    /// Driving direction on that road.
     pub direction: Direction,
-    /// Which of its points keeps its line where it is driven.
+    /// Point of the vehicle that keeps the lane.
     pub lane_keeping: LaneKeeping,
-    /// Where it starts, to the left of lane 0's middle.
+    /// Initial offset to the left of lane 0's middle.
     pub lateral_m: Range,
-    /// Its heading at the start, counter-clockwise from the road's.
+    /// Initial heading, counter-clockwise from the road's.
     pub facing_rad: f64,
-    /// Where it starts.
+    /// Initial place and speed.
     pub place: StartPlace,
-    /// Who drives it.
+    /// Driver of the agent.
     pub drive: Drive,
 }
 
 /// A driving scene, assembled from data.
 #[derive(Clone, Debug)]
 pub struct DriveSpec {
-    /// Name of the world; part of every start's key.
+    /// Name of the world, which is part of the key of every start.
     pub world: String,
     /// The clocks.
     pub clock: Clock,
-    /// Which physics.
+    /// Physics engine.
     pub plant: PlantKind,
     /// The world's own road, on which the ego drives.
     pub road: Road,
-    /// Other roads, by name.
+    /// Further roads, by name.
     pub roads: PlacedRoads,
-    /// The world's own bodies by name; a change may put the ego into one.
+    /// The world's own bodies by name. An ego variant may use one of them.
     pub bodies: IndexMap<String, Body>,
-    /// The agents, in file order; exactly one is the ego.
+    /// The agents, in file order. Exactly one is the ego.
     pub agents: Vec<Agent>,
-    /// The system under test, which drives that one.
+    /// Drive of the ego.
     pub ego: EgoDrive,
     /// The traffic lights, in file order.
     pub lights: Vec<Light>,
-    /// What stands between the world and the ego's percepts.
+    /// Sensors of the ego.
     pub sensors: Sensors,
     /// Signals published besides the basic ones, by name.
     pub extra: Vec<String>,
@@ -205,17 +207,16 @@ pub struct DriveSpec {
     pub constants: Constants,
     /// The ados' observation.
     pub observe: Vec<Observed>,
-    /// Numbers that a start draws besides where everybody is: signals that stay
-    /// the same throughout a run.
+    /// Drawn parameters of a start, published as constant signals.
     pub parameters: IndexMap<String, Range>,
-    /// Formulas that those of plans may use by name.
+    /// Named formulas that triggers of plans may use.
     pub formulas: Names,
-    /// The starts, if they are a table: values in the order of the axes.
+    /// The starts, if they form a table: values in the order of the axes.
     pub points: Vec<Start>,
 }
 
 impl Agent {
-    /// The plan that it keeps to or strays from.
+    /// Returns the plan that it follows or deviates from.
     pub fn plan(&self) -> Option<&PlanSpec> {
         match &self.drive {
             Drive::Planned(plan)
@@ -226,16 +227,19 @@ impl Agent {
         }
     }
 
-    /// Whether it drives with the world's own road, or goes about on foot there:
-    /// then its place and heading are read as those of traffic in lanes.
+    /// Returns whether it moves with the world's own road, by wheel or on foot.
+    ///
+    /// Its place and heading are then those of traffic in lanes.
     pub fn is_with_road(&self) -> bool {
+        // A parked body may face any direction, so it is not read as lane
+        // traffic.
         let stands = matches!(self.drive, Drive::Scripted(Script::Stand));
         self.road == 0 && self.direction == Direction::With && !stands
     }
 }
 
 impl DriveSpec {
-    /// The road on which an agent is.
+    /// Returns the road of an agent.
     pub fn road_of(&self, agent: usize) -> &Road {
         match self.agents[agent].road {
             0 => &self.road,
@@ -243,14 +247,15 @@ impl DriveSpec {
         }
     }
 
-    /// Positions of the agents that the system under test drives.
+    /// Returns the positions of the agents that the ego's controller drives.
     pub fn egos(&self) -> impl Iterator<Item = usize> {
         let agents = self.agents.iter().enumerate();
         agents.filter_map(|(i, agent)| matches!(agent.drive, Drive::Ego).then_some(i))
     }
 
-    /// The ados' names, action sets and neutral actions: first those of road
-    /// users, then those of lights, in file order.
+    /// Returns the ados' names, action sets and neutral actions.
+    ///
+    /// Road users come first, then lights, each in file order.
     pub fn action_sets(&self) -> impl Iterator<Item = (&str, &Actions, usize)> {
         let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
             Drive::Ado {
@@ -265,7 +270,7 @@ impl DriveSpec {
         agents.chain(lights)
     }
 
-    /// The trained ados, road users first, by their names here.
+    /// Returns the trained ados by their names here, road users first.
     pub fn trained(&self) -> impl Iterator<Item = (&str, &TrainedAdo)> {
         let agents = self.agents.iter().filter_map(|agent| match &agent.drive {
             Drive::Trained(trained) => Some((agent.name.as_str(), trained)),
@@ -278,7 +283,7 @@ impl DriveSpec {
         agents.chain(lights)
     }
 
-    /// Who is in it.
+    /// Returns the names of its agents, lights and parameters.
     pub fn names(&self) -> AgentNames {
         let agents = self.agents.iter().map(|agent| agent.name.clone());
         let lights = self.lights.iter().map(|light| light.name.clone());
@@ -289,7 +294,7 @@ impl DriveSpec {
         }
     }
 
-    /// What an ado that was trained in it knows of it.
+    /// Returns the data that an ado trained in this world needs elsewhere.
     pub fn training_world(&self) -> TrainingWorld {
         TrainingWorld {
             world: self.world.clone(),
@@ -301,9 +306,10 @@ impl DriveSpec {
         }
     }
 
-    /// A joint action in words: one label per ado.
+    /// Returns a joint action in words: a label per ado.
     pub fn action_label(&self, mut action: usize) -> String {
         let mut labels = Vec::new();
+        // The first ado is the lowest digit, as in `Layout::new`.
         for (_, actions, _) in self.action_sets() {
             labels.push(actions.label(action % actions.len()));
             action /= actions.len();
@@ -311,8 +317,9 @@ impl DriveSpec {
         labels.join(" | ")
     }
 
-    /// The joint actions in which all ados brake, and accelerate, hardest. `None`:
-    /// there is no difference.
+    /// Returns the joint actions in which all ados brake and accelerate hardest.
+    ///
+    /// `None` if the two are equal.
     pub fn brake_and_accelerate(&self) -> Option<[usize; 2]> {
         let (mut joint, mut unit) = ([0, 0], 1);
         for (_, actions, _) in self.action_sets() {
@@ -323,8 +330,7 @@ impl DriveSpec {
         (joint[0] != joint[1]).then_some(joint)
     }
 
-    /// How far two joint actions are apart: the mean over the ados of what their
-    /// own sets say, 0 to 1.
+    /// Returns the distance of two joint actions, 0 to 1: the mean over the ados.
     pub fn action_distance(&self, mut a: usize, mut b: usize) -> f64 {
         let (mut sum, mut ados) = (0.0, 0.0);
         for (_, actions, _) in self.action_sets() {
@@ -332,11 +338,13 @@ impl DriveSpec {
             (a, b) = (a / actions.len(), b / actions.len());
             ados += 1.0;
         }
+        // A world without ados has the empty action only.
         if ados == 0.0 { 0.0 } else { sum / ados }
     }
 
-    /// X_init: one axis per range in the agents' places.
+    /// Returns X_init: an axis per range in the agents' places.
     pub fn axes(&self) -> Vec<Axis> {
+        // `drawn` reads starts in the same order.
         let mut axes = Vec::new();
         for agent in &self.agents {
             let (what, along) = match agent.place {
@@ -371,7 +379,7 @@ impl DriveSpec {
     }
 }
 
-/// A range of somebody's as a dimension of X_init.
+/// Returns the axis of an agent's range, or `None` for a fixed number.
 fn axis(agent: &str, what: &str, unit: &'static str, range: Range) -> Option<Axis> {
     (!range.is_fixed()).then(|| Axis {
         name: format!("{agent}.{what}"),

@@ -1,10 +1,10 @@
-//! What of a driving scene does not move, for viewers.
+//! Static content of a driving scene, for viewers.
 
 use super::layout::Layout;
 use super::spec::{Drive, StartPlace};
 use crate::scene::{Cast, LightPost, Role, Stage};
 
-/// The cast, the lanes and the lights.
+/// Returns the cast, the lanes and the lights.
 pub(super) fn stage(layout: &Layout) -> Stage {
     let spec = &layout.spec;
     let cast = spec.agents.iter().map(|agent| Cast {
@@ -12,6 +12,7 @@ pub(super) fn stage(layout: &Layout) -> Stage {
         role: match agent.drive {
             Drive::Ego => Role::Ego,
             Drive::Ado { .. } => Role::Ado,
+            // A frozen ado no longer learns and is shown as traffic.
             Drive::Trained(_) | Drive::Scripted(_) | Drive::Planned(_) => Role::Scripted,
         },
         body: agent.body.name.clone(),
@@ -34,6 +35,7 @@ pub(super) fn stage(layout: &Layout) -> Stage {
             stop_line_m: [point(right_m), point(left_m)],
         }
     });
+    // The first course is the world's own road.
     let named = spec.roads.values().zip(&layout.network.courses()[1..]);
     let side_roads = named.zip(1..).map(|((placed, course), road)| {
         let reach_m = used_m(layout, road);
@@ -52,14 +54,14 @@ pub(super) fn stage(layout: &Layout) -> Stage {
     }
 }
 
-/// The part of a named road on which something happens: where somebody starts,
-/// and where a way of it is crossed.
+/// Returns the used part of a named road: its starts and its crossings.
 fn used_m(layout: &Layout, road: usize) -> (f64, f64) {
     let agents = layout.spec.agents.iter().enumerate();
     let on_it = agents.filter(|(_, agent)| agent.road == road);
     let places = on_it.flat_map(|(i, agent)| {
         let starts = match agent.place {
             StartPlace::At { x_m, .. } => vec![x_m.lo, x_m.hi],
+            // A relative start has no fixed place on the road.
             StartPlace::Ahead { .. } => Vec::new(),
         };
         let others = 0..layout.spec.agents.len();

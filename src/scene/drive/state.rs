@@ -1,7 +1,7 @@
-//! What of a driving scene moves, and what signals and percepts read off it.
+//! The moving part of a driving scene, read by signals and percepts.
 //!
-//! Architecture Invariant: nobody's mind is in here. Signals, percepts and
-//! trained ados read it; only the scene that holds it moves it.
+//! Architecture Invariant: it holds no state of any decision maker. Signals,
+//! percepts and trained ados read it. Only the scene that holds it changes it.
 
 use std::sync::Arc;
 
@@ -15,21 +15,21 @@ use super::spec::{Agent, DriveSpec};
 use crate::ego::Room;
 use crate::sim::{self, Body, BodyId, BodyState, Contact, Ground, Plant, Pose};
 
-/// A driving scene at one sample.
+/// State of a driving scene at a sample.
 pub(super) struct SceneState {
     pub spec: Arc<DriveSpec>,
     pub network: Arc<RoadNetwork>,
     pub plant: Box<dyn Plant>,
     /// The agents' bodies in the plant, in file order.
     pub bodies: Vec<BodyId>,
-    /// What each body does, as of this sample.
+    /// State of each body at this sample.
     pub states: Vec<BodyState>,
-    /// Where on its road each agent is.
+    /// Road coordinates of each agent.
     pub on_road: Vec<OnRoad>,
     pub lights: Vec<Shown>,
-    /// Where its plan has each agent; empty where nobody has one.
+    /// Planned state of each agent. Empty if no agent has a plan.
     pub planned: Vec<PlannedAt>,
-    /// The numbers of the start, in file order.
+    /// Parameters of the start, in file order.
     pub parameters: Vec<f64>,
     /// The contact during the last sample.
     pub touch: Option<Contact>,
@@ -38,7 +38,7 @@ pub(super) struct SceneState {
 }
 
 impl SceneState {
-    /// An empty road.
+    /// Returns an empty road.
     pub fn new(spec: Arc<DriveSpec>, network: Arc<RoadNetwork>) -> SceneState {
         let agents = spec.agents.len();
         SceneState {
@@ -56,7 +56,7 @@ impl SceneState {
         }
     }
 
-    /// Back to t = 0: nobody is there yet, the lights show their first phase.
+    /// Returns to t = 0 without agents, with the lights in their first phase.
     pub fn clear(&mut self) {
         self.plant.clear(ground(&self.spec));
         self.bodies.clear();
@@ -67,29 +67,31 @@ impl SceneState {
         self.sample = 0;
     }
 
-    /// Puts the next agent's body on the road.
+    /// Spawns the body of the next agent.
     pub fn spawn(&mut self, body: &Body, pose: Pose, speed_mps: f64) {
         self.bodies.push(self.plant.spawn(body, pose, speed_mps));
     }
 
-    /// Moves the bodies on by one sample, and the scheduled lights with them.
+    /// Advances the bodies and the scheduled lights by one sample.
     pub fn advance(&mut self) {
         let clock = self.spec.clock;
         self.touch = self.plant.advance(clock.sample_s, clock.substeps);
         self.sample += 1;
         self.read();
+        // Lights change after the motion: their phase belongs to the new
+        // sample.
         let time_s = self.time_s();
         for (shown, light) in self.lights.iter_mut().zip(&self.spec.lights) {
             shown.keep_time(light, time_s, self.sample);
         }
     }
 
-    /// A light does what an ado chose.
+    /// Applies an ado's action to a light.
     pub fn turn(&mut self, light: usize, turn: Turn) {
         self.lights[light].turn(turn, self.sample);
     }
 
-    /// Reads where everybody is off the plant.
+    /// Reads the states of all agents from the plant.
     pub fn read(&mut self) {
         self.states.clear();
         self.on_road.clear();
@@ -100,7 +102,7 @@ impl SceneState {
         }
     }
 
-    /// A copy that continues bit for bit.
+    /// Returns a copy that continues bit for bit.
     pub fn fork(&self) -> SceneState {
         SceneState {
             spec: Arc::clone(&self.spec),
@@ -117,23 +119,25 @@ impl SceneState {
         }
     }
 
-    /// Where its plan has an agent.
+    /// Returns the planned state of an agent.
     pub fn planned_of(&self, agent: usize) -> PlannedAt {
         self.planned.get(agent).copied().unwrap_or_default()
     }
 
-    /// Time since the start.
+    /// Returns the time since the start.
     pub fn time_s(&self) -> f64 {
+        // A product and not a sum, so rounding errors do not add up.
         self.sample as f64 * self.spec.clock.sample_s
     }
 
-    /// For how long a light has been in its phase.
+    /// Returns the time for which a light has been in its phase.
     pub fn phase_s(&self, light: usize) -> f64 {
         (self.sample - self.lights[light].since) as f64 * self.spec.clock.sample_s
     }
 
-    /// From an agent's front to a stop line along the world's own road; positive
-    /// before it.
+    /// Returns the distance from an agent's front to a stop line.
+    ///
+    /// Along the world's own road, positive before the line.
     pub fn line_m(&self, agent: usize, light: usize) -> f64 {
         let at = match self.spec.agents[agent].road {
             0 => self.on_road[agent],
@@ -142,7 +146,7 @@ impl SceneState {
         self.spec.lights[light].line_m - at.s_m
     }
 
-    /// Where on the road of `viewer` an agent is.
+    /// Returns the coordinates of an agent on the road of `viewer`.
     pub fn on_road_of(&self, viewer: usize, agent: usize) -> OnRoad {
         match self.network.share_road(viewer, agent) {
             true => self.on_road[agent],
@@ -150,12 +154,12 @@ impl SceneState {
         }
     }
 
-    /// Velocity of an agent along and across its road.
+    /// Returns the velocity of an agent along and across its road.
     pub fn velocity_mps(&self, agent: usize) -> (f64, f64) {
         self.velocity_along(agent, &self.on_road[agent])
     }
 
-    /// Velocity of an agent along and across the road on which it is `at`.
+    /// Returns the velocity of an agent along and across the road at `at`.
     pub fn velocity_along(&self, agent: usize, at: &OnRoad) -> (f64, f64) {
         let state = &self.states[agent];
         let (sin, cos) = libm::sincos(at.heading_rad);
@@ -165,10 +169,10 @@ impl SceneState {
         )
     }
 
-    /// Clearance to and speed of the next one ahead in an agent's path.
+    /// Returns clearance and speed of the next agent ahead in an agent's path.
     ///
-    /// Where all go along the world's own road that is one whose front is ahead;
-    /// else whatever the path of the agent leads to, whichever way it faces.
+    /// If all agents move with the world's own road, that agent's front must be
+    /// ahead. Otherwise any body in the path counts, whatever its heading.
     pub fn leader_of(&self, agent: usize) -> Option<(f64, f64)> {
         let agents = &self.spec.agents;
         if !agents.iter().all(Agent::is_with_road) {
@@ -182,6 +186,8 @@ impl SceneState {
             let beside = half_m <= (other.lateral_m - own.lateral_m).abs();
             (0.0 < headway_m && !beside).then_some((i, headway_m))
         });
+        // Of equally near agents the first in file order leads, so ties are
+        // deterministic.
         let nearest = ahead.min_by(|a, b| a.1.total_cmp(&b.1));
         nearest.map(|(i, headway_m)| {
             let clearance_m = headway_m - agents[i].body.length_m;
@@ -191,7 +197,7 @@ impl SceneState {
 }
 
 impl SceneState {
-    /// Where somebody on a road is to who drives there.
+    /// Returns a place in the driving direction of an agent.
     fn as_driven(&self, driver: usize, at: OnRoad) -> OnRoad {
         match self.spec.agents[driver].direction {
             Direction::With => at,
@@ -199,8 +205,11 @@ impl SceneState {
         }
     }
 
-    /// What a body takes up of the road of `driver`, from the middle of the
-    /// driver's front and as it drives, and how fast it moves away along it.
+    /// Returns the space that a body occupies before `driver`, and its speed.
+    ///
+    /// The space is relative to the middle of the driver's front, in its
+    /// driving direction. The speed is that at which the body moves away along
+    /// the road.
     fn room_before(&self, driver: usize, agent: usize) -> (Room, f64) {
         let own = self.as_driven(driver, self.on_road[driver]);
         let at = self.as_driven(driver, self.on_road_of(driver, agent));
@@ -215,15 +224,19 @@ impl SceneState {
         let half_m = 0.5 * agents[agent].body.width_m;
         let others = (0..agents.len()).filter(|&i| i != agent);
         let rooms = others.map(|i| self.room_before(agent, i));
+        // Bodies that are wholly behind the front are no leaders.
         let ahead = rooms.filter(|(room, _)| 0.0 < room.far_m && room.is_within(half_m));
         let ahead = ahead.map(|(room, away_mps)| (room.near_m, away_mps));
         ahead.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Clearance of two bodies along the road of the first, 0 if neither is
-    /// behind the other, and how fast it shrinks.
+    /// Returns the clearance of two bodies along the road of the first.
+    ///
+    /// The second value is the closing speed. The clearance is 0 if the bodies
+    /// overlap along the road.
     pub fn closing_along(&self, [a, b]: [usize; 2]) -> (f64, f64) {
         let ((of_a, a_mps), (of_b, b_mps)) = (self.room_before(a, a), self.room_before(a, b));
+        // Compares the middles of both bodies, doubled.
         let is_ahead = of_a.near_m + of_a.far_m < of_b.near_m + of_b.far_m;
         match is_ahead {
             true => ((of_b.near_m - of_a.far_m).max(0.0), a_mps - b_mps),
@@ -231,8 +244,10 @@ impl SceneState {
         }
     }
 
-    /// From an agent's front to where the way of another crosses its own: the
-    /// next of these places that it has not left behind, else the last one.
+    /// Returns the distance from an agent's front to its crossing with another.
+    ///
+    /// The first crossing that its rear has not passed counts, or else the
+    /// last.
     pub fn conflict_m(&self, [a, b]: [usize; 2]) -> Option<f64> {
         let own_m = self.as_driven(a, self.on_road[a]).s_m;
         let sign = match self.spec.agents[a].direction {

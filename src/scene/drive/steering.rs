@@ -1,4 +1,4 @@
-//! Keeping and changing the lateral position: a path curvature from an offset.
+//! Lateral control: path curvature from a lateral offset.
 
 use serde::Deserialize;
 
@@ -7,29 +7,33 @@ use super::placed::Direction;
 use crate::ego::Actuator;
 use crate::sim::{Body, Pose};
 
-/// Natural frequency of the lateral loop, 1/s.
+/// Natural frequency of the lateral loop, in 1/s.
 const OMEGA_PER_S: f64 = 1.2;
 /// Damping ratio of the lateral loop.
 const ZETA: f64 = 1.0;
-/// Curvature is worked out for at least this speed, so that it stays bounded.
+/// Least speed for which curvature is computed, so that it stays bounded.
 const MIN_SPEED_MPS: f64 = 3.0;
-/// No car moves sideways faster than this share of its speed.
+/// Largest lateral speed of a vehicle, as a share of its speed.
 const MAX_SLIP: f64 = 0.4;
 
-/// Which point of a driven vehicle keeps its line. On a straight road it is the
-/// same; in a bend the front swings out of the line that the rear axle keeps.
+/// Point of a driven vehicle that keeps the lane.
+///
+/// On a straight road both points move alike. In a bend the front swings out of
+/// the line of the rear axle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 pub enum LaneKeeping {
     /// The middle of the front bumper.
     #[default]
     Front,
-    /// The middle of the rear axle, as paths of test protocols mean it.
+    /// The middle of the rear axle, as in the paths of test protocols.
     RearAxle,
 }
 
 impl LaneKeeping {
-    /// The pose of who begins with the front at a place of the road, as the road
-    /// goes: the body lies along the tangent at the point that keeps the line.
+    /// Returns the initial pose for a front bumper at a place of the road.
+    ///
+    /// In road direction. The body lies along the tangent at the point that
+    /// keeps the lane.
     pub(super) fn begun(
         self,
         body: &Body,
@@ -44,11 +48,12 @@ impl LaneKeeping {
         ahead(&course.pose(s_m - lever_m, lateral_m), lever_m)
     }
 
-    /// What the keeper steers by: the place of the point that keeps the line, as
-    /// it is driven; `at` is that of the front, in the pose `front`.
+    /// Returns the input of the lane keeper: the place of the point that it keeps.
     ///
-    /// A rear axle runs along arcs of a sample each: the curvature that keeps it
-    /// on its line is the mean of the road's over the way of that sample.
+    /// In driving direction. `at` is the place of the front, whose pose is
+    /// `front`. A rear axle moves along an arc per sample. The curvature that
+    /// keeps it on its line is the mean of the road's curvature over that
+    /// distance.
     pub(super) fn seen(
         self,
         body: &Body,
@@ -78,24 +83,23 @@ impl LaneKeeping {
     }
 }
 
-/// Follows a lateral reference that may itself move.
+/// Controller that follows a lateral reference, which may itself move.
 ///
-/// The reference's speed w follows the one asked for with a first-order lag.
-/// With offset e and drift ė relative to the reference,
-/// κ = (ẇ − ω² e − 2 ζ ω ė) / v², plus what the road's own curve takes: a
-/// critically damped loop around a reference that is fed forward.
+/// The reference's speed w follows the commanded speed with a first-order lag.
+/// With offset e and drift ė relative to the reference, κ = (ẇ − ω² e − 2 ζ ω
+/// ė) / v², plus the curvature of the road. The loop is critically damped
+/// around a reference that is fed forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct LaneKeeper {
     reference_m: f64,
     reference_mps: f64,
     lag: Actuator,
-    /// From the rear axle, which follows the path, to the point that keeps the
-    /// line.
+    /// Distance from the rear axle, which follows the path, to the kept point.
     lever_m: f64,
 }
 
 impl LaneKeeper {
-    /// Keeps `lateral_m` with a point of a body; lateral speeds follow with a lag.
+    /// Keeps `lateral_m` with a point of a body, with a lag on lateral speeds.
     pub(super) fn new(
         (body, keeps): (&Body, LaneKeeping),
         lateral_m: f64,
@@ -113,7 +117,7 @@ impl LaneKeeper {
         }
     }
 
-    /// The curvature for the next sample; `lateral_mps` moves the reference.
+    /// Returns the curvature for the next sample. `lateral_mps` moves the reference.
     pub(super) fn curvature(
         &mut self,
         at: &OnRoad,
@@ -127,7 +131,7 @@ impl LaneKeeper {
         self.reference_mps = moving_mps;
         self.reference_m += moving_mps * sample_s;
         let offset_m = at.lateral_m - self.reference_m;
-        // In a curve the front bumper points outwards of the path under it.
+        // In a curve the front bumper points outwards of the path beneath it.
         let slip_rad = match at.curvature_per_m == 0.0 {
             true => at.heading_rad,
             false => at.heading_rad + self.lever_m * at.curvature_per_m,
@@ -137,6 +141,8 @@ impl LaneKeeper {
         let wish_mps2 =
             OMEGA_PER_S * OMEGA_PER_S * offset_m + 2.0 * ZETA * OMEGA_PER_S * drift_mps - feed_mps2;
         let keeping_per_m = -wish_mps2 / (speed_mps * speed_mps);
+        // A branch, so that straight roads stay free of rounding. In a bend the
+        // path at this offset has radius R − lateral.
         match at.curvature_per_m == 0.0 {
             true => keeping_per_m,
             false => keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m),
@@ -144,7 +150,7 @@ impl LaneKeeper {
     }
 }
 
-/// The pose so far ahead of another.
+/// Returns the pose at a distance ahead of another.
 fn ahead(pose: &Pose, by_m: f64) -> Pose {
     let (sin, cos) = libm::sincos(pose.heading_rad);
     Pose {

@@ -1,9 +1,9 @@
-//! Trained ados as traffic: a frozen policy, and what it knows of its own world.
+//! Trained ados as traffic: a frozen policy and the data of its training world.
 //!
-//! A policy knows the signals, scales and actions of the world it was trained
-//! in. Elsewhere others play the parts it knows: `names` says who, and its
-//! signals are worked out from them, derived ones and constants of its own
-//! world included. Whether and how it acts in a world is a matter of that world.
+//! A policy knows the signals, scales and actions of its training world. In a
+//! different world, `names` maps each of its parts to an agent. Its signals are
+//! computed from those agents, including derived signals and constants of the
+//! training world. The new world decides whether and how it can act there.
 
 use std::sync::Arc;
 
@@ -15,20 +15,20 @@ use crate::rl::Policy;
 use crate::scene::{Clock, Derived, Observed};
 use crate::stl::Constants;
 
-/// A trained ado and what it knows.
+/// A trained ado with the data it needs.
 #[derive(Clone)]
 pub struct TrainedAdo {
-    /// The world it was trained in.
+    /// The training world.
     pub home: Arc<TrainingWorld>,
-    /// Its name there.
+    /// Its name in that world.
     pub part: String,
-    /// What it may choose from.
+    /// Action set.
     pub actions: Actions,
-    /// Time constant with which its acceleration follows; 0 is none.
+    /// Time constant of its acceleration, 0 for none.
     pub lag_s: f64,
-    /// How it chooses.
+    /// Policy.
     pub policy: Arc<dyn Policy>,
-    /// Who plays whose part: names at home to names here.
+    /// Mapping of parts: names in the training world to names here.
     pub names: IndexMap<String, String>,
 }
 
@@ -38,14 +38,14 @@ impl std::fmt::Debug for TrainedAdo {
     }
 }
 
-/// What an ado knows of the world it was trained in.
+/// Data of a training world that its ado needs elsewhere.
 #[derive(Clone, Debug)]
 pub struct TrainingWorld {
-    /// Its name.
+    /// Name of the world.
     pub world: String,
     /// The clocks.
     pub clock: Clock,
-    /// Who was in it.
+    /// Names of its agents.
     pub names: AgentNames,
     /// Signals derived from the others, in order.
     pub derived: Vec<Derived>,

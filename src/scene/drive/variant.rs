@@ -1,4 +1,4 @@
-//! What can change from episode to episode without assembling a world anew.
+//! Changes of an ego between episodes without assembling a world anew.
 
 use std::sync::Arc;
 
@@ -11,10 +11,10 @@ use super::world::DriveWorld;
 use crate::ego::{Actuated, ControllerSpec};
 use crate::sim::PlantKind;
 
-/// A stock ego as one is met: its controller and sensors, the road, the plant.
+/// A variant of a stock ego: its controller and sensors, the road, the plant.
 ///
-/// None of them changes signals, observations or starts. Families have one as
-/// their nominal ego and make one of every member.
+/// None of them changes signals, observations or starts. Families have a
+/// variant as their nominal ego and create one for every member.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EgoVariant {
     /// The ego's controller and actuator.
@@ -23,14 +23,16 @@ pub struct EgoVariant {
     pub sensors: Sensors,
     /// The road's coefficient of friction.
     pub friction: f64,
-    /// Which physics.
+    /// Physics engine.
     pub plant: PlantKind,
 }
 
 impl DriveWorld {
-    /// The same world with this ego; nothing is bound anew, so it is cheap.
+    /// Returns the same world with this ego. Cheap, because nothing is bound anew.
     pub fn with_variant(&self, variant: &EgoVariant) -> DriveWorld {
         let mut layout = Layout::clone(&self.0);
+        // Neither the network nor any bound expression depends on these fields,
+        // so the rest of the layout stays valid.
         let spec = Arc::make_mut(&mut layout.spec);
         spec.ego = variant.controller.clone().map(EgoController::Stock);
         spec.sensors = variant.sensors;

@@ -1,4 +1,4 @@
-//! A driving world: what its scenes share, and what they are made of.
+//! Driving worlds: the data that their scenes share.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use super::spec::DriveSpec;
 use crate::rl::Spaces;
 use crate::trace::Schema;
 
-/// An assembled driving world: makes scenes that share everything fixed.
+/// An assembled driving world: builds scenes that share all fixed data.
 #[derive(Clone)]
 pub struct DriveWorld(pub(super) Arc<Layout>);
 
@@ -17,28 +17,30 @@ impl DriveWorld {
     /// Assembles a world.
     ///
     /// # Errors
-    /// Signals that clash or do not bind; no ego or several.
+    /// Signals clash or do not bind, or the number of egos is not one.
     pub fn new(spec: DriveSpec) -> Result<DriveWorld, SceneError> {
         Layout::new(spec).map(|layout| DriveWorld(Arc::new(layout)))
     }
 
-    /// What it was assembled from.
+    /// Returns the spec it was assembled from.
     pub fn spec(&self) -> &DriveSpec {
         &self.0.spec
     }
 
-    /// The course of lane 0 of the world's own road.
+    /// Returns the course of lane 0 of the world's own road.
     pub fn course(&self) -> &Course {
         self.0.network.main()
     }
 
-    /// The courses of all roads, the world's own first, then the named ones.
+    /// Returns the courses of all roads, the world's own first, then the named ones.
     pub fn courses(&self) -> &[Course] {
         self.0.network.courses()
     }
 
-    /// Whether one agent goes before another where their ways cross, as the
-    /// signal `A.B.priority` has it; `None`: they never cross, or nobody is called so.
+    /// Returns whether an agent has right of way over another.
+    ///
+    /// As in the signal `A.B.priority`, where their paths cross. `None` if they
+    /// never cross or a name is unknown.
     pub fn goes_before(&self, one: &str, other: &str) -> Option<bool> {
         let agents = &self.0.spec.agents;
         let of = |name: &str| agents.iter().position(|agent| agent.name == name);
@@ -47,12 +49,12 @@ impl DriveWorld {
         (!crossings.is_empty()).then(|| goes_first(&self.0.spec, crossings, pair))
     }
 
-    /// The published signals.
+    /// Returns the schema of the published signals.
     pub fn schema(&self) -> &Arc<Schema> {
         &self.0.schema
     }
 
-    /// Shapes of the ados' joint observation and action.
+    /// Returns the shapes of the ados' joint observation and action.
     pub fn spaces(&self) -> &Spaces {
         &self.0.spaces
     }

@@ -1,4 +1,4 @@
-//! The moves of the game: who goes where in one step.
+//! Map and moves of the grid game.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// |Δx| + |Δy|, in fine cells.
+    /// Returns the Manhattan distance |Δx| + |Δy|, in fine cells.
     pub fn manhattan(self, other: Cell) -> i32 {
         (self.x - other.x).abs() + (self.y - other.y).abs()
     }
@@ -25,7 +25,7 @@ impl Cell {
     }
 }
 
-/// Where both stand.
+/// Cells of both agents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Position {
     /// The cell of the ego.
@@ -34,19 +34,19 @@ pub struct Position {
     pub ado: Cell,
 }
 
-/// What the ego does when its best move leaves the map.
+/// Behaviour of the ego when its best move leaves the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum AtWall {
-    /// It stays (reading A).
+    /// The ego stays (reading A).
     Stays,
-    /// It takes the first direction that stays in the map (reading B).
+    /// The ego takes the first direction that stays in the map (reading B).
     FirstInMap,
 }
 
-/// Up, down, left, right: the order in which the ego prefers equal moves.
+/// Up, down, left, right: the order in which the ego breaks ties.
 const DIRECTIONS: [(i32, i32); 4] = [(0, 1), (0, -1), (-1, 0), (1, 0)];
 
-/// A square map and how both move on it.
+/// A square map and the moves of both agents on it.
 ///
 /// ```
 /// use brakecheck::scene::grid::{Arena, AtWall, Cell, Position};
@@ -61,26 +61,26 @@ const DIRECTIONS: [(i32, i32); 4] = [(0, 1), (0, -1), (-1, 0), (1, 0)];
 pub struct Arena {
     /// n: cells along each side.
     pub size: u32,
-    /// ε: every cell is cut into ε × ε fine cells (RQ5); 1 is the plain map.
+    /// ε: every cell is cut into ε × ε fine cells (RQ5). 1 is the plain map.
     pub refine: u32,
     /// k: fine cells per step of the ego.
     pub ego_step: u32,
-    /// What the ego does at a wall.
+    /// Behaviour of the ego at a wall.
     pub at_wall: AtWall,
 }
 
 impl Arena {
-    /// Fine cells along each side.
+    /// Returns the number of fine cells along each side.
     pub fn side(&self) -> i32 {
         (self.size * self.refine) as i32
     }
 
-    /// Fine cells in all.
+    /// Returns the number of fine cells of the map.
     pub fn cells(&self) -> usize {
         (self.side() * self.side()) as usize
     }
 
-    /// The cell number `index`, row by row from the bottom left.
+    /// Returns the cell of a number, row by row from the bottom left.
     pub fn cell(&self, index: usize) -> Cell {
         let index = index as i32;
         Cell {
@@ -89,23 +89,23 @@ impl Arena {
         }
     }
 
-    /// The number of a cell of the map.
+    /// Returns the number of a cell of the map.
     pub fn index(&self, cell: Cell) -> usize {
         (cell.y * self.side() + cell.x) as usize
     }
 
-    /// Whether a cell is on the map.
+    /// Returns whether a cell is on the map.
     pub fn holds(&self, cell: Cell) -> bool {
         let inside = 0..self.side();
         inside.contains(&cell.x) && inside.contains(&cell.y)
     }
 
-    /// Whether both are within less than one cell (d_man < 1).
+    /// Returns whether both are less than one whole cell apart (d_man < 1).
     pub fn touching(&self, both: Position) -> bool {
         both.ego.manhattan(both.ado) < self.refine as i32
     }
 
-    /// All positions an episode may start from: at least one cell apart.
+    /// Returns all positions an episode may start from: at least one cell apart.
     pub fn starts(&self) -> impl Iterator<Item = Position> + '_ {
         let pairs = (0..self.cells()).flat_map(|ego| (0..self.cells()).map(move |ado| (ego, ado)));
         pairs
@@ -116,17 +116,22 @@ impl Arena {
             .filter(|both| !self.touching(*both))
     }
 
-    /// Where the ego goes: it sees where the ado stands, not where it goes.
+    /// Returns the cell to which the ego moves, given the current position.
     ///
-    /// Of the four moves of k cells it takes the one that ends farthest from
-    /// the ado in Manhattan distance, walls not considered, ties in the order
-    /// up, down, left, right.
+    /// The ego sees the ado's current cell and not its simultaneous move. Of
+    /// the four moves of k cells it takes the one that ends farthest from the
+    /// ado in Manhattan distance. It ignores walls in this choice and breaks
+    /// ties in the order up, down, left, right.
     pub fn ego_moves(&self, both: Position) -> Cell {
         let target = |direction| both.ego.moved(direction, self.ego_step as i32);
         let mut best = both.ego;
+        // Below every distance, so the first direction always replaces the
+        // ego's cell.
         let mut farthest = -1;
         for direction in DIRECTIONS {
             let distance = target(direction).manhattan(both.ado);
+            // Strictly farther: among equal moves the first in `DIRECTIONS`
+            // stays chosen.
             if farthest < distance {
                 (best, farthest) = (target(direction), distance);
             }
@@ -137,13 +142,15 @@ impl Arena {
         match self.at_wall {
             AtWall::Stays => both.ego,
             AtWall::FirstInMap => {
+                // Paper: the move off the map is left open; here reading B
+                // takes the first direction inside it, whatever its distance.
                 let mut targets = DIRECTIONS.into_iter().map(target);
                 targets.find(|cell| self.holds(*cell)).unwrap_or(both.ego)
             }
         }
     }
 
-    /// Where the ado goes by a move in whole cells; into a wall it stays.
+    /// Returns the ado's next cell for a move in whole cells. Walls block it.
     pub fn ado_moves(&self, ado: Cell, step: (i32, i32)) -> Cell {
         let target = ado.moved(step, self.refine as i32);
         match self.holds(target) {
@@ -152,7 +159,7 @@ impl Arena {
         }
     }
 
-    /// Both move at once; swapping places is no capture.
+    /// Returns the position after both moved at once. A swap is no capture.
     pub fn next(&self, both: Position, step: (i32, i32)) -> Position {
         Position {
             ego: self.ego_moves(both),

@@ -1,14 +1,14 @@
-//! Definition 5 on the grid: the greatest ε-approximate bisimulation.
+//! Greatest ε-approximate bisimulation of two grid games (Definition 5).
 //!
-//! Two grids of one size are compared: one with its refinement, or one with
-//! another ego on it. Both are deterministic and have the same actions, so
-//! conditions 2 and 3 say the same: under every action the successors of a
-//! related pair are related.
+//! The two games share the size of their map. Either a grid is compared with
+//! its refinement, or with the same grid under another ego. Both games are
+//! deterministic and have the same actions, so conditions 2 and 3 coincide:
+//! under every action the successors of a related pair are related.
 //!
 //! The distance of two states is the largest difference of a primary or
-//! secondary signal: the centres of both cells, d_man, and the ado's speed,
-//! which belongs to the step that led there. All of them count whole cells.
-//! A captured position is absorbing, for a contact ends the motion.
+//! secondary signal: the centres of both cells, d_man, and the ado's speed. The
+//! speed belongs to the step that led to the state. All of them count whole
+//! cells. A captured position is absorbing, because a contact ends the motion.
 //!
 //! ```
 //! use brakecheck::scene::grid::bisimulation::Bisimulation;
@@ -25,9 +25,9 @@
 use super::exact::Game;
 use super::{Cell, Position};
 
-/// Distances are multiples of half a fine cell; this is rounding only.
+/// Tolerance for rounding: distances are multiples of half a fine cell.
 const ROUNDING: f64 = 1e-9;
-/// Most candidate pairs that [`Bisimulation::least_epsilon`] looks at.
+/// Largest product that [`Bisimulation::least_epsilon`] searches, in pairs.
 const MOST_CANDIDATES: usize = 20_000_000;
 
 /// A relation between the position pairs of two games.
@@ -36,10 +36,10 @@ pub struct Bisimulation {
     first: Game,
     second: Game,
     epsilon: f64,
-    /// The lowest cell of the first map within ε of a cell of the second, along
-    /// one axis, by that cell.
+    /// Per cell of the second map, along one axis: the lowest cell of the first
+    /// map within ε.
     lowest: Vec<i32>,
-    /// Most cells of the first map within ε of one of the second, on one axis.
+    /// Most cells of the first map within ε of a cell of the second, per axis.
     width: usize,
     /// By pair of the second game, then by the four offsets of the first's cells.
     related: Vec<bool>,
@@ -48,9 +48,9 @@ pub struct Bisimulation {
 }
 
 impl Bisimulation {
-    /// The greatest ε-approximate bisimulation, by fixpoint iteration.
+    /// Computes the greatest ε-approximate bisimulation by fixpoint iteration.
     ///
-    /// Beginning with every pair of states within ε, it drops those that some
+    /// Starts with every pair of states within ε and drops each pair that some
     /// action leads out of the relation, until nothing changes.
     pub fn greatest(first: &Game, second: &Game, epsilon: f64) -> Bisimulation {
         let mut relation = Bisimulation::within(first, second, epsilon);
@@ -58,7 +58,7 @@ impl Bisimulation {
         relation
     }
 
-    /// Every pair of states within ε: condition 1 alone, no bisimulation.
+    /// Relates every pair of states within ε: condition 1 alone, no bisimulation.
     pub fn within(first: &Game, second: &Game, epsilon: f64) -> Bisimulation {
         let near = near(first, second, epsilon);
         let width = near.iter().map(|(_, cells)| *cells).max().unwrap_or(0);
@@ -72,6 +72,8 @@ impl Bisimulation {
             second: second.clone(),
             epsilon,
         };
+        // A slot stands for offsets on four axes. Slots whose cell is off the
+        // map, or that is near on each axis but not in d_man, stay unrelated.
         for slot in 0..relation.related.len() {
             let Some((one, other)) = relation.states(slot) else {
                 continue;
@@ -82,10 +84,14 @@ impl Bisimulation {
         relation
     }
 
-    /// The least ε, of the distances that occur up to `most`, whose greatest
-    /// bisimulation relates a start of the second game with the same start of
-    /// the first. `None`: there is none, or the product is too large.
+    /// Returns the least ε up to `most` that relates a start with its coarse start.
+    ///
+    /// Only distances that occur are tried. The greatest bisimulation must
+    /// relate a start of the second game with the same start of the first.
+    /// `None` if no such ε exists or the product exceeds the search limit.
     pub fn least_epsilon(first: &Game, second: &Game, most: f64) -> Option<f64> {
+        // Centres lie on multiples of half a fine cell of either map, so this
+        // unit divides every distance.
         let unit = 0.5 / f64::from(first.arena.refine * second.arena.refine);
         let steps = (most / unit + ROUNDING) as u32;
         let mut before = None;
@@ -109,44 +115,43 @@ impl Bisimulation {
         None
     }
 
-    /// ε.
+    /// Returns ε.
     pub fn epsilon(&self) -> f64 {
         self.epsilon
     }
 
-    /// Related pairs of states.
+    /// Returns the number of related pairs of states.
     pub fn len(&self) -> usize {
         self.related.iter().filter(|related| **related).count()
     }
 
-    /// Whether nothing is related.
+    /// Returns whether no pair is related.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Pairs of states within ε.
+    /// Returns the number of pairs of states within ε.
     pub fn candidates(&self) -> usize {
         self.candidates
     }
 
-    /// Sweeps until nothing changed.
+    /// Returns the number of sweeps until nothing changed.
     pub fn sweeps(&self) -> usize {
         self.sweeps
     }
 
-    /// Whether a state of the first game and one of the second are related.
+    /// Returns whether a state of the first and one of the second are related.
     pub fn relates(&self, first: Position, second: Position) -> bool {
         let slot = self.slot(first, second);
         slot.is_some_and(|slot| self.related[slot])
     }
 
-    /// The state of the first game whose cells hold those of the second.
+    /// Returns the state of the first game whose cells contain those of the second.
     pub fn coarse(&self, second: Position) -> Position {
         coarse(&self.first, &self.second, second)
     }
 
-    /// Starts of the second game that are related with the start of the first
-    /// whose cells hold them.
+    /// Returns the starts of the second game that are related to their coarse start.
     pub fn starts(&self) -> impl Iterator<Item = Position> + '_ {
         let starts = self.second.arena.starts();
         starts.filter(|second| {
@@ -155,19 +160,23 @@ impl Bisimulation {
         })
     }
 
-    /// Whether every related state of the second game lies in the cells of the
-    /// state of the first: a policy of the cells then acts alike in both.
+    /// Returns whether all related states agree by cell.
+    ///
+    /// If every related state of the second game lies in the cells of the state
+    /// of the first, a policy over cells acts alike in both games.
     pub fn is_by_cell(&self) -> bool {
         let related = (0..self.related.len()).filter(|slot| self.related[*slot]);
         let mut states = related.filter_map(|slot| self.states(slot));
         states.all(|(first, second)| self.coarse(second) == first)
     }
 
-    /// Drops pairs that an action leads out of the relation; whether any was.
+    /// Drops pairs that an action leads out of the relation. True if any was.
     fn sweep(&mut self) -> bool {
         let mut dropped = false;
         for slot in 0..self.related.len() {
             if self.related[slot] && !self.stays(slot) {
+                // Dropping at once, and not after the sweep, reaches the same
+                // greatest fixpoint in no more sweeps.
                 self.related[slot] = false;
                 dropped = true;
             }
@@ -183,6 +192,8 @@ impl Bisimulation {
         let one = Step::of(&self.first, first);
         let other = Step::of(&self.second, second);
         (0..self.first.moves.len()).all(|action| {
+            // The ado's speed is a signal of the successor, so it is compared
+            // here and not in `distance`.
             let (first, speed) = one.take(action);
             let (second, other_speed) = other.take(action);
             (speed - other_speed).abs() <= self.epsilon + ROUNDING && self.relates(first, second)
@@ -209,6 +220,8 @@ impl Bisimulation {
     fn states(&self, slot: usize) -> Option<(Position, Position)> {
         let second = self.second.position(slot / self.width.pow(4));
         let mut offsets = slot % self.width.pow(4);
+        // The order of these calls is that of the digits in `slot`, lowest
+        // first.
         let mut along = |fine: i32| {
             let offset = offsets % self.width;
             offsets /= self.width;
@@ -227,6 +240,7 @@ impl Bisimulation {
     }
 
     fn slot(&self, first: Position, second: Position) -> Option<usize> {
+        // Highest digit first: the reverse of the order in `states`.
         let axes = [
             (first.ado.y, second.ado.y),
             (first.ado.x, second.ado.x),
@@ -245,9 +259,11 @@ impl Bisimulation {
     }
 }
 
-/// The state of the coarser game whose cells hold those of a finer one.
+/// Returns the state of the coarser game whose cells contain a finer state.
 pub fn coarse(first: &Game, second: &Game, both: Position) -> Position {
     let along = |fine: i32| {
+        // Doubled, so that the middle of a fine cell is an integer and no
+        // division rounds a border cell into its neighbour.
         let middle = (2 * fine + 1) * first.arena.refine as i32;
         middle / (2 * second.arena.refine as i32)
     };
@@ -261,8 +277,9 @@ pub fn coarse(first: &Game, second: &Game, both: Position) -> Position {
     }
 }
 
-/// The cells of the first map within ε of each of the second, along one axis:
-/// the lowest, and how many.
+/// Returns, per cell of the second map, the cells of the first within ε.
+///
+/// Along one axis: the lowest such cell and their number.
 fn near(first: &Game, second: &Game, epsilon: f64) -> Vec<(i32, usize)> {
     let within = |fine: i32| {
         let cells = 0..first.arena.side();
@@ -273,13 +290,13 @@ fn near(first: &Game, second: &Game, epsilon: f64) -> Vec<(i32, usize)> {
         .collect()
 }
 
-/// How far the centres of two cells are apart along an axis, in whole cells.
+/// Returns the distance of two cell centres along an axis, in whole cells.
 fn centres_apart(first: &Game, second: &Game, cell: i32, fine: i32) -> f64 {
     let centre = |game: &Game, cell: i32| (f64::from(cell) + 0.5) / f64::from(game.arena.refine);
     (centre(first, cell) - centre(second, fine)).abs()
 }
 
-/// A state about to move; the ego's move is the same under every action.
+/// A state about to move. The ego's move is the same under every action.
 struct Step<'a> {
     game: &'a Game,
     both: Position,
@@ -297,7 +314,7 @@ impl<'a> Step<'a> {
         }
     }
 
-    /// The successor and the ado's speed on the way; a captured state stays.
+    /// Returns the successor and the ado's speed. A captured state stays.
     fn take(&self, action: usize) -> (Position, f64) {
         if self.captured {
             return (self.both, 0.0);

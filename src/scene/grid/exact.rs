@@ -1,8 +1,8 @@
 //! The exact solution of the grid world by backward induction.
 //!
 //! The ego is deterministic, so the game is a shortest-path problem of the ado
-//! over ordered pairs of cells. What is solved is ψ_ego = `always[0, K]
-//! (d_man >= 1)` under unit moves: both shipped grid worlds.
+//! over ordered pairs of cells. The solver covers ψ_ego = `always[0, K] (d_man
+//! >= 1)` under unit moves, as in both shipped grid worlds.
 //!
 //! ```
 //! use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
@@ -19,37 +19,37 @@ use std::collections::HashMap;
 use super::{Arena, GridWorld, Position};
 use crate::rl::Policy;
 
-/// Up, down, left, right, stay.
+/// The moves up, down, left, right and stay.
 pub const UNIT_MOVES: [(i32, i32); 5] = [(0, 1), (0, -1), (-1, 0), (1, 0), (0, 0)];
 
 /// Marks a pair of cells from which the ado never captures.
 const NEVER: u16 = u16::MAX;
 
-/// What is played: map, horizon K and the ado's moves.
+/// A grid game: map, horizon K and the ado's moves.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Game {
     /// The map and the ego.
     pub arena: Arena,
-    /// K.
+    /// Horizon K.
     pub steps: u32,
     /// The ado's moves, by action.
     pub moves: Vec<(i32, i32)>,
 }
 
-/// The best an ado can do from every pair of cells.
+/// Best play of an ado from every pair of cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     game: Game,
     /// Steps to the capture under best play, within K.
     capture_in: Vec<u16>,
-    /// Least Manhattan distance ever reached within K, in fine cells.
+    /// Least Manhattan distance reachable within K, in fine cells.
     closest: Vec<u16>,
-    /// The action that captures soonest, else comes closest.
+    /// The action that captures soonest, or else approaches most.
     best: Vec<u8>,
 }
 
 impl Game {
-    /// The game of a grid world.
+    /// Returns the game of a grid world.
     pub fn of(world: &GridWorld) -> Game {
         let spec = world.spec();
         Game {
@@ -59,12 +59,12 @@ impl Game {
         }
     }
 
-    /// Ordered pairs of cells, the same cell twice included.
+    /// Returns the number of ordered pairs of cells, equal cells included.
     pub fn pairs(&self) -> usize {
         self.arena.cells() * self.arena.cells()
     }
 
-    /// The pair of a number, below [`Game::pairs`].
+    /// Returns the pair with a number below [`Game::pairs`].
     pub fn position(&self, pair: usize) -> Position {
         let cells = self.arena.cells();
         Position {
@@ -73,12 +73,12 @@ impl Game {
         }
     }
 
-    /// The number of a pair, below [`Game::pairs`].
+    /// Returns the number of a pair, below [`Game::pairs`].
     pub fn pair(&self, both: Position) -> usize {
         self.arena.index(both.ego) * self.arena.cells() + self.arena.index(both.ado)
     }
 
-    /// Successors of every pair, action by action.
+    /// Returns the successors of every pair, action by action.
     pub(super) fn successors(&self) -> Vec<u32> {
         let pairs = (0..self.pairs()).flat_map(|pair| {
             let both = self.position(pair);
@@ -88,7 +88,7 @@ impl Game {
         pairs.collect()
     }
 
-    /// Solves it: K sweeps over all pairs.
+    /// Solves the game in K sweeps over all pairs.
     pub fn solve(&self) -> Solution {
         let successors = self.successors();
         let actions = self.moves.len();
@@ -106,8 +106,12 @@ impl Game {
             .map(|d| if captured(*d) { 0 } else { NEVER })
             .collect();
         for step in 1..=self.steps as u16 {
+            // The values of one step less: reading updated ones would let a
+            // pair use more steps than are left.
             let before = closest.clone();
             for pair in 0..self.pairs() {
+                // The first sweep that captures is the shortest play, so it is
+                // kept.
                 if capture_in[pair] != NEVER {
                     continue;
                 }
@@ -121,6 +125,7 @@ impl Game {
         let best = (0..self.pairs()).map(|pair| {
             let rank = |action: &usize| {
                 let successor = next(pair)[*action] as usize;
+                // The action index breaks ties, so the table is deterministic.
                 (capture_in[successor], closest[successor], *action)
             };
             (0..actions).min_by_key(rank).unwrap_or(0) as u8
@@ -133,16 +138,18 @@ impl Game {
         }
     }
 
-    /// Probability that uniformly random actions capture, for every start.
+    /// Returns the probability that uniformly random actions capture, per start.
     ///
-    /// The sum is the expected count.
+    /// The sum over all starts is the expected number of captures.
     pub fn random_captures(&self) -> Vec<f64> {
         let chance = self.random_chances();
         let starts = self.arena.starts();
         starts.map(|both| chance[self.pair(both)]).collect()
     }
 
-    /// The same for every pair of cells: exact, by backward induction.
+    /// Returns the capture probability under random play for every pair of cells.
+    ///
+    /// Exact, by backward induction.
     pub fn random_chances(&self) -> Vec<f64> {
         let successors = self.successors();
         let actions = self.moves.len();
@@ -161,7 +168,7 @@ impl Game {
         chance
     }
 
-    /// Whether a fixed rule captures from a start within K steps.
+    /// Returns whether a fixed rule captures from a start within K steps.
     pub fn captures(&self, start: Position, mut act: impl FnMut(Position) -> usize) -> bool {
         let mut both = start;
         for _ in 0..self.steps {
@@ -173,9 +180,9 @@ impl Game {
         self.arena.touching(both)
     }
 
-    /// How many starts a table of one action per pair of cells captures.
+    /// Counts the starts that a table of one action per pair of cells captures.
     ///
-    /// `action` is asked once per pair, in order of the pairs.
+    /// `action` is called once per pair, in order of the pairs.
     pub fn table_captures(&self, mut action: impl FnMut() -> usize) -> usize {
         let table: Vec<usize> = (0..self.pairs()).map(|_| action()).collect();
         let captured = |start: &Position| self.captures(*start, |both| table[self.pair(both)]);
@@ -183,10 +190,9 @@ impl Game {
     }
 }
 
-/// A two-line hunter: a step along the larger axis towards where the ego is.
+/// A two-line pursuit rule: steps along the larger axis towards the ego.
 ///
-/// Ties go to the horizontal axis. Falls back to action 0 if the game lacks
-/// the move.
+/// Ties go to the horizontal axis. Returns action 0 if the game lacks the move.
 pub fn chase(both: Position, moves: &[(i32, i32)]) -> usize {
     let (dx, dy) = (both.ego.x - both.ado.x, both.ego.y - both.ado.y);
     let wanted = match dy.abs() <= dx.abs() {
@@ -197,12 +203,12 @@ pub fn chase(both: Position, moves: &[(i32, i32)]) -> usize {
 }
 
 impl Solution {
-    /// Starts of the game.
+    /// Returns the number of starts of the game.
     pub fn starts(&self) -> usize {
         self.game.arena.starts().count()
     }
 
-    /// Starts from which the best ado captures within K.
+    /// Returns the number of starts from which the best ado captures within K.
     pub fn captures(&self) -> usize {
         let starts = self.game.arena.starts();
         starts
@@ -210,33 +216,33 @@ impl Solution {
             .count()
     }
 
-    /// Steps to the capture under best play; `None` if K is too short.
+    /// Returns the steps to the capture under best play. `None` if K is too short.
     pub fn capture_in(&self, both: Position) -> Option<u32> {
         let steps = self.capture_in[self.game.pair(both)];
         (steps != NEVER).then_some(u32::from(steps))
     }
 
-    /// Largest ρ(¬ψ) that an ado can reach from here: 1 − d_man at its least.
+    /// Returns the largest ρ(¬ψ) an ado can reach: 1 − d_man at its least.
     pub fn robustness(&self, both: Position) -> f64 {
         let fine = f64::from(self.closest[self.game.pair(both)]);
         1.0 - fine / f64::from(self.game.arena.refine)
     }
 
-    /// The action that captures soonest; ties go to the lowest index.
+    /// Returns the action that captures soonest. Ties go to the lowest index.
     pub fn act(&self, both: Position) -> usize {
         usize::from(self.best[self.game.pair(both)])
     }
 }
 
-/// Two positions that a policy of the observation cannot tell apart.
+/// Error: two positions have equal observations and need different actions.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the ado's observation is the same at {0:?} and {1:?}, where different actions are due")]
 pub struct Indistinct(pub Position, pub Position);
 
-/// A rule over positions, as a policy of what the ado observes.
+/// A rule over positions, wrapped as a policy over the ado's observation.
 ///
-/// Of the observed numbers only those count that follow from the positions;
-/// an observation that belongs to no position gets the neutral action.
+/// The lookup uses only observed numbers that follow from the positions. An
+/// observation of no known position gets the neutral action.
 pub struct PositionPolicy {
     positional: Vec<bool>,
     neutral: usize,
@@ -278,10 +284,10 @@ impl PositionPolicy {
         Ok(policy)
     }
 
-    /// The best ado of a world, with V* in units of its reward.
+    /// Returns the best ado of a world, with V* in units of its reward.
     ///
     /// # Errors
-    /// The observation does not tell positions apart that need it.
+    /// Two positions that need different actions have the same observation.
     pub fn optimal(
         world: &GridWorld,
         reward: impl Fn(f64) -> f64,
@@ -296,6 +302,8 @@ impl PositionPolicy {
         let pairs = obs.iter().zip(&self.positional);
         pairs
             .filter(|(_, positional)| **positional)
+            // Bits and not values: floats are no hash keys, and equal positions
+            // give equal bits.
             .map(|(value, _)| value.to_bits())
             .collect()
     }

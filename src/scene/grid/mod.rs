@@ -1,10 +1,11 @@
 //! The grid world of the paper's Sections I and V-A, assembled from data.
 //!
-//! An ego flees over an n×n map, an ado hunts it; both move at once. What the
-//! text leaves open is a field of the world file: readings A and B of
-//! docs/grid.md differ in what the ego does at a wall ([`AtWall`]).
+//! An ego flees over an n×n map and an ado pursues it. Both move at once.
+//! Details that the paper leaves open are fields of the world file: readings A
+//! and B of docs/grid.md differ in the ego's behaviour at a wall ([`AtWall`]).
 //!
-//! The map is small enough to be solved: [`exact`] knows the best ado.
+//! The map is small enough for an exact solution: [`exact`] computes the best
+//! ado.
 
 mod arena;
 pub mod bisimulation;
@@ -30,7 +31,7 @@ use crate::stl::BoundExpr;
 use crate::trace::{Schema, SchemaError};
 use signals::{Moment, Source};
 
-/// An assembled grid world: makes scenes that share everything fixed.
+/// An assembled grid world: builds scenes that share all fixed data.
 #[derive(Clone)]
 pub struct GridWorld(Arc<Layout>);
 
@@ -53,10 +54,10 @@ pub struct GridScene {
     action: usize,
 }
 
-/// The schema of a spec's traces: published signals, then derived ones.
+/// Returns the schema of a spec's traces: published signals, then derived ones.
 ///
 /// # Errors
-/// Two signals of one name.
+/// Two signals have the same name.
 pub fn schema_of(spec: &GridSpec) -> Result<Schema, SchemaError> {
     let published = spec.published().into_iter().map(|offer| offer.signal);
     let derived = spec.derived.iter().map(|derived| derived.signal.clone());
@@ -67,7 +68,7 @@ impl GridWorld {
     /// Assembles a world.
     ///
     /// # Errors
-    /// Signals that clash or do not bind.
+    /// Two signals share a name, or an expression or observation does not bind.
     pub fn new(spec: GridSpec) -> Result<GridWorld, SceneError> {
         let schema = schema_of(&spec)?;
         let bind = |derived: &super::Derived| {
@@ -101,27 +102,27 @@ impl GridWorld {
         })))
     }
 
-    /// What it was assembled from.
+    /// Returns the spec it was assembled from.
     pub fn spec(&self) -> &GridSpec {
         &self.0.spec
     }
 
-    /// The clocks.
+    /// Returns the clocks.
     pub fn clock(&self) -> &Clock {
         &self.0.clock
     }
 
-    /// The published signals.
+    /// Returns the schema of the published signals.
     pub fn schema(&self) -> &Arc<Schema> {
         &self.0.schema
     }
 
-    /// Shapes of the ado's observation and action.
+    /// Returns the shapes of the ado's observation and action.
     pub fn spaces(&self) -> &Spaces {
         &self.0.spaces
     }
 
-    /// A scene at rest, to be `reset`.
+    /// Returns a scene at rest. Call `reset` before use.
     pub fn scene(&self) -> GridScene {
         let corner = Cell { x: 0, y: 0 };
         let both = Position {
@@ -140,9 +141,9 @@ impl GridWorld {
         }
     }
 
-    /// Which observed numbers follow from where both stand.
+    /// Marks the observed numbers that follow from the current position alone.
     ///
-    /// Times and speeds do not; derived signals do if all they mention does.
+    /// Times and speeds do not. A derived signal does if all signals in it do.
     fn positional(&self) -> Vec<bool> {
         let spec = self.spec();
         let offers = spec.catalogue();
@@ -155,6 +156,8 @@ impl GridWorld {
         let mut known: Vec<(&str, bool)> = Vec::new();
         for derived in &spec.derived {
             let of = |name: &str| {
+                // Derived signals may use earlier ones, which take precedence
+                // by name.
                 let earlier = known.iter().find(|(other, _)| *other == name);
                 earlier.map_or_else(|| plain(name), |(_, positional)| *positional)
             };
@@ -170,14 +173,14 @@ impl GridWorld {
 }
 
 impl GridScene {
-    /// Where both stand.
+    /// Returns the current position of both agents.
     pub fn position(&self) -> Position {
         self.moment.now
     }
 
-    /// Writes what an ado observes where both stand after `step` steps.
+    /// Writes the ado's observation at a position after `step` steps.
     ///
-    /// Both count as standing still before.
+    /// Both agents count as having stood still in the step before.
     pub fn observe_at(&mut self, both: Position, step: u32, obs: &mut [f32]) {
         let mut row = vec![0.0; self.layout.schema.len()];
         self.place(both);
@@ -186,7 +189,7 @@ impl GridScene {
         self.observe(&row, obs);
     }
 
-    /// Puts both somewhere at t = 0.
+    /// Places both agents at t = 0.
     fn place(&mut self, both: Position) {
         self.moment.now = both;
         self.moment.before = both;
@@ -203,6 +206,8 @@ impl GridScene {
             between: ("ego".to_owned(), "ado".to_owned()),
             time_s: f64::from(self.moment.step),
             closing_speed_mps: closed / f64::from(arena.refine),
+            // The middle between both cells: they need not be equal on a
+            // refined map.
             point_m: [middle(ego.x, ado.x), middle(ego.y, ado.y), 0.0],
             impact: None,
         }
@@ -229,6 +234,8 @@ impl Scene for GridScene {
     fn draw(&self, key: StartKey) -> Start {
         let spec = &self.layout.spec;
         let mut rng = key.generator(&spec.world, "start");
+        // A world with listed starts draws from its list only, so that no
+        // episode begins outside X_init.
         if let Starts::Pairs(pairs) = &spec.starts
             && !pairs.is_empty()
         {
@@ -274,6 +281,8 @@ impl Scene for GridScene {
         for (value, source) in row.iter_mut().zip(&layout.sources) {
             *value = self.moment.value(&layout.spec.arena, *source);
         }
+        // A derived signal may mention earlier derived ones, so they are
+        // evaluated in order into the same row.
         let published = layout.sources.len();
         for (i, expr) in layout.derived.iter().enumerate() {
             row[published + i] = expr.eval(row);
@@ -282,7 +291,7 @@ impl Scene for GridScene {
 
     fn observe(&self, row: &[f64], obs: &mut [f32]) {
         for (value, &(position, mid, per_half)) in obs.iter_mut().zip(&self.layout.observed) {
-            // The one cast from signals to observations.
+            // The one cast from signals to observations (see ARCHITECTURE.md).
             *value = ((row[position] - mid) * per_half) as f32;
         }
     }

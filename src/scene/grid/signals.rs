@@ -1,21 +1,21 @@
-//! What a grid scene publishes: the catalogue of signals and their sources.
+//! Signals of a grid scene: their catalogue and their sources.
 //!
-//! A cell is one unit long and a step takes one second. Ranges, by which
-//! observations are scaled, do not depend on the size of the map: what an ado
-//! sees means the same on another one.
+//! A cell is one unit long and a step takes one second. Observations are scaled
+//! by ranges that do not depend on the size of the map, so an observation means
+//! the same on every map.
 
 use super::arena::{Arena, Cell, Position};
 use super::spec::GridSpec;
 use crate::trace::Signal;
 
-/// Whose quantity it is.
+/// Agent to which a quantity belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Who {
     Ego,
     Ado,
 }
 
-/// Where a published value comes from.
+/// Source of a published value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
     Time,
@@ -40,7 +40,7 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// Whether it follows from where both stand.
+    /// Returns whether the value follows from the current position alone.
     pub(super) fn is_positional(self) -> bool {
         !matches!(self, Source::Time | Source::TimeLeft | Source::Speed(_))
     }
@@ -49,11 +49,11 @@ impl Source {
 /// A signal that can be published, with the range by which it is observed.
 #[derive(Clone, Debug)]
 pub struct GridSignalSource {
-    /// Its declaration.
+    /// Declaration of the signal.
     pub signal: Signal,
-    /// Usual range; observations are scaled by it.
+    /// Usual range, by which observations are scaled.
     pub range: (f64, f64),
-    /// Whether every trace holds it; the others are published when mentioned.
+    /// True if every trace holds it. Otherwise it is published when mentioned.
     pub always: bool,
     pub(super) source: Source,
 }
@@ -62,9 +62,11 @@ pub struct GridSignalSource {
 const USUAL_CELLS: f64 = 4.0;
 
 impl GridSpec {
-    /// Every signal this scene can publish, derived ones excepted.
+    /// Returns every signal this scene can publish, except derived ones.
     pub fn catalogue(&self) -> Vec<GridSignalSource> {
         let steps = f64::from(self.steps());
+        // Constant instead of the map's size: a policy of one map then sees the
+        // same numbers on a larger one.
         let length = (0.0, USUAL_CELLS);
         let offset = (-USUAL_CELLS, USUAL_CELLS);
         let mut offers = Vec::new();
@@ -216,7 +218,7 @@ impl GridSpec {
         offers
     }
 
-    /// The signals a trace of this scene holds, derived ones excepted.
+    /// Returns the signals in a trace of this scene, except derived ones.
     pub(super) fn published(&self) -> Vec<GridSignalSource> {
         let mut offers = self.catalogue();
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
@@ -224,7 +226,7 @@ impl GridSpec {
     }
 }
 
-/// Where both stand, where they stood before, and when.
+/// Current and previous position of both agents, with the step count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Moment {
     pub(super) now: Position,
@@ -234,7 +236,7 @@ pub(super) struct Moment {
 }
 
 impl Moment {
-    /// The value of a signal.
+    /// Returns the value of a signal.
     pub(super) fn value(&self, arena: &Arena, source: Source) -> f64 {
         let per_fine = 1.0 / f64::from(arena.refine);
         let cells = |fine: i32| f64::from(fine) * per_fine;
@@ -243,6 +245,8 @@ impl Moment {
         let of = |who: Who| self.cell(who);
         match source {
             Source::Time => f64::from(self.step),
+            // A grid scene can be advanced past its horizon, where the time
+            // left is 0.
             Source::TimeLeft => f64::from(self.steps.saturating_sub(self.step)),
             Source::X(who) | Source::Left(who) => cells(of(who).x),
             Source::Y(who) | Source::Down(who) => cells(of(who).y),

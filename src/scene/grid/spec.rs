@@ -1,4 +1,4 @@
-//! What a grid scene is made of: checked data, no spans.
+//! Data of a grid world: checked, without spans.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,17 +6,17 @@ use super::arena::{Arena, AtWall, Cell, Position};
 use crate::scene::{Axis, Clock, Derived, Observed, Start};
 use crate::stl::Constants;
 
-/// K: how many steps an episode has.
+/// Number of steps of an episode, K in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Horizon {
-    /// So many.
+    /// A fixed number of steps.
     Steps(u32),
-    /// So many per cell along a side: `PerSize(2)` is K = 2n.
+    /// A number of steps per cell along a side: `PerSize(2)` is K = 2n.
     PerSize(u32),
 }
 
 impl Horizon {
-    /// K on a map of `size` cells a side.
+    /// Returns K on a map of `size` cells a side.
     pub fn steps(self, size: u32) -> u32 {
         match self {
             Horizon::Steps(steps) => steps,
@@ -25,7 +25,7 @@ impl Horizon {
     }
 }
 
-/// X_init.
+/// Set of starts X_init.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Starts {
     /// Every ordered pair of cells at least one cell apart, each once.
@@ -33,24 +33,24 @@ pub enum Starts {
     AllPairs,
     /// The same pairs, drawn at random and never listed.
     Uniform,
-    /// These: `[((ego_x, ego_y), (ado_x, ado_y)), …]` in fine cells.
+    /// Listed pairs: `[((ego_x, ego_y), (ado_x, ado_y)), …]` in fine cells.
     Pairs(Vec<((i32, i32), (i32, i32))>),
 }
 
 /// A grid world, assembled from data.
 #[derive(Clone, Debug)]
 pub struct GridSpec {
-    /// Name of the world; part of every start's key.
+    /// Name of the world, which is part of the key of every start.
     pub world: String,
     /// The map and the ego.
     pub arena: Arena,
-    /// K.
+    /// Horizon K.
     pub horizon: Horizon,
     /// The ado's actions: cells to the right and up.
     pub moves: Vec<(i32, i32)>,
     /// The action that stays.
     pub neutral: usize,
-    /// X_init.
+    /// Set of starts X_init.
     pub starts: Starts,
     /// Signals published besides the basic ones, by name.
     pub extra: Vec<String>,
@@ -63,7 +63,7 @@ pub struct GridSpec {
 }
 
 impl GridSpec {
-    /// A step is one sample, one decision and one second.
+    /// Returns the clocks: a step is one sample, one decision and one second.
     pub fn clock(&self) -> Clock {
         Clock {
             horizon_s: f64::from(self.steps()),
@@ -73,12 +73,12 @@ impl GridSpec {
         }
     }
 
-    /// K.
+    /// Returns the number of steps K.
     pub fn steps(&self) -> u32 {
         self.horizon.steps(self.arena.size)
     }
 
-    /// An action in words.
+    /// Returns an action in words.
     pub fn action_label(&self, action: usize) -> String {
         match self.moves[action] {
             (0, 0) => "stay".to_owned(),
@@ -90,7 +90,7 @@ impl GridSpec {
         }
     }
 
-    /// X_init: the two cells, in fine cells.
+    /// Returns the axes of X_init: both positions, in fine cells.
     pub fn axes(&self) -> Vec<Axis> {
         let names = ["ego.x", "ego.y", "ado.x", "ado.y"];
         names.map(|name| self.axis(name)).into()
@@ -105,7 +105,7 @@ impl GridSpec {
         }
     }
 
-    /// All starts, where they can be listed.
+    /// Returns all starts, or `None` if they are drawn and not listed.
     pub fn all_starts(&self) -> Option<Vec<Start>> {
         match &self.starts {
             Starts::AllPairs => Some(self.arena.starts().map(start_of).collect()),
@@ -117,7 +117,7 @@ impl GridSpec {
     }
 }
 
-/// A pair as a world file writes it.
+/// Converts a pair as a world file writes it.
 pub fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
     let cell = |(x, y)| Cell { x, y };
     Position {
@@ -126,15 +126,15 @@ pub fn position((ego, ado): ((i32, i32), (i32, i32))) -> Position {
     }
 }
 
-/// A position as a start.
+/// Converts a position to a start.
 pub fn start_of(both: Position) -> Start {
     let Position { ego, ado } = both;
     Start([ego.x, ego.y, ado.x, ado.y].map(f64::from).into())
 }
 
-/// A start as a position, rounded to cells of the map.
+/// Converts a start to a position, rounded to cells of the map.
 ///
-/// Missing values are 0, and values outside fall on the border.
+/// Missing values are 0, and values outside the map are moved to its border.
 pub fn position_of(start: &Start, arena: &Arena) -> Position {
     let highest = f64::from(arena.side() - 1);
     let at = |i: usize| {
@@ -147,9 +147,9 @@ pub fn position_of(start: &Start, arena: &Arena) -> Position {
     }
 }
 
-/// The wall rule of a reading, as the paper's two sentences have it.
+/// Names of the wall rules, after the readings of the paper's text.
 impl AtWall {
-    /// The letter in docs/grid.md.
+    /// Returns the letter of the reading in docs/grid.md.
     pub fn reading(self) -> char {
         match self {
             AtWall::Stays => 'A',

@@ -1,8 +1,8 @@
 //! Discounted values of the grid game: V over position pairs and steps left.
 //!
-//! Decisions are numbered from 0. An episode that ends with decision T is paid
+//! Decisions are numbered from 0. An episode that ends with decision T returns
 //! γ^T R_T, the sum of the paper's Theorem 1. A capture ends it, so T differs
-//! from start to start; without a capture T = K − 1.
+//! between starts. Without a capture, T = K − 1.
 //!
 //! ```
 //! use brakecheck::scene::grid::exact::{Game, UNIT_MOVES};
@@ -23,22 +23,24 @@ use crate::rl::Policy;
 
 /// V of every position pair with every number of steps left.
 ///
-/// An episode in which no capture is possible any more is paid by the least
-/// distance of all of it. A table holds the value of a pair as if the episode
-/// began there, which is all that a decision needs.
+/// An episode without a capture is rewarded by its least distance over all
+/// steps. A table holds the value of a pair as if the episode began there,
+/// which suffices for every decision.
 #[derive(Clone, Debug)]
 pub struct ValueTable {
     game: Game,
     discount: f64,
     /// Successors of every pair, action by action.
     successors: Vec<u32>,
-    /// `layers[left][pair]`; layer 0 is the reward of an episode whose least
+    /// `layers[left][pair]`. Layer 0 is the reward of an episode whose least
     /// distance is that of the pair.
     layers: Vec<Vec<f64>>,
 }
 
 impl ValueTable {
-    /// V* by backward induction; `lawful` is the reward of a robustness ρ(¬ψ).
+    /// Computes V* by backward induction from the reward of a robustness ρ(¬ψ).
+    ///
+    /// `lawful` maps ρ(¬ψ) to the reward of an episode without rule violations.
     pub fn exact(game: &Game, discount: f64, lawful: impl Fn(f64) -> f64) -> ValueTable {
         let mut table = ValueTable::zero(game, discount, lawful);
         for left in 1..table.layers.len() {
@@ -47,9 +49,9 @@ impl ValueTable {
         table
     }
 
-    /// Value iteration from 0, truncated; with the number of sweeps.
+    /// Runs value iteration from 0 and returns the number of sweeps as well.
     ///
-    /// It ends when two iterates differ by at most α(1 − γ)/(2γ), the stopping
+    /// Stops when two iterates differ by at most α(1 − γ)/(2γ), the stopping
     /// rule that the paper cites for |V_k − V*| ≤ α.
     pub fn iterated(
         game: &Game,
@@ -67,6 +69,7 @@ impl ValueTable {
             let moved = moved.zip(table.layers[1..].iter().flatten());
             let moved = moved.map(|(new, old)| (new - old).abs());
             let moved = moved.fold(0.0, f64::max);
+            // Layer 0 holds rewards and is never iterated.
             table.layers.truncate(1);
             table.layers.extend(next);
             sweeps += 1;
@@ -76,7 +79,7 @@ impl ValueTable {
         }
     }
 
-    /// V of a trained ado, asked at every pair with every number of steps left.
+    /// Reads V from a trained ado, at every pair with every number of steps left.
     pub fn learned(&self, world: &GridWorld, policy: &dyn Policy) -> ValueTable {
         let mut scene = world.scene();
         let mut obs = vec![0.0; world.spaces().observation];
@@ -86,7 +89,7 @@ impl ValueTable {
         })
     }
 
-    /// The same game with other values; captured pairs keep theirs.
+    /// Returns the same game with other values. Captured pairs keep theirs.
     #[must_use]
     pub fn replaced(&self, mut value: impl FnMut(u32, Position, f64) -> f64) -> ValueTable {
         let mut other = self.clone();
@@ -101,25 +104,27 @@ impl ValueTable {
         other
     }
 
-    /// γ.
+    /// Returns the discount γ.
     pub fn discount(&self) -> f64 {
         self.discount
     }
 
-    /// The game.
+    /// Returns the game.
     pub fn game(&self) -> &Game {
         &self.game
     }
 
-    /// V of a start, with all K steps left.
+    /// Returns V of a start with all K steps left.
     pub fn at(&self, both: Position) -> f64 {
         self.layers
             .last()
             .map_or(0.0, |layer| layer[self.game.pair(both)])
     }
 
-    /// The actions of the greedy policy from a start: one-step lookahead in the
-    /// model at every decision, up to the capture; ties go to the lowest index.
+    /// Returns the actions of the greedy policy from a start, up to the capture.
+    ///
+    /// The policy looks one step ahead in the model. Ties go to the lowest
+    /// index.
     pub fn actions(&self, start: Position) -> Vec<usize> {
         self.game.actions(start, |both, step| {
             let left = self.layers.len() - 1 - step as usize;
@@ -127,22 +132,24 @@ impl ValueTable {
         })
     }
 
-    /// max |V − V'| over all pairs that are not captured, all steps left.
+    /// Returns max |V − V'| over all pairs that are not captured and all steps left.
     pub fn distance(&self, other: &ValueTable) -> f64 {
         let layers = self.layers.iter().zip(&other.layers).skip(1);
         let values = layers.flat_map(|(ours, others)| ours.iter().zip(others));
         values.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
-    /// max |V − V'| over the states that the greedy policy compares on its way
-    /// from a start: the successors of every state that it comes by.
+    /// Returns max |V − V'| over the states compared by the greedy policy.
     ///
-    /// Only these errors make it lose anything.
+    /// These are the successors of every state on its path from `start`. Only
+    /// errors in these states can change its actions.
     pub fn distance_ahead(&self, truth: &ValueTable, start: Position) -> f64 {
         let (mut both, mut worst) = (start, 0.0f64);
         for (left, action) in (1..self.layers.len()).rev().zip(self.actions(start)) {
             for step in &self.game.moves {
                 let next = self.game.arena.next(both, *step);
+                // Captures and last steps are valued by layer 0, which is exact
+                // in both tables.
                 if 1 < left && !self.game.arena.touching(next) {
                     let pair = self.game.pair(next);
                     let off = self.layers[left - 1][pair] - truth.layers[left - 1][pair];
@@ -154,8 +161,9 @@ impl ValueTable {
         worst
     }
 
-    /// The largest violation of the optimality equation of `game` under
-    /// `discount`: 0 for V* and for nothing else.
+    /// Returns the largest violation of the optimality equation of `game`.
+    ///
+    /// Under `discount`, it is 0 for V* and for no other table.
     pub fn residual(&self, discount: f64) -> f64 {
         let truth = ValueTable {
             discount,
@@ -192,14 +200,16 @@ impl ValueTable {
         }
     }
 
-    /// One sweep over the pairs with `left` ≥ 1 steps left.
+    /// Computes one sweep over the pairs with `left` ≥ 1 steps left.
     fn backed_up(&self, left: usize) -> Vec<f64> {
+        // Without a capture the reward comes with the last decision, `left` − 1
+        // steps later.
         let held = self.discount.powi(left as i32 - 1);
         let pairs = (0..self.game.pairs()).map(|pair| {
             if self.game.arena.touching(self.game.position(pair)) {
                 return self.layers[0][pair];
             }
-            // What it is paid if nothing later is closer than this pair.
+            // Return if no later position is closer than this pair.
             let held = held * self.layers[0][pair];
             let actions = 0..self.game.moves.len();
             actions.fold(held, |best, action| {
@@ -223,7 +233,7 @@ impl ValueTable {
         actions.fold(first, better)
     }
 
-    /// What an action is worth with `left` ≥ 1 steps left.
+    /// Returns the value of an action with `left` ≥ 1 steps left.
     fn ahead(&self, left: usize, pair: usize, action: usize) -> f64 {
         let next = self.successors[pair * self.game.moves.len() + action] as usize;
         let ends = left == 1 || self.game.arena.touching(self.game.position(next));
@@ -235,9 +245,9 @@ impl ValueTable {
 }
 
 impl Game {
-    /// The actions of a rule from a start, up to the capture or for K steps.
+    /// Returns the actions of a rule from a start, up to the capture or K steps.
     ///
-    /// `act` is told the position and the number of steps before it.
+    /// `act` receives the position and the number of steps before it.
     pub fn actions(
         &self,
         start: Position,

@@ -1,22 +1,23 @@
-//! When two bodies on known paths first touch.
+//! First contact of two bodies on known paths.
 
 use super::mover::Mover;
 use super::path::Path;
 use crate::sim::planar::{Meeting, Separation, TOUCH_M, far_apart};
 
-/// Clearance at which an approach counts as a touch.
+/// Clearance at which an approach counts as a contact.
 const TOLERANCE_M: f64 = 1e-9;
-/// Evaluations after which a grazing approach is taken for a touch.
+/// Evaluations after which a grazing approach counts as a contact.
 const MAX_EVALUATIONS: u32 = 1000;
 
-/// First touch of two moving bodies within `horizon_s`, strictly before its end.
+/// Returns the first contact of two moving bodies before `horizon_s`.
 ///
 /// Conservative advancement (Mirtich 1996): at each instant the best separating
-/// axis says how long the two cannot touch, whatever they do within their bounds.
+/// axis gives a time during which the two cannot touch, for any motion within
+/// their bounds.
 ///
-/// Invariant: time never passes the first touch, since each step is a time in
-/// which no touch is possible; so the first gap of 0 that is seen is the first
-/// that there is, which sampling or root finding alone would not promise.
+/// Invariant: time never passes the first contact, since each step is a time
+/// without possible contact. The first gap of 0 that is seen is therefore the
+/// first that exists. Sampling or root finding alone would not guarantee that.
 pub(super) fn meet(
     (a, b): (&Mover, &Mover),
     (path_a, path_b): (&Path, &Path),
@@ -34,7 +35,7 @@ pub(super) fn meet(
         let gap_m = shape_a.separation(&shape_b).gap_m;
         if gap_m <= TOLERANCE_M {
             let meeting = shape_a.meeting(&shape_b);
-            // Bodies that touch from the start may part; bodies that overlap may not.
+            // Bodies that touch at the start may move apart. Bodies that overlap may not.
             let parting = evaluation == 0 && -TOUCH_M <= gap_m && meeting.closing_speed_mps <= 0.0;
             return (!parting).then_some((after_s, meeting));
         }
@@ -44,15 +45,15 @@ pub(super) fn meet(
         let safe = |axis: Separation| {
             let Separation { gap_m, nx, ny } = axis;
             let (vx, vy) = (rect_a.vx_mps - rect_b.vx_mps, rect_a.vy_mps - rect_b.vy_mps);
-            // Aiming at half the tolerance, the gap gets below it after a few
-            // steps; aiming at 0 it would only come near.
+            // With half the tolerance as the aim, the gap falls below the tolerance
+            // after a few steps. With an aim of 0 it would only converge.
             safe_s(
                 gap_m - 0.5 * TOLERANCE_M,
                 vx * nx + vy * ny + spin_mps,
                 bound_mps2,
             )
         };
-        // One axis that separates is enough, so the best of them counts.
+        // A single separating axis is enough, so the best axis counts.
         after_s += shape_a
             .separations(&shape_b)
             .into_iter()
@@ -64,15 +65,15 @@ pub(super) fn meet(
         rect_a = a.rect(&path_a.at(after_s));
         rect_b = b.rect(&path_b.at(after_s));
     }
-    // So slow an approach is a touch: what is left is below 1e-7 m.
+    // An approach this slow counts as a contact: less than 1e-7 m is left.
     Some((after_s, a.shape(&rect_a).meeting(&b.shape(&rect_b))))
 }
 
-/// Time in which a gap cannot close, given closing speed and bounded acceleration.
+/// Returns the time in which a gap cannot close under bounded acceleration.
 ///
-/// The positive root of v t + ½ a t² = gap, in whichever of its two forms adds
-/// numbers of one sign: no digits cancel, and a = 0 needs no division by it
-/// while the gap closes.
+/// This is the positive root of v t + ½ a t² = gap. Each branch uses the form
+/// that adds numbers of one sign. No digits cancel, and a = 0 needs no division
+/// by it while the gap closes.
 fn safe_s(gap_m: f64, closing_mps: f64, bound_mps2: f64) -> f64 {
     if gap_m <= 0.0 {
         return 0.0;

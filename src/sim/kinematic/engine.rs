@@ -1,5 +1,4 @@
-//! What moves the bodies of this plant: a file for each kind of body, and its
-//! line in each function here.
+//! Motion models of this plant: one file per kind of body, listed here.
 
 use super::legs::Legs;
 use super::path::{Anchor, Path, PathKind};
@@ -7,17 +6,17 @@ use super::rails::Rails;
 use super::wheels::Wheels;
 use crate::sim::{Body, BodyCommand, BodyKind, Ground};
 
-/// What moves a body, and what it is asked to do.
+/// Motion model of a body, with its current command.
 #[derive(Clone, Debug)]
 pub(super) enum Engine {
     Wheels(Wheels),
     Legs(Legs),
-    /// Carried along a recorded motion.
+    /// Motion along a recording or a plan.
     Rails(Rails),
 }
 
 impl Engine {
-    /// What moves a body that is spawned with a velocity in the world frame.
+    /// Creates the model of a body spawned with a velocity in the world frame.
     pub fn new(body: &Body, ground: Ground, velocity_mps: (f64, f64)) -> Engine {
         match &body.kind {
             BodyKind::Vehicle(vehicle) => Engine::Wheels(Wheels::new(body, vehicle, ground)),
@@ -25,28 +24,32 @@ impl Engine {
         }
     }
 
-    /// The fixed point of its motion model, ahead of the centre of the body, and
-    /// the velocity with which it walks at first.
+    /// Returns the fixed point of the model and the initial walking velocity.
+    ///
+    /// The fixed point is measured ahead of the centre of the body.
     pub fn anchor(&self) -> (f64, (f64, f64)) {
         match self {
             Engine::Wheels(wheels) => (wheels.rear_axle_ahead_m(), (0.0, 0.0)),
             Engine::Legs(legs) => (0.0, legs.target_mps()),
-            // Invariant: nobody is spawned on rails.
+            // Invariant: no body is spawned on rails.
             Engine::Rails(_) => (0.0, (0.0, 0.0)),
         }
     }
 
-    /// Takes a command; whether it is one for this kind of body.
+    /// Sets the command, or returns false if this kind of body refuses it.
     pub fn command(&mut self, command: BodyCommand) -> bool {
         match self {
             Engine::Wheels(wheels) => wheels.command(command),
             Engine::Legs(legs) => legs.command(command),
+            // A carried body accepts no drive or walk command, which makes the plant
+            // unsound.
             Engine::Rails(_) => false,
         }
     }
 
-    /// How it goes on from `start`; no point of the body is farther than `arm_m`
-    /// from there.
+    /// Returns the path from `start` for the next `dt_s`.
+    ///
+    /// No point of the body is farther than `arm_m` from the fixed point.
     pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
         match self {
             Engine::Wheels(wheels) => wheels.path(start, arm_m, dt_s),
@@ -55,7 +58,7 @@ impl Engine {
         }
     }
 
-    /// Speed along the heading, speed to the left, and yaw rate.
+    /// Returns the speed along the heading, the speed to the left, the yaw rate.
     pub fn motion(&self, at: &Anchor) -> (f64, f64, f64) {
         match self {
             Engine::Wheels(_) => Wheels::motion(at),
@@ -66,7 +69,7 @@ impl Engine {
 }
 
 impl Path {
-    /// Where the fixed point is after a time.
+    /// Returns the state of the fixed point after a time.
     pub fn at(&self, after_s: f64) -> Anchor {
         match self.kind {
             PathKind::Arc(drive) => Wheels::after(self.start, drive, after_s),

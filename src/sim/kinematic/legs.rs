@@ -4,7 +4,7 @@ use super::path::{Anchor, Path, PathKind};
 use crate::sim::walker::{Ramp, Stride, length};
 use crate::sim::{BodyCommand, Walker};
 
-/// What a walker can do, and the velocity it is asked for.
+/// Walker data and the commanded velocity.
 #[derive(Clone, Debug)]
 pub(super) struct Legs {
     walker: Walker,
@@ -12,7 +12,7 @@ pub(super) struct Legs {
 }
 
 impl Legs {
-    /// It walks on at the velocity it is spawned with, within its limit.
+    /// Creates a walker that keeps its spawn velocity, within its limit.
     pub fn new(walker: &Walker, velocity_mps: (f64, f64)) -> Legs {
         Legs {
             walker: walker.clone(),
@@ -20,12 +20,12 @@ impl Legs {
         }
     }
 
-    /// The velocity that is asked for.
+    /// Returns the commanded velocity.
     pub fn target_mps(&self) -> (f64, f64) {
         self.target_mps
     }
 
-    /// Whether the command is one for walkers.
+    /// Sets the command, or returns false if it is not for walkers.
     pub fn command(&mut self, command: BodyCommand) -> bool {
         let BodyCommand::Walk { x_mps, y_mps } = command else {
             return false;
@@ -39,18 +39,19 @@ impl Legs {
         Path {
             start,
             kind: PathKind::Ramp(ramp),
+            // Along a straight ramp the speed is convex in time, so an end has the largest.
             speed_bound_mps: length(start.walk_mps).max(length(self.target_mps)),
             accel_bound_mps2: length(ramp.accel_mps2),
         }
     }
 
-    /// Speed along the heading, speed to the left, and yaw rate.
+    /// Returns the speed along the heading, the speed to the left, the yaw rate.
     pub fn motion(at: &Anchor) -> (f64, f64, f64) {
         let (vx, vy) = at.walk_mps;
         (vx * at.cos + vy * at.sin, vy * at.cos - vx * at.sin, 0.0)
     }
 
-    /// Where the centre is after a time on its way.
+    /// Returns the state of the centre after a time.
     pub fn after(start: Anchor, ramp: Ramp, after_s: f64) -> Anchor {
         let stride = Stride {
             at_m: (start.x_m, start.y_m),

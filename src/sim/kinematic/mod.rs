@@ -1,10 +1,10 @@
 //! The 2D plant: bicycle models in closed form, f64 throughout.
 //!
 //! Within one `advance` a vehicle keeps its acceleration and curvature, so its
-//! rear axle runs along an arc, and a walker's velocity changes evenly until it
-//! is what was asked for. Both have closed forms, so substeps change nothing.
-//! Contacts are found by conservative advancement on the separating axes: exact
-//! to 1e-9 m, one evaluation for bodies on one line at constant speed.
+//! rear axle runs along an arc. A walker's velocity changes evenly up to the
+//! commanded velocity. Both have closed forms, so substeps change nothing.
+//! Contacts are found by conservative advancement on the separating axes, exact
+//! to 1e-9 m. Bodies on one line at constant speed need one evaluation.
 
 mod approach;
 mod engine;
@@ -23,22 +23,22 @@ use super::body::Body;
 use super::planar::Extent;
 use super::{BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose};
 
-/// Distance from the origin beyond which the plant calls itself unsound.
+/// Distance from the origin beyond which the plant is unsound.
 const BOUND_M: f64 = 1e6;
 
-/// The kinematic plant.
+/// Kinematic plant.
 #[derive(Clone, Debug)]
 pub struct Kinematic {
     ground: Ground,
     movers: Vec<Mover>,
-    /// Paths of the running `advance`, kept to save the allocation.
+    /// Paths of the current `advance`, kept to avoid an allocation.
     paths: Vec<Path>,
     faulty: bool,
     passing: bool,
 }
 
 impl Kinematic {
-    /// An empty plant.
+    /// Creates an empty plant.
     pub fn new(ground: Ground) -> Kinematic {
         Kinematic {
             ground,
@@ -57,6 +57,8 @@ impl Kinematic {
         let mut horizon_s = dt_s;
         for (b, mover_b) in self.movers.iter().enumerate() {
             for (a, mover_a) in self.movers.iter().enumerate().take(b) {
+                // Recorded motions may cross each other, so only their contacts with
+                // other bodies count.
                 if mover_a.passes_others() && mover_b.passes_others() {
                     continue;
                 }
@@ -64,6 +66,7 @@ impl Kinematic {
                 let Some((after_s, meeting)) = meet((mover_a, mover_b), paths, horizon_s) else {
                     continue;
                 };
+                // Later pairs need to be searched only up to the best contact so far.
                 horizon_s = after_s;
                 first = Some(meeting.contact((BodyId(a), BodyId(b)), after_s));
             }
@@ -81,6 +84,7 @@ impl Plant for Kinematic {
         self.ground = ground;
         self.movers.clear();
         self.paths.clear();
+        // `passing` survives, as `Plant::pass_through` documents.
         self.faulty = false;
     }
 
@@ -95,6 +99,7 @@ impl Plant for Kinematic {
         let (anchor_ahead_m, walk_mps) = engine.anchor();
         let back_m = body.half_length_m() - anchor_ahead_m;
         let at = Anchor {
+            // Poses are of the front bumper, the model moves its fixed point.
             x_m: pose.x_m - back_m * cos,
             y_m: pose.y_m - back_m * sin,
             heading_rad: pose.heading_rad,
@@ -134,6 +139,7 @@ impl Plant for Kinematic {
             .extend(self.movers.iter().map(|mover| mover.path(dt_s)));
         let contact = self.first_contact(dt_s);
         let elapsed_s = contact.map_or(dt_s, |contact| contact.after_s);
+        // At 0 s a repeated contact must not change the state, nor divide by 0.
         if 0.0 < elapsed_s {
             for (mover, path) in self.movers.iter_mut().zip(&self.paths) {
                 mover.follow(path, elapsed_s);
@@ -152,6 +158,7 @@ impl Plant for Kinematic {
             sin,
             ..
         } = mover.at;
+        // From the fixed point back to the front bumper.
         let ahead_m = mover.extent.half_length_m - mover.anchor_ahead_m;
         let pose = Pose {
             x_m: x_m + ahead_m * cos,
@@ -162,6 +169,7 @@ impl Plant for Kinematic {
         BodyState {
             pose,
             speed_mps,
+            // The bumper swings sideways in a turn, the fixed point does not.
             lateral_mps: lateral_mps + yaw_rate_rad_per_s * ahead_m,
             yaw_rate_rad_per_s,
             accel_mps2: mover.accel_mps2,
@@ -185,6 +193,7 @@ impl Plant for Kinematic {
     }
 
     fn sound(&self) -> bool {
+        // NaN compares false, so it is unsound.
         let bounded = |value: f64| value.abs() <= BOUND_M;
         let fine = |mover: &Mover| {
             let Anchor {

@@ -1,4 +1,4 @@
-//! One body of the kinematic plant, and its motion during one `advance`.
+//! Body of the kinematic plant and its motion during one `advance`.
 
 use core::f64::consts::{PI, TAU};
 
@@ -8,13 +8,13 @@ use super::rails::{Passing, Rails};
 use crate::sim::Pose;
 use crate::sim::planar::{Extent, Rect, Shape};
 
-/// A body: its size, where it is, and what moves it.
+/// Body with its size, its state and its motion model.
 #[derive(Clone, Debug)]
 pub(super) struct Mover {
     pub extent: Extent,
-    /// Fixed point of the motion model, ahead of the centre: rear axle or centre.
+    /// Fixed point of the model (rear axle or centre), ahead of the body's centre.
     pub anchor_ahead_m: f64,
-    /// Fixed point: position, heading with its cosine and sine, speeds.
+    /// State of the fixed point.
     pub at: Anchor,
     pub accel_mps2: f64,
     pub engine: Engine,
@@ -28,15 +28,17 @@ impl Mover {
         }
     }
 
-    /// Whether it passes through others that do.
+    /// Returns true if the body passes through other gliding bodies.
     pub fn passes_others(&self) -> bool {
         matches!(&self.engine, Engine::Rails(rails) if rails.passing == Passing::Others)
     }
 
-    /// From now on carried; `to` is where the front bumper is to be next.
+    /// Carries the body from now on, with its front bumper to `to` next.
     pub fn glide(&mut self, to: &Pose, passing: Passing) {
         let (sin, cos) = libm::sincos(to.heading_rad);
         let back_m = self.extent.half_length_m - self.anchor_ahead_m;
+        // Rails read the world-frame velocity, which wheels do not maintain. It is set
+        // once, so that the next acceleration is measured from the true speed.
         if let Engine::Wheels(_) = self.engine {
             let Anchor {
                 speed_mps,
@@ -70,7 +72,7 @@ impl Mover {
     }
 
     pub fn path(&self, dt_s: f64) -> Path {
-        // Farthest point from the fixed one.
+        // Distance of the farthest point of the body from the fixed point.
         let arm_m = self.anchor_ahead_m.abs() + self.extent.radius_m;
         self.engine.path(self.at, arm_m, dt_s)
     }
@@ -78,6 +80,7 @@ impl Mover {
     pub fn follow(&mut self, path: &Path, elapsed_s: f64) {
         let (before_mps, ..) = self.engine.motion(&self.at);
         self.at = path.at(elapsed_s);
+        // Keeps the heading in −π to π, however long a body turns.
         if PI < self.at.heading_rad.abs() {
             self.at.heading_rad -= TAU * libm::round(self.at.heading_rad / TAU);
         }

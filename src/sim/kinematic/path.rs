@@ -1,4 +1,4 @@
-//! Where a body is, and how it goes on during one `advance`.
+//! State of a body and its motion during one `advance`.
 
 use crate::sim::limits::Drive;
 use crate::sim::walker::Ramp;
@@ -11,16 +11,16 @@ pub(super) struct Anchor {
     pub heading_rad: f64,
     pub cos: f64,
     pub sin: f64,
-    /// A vehicle's speed along its heading.
+    /// Speed of a vehicle along its heading.
     pub speed_mps: f64,
     pub curvature_per_m: f64,
-    /// Velocity in the world frame of a walker, or of who is carried.
+    /// World-frame velocity of a walker or of a carried body.
     pub walk_mps: (f64, f64),
-    /// Turning rate of who is carried.
+    /// Yaw rate of a carried body.
     pub yaw_rate_rad_per_s: f64,
 }
 
-/// A body's motion during one `advance`.
+/// Motion of a body during one `advance`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
     pub start: Anchor,
@@ -30,11 +30,11 @@ pub(super) struct Path {
     pub accel_bound_mps2: f64,
 }
 
-/// One kind of path per kind of body.
+/// Path, with one kind for each kind of body.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum PathKind {
     Arc(Drive),
     Ramp(Ramp),
-    /// At the velocity and the turning rate of the start.
+    /// Constant velocity and yaw rate of the start.
     Even,
 }

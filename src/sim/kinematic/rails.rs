@@ -1,19 +1,19 @@
-//! Bodies of the kinematic plant that are carried, along a recorded motion or a plan.
+//! Kinematic bodies carried along a recorded motion or a plan.
 
 use core::f64::consts::TAU;
 
 use super::path::{Anchor, Path, PathKind};
 use crate::sim::walker::length;
 
-/// Through whom a carried body passes.
+/// Bodies that a carried body passes through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Passing {
-    /// Others that pass through it as well.
+    /// Bodies that pass through it as well.
     Others,
     Nobody,
 }
 
-/// Where the fixed point is to be after the next `advance`.
+/// Pose of the fixed point after the next `advance`.
 #[derive(Clone, Debug)]
 pub(super) struct Rails {
     pub x_m: f64,
@@ -23,9 +23,10 @@ pub(super) struct Rails {
 }
 
 impl Rails {
-    /// There at a constant velocity of the fixed point and turning rate.
+    /// Returns the path there, at constant velocity and yaw rate.
     pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
         let velocity_mps = ((self.x_m - start.x_m) / dt_s, (self.y_m - start.y_m) / dt_s);
+        // The shorter way around, whatever turns the recorded headings contain.
         let turn_rad = libm::remainder(self.heading_rad - start.heading_rad, TAU);
         let yaw_rate_rad_per_s = turn_rad / dt_s;
         let turning_mps = yaw_rate_rad_per_s.abs() * arm_m;
@@ -37,11 +38,12 @@ impl Rails {
             },
             kind: PathKind::Even,
             speed_bound_mps: length(velocity_mps) + turning_mps,
+            // The fixed point itself is not accelerated, so only the turn contributes.
             accel_bound_mps2: turning_mps * yaw_rate_rad_per_s.abs(),
         }
     }
 
-    /// Speed along the heading, speed to the left, and yaw rate.
+    /// Returns the speed along the heading, the speed to the left, the yaw rate.
     pub fn motion(at: &Anchor) -> (f64, f64, f64) {
         let (vx, vy) = at.walk_mps;
         (
@@ -51,9 +53,10 @@ impl Rails {
         )
     }
 
-    /// Where the fixed point is after a time on its way.
+    /// Returns the state of the fixed point after a time.
     pub fn after(start: Anchor, after_s: f64) -> Anchor {
         let heading_rad = start.heading_rad + start.yaw_rate_rad_per_s * after_s;
+        // Without a turn keep the exact bits, so that a straight motion does not drift.
         let (sin, cos) = match start.yaw_rate_rad_per_s == 0.0 {
             true => (start.sin, start.cos),
             false => libm::sincos(heading_rad),

@@ -4,7 +4,7 @@ use super::path::{Anchor, Path, PathKind};
 use crate::sim::limits::{Drive, Limits};
 use crate::sim::{Body, BodyCommand, Ground, Vehicle};
 
-/// What a vehicle can do, and what it is asked to do.
+/// Limits of a vehicle and its current command.
 #[derive(Clone, Debug)]
 pub(super) struct Wheels {
     limits: Limits,
@@ -23,12 +23,12 @@ impl Wheels {
         }
     }
 
-    /// The rear axle, ahead of the middle of the length.
+    /// Returns the rear axle's position, ahead of the middle of the length.
     pub fn rear_axle_ahead_m(&self) -> f64 {
         self.rear_axle_ahead_m
     }
 
-    /// Whether the command is one for vehicles.
+    /// Sets the command, or returns false if it is not for vehicles.
     pub fn command(&mut self, command: BodyCommand) -> bool {
         let BodyCommand::Drive {
             accel_mps2,
@@ -44,6 +44,7 @@ impl Wheels {
     pub fn path(&self, start: Anchor, arm_m: f64, dt_s: f64) -> Path {
         let drive = self.limits.drive(self.accel_mps2, start.speed_mps, dt_s);
         let end_mps = drive.speed_mps(start.speed_mps, dt_s);
+        // The cornering limit must hold at the faster end of the step.
         let top_mps = start.speed_mps.abs().max(end_mps.abs());
         let curvature_per_m =
             self.limits
@@ -52,7 +53,7 @@ impl Wheels {
             curvature_per_m,
             ..start
         };
-        // Farthest point from the rear axle: turning adds to its motion.
+        // Turning adds to the motion of the point farthest from the rear axle.
         let turn = curvature_per_m.abs() * arm_m;
         let centripetal_mps2 = top_mps * top_mps * curvature_per_m.abs() * (1.0 + turn);
         Path {
@@ -63,17 +64,18 @@ impl Wheels {
         }
     }
 
-    /// Speed along the heading, speed to the left, and yaw rate.
+    /// Returns the speed along the heading, the speed to the left, the yaw rate.
     pub fn motion(at: &Anchor) -> (f64, f64, f64) {
         (at.speed_mps, 0.0, at.speed_mps * at.curvature_per_m)
     }
 
-    /// Where the rear axle is after a time on its arc.
+    /// Returns the state of the rear axle after a time on its arc.
     pub fn after(start: Anchor, drive: Drive, after_s: f64) -> Anchor {
         let moving_s = after_s.min(drive.rest_after_s);
         let length_m = moving_s * (start.speed_mps + 0.5 * drive.net_mps2 * moving_s);
         let speed_mps = drive.speed_mps(start.speed_mps, after_s);
         let moved = Anchor { speed_mps, ..start };
+        // Without curvature the heading keeps its exact bits, and no sine is needed.
         if start.curvature_per_m == 0.0 {
             let (x_m, y_m) = (
                 start.x_m + length_m * start.cos,
@@ -81,9 +83,10 @@ impl Wheels {
             );
             return Anchor { x_m, y_m, ..moved };
         }
-        // The chord of an arc of angle 2u is sin(u)/u of its length.
+        // The chord of an arc of angle 2u is sin(u)/u times its length.
         let half_turn_rad = 0.5 * start.curvature_per_m * length_m;
         let (half_sin, half_cos) = libm::sincos(half_turn_rad);
+        // sin(u)/u rounds to 1 there, and u = 0 must not divide.
         let chord_m = if half_turn_rad.abs() < 1e-6 {
             length_m
         } else {

@@ -1,4 +1,4 @@
-//! One ray-cast car: from a commanded net acceleration to forces at its wheels.
+//! Ray-cast car: from a commanded net acceleration to forces at its wheels.
 
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::prelude::RigidBodyHandle;
@@ -9,14 +9,14 @@ use crate::sim::limits::{Drive, Limits};
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, Ground, Placement, Vehicle};
 
-/// More than any suspension needs, so that a spring always carries its car.
+/// Force above any suspension's need, so that a spring always carries its car.
 const MAX_SUSPENSION_FORCE_N: f32 = 1e6;
 
-/// A car in the world, and what it is asked to do.
+/// Car in the world, with its current command.
 #[derive(Clone, Debug)]
 pub(super) struct Car {
     handle: RigidBodyHandle,
-    /// Where rapier's origin lies for this car.
+    /// Position of rapier's origin for this car.
     origin_m: (f64, f64),
     controller: DynamicRayCastVehicleController,
     limits: Limits,
@@ -26,17 +26,17 @@ pub(super) struct Car {
     track_m: f64,
     /// Static share of the weight on each wheel.
     load_shares: [f64; 4],
-    /// The speed that the last step should have ended with.
+    /// Speed that the last step should have ended with.
     target_mps: f64,
     accel_mps2: f64,
     curvature_per_m: f64,
-    /// Motion and origin at the beginning of the step.
+    /// Motion at the beginning of the step, then its origin.
     before: Motion,
     origin_before_m: (f64, f64),
 }
 
 impl Car {
-    /// Puts a car into the world, its springs already carrying it.
+    /// Puts a car into the world, with its springs in equilibrium.
     pub fn new(
         world: &mut World,
         body: &Body,
@@ -49,6 +49,8 @@ impl Car {
         controller.index_up_axis = 2;
         controller.index_forward_axis = 0;
         let omega_per_s = core::f64::consts::TAU * vehicle.suspension_hz;
+        // The hub sits where the sagged spring carries the weight, so a spawned car
+        // neither drops nor bounces.
         let hub_m = vehicle.suspension_rest_m - vehicle.sag_m() + vehicle.wheel_radius_m;
         let front_share = vehicle.front_load_share(body);
         let (front_m, rear_m) = (
@@ -56,7 +58,7 @@ impl Car {
             vehicle.rear_axle_ahead_m(body),
         );
         for (ahead_m, share) in [(front_m, front_share), (rear_m, 1.0 - front_share)] {
-            // Stiffness follows the load, so that both axles give way alike.
+            // Stiffness follows the load, so that both axles compress alike.
             let stiffness = 0.5 * share * omega_per_s * omega_per_s;
             let damping = 0.5 * share * 2.0 * vehicle.suspension_damping * omega_per_s;
             let tuning = WheelTuning {
@@ -64,7 +66,8 @@ impl Car {
                 suspension_compression: damping as f32,
                 suspension_damping: damping as f32,
                 max_suspension_travel: vehicle.suspension_travel_m as f32,
-                // Likewise, so that front and rear slip alike and steer neutrally.
+                // Side grip follows the load too, so both axles slip alike and steer
+                // neutrally.
                 side_friction_stiffness: (2.0 * share) as f32,
                 friction_slip: (ground.friction * vehicle.grip) as f32,
                 max_suspension_force: MAX_SUSPENSION_FORCE_N,
@@ -105,22 +108,23 @@ impl Car {
         }
     }
 
-    /// The acceleration that the wheels have to give, and the next target.
+    /// Returns the acceleration required of the wheels and sets the next target.
     ///
-    /// It takes the car from its speed to the speed it should have after the
-    /// step, so that what tyres and rounding took away in one step is given
-    /// back in the next, and a standstill is held by the same law. rapier's
-    /// brake is not used: an engine force would override it.
+    /// The acceleration takes the car from its speed to the speed it should have
+    /// after the step. Tyre and rounding losses of one step are thus recovered in
+    /// the next, and a standstill is held by the same law. rapier's brake is not
+    /// used, because an engine force would override it.
     fn accelerate(&mut self, drive: &Drive, speed_mps: f64, dt_s: f64) -> f64 {
         let next_mps = drive.speed_mps(self.target_mps, dt_s);
         let wanted_mps2 = (next_mps - speed_mps) / dt_s;
+        // Air drag may exceed the grip, so the net acceleration widens the limit.
         let most_mps2 = self.limits.grip_mps2.max(drive.net_mps2.abs());
         if wanted_mps2.abs() <= most_mps2 {
             self.target_mps = next_mps;
             return wanted_mps2;
         }
-        // The tyres cannot follow, so the target waits for the car; it does not
-        // change sides, or a brake would become a reverse gear.
+        // The tyres cannot follow, so the target waits for the car. The target keeps
+        // its sign, or a brake would become a reverse gear.
         let given_mps2 = wanted_mps2.clamp(-most_mps2, most_mps2);
         self.aim(speed_mps + given_mps2 * dt_s);
         given_mps2
@@ -135,10 +139,11 @@ impl Car {
         };
     }
 
-    /// Steering angle of each wheel.
+    /// Returns the steering angle of each wheel.
     ///
-    /// Ackermann: each front wheel stands square to the turn's centre. Parallel
-    /// wheels would fight each other and lose a tenth of a tight turn.
+    /// Ackermann: each front wheel points perpendicular to the turn's centre.
+    /// Parallel wheels would work against each other and lose a tenth of a tight
+    /// turn.
     fn steer(&self, drive: &Drive, speed_mps: f64) -> [f32; 4] {
         let top_mps = speed_mps.abs().max(self.target_mps.abs());
         let curvature_per_m =
@@ -175,6 +180,7 @@ impl Motor for Car {
 
     /// Sets the wheels and lets them act for one step.
     fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64) {
+        // Before the motion is saved: `rewind` mixes two poses of one origin.
         world.recentre(self.handle, &mut self.origin_m);
         self.before = world.motion(self.handle);
         self.origin_before_m = self.origin_m;
@@ -183,13 +189,14 @@ impl Motor for Car {
         let force_n = self.mass_kg * self.accelerate(&drive, speed_mps, dt_s);
         let steering_rad = self.steer(&drive, speed_mps);
 
-        // Each wheel takes its share of the load, so that none slips first.
+        // Each wheel takes its share of the load, so that no wheel slips first.
         let wheels = self.controller.wheels_mut();
         let loads_n = wheels
             .iter()
             .map(|wheel| f64::from(wheel.wheel_suspension_force));
         let load_n: f64 = loads_n.sum();
         for (index, wheel) in wheels.iter_mut().enumerate() {
+            // In the first step rapier has computed no suspension force yet.
             let share = if 0.0 < load_n {
                 f64::from(wheel.wheel_suspension_force) / load_n
             } else {
@@ -212,8 +219,8 @@ impl Motor for Car {
 
     /// Corrects the position after rapier's step.
     ///
-    /// rapier moves a body by the velocity at the end of a step, which puts it
-    /// ½·dt·Δv too far; the mean velocity makes constant acceleration exact.
+    /// rapier moves a body by the velocity at the end of a step, which is ½·dt·Δv
+    /// too far. The mean velocity makes constant acceleration exact.
     fn settle(&mut self, world: &World, dt_s: f64) {
         let (gain_x_mps, gain_y_mps) = world.motion(self.handle).gain_mps(&self.before);
         self.origin_m.0 -= 0.5 * dt_s * gain_x_mps;
@@ -229,6 +236,7 @@ impl Motor for Car {
             mix(self.origin_before_m.1, self.origin_m.1),
         );
         let rect = motion.rect(self.origin_m, &self.com);
+        // The old target belonged to the end of the undone step.
         self.aim(rect.vx_mps * rect.cos + rect.vy_mps * rect.sin);
     }
 

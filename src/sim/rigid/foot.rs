@@ -1,5 +1,6 @@
-//! Walkers of the rigid plant: no dynamics worth a rigid body, so they follow
-//! the same closed form as on the kinematic one.
+//! Walkers of the rigid plant, in the closed form of the kinematic plant.
+//!
+//! Their dynamics do not justify a rigid body.
 
 use super::motor::Motor;
 use super::world::World;
@@ -7,20 +8,20 @@ use crate::sim::planar::Rect;
 use crate::sim::walker::Stride;
 use crate::sim::{BodyCommand, Placement, Walker};
 
-/// A walker, and the velocity it is asked for.
+/// Walker with its commanded velocity.
 #[derive(Clone)]
 pub(super) struct Foot {
     walker: Walker,
     stride: Stride,
-    /// Where the last step began.
+    /// State at the beginning of the last step.
     before: Stride,
     target_mps: (f64, f64),
-    /// A walker keeps the heading it was spawned with.
+    /// Heading at the spawn, which a walker keeps.
     heading: (f64, f64),
 }
 
 impl Foot {
-    /// It walks on as it is spawned, within its limit.
+    /// Creates a walker that keeps its spawn velocity, within its limit.
     pub fn new(walker: &Walker, rect: &Rect) -> Foot {
         let velocity_mps = walker.within_limit((rect.vx_mps, rect.vy_mps));
         let stride = Stride {
@@ -54,6 +55,7 @@ impl Motor for Foot {
     }
 
     fn rewind(&mut self, _: &mut World, share: f64) {
+        // Linear within the step, like the sweep in which the contact was found.
         let mix = |(ax, ay): (f64, f64), (bx, by): (f64, f64)| {
             (ax + share * (bx - ax), ay + share * (by - ay))
         };

@@ -1,13 +1,13 @@
 //! The 3D plant: ray-cast cars on rapier3d, contacts by parry3d.
 //!
-//! Every vehicle is one rigid body on four wheels that are rays with a spring,
-//! a damper and a friction circle each. It pitches, rolls and slips; it cannot
-//! roll over. Walkers have no dynamics worth a rigid body: they follow the same
+//! Every vehicle is one rigid body on four wheels. A wheel is a ray with a
+//! spring, a damper and a friction circle. The body pitches, rolls and slips,
+//! but cannot roll over. Walkers do not justify a rigid body and follow the same
 //! closed form as on the kinematic plant.
 //!
 //! Architecture Invariant: rapier never resolves a collision. [`Rigid::advance`]
-//! ends at the first touch, found between the upright boxes of the bodies, and
-//! leaves every body where it is at that instant.
+//! ends at the first contact, found between the upright boxes of the bodies, and
+//! leaves every body at its pose of that instant.
 
 mod car;
 mod foot;
@@ -25,12 +25,12 @@ use super::{
     Body, BodyCommand, BodyId, BodyState, Contact, Ground, Placement, Plant, PlantKind, Pose,
 };
 
-/// Distance from the origin beyond which the plant calls itself unsound.
+/// Distance from the origin beyond which the plant is unsound.
 const BOUND_M: f64 = 1e6;
-/// rapier caps speeds at 400 m/s; nothing on a road comes near.
+/// Speed bound. rapier caps speeds at 400 m/s, far above road traffic.
 const BOUND_MPS: f64 = 200.0;
 
-/// The rigid plant.
+/// Rigid plant.
 #[derive(Clone)]
 pub struct Rigid {
     ground: Ground,
@@ -46,20 +46,20 @@ struct Mover {
     motor: Box<dyn Motor>,
     height_m: f64,
     accel_mps2: f64,
-    /// Speed at the beginning of the running `advance`.
+    /// Speed at the beginning of the current `advance`.
     before_mps: f64,
 }
 
-/// The earliest touch within one step.
+/// Earliest contact within one step.
 struct FirstTouch {
     pair: (BodyId, BodyId),
-    /// Share of the step that passes before it.
+    /// Share of the step before the contact.
     share: f64,
     meeting: Meeting,
 }
 
 impl Rigid {
-    /// An empty plant.
+    /// Creates an empty plant.
     pub fn new(ground: Ground) -> Rigid {
         Rigid {
             ground,
@@ -72,6 +72,7 @@ impl Rigid {
     }
 
     fn step(&mut self, dt_s: f64) {
+        // All motors act before rapier steps, so the order of bodies does not matter.
         for (mover, sweep) in self.movers.iter_mut().zip(&self.sweeps) {
             mover.motor.act(&mut self.world, &sweep.after, dt_s);
         }
@@ -105,10 +106,11 @@ impl Rigid {
         first
     }
 
-    /// Takes all bodies back to a share of the last step.
+    /// Moves all bodies back to a share of the last step.
     fn rewind(&mut self, share: f64) {
         for (mover, sweep) in self.movers.iter_mut().zip(&mut self.sweeps) {
             mover.motor.rewind(&mut self.world, share);
+            // At rest at the contact, so that the next `advance` starts from there.
             *sweep = Sweep::resting(mover.motor.rect(&self.world), sweep.extent);
         }
     }
@@ -124,6 +126,7 @@ impl Plant for Rigid {
         self.world = World::new();
         self.movers.clear();
         self.sweeps.clear();
+        // `passing` survives, as `Plant::pass_through` documents.
         self.faulty = false;
     }
 
@@ -164,7 +167,7 @@ impl Plant for Rigid {
         };
         let motor = &mut self.movers[id.0].motor;
         if let (BodyCommand::Carry { .. }, false) = (command, motor.is_carried()) {
-            // From now on nothing of it is left to rapier.
+            // From now on rapier holds nothing of this body.
             motor.leave(&mut self.world);
             let Sweep { after, extent, .. } = self.sweeps[id.0];
             *motor = Box::new(Rails::new(after, extent));
@@ -182,6 +185,7 @@ impl Plant for Rigid {
         let mut contact = None;
         let mut elapsed_s = dt_s;
         for index in 0..steps {
+            // A step of 0 s is not simulated, but a contact is still reported.
             if 0.0 < step_s {
                 self.step(step_s);
             }
@@ -240,7 +244,7 @@ impl Plant for Rigid {
     }
 
     fn sound(&self) -> bool {
-        // NaN compares false, so it is not sound.
+        // NaN compares false, so it is unsound.
         let fine = |sweep: &Sweep| {
             let Rect {
                 x_m,
@@ -264,7 +268,7 @@ impl Plant for Rigid {
     }
 }
 
-/// Speed along the heading.
+/// Returns the speed along the heading.
 fn along(rect: &Rect) -> f64 {
     rect.vx_mps * rect.cos + rect.vy_mps * rect.sin
 }

@@ -1,5 +1,4 @@
-//! What moves the bodies of this plant: a file for each kind of body, and its
-//! line here.
+//! Motion models of this plant: one file per kind of body, listed here.
 
 use super::car::Car;
 use super::foot::Foot;
@@ -7,30 +6,31 @@ use super::world::World;
 use crate::sim::planar::Rect;
 use crate::sim::{Body, BodyCommand, BodyKind, Ground, Placement};
 
-/// What moves a body, and what it is asked to do.
+/// Motion model of a body, with its current command.
 pub(super) trait Motor: Send {
-    /// Takes a command; whether it is one for this kind of body.
+    /// Sets the command, or returns false if this kind of body refuses it.
     fn command(&mut self, command: BodyCommand) -> bool;
-    /// An `advance` of so many seconds begins.
+    /// Begins an `advance` of `dt_s` seconds.
     fn begin(&mut self, _dt_s: f64) {}
-    /// Whether it is carried already.
+    /// Returns true if the body is already carried.
     fn is_carried(&self) -> bool {
         false
     }
-    /// Takes what it has in the world out of it.
+    /// Removes the body's parts from the world.
     fn leave(&mut self, _world: &mut World) {}
-    /// Acts for one step, before the world takes its own; `rect` is where the
-    /// body is and how it moves.
+    /// Acts for one step, before the world's step.
+    ///
+    /// `rect` is the current footprint with its motion.
     fn act(&mut self, world: &mut World, rect: &Rect, dt_s: f64);
-    /// Takes note of the world's step.
+    /// Reads the result of the world's step.
     fn settle(&mut self, _world: &World, _dt_s: f64) {}
-    /// Goes back to a share of the last step.
+    /// Moves back to a share of the last step.
     fn rewind(&mut self, world: &mut World, share: f64);
-    /// The footprint now.
+    /// Returns the current footprint.
     fn rect(&self, world: &World) -> Rect;
-    /// Centre and orientation of the bounding box.
+    /// Returns the centre and orientation of the bounding box.
     fn placement(&self, world: &World, height_m: f64) -> Placement;
-    /// A copy that continues bit for bit.
+    /// Returns a copy that continues bit for bit.
     fn fork(&self) -> Box<dyn Motor>;
 }
 
@@ -40,7 +40,7 @@ impl Clone for Box<dyn Motor> {
     }
 }
 
-/// Puts a body into the world with what moves it.
+/// Puts a body into the world with its motion model.
 pub(super) fn motor(world: &mut World, body: &Body, ground: Ground, rect: &Rect) -> Box<dyn Motor> {
     match &body.kind {
         BodyKind::Vehicle(vehicle) => Box::new(Car::new(world, body, vehicle, ground, rect)),

@@ -1,5 +1,6 @@
-//! Bodies of the rigid plant that are carried along a plan: nothing of them is
-//! rapier's, so they are where they are told to be, in f64.
+//! Rigid-plant bodies carried along a plan.
+//!
+//! rapier holds nothing of them, so they reach each commanded pose in f64.
 
 use core::f64::consts::TAU;
 
@@ -8,7 +9,7 @@ use super::world::World;
 use crate::sim::planar::{Extent, Rect};
 use crate::sim::{BodyCommand, Placement, Pose};
 
-/// A body that moves and turns evenly to where it is to be.
+/// Body that moves and turns evenly to a commanded pose.
 #[derive(Clone)]
 pub(super) struct Rails {
     extent: Extent,
@@ -18,7 +19,7 @@ pub(super) struct Rails {
 }
 
 impl Rails {
-    /// It begins where the body was.
+    /// Creates a carried body at the current pose.
     pub fn new(rect: Rect, extent: Extent) -> Rails {
         Rails {
             extent,
@@ -43,7 +44,7 @@ impl Motor for Rails {
     }
 
     fn begin(&mut self, dt_s: f64) {
-        // Without a new place it stands.
+        // Without a new pose the body rests.
         let Some(to) = self.to.take() else {
             (self.rect.vx_mps, self.rect.vy_mps) = (0.0, 0.0);
             self.rect.yaw_rate_rad_per_s = 0.0;
@@ -53,6 +54,7 @@ impl Motor for Rails {
         let back_m = self.extent.half_length_m;
         let (x_m, y_m) = (to.x_m - back_m * cos, to.y_m - back_m * sin);
         let heading_rad = libm::atan2(self.rect.sin, self.rect.cos);
+        // The shorter way around.
         let turn_rad = libm::remainder(to.heading_rad - heading_rad, TAU);
         self.rect.vx_mps = (x_m - self.rect.x_m) / dt_s;
         self.rect.vy_mps = (y_m - self.rect.y_m) / dt_s;
@@ -70,6 +72,7 @@ impl Motor for Rails {
             self.before.cos * self.rect.sin - self.before.sin * self.rect.cos,
             self.before.cos * self.rect.cos + self.before.sin * self.rect.sin,
         );
+        // Turn the unit vector instead of mixing it, which would shorten it.
         let (cos, sin) = turned((self.before.cos, self.before.sin), share * turn_rad);
         self.rect = Rect {
             x_m: mix(self.before.x_m, self.rect.x_m),
@@ -98,8 +101,9 @@ impl Motor for Rails {
     }
 }
 
-/// A rectangle after a time at its velocity and turning rate.
+/// Returns a rectangle after a time at its velocity and yaw rate.
 fn after(rect: Rect, dt_s: f64) -> Rect {
+    // Without a turn keep the exact bits, so that a straight motion does not drift.
     let (cos, sin) = match rect.yaw_rate_rad_per_s == 0.0 {
         true => (rect.cos, rect.sin),
         false => turned((rect.cos, rect.sin), rect.yaw_rate_rad_per_s * dt_s),
@@ -113,7 +117,7 @@ fn after(rect: Rect, dt_s: f64) -> Rect {
     }
 }
 
-/// A unit vector, turned.
+/// Rotates a unit vector.
 fn turned((cos, sin): (f64, f64), turn_rad: f64) -> (f64, f64) {
     let (turn_sin, turn_cos) = libm::sincos(turn_rad);
     (

@@ -1,9 +1,9 @@
-//! The first touch of two boxes within one step.
+//! First contact of two boxes within one step.
 //!
-//! Three gates, each dearer than the one before: circles, separating axes over
-//! the whole step, and parry's nonlinear shape cast. The cast tells whether the
-//! boxes meet; its time is right to about a millisecond, so the separating axes
-//! polish it (25 mm at 25 m/s would be too much).
+//! Three gates of rising cost: circles, separating axes over the whole step, and
+//! parry's nonlinear shape cast. The cast detects that the boxes touch, but its
+//! time is accurate only to about a millisecond (25 mm at 25 m/s). The separating
+//! axes therefore refine it.
 
 use parry3d::query::{NonlinearRigidMotion, cast_shapes_nonlinear};
 use parry3d::shape::Cuboid;
@@ -12,23 +12,23 @@ use rapier3d::math::{Pose, Rotation, Vector};
 use super::world::vector;
 use crate::sim::planar::{Extent, Meeting, Rect, Shape, TOUCH_M, far_apart};
 
-/// Clearance to which the time of a touch is polished.
+/// Clearance to which the time of a contact is refined.
 const POLISH_M: f64 = 1e-7;
-/// Shares of a step at which a touch found is checked to be the first.
+/// Number of shares of a step at which an earlier contact is looked for.
 const LOOKS: u32 = 64;
 
-/// A footprint during one step: at its beginning, at its end, and its size.
+/// Footprint during one step: at its beginning, at its end, and its size.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sweep {
     pub before: Rect,
     pub after: Rect,
     pub extent: Extent,
-    /// Farthest that any point of it moves.
+    /// Greatest displacement of any point of the body.
     pub reach_m: f64,
 }
 
 impl Sweep {
-    /// A footprint that stands still.
+    /// Creates a footprint at rest.
     pub fn resting(rect: Rect, extent: Extent) -> Sweep {
         Sweep {
             before: rect,
@@ -38,7 +38,7 @@ impl Sweep {
         }
     }
 
-    /// Goes on to the next step.
+    /// Moves on to the next step.
     pub fn move_on(&mut self, after: Rect) {
         self.before = self.after;
         self.after = after;
@@ -46,10 +46,12 @@ impl Sweep {
         self.reach_m = (dx * dx + dy * dy).sqrt() + self.swing_m();
     }
 
-    /// Where the footprint is at a share of the step.
+    /// Returns the footprint at a share of the step.
     pub fn at(&self, share: f64) -> Rect {
         let (a, b) = (&self.before, &self.after);
         let mix = |from: f64, to: f64| from + share * (to - from);
+        // Rotate by a share of the turn instead of mixing unit vectors, which would
+        // shrink the box.
         let (sin, cos) = libm::sincos(share * self.turn_rad());
         Rect {
             x_m: mix(a.x_m, b.x_m),
@@ -62,7 +64,7 @@ impl Sweep {
         }
     }
 
-    /// The footprint after the step, as a shape.
+    /// Returns the footprint after the step, as a shape.
     pub fn now(&self) -> Shape<'_> {
         self.shape(&self.after)
     }
@@ -72,7 +74,7 @@ impl Sweep {
         libm::atan2(a.cos * b.sin - a.sin * b.cos, a.cos * b.cos + a.sin * b.sin)
     }
 
-    /// Bound on how far turning moves any point.
+    /// Returns a bound on the displacement of any point by turning.
     fn swing_m(&self) -> f64 {
         let (a, b) = (&self.before, &self.after);
         let (dc, ds) = (b.cos - a.cos, b.sin - a.sin);
@@ -88,9 +90,9 @@ impl Sweep {
     }
 }
 
-/// First touch of two footprints, and the share of the step before it.
+/// Returns the first contact of two footprints and the share of the step before.
 ///
-/// A corner that grazes for less than a 64th of the step may be passed over.
+/// A corner that grazes for less than a 64th of the step may be missed.
 pub(super) fn touch(a: &Sweep, b: &Sweep) -> Option<(f64, Meeting)> {
     let (start_a, start_b) = (a.shape(&a.before), b.shape(&b.before));
     if far_apart(&start_a, &start_b, a.reach_m + b.reach_m) {
@@ -99,15 +101,15 @@ pub(super) fn touch(a: &Sweep, b: &Sweep) -> Option<(f64, Meeting)> {
     let gap_m = start_a.separation(&start_b).gap_m;
     if gap_m <= 0.0 {
         let meeting = start_a.meeting(&start_b);
-        // Bodies that merely touch may part; bodies that overlap may not.
+        // Bodies that touch may move apart. Bodies that overlap may not.
         let parting = -TOUCH_M <= gap_m && meeting.closing_speed_mps <= 0.0;
         return (!parting).then_some((0.0, meeting));
     }
     if stay_apart(a, b) {
         return None;
     }
-    // Each round begins at an earlier look than the last one ended, and there
-    // are 64 of them.
+    // Terminates: each round begins at an earlier look than the last round's end,
+    // and there are 64 looks.
     let mut share = polish(a, b, cast(a, b))?;
     while let Some(earlier) = overlap_before(a, b, share) {
         share = polish(a, b, Some(earlier))?;
@@ -116,10 +118,10 @@ pub(super) fn touch(a: &Sweep, b: &Sweep) -> Option<(f64, Meeting)> {
     Some((share, a.shape(&rect_a).meeting(&b.shape(&rect_b))))
 }
 
-/// Whether one face keeps the two apart during the whole step.
+/// Returns true if one face keeps the two apart during the whole step.
 ///
-/// The axis is that of the beginning. What parts along it earns nothing, since
-/// the way in between counts too: hence no less than 0.
+/// The axis is that of the beginning. A motion apart along it is not credited,
+/// since the positions in between count too, hence the lower bound of 0.
 fn stay_apart(a: &Sweep, b: &Sweep) -> bool {
     let dx = (a.after.x_m - a.before.x_m) - (b.after.x_m - b.before.x_m);
     let dy = (a.after.y_m - a.before.y_m) - (b.after.y_m - b.before.y_m);
@@ -129,7 +131,7 @@ fn stay_apart(a: &Sweep, b: &Sweep) -> bool {
         .any(|axis| (dx * axis.nx + dy * axis.ny).max(0.0) + swing_m < axis.gap_m)
 }
 
-/// Share of the step at which parry sees the two boxes meet.
+/// Returns the share of the step at which parry's cast detects a contact.
 fn cast(a: &Sweep, b: &Sweep) -> Option<f64> {
     let boxed = |extent: &Extent| {
         Cuboid::new(vector(
@@ -138,7 +140,8 @@ fn cast(a: &Sweep, b: &Sweep) -> Option<f64> {
             0.5 * extent.height_m,
         ))
     };
-    // Relative to the first body, so that f32 does not lose what is far out.
+    // Relative to the first body, so that f32 does not lose digits far from the
+    // origin.
     let motion = |sweep: &Sweep| {
         let Rect { x_m, y_m, .. } = sweep.before;
         let start = vector(
@@ -167,14 +170,17 @@ fn cast(a: &Sweep, b: &Sweep) -> Option<f64> {
         1.0,
         true,
     );
+    // An error of the cast counts as no hit, and `polish` still checks the end of
+    // the step.
     let share = f64::from(hit.ok()??.time_of_impact);
     (0.0..=1.0).contains(&share).then_some(share)
 }
 
-/// A share before `share` at which the two overlap: a corner came and went.
+/// Returns a share before `share` at which the two overlap, if any.
 ///
-/// Casting may find a later touch than the first one; this looks back once
-/// there is a touch, which ends an episode anyway.
+/// The cast may find a later contact than the first, when a corner came and
+/// went. The search runs only after a contact was found, and a contact ends the
+/// episode anyway.
 fn overlap_before(a: &Sweep, b: &Sweep, share: f64) -> Option<f64> {
     let looks = (1..LOOKS).map(|look| f64::from(look) / f64::from(LOOKS));
     looks
@@ -182,18 +188,18 @@ fn overlap_before(a: &Sweep, b: &Sweep, share: f64) -> Option<f64> {
         .find(|look| gap_m(a, b, *look) <= 0.0)
 }
 
-/// Clearance at a share of the step.
+/// Returns the clearance at a share of the step.
 fn gap_m(a: &Sweep, b: &Sweep, share: f64) -> f64 {
     let (rect_a, rect_b) = (a.at(share), b.at(share));
     a.shape(&rect_a).separation(&b.shape(&rect_b)).gap_m
 }
 
-/// The touch near a cast's result, to [`POLISH_M`]; `None` if there is none.
+/// Returns the contact near a cast's result, to [`POLISH_M`], if any.
 ///
 /// Regula falsi (Illinois) on the clearance, between the beginning of the step
-/// and an instant at which the boxes overlap: the cast's, or the end of the
-/// step, or, when a corner leaves again within the step, the deepest one. A
-/// cast that finds nothing is not believed when the boxes overlap at the end.
+/// and an instant at which the boxes overlap. That instant is the cast's, or the
+/// end of the step. If a corner leaves again within the step, it is the deepest
+/// instant. A cast without a hit is ignored if the boxes overlap at the end.
 fn polish(a: &Sweep, b: &Sweep, cast: Option<f64>) -> Option<f64> {
     let gap_m = |share: f64| gap_m(a, b, share);
     let touching = |share: &f64| gap_m(*share) <= 0.0;
@@ -202,18 +208,20 @@ fn polish(a: &Sweep, b: &Sweep, cast: Option<f64>) -> Option<f64> {
         .or(Some(1.0).filter(touching))
         .or_else(|| cast.map(|share| least(gap_m, share)).filter(touching))?;
     let (mut low, mut low_m, mut high_m) = (0.0, gap_m(0.0), gap_m(high));
+    // Bounds the loop on any input. Illinois needs far fewer rounds.
     for _ in 0..60 {
         if high_m.abs() <= POLISH_M {
             break;
         }
         let middle = low + (high - low) * low_m / (low_m - high_m);
         let middle_m = gap_m(middle);
-        // The end that stays has its value halved, or one end of a convex curve
+        // Halve the value at the end that stays. Otherwise one end of a convex curve
         // would never move (Dowell, Jarratt 1971). Invariant: apart at `low`,
         // touching at `high`.
         if middle_m <= 0.0 {
             (high, high_m) = (middle, middle_m);
             low_m *= 0.5;
+        // Close enough from outside: stop without an overlap.
         } else if middle_m <= POLISH_M {
             return Some(middle);
         } else {
@@ -221,11 +229,13 @@ fn polish(a: &Sweep, b: &Sweep, cast: Option<f64>) -> Option<f64> {
             high_m *= 0.5;
         }
     }
+    // The touching end, so that the reported contact is never a gap.
     Some(high)
 }
 
-/// Where a function that falls and rises from `from` to 1 is least, by thirds:
-/// 60 of them leave 1e-10 of the step.
+/// Returns the minimizer of a unimodal function between `from` and 1.
+///
+/// Ternary search: 60 rounds leave 1e-10 of the step.
 fn least(value: impl Fn(f64) -> f64, from: f64) -> f64 {
     let (mut low, mut high) = (from, 1.0);
     for _ in 0..60 {
@@ -271,7 +281,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// Gates, cast and polish together agree with brute force.
+        /// Gates, cast and refinement together agree with brute force.
         #[test]
         fn touches_are_where_dense_sampling_sees_them(
             x_m in 2.0..5.5, y_m in -2.5..2.5, heading_rad in -3.1..3.1,
@@ -285,11 +295,12 @@ mod tests {
         }
     }
 
-    /// Deepest graze that may be passed over, if the bodies part again.
+    /// Deepest graze that may be missed if the bodies move apart again.
     const GRAZE_M: f64 = 1e-3;
 
-    /// The touch lies between the first sample that grazes and the first that
-    /// is clearly inside.
+    /// Checks a contact against dense samples.
+    ///
+    /// It lies between the first sample that grazes and the first clearly inside.
     fn agrees_with_samples(a: &Sweep, b: &Sweep) -> Result<(), TestCaseError> {
         let first = |deep_m: f64| {
             let shares = (0..=500).map(|index| f64::from(index) / 500.0);
@@ -300,7 +311,7 @@ mod tests {
         let (grazes, inside) = (first(0.0), first(GRAZE_M));
         match (inside, touch(a, b)) {
             (Some(inside), Some((share, _))) => {
-                // A sample may hit the touch itself, which polishing finds to a hair.
+                // A sample may hit the contact itself, which the refinement finds closely.
                 prop_assert!(share <= inside + 1e-6, "{share} {inside}");
                 prop_assert!(grazes.is_none_or(|grazes| grazes - 0.003 <= share));
                 prop_assert!(gap_m(a, b, share).abs() <= 2.0 * POLISH_M);

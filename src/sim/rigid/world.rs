@@ -1,11 +1,11 @@
-//! The rapier world below the rigid plant: all f32 lives here.
+//! rapier world below the rigid plant, the only place that computes in f32.
 //!
-//! The world holds the chassis and the ground, and nothing in it collides: a
+//! The world holds the chassis and the ground, and nothing in it collides. A
 //! contact ends the plant's motion before rapier would have to resolve it.
-//! Chassis therefore carry no colliders, and the wheels' rays look only at the
-//! ground, through a bounding volume hierarchy of one leaf. And since the ground
-//! is the same everywhere, each car has an origin of its own, which follows it:
-//! f32 positions stay as fine as 1 µm wherever the car drives.
+//! Chassis therefore carry no colliders, and the wheels' rays see only the
+//! ground, through a bounding volume hierarchy of one leaf. The ground is the
+//! same everywhere, so each car has an origin of its own, which follows it. f32
+//! positions stay as fine as 1 µm wherever the car drives.
 
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use parry3d::query::DefaultQueryDispatcher;
@@ -21,10 +21,10 @@ use rapier3d::prelude::{
 use crate::sim::planar::Rect;
 use crate::sim::{Body, GRAVITY_MPS2, Placement};
 
-/// Grid of the cars' origins: shifts by it are exact in f32.
+/// Grid of the cars' origins. Shifts by it are exact in f32.
 const GRID_M: f64 = 8.0;
 
-/// rapier's sets, without its events and hooks.
+/// Sets of rapier, without its events and hooks.
 pub(super) struct World {
     bodies: RigidBodySet,
     colliders: ColliderSet,
@@ -36,7 +36,7 @@ pub(super) struct World {
     soft_bodies: SoftBodySet,
     ccd_solver: CCDSolver,
     parameters: IntegrationParameters,
-    /// Workspace only: a fork starts with a fresh one.
+    /// Workspace only, so a fork starts with a fresh pipeline.
     pipeline: PhysicsPipeline,
     ground: Bvh,
 }
@@ -50,7 +50,7 @@ pub(super) struct Motion {
 }
 
 impl World {
-    /// Flat ground at height 0, and no bodies.
+    /// Creates flat ground at height 0, without bodies.
     pub fn new() -> World {
         let mut colliders = ColliderSet::new();
         let ground = ColliderBuilder::new(SharedShape::halfspace(Vector::Z)).build();
@@ -66,7 +66,7 @@ impl World {
             multibody_joints: MultibodyJointSet::new(),
             soft_bodies: SoftBodySet::new(),
             ccd_solver: CCDSolver::new(),
-            // More solver iterations give a standing car a phantom velocity.
+            // More solver iterations give a car at rest a phantom velocity.
             parameters: IntegrationParameters {
                 num_solver_iterations: 1,
                 ..Default::default()
@@ -76,11 +76,12 @@ impl World {
         }
     }
 
-    /// Puts a chassis on the ground, and tells where its origin lies.
+    /// Puts a chassis on the ground and returns it with its origin.
     ///
-    /// The frame of the chassis sits on the ground, below the middle of the box.
+    /// The frame of the chassis lies on the ground, below the middle of the box.
     pub fn insert(&mut self, body: &Body, rect: &Rect) -> (RigidBodyHandle, (f64, f64)) {
         let (l, w, h) = (body.length_m, body.width_m, body.height_m);
+        // Moments of inertia of a uniform box.
         let twelfth = body.mass_kg / 12.0;
         let inertia = vector(
             twelfth * (w * w + h * h),
@@ -88,7 +89,7 @@ impl World {
             twelfth * (l * l + w * w),
         );
         let com = vector(body.com_ahead_m, 0.0, body.com_height_m);
-        // Half-angle formulas, so that no platform's sine takes part.
+        // Half-angle formulas avoid the platform's sine.
         let half_cos = (0.5 * (1.0 + rect.cos)).max(0.0).sqrt();
         let half_sin = (0.5 * (1.0 - rect.cos)).max(0.0).sqrt().copysign(rect.sin);
         let rotation = Rotation::from_xyzw(0.0, 0.0, half_sin as f32, half_cos as f32).normalize();
@@ -105,7 +106,7 @@ impl World {
         (handle, origin_m)
     }
 
-    /// Takes a chassis out.
+    /// Removes a chassis.
     pub fn remove(&mut self, handle: RigidBodyHandle) {
         self.bodies.remove(
             handle,
@@ -130,7 +131,7 @@ impl World {
         car.update_vehicle(dt_s as f32, queries);
     }
 
-    /// One step of rapier.
+    /// Runs one step of rapier.
     pub fn step(&mut self, dt_s: f64) {
         self.parameters.dt = dt_s as f32;
         self.pipeline.step(
@@ -150,7 +151,7 @@ impl World {
         );
     }
 
-    /// Pose and velocity of a chassis.
+    /// Returns the pose and velocity of a chassis.
     pub fn motion(&self, handle: RigidBodyHandle) -> Motion {
         let chassis = &self.bodies[handle];
         Motion {
@@ -160,9 +161,11 @@ impl World {
         }
     }
 
-    /// Lets a car's origin catch up with the car when that is far.
+    /// Moves a car's origin to the car once the car is far from it.
     pub fn recentre(&mut self, handle: RigidBodyHandle, origin_m: &mut (f64, f64)) {
         let Vector { x, y, .. } = self.bodies[handle].translation();
+        // Two grid cells of slack, so that a car near a cell border does not shift
+        // at every step.
         if x.abs().max(y.abs()) <= 2.0 * GRID_M as f32 {
             return;
         }
@@ -173,7 +176,7 @@ impl World {
         *origin_m = (origin_m.0 + shift_x_m, origin_m.1 + shift_y_m);
     }
 
-    /// Puts a chassis elsewhere.
+    /// Sets the pose and velocity of a chassis.
     pub fn place(&mut self, handle: RigidBodyHandle, motion: &Motion) {
         let chassis = &mut self.bodies[handle];
         chassis.set_position(motion.pose, true);
@@ -202,10 +205,13 @@ impl Clone for World {
 }
 
 impl Motion {
-    /// The footprint: upright, around the centre of mass, which pitch and roll turn about.
+    /// Returns the upright footprint.
+    ///
+    /// It is placed by the centre of mass, about which the chassis pitches and rolls.
     pub fn rect(&self, (origin_x_m, origin_y_m): (f64, f64), body: &ComOffset) -> Rect {
         let ahead = self.pose.rotation * Vector::X;
         let (ahead_x, ahead_y) = (f64::from(ahead.x), f64::from(ahead.y));
+        // Pitch shortens the horizontal part of the heading, so normalise it.
         let scale = 1.0 / (ahead_x * ahead_x + ahead_y * ahead_y).sqrt();
         let (cos, sin) = (ahead_x * scale, ahead_y * scale);
         let com = self.pose * body.local;
@@ -215,13 +221,14 @@ impl Motion {
             y_m: origin_y_m + f64::from(com.y) - body.ahead_m * sin,
             cos,
             sin,
+            // From the centre of mass to the centre of the box, which swings in a turn.
             vx_mps: f64::from(self.linear.x) + yaw_rate_rad_per_s * body.ahead_m * sin,
             vy_mps: f64::from(self.linear.y) - yaw_rate_rad_per_s * body.ahead_m * cos,
             yaw_rate_rad_per_s,
         }
     }
 
-    /// Centre of the bounding box, pitch and roll included.
+    /// Returns the centre of the bounding box, with pitch and roll.
     pub fn placement(&self, origin_m: (f64, f64), height_m: f64) -> Placement {
         let centre = self.pose * vector(0.0, 0.0, 0.5 * height_m);
         let (x_m, y_m) = (f64::from(centre.x), f64::from(centre.y));
@@ -232,13 +239,13 @@ impl Motion {
         }
     }
 
-    /// Velocity gained since an earlier instant, along world x and y.
+    /// Returns the velocity gained since an earlier instant, along world x and y.
     pub fn gain_mps(&self, before: &Motion) -> (f64, f64) {
         let gain = self.linear - before.linear;
         (f64::from(gain.x), f64::from(gain.y))
     }
 
-    /// The motion a share of the way to another one.
+    /// Interpolates towards another motion by a share.
     pub fn towards(&self, end: &Motion, share: f64) -> Motion {
         let share = share as f32;
         Motion {
@@ -252,7 +259,7 @@ impl Motion {
     }
 }
 
-/// Where the centre of mass sits in the frame of the chassis.
+/// Position of the centre of mass in the frame of the chassis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ComOffset {
     local: Vector,
@@ -273,7 +280,7 @@ fn on_grid(value_m: f64) -> f64 {
     libm::round(value_m / GRID_M) * GRID_M
 }
 
-/// The cast to rapier's numbers.
+/// Converts to rapier's f32 vector.
 pub(super) fn vector(x: f64, y: f64, z: f64) -> Vector {
     Vector::new(x as f32, y as f32, z as f32)
 }

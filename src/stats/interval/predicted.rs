@@ -1,13 +1,13 @@
-//! What other trials will show, said from those that were seen.
+//! Prediction of other trials from those that were seen.
 
 use super::Z;
 
-/// The 95 % interval of the share of `of` other trials that will succeed, where
-/// `successes` of `n` did.
+/// 95 % interval of the success share of `of` other trials.
 ///
-/// Both vary: the rate is not known from n trials, and the others are few. The rate
-/// has Jeffreys' prior Beta(½, ½), so the others' successes are beta-binomial; the
-/// interval leaves 2.5 % of them at most on either side; [0, 1] for `of` = 0.
+/// `successes` of `n` trials succeeded. Two parts vary: the rate is not known
+/// from n trials, and the others are few. The rate has Jeffreys' prior Beta(½,
+/// ½), so the others' successes are beta-binomial. The interval leaves at most
+/// 2.5 % of them on either side. It is [0, 1] for `of` = 0.
 pub fn predicted(successes: usize, n: usize, of: usize) -> [f64; 2] {
     if of == 0 {
         return [0.0, 1.0];
@@ -16,12 +16,13 @@ pub fn predicted(successes: usize, n: usize, of: usize) -> [f64; 2] {
     let ln_beta = |x: f64, y: f64| libm::lgamma(x) + libm::lgamma(y) - libm::lgamma(x + y);
     let whole = of as f64;
     let share = |k: usize| {
+        // ln C(of, k) by the beta function, which does not overflow.
         let (k, rest) = (k as f64, (of - k) as f64);
         let ln_choices = -libm::log(whole + 1.0) - ln_beta(rest + 1.0, k + 1.0);
         libm::exp(ln_choices + ln_beta(k + a, rest + b) - ln_beta(a, b))
     };
     let tail = 0.5 * libm::erfc(Z / core::f64::consts::SQRT_2);
-    // The first number whose tail, itself included, is more than 2.5 %.
+    // The first number whose tail, including itself, is more than 2.5 %.
     let first = |mut numbers: Box<dyn Iterator<Item = usize>>, last: usize| {
         let mut sum = 0.0;
         let found = numbers.find(|&k| {
@@ -46,7 +47,7 @@ mod tests {
         choices * p.powi(k as i32) * (1.0 - p).powi((n - k) as i32)
     }
 
-    /// With which probability the others lie in what is said of them.
+    /// Probability that the others lie in the predicted interval.
     fn coverage(p: f64, n: usize, of: usize) -> f64 {
         let within = |successes: usize| {
             let [low, high] = predicted(successes, n, of);
@@ -67,7 +68,7 @@ mod tests {
                 assert!((0.93..=1.0).contains(&covered), "{p} {n} {of}: {covered}");
             }
         }
-        // Wilson's interval of 16 of 32 speaks of the rate, and not of 24 others.
+        // Wilson's interval of 16 of 32 concerns the rate, and not 24 others.
         let [low, high] = wilson(16, 32);
         let [below, above] = predicted(16, 32, 24);
         assert!(below < low && high < above, "{below} {above}");

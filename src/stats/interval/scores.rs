@@ -1,46 +1,45 @@
-//! Marks of starts as scores, and where their variance comes from.
+//! Scores of starts, and the parts of their variance.
 
 use std::collections::BTreeMap;
 
 use crate::stats::outcomes::Outcomes;
 
-/// More effective starts per start than this are not believed.
+/// Greatest credible number of effective starts per start.
 const MOST_EFFECTIVE: f64 = 100.0;
 
-/// The marks of one side on one ego, with the side's sign.
+/// Outcomes of one side on one ego, with the sign of the side.
 type Part<'a> = (f64, &'a [&'a Outcomes]);
 
-/// What an estimate is made of: sides, whose weighted means add up to it.
+/// Sides of an estimate, whose weighted means add up to it.
 pub(super) struct Scores {
     pub(super) sides: Vec<Side>,
 }
 
 /// Trainings that are drawn together, and their scores on every start.
 pub(super) struct Side {
-    /// Its share in the estimate; negative if it is taken away.
+    /// Share in the estimate, negative if it is subtracted.
     pub(super) weight: f64,
-    /// Score in [0, 1] per training and start.
+    /// Score in [0, 1], `[training, start]`.
     scores: Vec<Vec<f64>>,
     /// Mean score per training.
     pub(super) means: Vec<f64>,
 }
 
-/// Variance of a side that is neither of trainings nor of starts alone.
+/// Residual variance of a side, which is due to neither trainings nor starts alone.
 pub(super) struct Spread {
-    /// Its part in the variance of the side's mean.
+    /// Part in the variance of the side's mean.
     pub(super) rest: f64,
-    /// Starts on which a training would have to be tested for its rate to be as
-    /// noisy, if every start were a coin of its own.
+    /// Number of independent starts with the same noise in a training's rate.
     pub(super) effective_starts: f64,
 }
 
 impl Scores {
-    /// One side; `None` if no start counts.
+    /// Returns a single side. `None` if no start counts.
     pub(super) fn of_rate(solved: &[&Outcomes]) -> Option<Scores> {
         Scores::of(&[(1.0, solved)], 1)
     }
 
-    /// Two sides, or more where egos met different numbers of trainings.
+    /// Returns two sides, or more if egos have different numbers of trainings.
     pub(super) fn of_difference(pairs: &[(Vec<&Outcomes>, Vec<&Outcomes>)]) -> Option<Scores> {
         let parts: Vec<Part> = pairs
             .iter()
@@ -49,19 +48,21 @@ impl Scores {
         Scores::of(&parts, 2)
     }
 
-    /// Parts with their signs; every `together` of them are of one ego.
+    /// Returns parts with their signs. Every `together` of them belong to one ego.
     fn of(parts: &[Part], together: usize) -> Option<Scores> {
         let lengths = parts.iter().flat_map(|(_, solved)| solved.iter());
+        // Only starts that all parts have can be paired.
         let starts = lengths.map(|marks| marks.len()).min()?;
         let egos: Vec<(&[Part], Vec<bool>)> = parts
             .chunks(together)
             .map(|ego| (ego, counted(ego, starts)))
             .filter(|(_, counts)| counts.contains(&true))
             .collect();
-        // A start that no ego counts is no start.
+        // A start that counts for no ego is left out.
         let kept: Vec<usize> = (0..starts)
             .filter(|&start| egos.iter().any(|(_, counts)| counts[start]))
             .collect();
+        // A sorted map fixes the order of the sums, and with it the last bits.
         let mut sides: BTreeMap<(bool, usize), Side> = BTreeMap::new();
         for (ego, counts) in &egos {
             for &(sign, solved) in *ego {
@@ -77,19 +78,22 @@ impl Scores {
         }
         let mut sides: Vec<Side> = sides.into_values().collect();
         for side in &mut sides {
+            // The weight of a side is its number of egos over all egos.
             side.close((side.weight.abs() * egos.len() as f64).round());
         }
         (!kept.is_empty()).then_some(Scores { sides })
     }
 
-    /// Starts that count.
+    /// Returns the number of starts that count.
     pub(super) fn starts(&self) -> usize {
         let first = self.sides.first().and_then(|side| side.scores.first());
         first.map_or(0, Vec::len)
     }
 
-    /// Variance of the estimate if only starts were drawn anew: of the starts
-    /// themselves and of what is left, divided by the number of trainings.
+    /// Variance of the estimate if only starts were drawn again.
+    ///
+    /// It contains the starts themselves and the residual, divided by the
+    /// number of trainings.
     pub(super) fn start_variance(&self, estimate: f64) -> f64 {
         let n = self.starts();
         let of_start = |start: usize| -> f64 {
@@ -97,11 +101,12 @@ impl Scores {
             sides.map(|side| side.weight * side.on(start)).sum()
         };
         let squares = (0..n).map(|start| (of_start(start) - estimate).powi(2));
+        // One start has no variance, and its guard avoids a division by 0.
         squares.sum::<f64>() / (n.max(2) - 1) as f64 / n.max(1) as f64
     }
 }
 
-/// On which starts every part of an ego has a mark that counts.
+/// Starts on which every part of an ego has an outcome that counts.
 fn counted(ego: &[Part], starts: usize) -> Vec<bool> {
     let counts = |start: usize| {
         ego.iter().all(|(_, solved)| {
@@ -113,10 +118,10 @@ fn counted(ego: &[Part], starts: usize) -> Vec<bool> {
 }
 
 impl Side {
-    /// Adds the marks of one ego.
+    /// Adds the outcomes of one ego.
     ///
-    /// A mark that does not count is replaced by the mean of its training
-    /// against this ego, so that it neither helps nor harms.
+    /// An outcome that does not count is replaced by the mean of its training
+    /// against this ego, so it has no effect on the rate.
     fn add(&mut self, solved: &[&Outcomes], counts: &[bool], kept: &[usize]) {
         let seen = |outcomes: &Outcomes, start: usize| match counts[start] {
             true => outcomes[start].score(),
@@ -152,7 +157,7 @@ impl Side {
         mean(self.means.iter().copied()).unwrap_or(0.0)
     }
 
-    /// What it adds to the estimate.
+    /// Contribution to the estimate.
     pub(super) fn contribution(&self) -> f64 {
         self.weight * self.mean()
     }
@@ -162,7 +167,7 @@ impl Side {
         mean(self.scores.iter().map(|scores| scores[start])).unwrap_or(0.0)
     }
 
-    /// The residual of the two-way layout training × start.
+    /// Residual of the two-way layout training × start.
     pub(super) fn spread(&self) -> Spread {
         let (rows, rate) = (self.scores.len(), self.mean());
         let n = self.scores.first().map_or(0, Vec::len);
@@ -174,8 +179,8 @@ impl Side {
             }
         }
         let freedom = ((rows.max(2) - 1) * (n.max(2) - 1)) as f64;
-        // As if one more episode had come out otherwise, so that trainings that
-        // agree on every start seen are not taken for noiseless.
+        // One more episode counts as deviating. Trainings that agree on every
+        // start are then not taken for noiseless.
         let inside = super::trainings::inside(rate, n as f64);
         let coin = inside * (1.0 - inside);
         let noise = (squares + 1.0) / (freedom + 1.0 / coin);

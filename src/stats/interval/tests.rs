@@ -1,14 +1,14 @@
 #![cfg(test)]
-//! What every interval must be, whatever the marks.
+//! Properties of every interval, for any outcomes.
 
 use super::*;
 
-/// `ones` solved starts, then `zeros` that are not.
+/// `ones` solved starts, then `zeros` unsolved starts.
 fn marks(ones: usize, zeros: usize) -> String {
     format!("{}{}", "1".repeat(ones), "0".repeat(zeros))
 }
 
-// Outcomes are shortest as their marks.
+// Marks are the shortest notation of outcomes.
 fn parsed(marks: &[&str]) -> Vec<Outcomes> {
     let parsed = marks.iter().map(|marks| marks.parse());
     parsed.collect::<Result<_, _>>().expect("marks")
@@ -38,9 +38,11 @@ fn texts(marks: &[String]) -> Vec<&str> {
     marks.iter().map(String::as_str).collect()
 }
 
-/// Solved as often as asked, on starts that differ from training to training.
+/// Trainings with given numbers of solved starts, which differ between trainings.
 fn trainings(ones: &[usize], starts: usize) -> Vec<String> {
     let mark = |training: usize, ones: usize, start: usize| {
+        // 7 is coprime to all numbers of starts here, so places are a
+        // permutation.
         let place = (7 * start + 191 * training) % starts;
         if place < ones { '1' } else { '0' }
     };
@@ -90,14 +92,14 @@ fn one_training_is_wilsons() {
 #[test]
 fn runs_of_a_start_are_no_new_starts() {
     let solved = marks(70, 30);
-    // Ten runs that all end alike tell no more than one.
+    // Ten runs with equal outcomes contain no more information than one.
     for runs in [vec![&*solved], vec![&*solved; 10]] {
         let ([lo, hi], [l, h]) = (runs_interval(&runs), wilson(70, 100));
         assert!((lo - l).abs() < 1e-9 && (hi - h).abs() < 1e-9, "{lo} {hi}");
     }
     assert_eq!(runs_interval(&[&*marks(0, 50); 4]), wilson(0, 50));
     assert_eq!(runs_interval(&["xx", "tt"]), [0.0, 1.0]);
-    // If luck alone decides, they are as good as starts.
+    // If chance alone decides, runs are as good as starts.
     let lucky = trainings(&[70, 70, 70, 70], 100);
     let ([lo, hi], [l, h]) = (runs_interval(&texts(&lucky)), wilson(280, 400));
     assert!((lo - l).abs() < 0.02 && (hi - h).abs() < 0.02, "{lo} {hi}");
@@ -261,13 +263,13 @@ fn equal_rates_of_a_few_trainings_are_no_proof_that_none_ever_fails() {
 
 #[test]
 fn pairing_sees_what_unpaired_intervals_hide() {
-    // b solves what a solves, less eight starts: clearly worse, if paired.
+    // b solves the starts of a except for eight: clearly worse, if paired.
     let (a, b) = (marks(60, 40), marks(52, 48));
     let (difference, [lo, hi]) = paired_difference(&[&a], &[&b]);
     assert!((difference - 0.08).abs() < 1e-12);
     assert!(0.0 < lo && hi < 0.2, "{lo} {hi}");
     assert!(wilson(60, 100)[0] < wilson(52, 100)[1]);
-    // Nothing differed on a hundred starts: then three in a hundred may.
+    // No difference on a hundred starts leaves up to three in a hundred.
     let (none, [lo, hi]) = paired_difference(&[&a], &[&a]);
     assert!(
         none == 0.0 && lo == -hi && 0.02 < hi && hi < 0.04,
@@ -277,7 +279,7 @@ fn pairing_sees_what_unpaired_intervals_hide() {
 
 #[test]
 fn a_pair_without_trainings_is_bonett_and_prices() {
-    // 12 starts that only a solves, 4 that only b does, of 100.
+    // Of 100 starts, 12 that only a solves and 4 that only b solves.
     let a = format!("{}{}{}", marks(12, 0), marks(0, 4), marks(50, 34));
     let b = format!("{}{}{}", marks(0, 12), marks(4, 0), marks(50, 34));
     let (difference, [lo, hi]) = paired_difference(&[&a], &[&b]);
@@ -300,7 +302,8 @@ fn a_pair_without_trainings_is_bonett_and_prices() {
 
 #[test]
 fn a_start_that_is_easy_for_every_ego_counts_once() {
-    // Ten egos that fail on the very same starts tell no more than one.
+    // Ten egos that fail on the same starts contain no more information than
+    // one.
     let (a, b) = (marks(60, 40), marks(52, 48));
     let pair = || (vec![a.as_str()], vec![b.as_str()]);
     let ten: Vec<_> = (0..10).map(|_| pair()).collect();
@@ -310,7 +313,7 @@ fn a_start_that_is_easy_for_every_ego_counts_once() {
     assert!((lo - lo10).abs() < 1e-12 && (hi - hi10).abs() < 1e-12);
     let mixed = [pair(), (vec![&*b], vec![&*a])];
     assert!(mean_difference(&mixed).0.abs() < 1e-12);
-    // An ego on which nothing counts says nothing.
+    // An ego without a start that counts has no effect.
     let none = marks(0, 0) + &"t".repeat(100);
     let (mean, interval) = mean_difference(&[pair(), (vec![&*none], vec![&*b])]);
     assert!((mean - one).abs() < 1e-12 && (interval[0] - lo).abs() < 1e-12);
@@ -318,7 +321,8 @@ fn a_start_that_is_easy_for_every_ego_counts_once() {
 
 #[test]
 fn a_training_that_failed_fails_on_every_ego() {
-    // Two trainings, one good for nothing: ten egos tell no more of that than one.
+    // Two trainings, one of which failed: ten egos contain no more information
+    // about that than one.
     let (good, bad) = (marks(100, 0), marks(0, 100));
     let pair = || (vec![good.as_str(), bad.as_str()], vec![bad.as_str()]);
     let ten: Vec<_> = (0..10).map(|_| pair()).collect();

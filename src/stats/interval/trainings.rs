@@ -1,13 +1,14 @@
-//! What the rates of a few trainings say of the mean of all trainings.
+//! Mean rate of all trainings, estimated from the rates of a few.
 //!
-//! The model: a training solves a start with its own rate p; rates of trainings
-//! are Beta-distributed with mean μ and intra-class correlation φ, so that their
+//! The model: a training solves a start with its own rate p. Rates of trainings
+//! are Beta-distributed with mean μ and intra-class correlation φ, so their
 //! variance is φ μ (1 − μ) (Crowder 1978). The priors are Beta(½, ½) for μ
-//! (Jeffreys) and Beta(0.45, 3) for φ. Near φ = 0 the latter is nearly uniform in
-//! the trainings' standard deviation (Gelman 2006), so a handful of equal rates is
-//! no proof that trainings never differ; towards φ = 1, where trainings either
-//! solve everything or nothing, it falls. The interval is the central 95 % of the
-//! posterior of μ.
+//! (Jeffreys) and Beta(0.45, 3) for φ.
+//!
+//! Near φ = 0 the latter is nearly uniform in the trainings' standard deviation
+//! (Gelman 2006). So a handful of equal rates is no proof that trainings never
+//! differ. It falls towards φ = 1, where trainings solve either every start or
+//! none. The interval is the central 95 % of the posterior of μ.
 
 use super::{expit, logit};
 
@@ -15,29 +16,30 @@ use super::{expit, logit};
 const SMALL: f64 = 0.45;
 /// Exponent of 1 − φ in its prior.
 const LARGE: f64 = 2.0;
-/// Nodes of φ, and of μ on either side of the mean seen.
+/// Nodes of φ, and of μ on either side of the measured mean.
 const NODES: (usize, usize) = (20, 32);
-/// How far the nodes of μ reach, in logits.
+/// Reach of the nodes of μ, in logits.
 const REACH: f64 = 14.0;
-/// What is e to minus this times less likely is left out.
+/// Difference in log density from which nodes are left out.
 const NEGLIGIBLE: f64 = 20.0;
 
-/// 95 % interval of μ from the rates of two trainings or more, each measured on
-/// `starts` coins.
+/// 95 % interval of μ from the rates of two or more trainings.
 ///
-/// By quadrature over 20 × 65 nodes; ends are within 2 % of the width of what
-/// finer grids give.
+/// Each rate is measured on `starts` coins. The quadrature has 20 × 65 nodes.
+/// Its ends are within 2 % of the width of what finer grids give.
 pub(super) fn interval(rates: &[f64], starts: f64) -> [f64; 2] {
     let mus = Mus::around(rates, starts);
     let lines: Vec<Vec<(usize, f64)>> = (0..NODES.0)
         .map(|node| {
-            // In t = φ^SMALL the prior is flat, but for (1 − φ)^LARGE; nodes are
-            // evenly spaced in √t, since where φ is small it matters most.
+            // In t = φ^SMALL the prior is flat, except for (1 − φ)^LARGE. Nodes
+            // are evenly spaced in √t, because small φ matter most.
             let root = (node as f64 + 0.5) / NODES.0 as f64;
             let phi = libm::pow(root, 2.0 / SMALL);
             mus.posterior((phi, root), rates, starts)
         })
         .collect();
+    // Relative to the greatest log density, so that not all exponentials
+    // underflow.
     let best = lines.iter().flatten().map(|(_, log)| *log);
     let best = best.fold(f64::NEG_INFINITY, f64::max);
     let mut density = vec![0.0; mus.nodes.len()];
@@ -47,16 +49,17 @@ pub(super) fn interval(rates: &[f64], starts: f64) -> [f64; 2] {
     [0.025, 0.975].map(|share| mus.quantile(&density, share))
 }
 
-/// A rate measured on `n` starts, kept away from 0 and 1 by half a success and
-/// half a failure more.
+/// Rate measured on `n` starts, with half a success and half a failure more.
+///
+/// It is therefore neither 0 nor 1.
 pub(super) fn inside(rate: f64, n: f64) -> f64 {
     (rate * n + 0.5) / (n + 1.0)
 }
 
-/// Values of μ at which the posterior is looked at.
+/// Values of μ at which the posterior is evaluated.
 ///
-/// They are logit⁻¹(centre + scale · sinh u) for evenly spaced u: dense where
-/// the rates are, sparse in the tails.
+/// They are logit⁻¹(centre + scale · sinh u) for evenly spaced u: dense near
+/// the rates, sparse in the tails.
 struct Mus {
     centre: f64,
     scale: f64,
@@ -64,7 +67,7 @@ struct Mus {
     nodes: Vec<Mu>,
 }
 
-/// One of them: μ, 1 − μ, and the logarithm of prior times dμ/du.
+/// Node: μ, 1 − μ, and the logarithm of prior times dμ/du.
 struct Mu {
     p: f64,
     q: f64,
@@ -79,12 +82,15 @@ impl Mus {
         let mean = inside(mean, starts);
         let variance = mean * (1.0 - mean);
         let error = squares / (trainings - 1.0) / trainings + variance / (starts * trainings);
+        // The standard error on the logit scale, at most 1 so that the nodes
+        // stay dense.
         let (centre, scale) = (logit(mean), (error.sqrt() / variance).min(1.0));
         let half = NODES.1;
         let step = libm::asinh(REACH / scale) / half as f64;
         let node = |node: usize| {
             let u = (node as f64 - half as f64) * step;
             let x = centre + scale * libm::sinh(u);
+            // 1 − p would lose all digits near 1, so q has its own formula.
             let (p, q) = (expit(x), expit(-x));
             // Jeffreys: (p q)^-½ dp, and dp = p q dx.
             let log_prior = 0.5 * libm::log(p * q) + libm::log(scale * libm::cosh(u));
@@ -98,9 +104,10 @@ impl Mus {
         }
     }
 
-    /// Log posterior density at the nodes where it counts, for one φ with its weight.
+    /// Log posterior density at the relevant nodes, for one φ with its weight.
     ///
-    /// It has one hill, near the middle, so both walks end when they are down.
+    /// The density is unimodal with its mode near the middle. Both walks end
+    /// once they are far below it.
     fn posterior(
         &self,
         (phi, weight): (f64, f64),
@@ -109,6 +116,7 @@ impl Mus {
     ) -> Vec<(usize, f64)> {
         let size = 1.0 / phi - 1.0;
         let trainings = rates.len() as f64;
+        // These terms do not depend on μ and are computed once.
         let alone = trainings * (log_gamma(size) - log_gamma(size + starts))
             + LARGE * libm::log(1.0 - phi)
             + libm::log(weight);
@@ -117,7 +125,8 @@ impl Mus {
             let (a, b) = (p * size, q * size);
             let mut log = alone + log_prior - trainings * (log_gamma(a) + log_gamma(b));
             for rate in rates {
-                // Apart first: b may be too small to survive a sum with `starts`.
+                // Products first: b may be too small to survive a sum with
+                // `starts`.
                 let (solved, failed) = (rate * starts, (1.0 - rate) * starts);
                 log += log_gamma(a + solved) + log_gamma(b + failed);
             }
@@ -141,7 +150,7 @@ impl Mus {
         line
     }
 
-    /// Where so much of the density lies below; it is linear between nodes.
+    /// Quantile of a density that is linear between nodes.
     fn quantile(&self, density: &[f64], share: f64) -> f64 {
         let pairs = || density.windows(2).map(|pair| (pair[0], pair[1]));
         let whole: f64 = pairs().map(|(a, b)| 0.5 * (a + b)).sum();
@@ -150,7 +159,8 @@ impl Mus {
         for (a, b) in pairs() {
             let area = 0.5 * (a + b);
             if left <= area {
-                // The root of a f + (b − a) f² / 2 = left that stays finite.
+                // This form of the root of a f + (b − a) f² / 2 = left stays
+                // finite.
                 let root = (a * a + 2.0 * (b - a) * left).max(0.0).sqrt();
                 position += if 0.0 < a + root {
                     2.0 * left / (a + root)
@@ -167,10 +177,10 @@ impl Mus {
     }
 }
 
-/// ln Γ(x) for x > 0: Stirling's series from 8 on, by recurrence below.
+/// ln Γ(x) for x > 0: Stirling's series from 8 on, and the recurrence below.
 ///
-/// `libm::lgamma` is exact to more digits than a quadrature of 1300 nodes needs,
-/// and three times slower.
+/// `libm::lgamma` has more digits than a quadrature of 1300 nodes needs, and is
+/// three times slower.
 fn log_gamma(x: f64) -> f64 {
     let (mut x, mut product) = (x, 1.0);
     while x < 8.0 {

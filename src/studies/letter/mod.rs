@@ -1,8 +1,8 @@
-//! From the paper's learning to the letter to the defaults, one change at a time.
+//! Steps from the paper's literal learning setup to the defaults.
 //!
-//! A path begins with a world such as `acc_letter`. Each step edits its text, so
-//! that state, ρ_max, judge, reward, loss, exploration and learner are told
-//! apart. Every policy is judged by both judges on the same test starts.
+//! A path begins with a world such as `acc_letter`. Each step edits its text, so that the
+//! effects of state, ρ_max, judge, reward, loss, exploration and learner are separated.
+//! Every policy is judged by both judges on the same test starts.
 
 mod paths;
 
@@ -23,66 +23,66 @@ use crate::stats::{Outcomes, seeds_interval};
 use crate::training::TrainError;
 use crate::world::{Scenario, ScenarioError};
 
-/// The two judges, as world files name them; each step is judged by both.
+/// Both judges, by their names in world files.
 pub const JUDGES: [&str; 2] = ["WholeRun", "UntilViolation"];
 
-/// A change of a world's text.
+/// Change of a world's text.
 #[derive(Clone, Copy, Debug)]
 pub struct LetterChange {
-    /// What changes, in a few words.
+    /// Short description of the change.
     pub what: &'static str,
-    /// Texts that occur once, and what takes their places.
+    /// Pairs of a text that occurs once and its replacement.
     pub edits: &'static [(&'static str, &'static str)],
 }
 
-/// A way from the letter to the defaults.
+/// Path from the paper's setup to the defaults.
 #[derive(Clone, Copy, Debug)]
 pub struct LetterPath {
-    /// The shipped world it begins with.
+    /// Shipped world at the beginning of the path.
     pub world: &'static str,
-    /// The learner under `learners` that it trains; `None`: the world's own.
+    /// Learner under `learners` that is trained. `None`: the world's own.
     pub learner: Option<&'static str>,
-    /// Most switches of action in the search beside it.
+    /// Largest number of switches of the search for comparison.
     pub switches: usize,
-    /// The changes, each on top of those before.
+    /// Changes, each in addition to the previous ones.
     pub changes: &'static [LetterChange],
 }
 
-/// A step of a path: a world's text, edited so far.
+/// Step of a path: a world's text with the changes so far.
 #[derive(Clone, Debug)]
 pub struct LetterStep {
-    /// What changed last.
+    /// Description of the last change.
     pub what: &'static str,
     text: String,
     learner: Option<&'static str>,
 }
 
-/// A path whose steps cannot be made.
+/// Error of a path with an impossible step.
 #[derive(Debug, thiserror::Error)]
 pub enum LetterError {
-    /// A text to be replaced is not there exactly once.
+    /// A text to be replaced does not occur exactly once.
     #[error("`{change}` edits a text that occurs {times} times in `{world}`")]
     Edit {
-        /// The change.
+        /// Description of the change.
         change: &'static str,
-        /// The world of the path.
+        /// World of the path.
         world: &'static str,
-        /// How often the text occurs.
+        /// Number of occurrences.
         times: usize,
     },
-    /// An edited text is no world.
+    /// An edited text is not a valid world.
     #[error(transparent)]
     World(#[from] ScenarioError),
-    /// An edited world has no such learner.
+    /// An edited world lacks the learner.
     #[error("`{0}` has no learner of that name")]
     Learner(&'static str),
 }
 
 impl LetterPath {
-    /// The steps of a path that begins with this text, the letter itself first.
+    /// Returns the steps of a path, the unchanged text first.
     ///
     /// # Errors
-    /// A change does not fit the text.
+    /// Returns an error if a change does not fit the text.
     pub fn steps(&self, text: &str) -> Result<Vec<LetterStep>, LetterError> {
         let mut steps = vec![LetterStep {
             what: "the letter",
@@ -93,6 +93,7 @@ impl LetterPath {
         for change in self.changes {
             for (from, to) in change.edits {
                 let times = text.matches(from).count();
+                // An edit with several matches would change more than its description says.
                 if times != 1 {
                     return Err(LetterError::Edit {
                         change: change.what,
@@ -113,19 +114,20 @@ impl LetterPath {
 }
 
 impl LetterStep {
-    /// The world of this step, on the kinematic plant.
+    /// Returns the world of this step on the kinematic plant.
     ///
     /// # Errors
-    /// The text is no world, or lacks the learner.
+    /// Returns an error if the text is not a valid world or lacks the learner.
     pub fn scenario(&self) -> Result<Scenario, LetterError> {
         self.read(&self.text)
     }
 
-    /// The same world under a judge of [`JUDGES`].
+    /// Returns the same world under a judge of [`JUDGES`].
     ///
     /// # Errors
-    /// As for [`LetterStep::scenario`].
+    /// Returns the errors of [`LetterStep::scenario`].
     pub fn judged_by(&self, judge: &str) -> Result<Scenario, LetterError> {
+        // The text holds one of the judges, and replacing both covers either case.
         let text = JUDGES.iter().fold(self.text.clone(), |text, other| {
             text.replace(&format!("judge: {other}"), &format!("judge: {judge}"))
         });
@@ -140,22 +142,21 @@ impl LetterStep {
                 .learning_by(name)
                 .ok_or(LetterError::Learner(name))?,
         };
+        // The study compares learning setups, so the fast plant is enough.
         Ok(scenario.on(PlantKind::Kinematic))
     }
 }
 
-/// What ados do that learned nothing, and what search does, by one judge.
+/// Baselines and search under a judge.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LetterBaselines {
-    /// The judge.
+    /// Name of the judge.
     pub judge: String,
     /// Search, held random, random and the best constant ado.
     pub rows: Vec<Row>,
 }
 
-/// Plays everything that needs no training, by the scenario's judge.
-///
-/// `None`: stopped from outside.
+/// Plays all baselines under the scenario's judge. `None`: stopped from outside.
 pub fn letter_baselines(
     (scenario, switches): (&Scenario, usize),
     starts: &TestStarts,
@@ -177,52 +178,54 @@ pub fn letter_baselines(
         budget: 0,
         starts,
     };
+    // The search comes first, because `letter_row` compares with the first row.
     let rows = vec![
         search(&sought, watch).row,
         played(Ado::Held),
         played(Ado::Random),
         best_constant(scenario, "nominal", starts, watch).row,
     ];
+    // The rows name the judge that was used, whatever the text asked for.
     let judge = format!("{:?}", rows.first()?.judge);
     (!watch.stopped()).then_some(LetterBaselines { judge, rows })
 }
 
-/// What the trainings of one step come to by one judge.
+/// Results of a step's trainings under a judge.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Judged {
-    /// Starts evaluated: those that are not trivial.
+    /// Number of evaluated starts, without trivial starts.
     pub starts: usize,
     /// Success rate of each training.
     pub rates: Vec<f64>,
-    /// Their mean.
+    /// Mean of the rates.
     pub success_rate: f64,
-    /// Its interval over trainings and starts (docs/intervals.md).
+    /// Interval of the mean over trainings and starts (docs/intervals.md).
     pub ci95: [f64; 2],
-    /// Median over trainings of the share of search-solved starts solved too.
+    /// Median recall over trainings.
     pub recall: Option<f64>,
     /// Mean share of starts on which a rule was broken.
     pub foul_rate: f64,
 }
 
-/// One step, trained and judged.
+/// Results of a step under both judges.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LetterRow {
-    /// What changed.
+    /// Description of the change.
     pub what: String,
     /// Name of the learner.
     pub learner: String,
-    /// Decisions asked of it.
+    /// Requested number of decisions.
     pub decisions: u64,
-    /// Mean processor time of a training.
+    /// Mean processor time of a training, s.
     pub cpu_s: f64,
-    /// By each judge of [`JUDGES`].
+    /// Results by judge, in the order of [`JUDGES`].
     pub judged: Vec<Judged>,
 }
 
-/// Why a step has no row.
+/// Error of a step.
 #[derive(Debug, thiserror::Error)]
 pub enum LetterStudyError {
-    /// The step cannot be made.
+    /// The step is impossible.
     #[error(transparent)]
     Step(#[from] LetterError),
     /// A training failed.
@@ -230,12 +233,13 @@ pub enum LetterStudyError {
     Train(#[from] TrainError),
 }
 
-/// Trains a step once per seed and judges every policy by both judges.
+/// Trains a step with every seed and evaluates every policy under both judges.
 ///
-/// Run directories go into `request.runs`; those that exist are used.
+/// Run directories are stored in `request.runs`, and existing ones are used.
+/// `None`: stopped from outside.
 ///
 /// # Errors
-/// The step cannot be made, or training fails. `None`: stopped from outside.
+/// Returns an error if the step is impossible or a training fails.
 pub fn letter_row(
     step: &LetterStep,
     baselines: &[LetterBaselines],
@@ -253,6 +257,7 @@ pub fn letter_row(
     }
     let mut judged = Vec::new();
     for (judge, baselines) in JUDGES.iter().zip(baselines) {
+        // The policy is trained once, and only the judge of the evaluation changes.
         let scenario = step.judged_by(judge)?;
         let Some(starts) = test_starts(&scenario, request.seeds.starts, request.starts, watch)
         else {
@@ -268,6 +273,7 @@ pub fn letter_row(
             rows.iter_mut()
                 .for_each(|row| row.compare_with_search(&searched.solved));
         }
+        // Invariant: the results have the order of `JUDGES`.
         judged.push(together(&rows));
     }
     let cpu_s = runs.iter().map(|(_, cpu_s)| cpu_s).sum::<f64>() / runs.len().max(1) as f64;
@@ -302,6 +308,7 @@ fn together(rows: &[Row]) -> Judged {
     let mean = |of: fn(&Row) -> f64| rows.iter().map(of).sum::<f64>() / n;
     let solved: Vec<&Outcomes> = rows.iter().map(|row| &row.solved).collect();
     let mut recalls: Vec<f64> = rows.iter().filter_map(|row| row.recall).collect();
+    // A recall is missing if the search solves no start.
     recalls.sort_by(f64::total_cmp);
     Judged {
         starts: rows.first().map_or(0, |row| row.starts),
@@ -313,22 +320,22 @@ fn together(rows: &[Row]) -> Judged {
     }
 }
 
-/// A path as it was measured.
+/// Measured path.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LetterStudy {
-    /// The world it begins with.
+    /// World at the beginning of the path.
     pub world: String,
-    /// The name of its learner; `None`: the world's own.
+    /// Name of its learner. `None`: the world's own.
     pub learner: Option<String>,
-    /// Most switches of the search.
+    /// Largest number of switches of the search.
     pub switches: usize,
-    /// What needs no training, by each judge of [`JUDGES`].
+    /// Baselines by judge, in the order of [`JUDGES`].
     pub baselines: Vec<LetterBaselines>,
-    /// The steps.
+    /// Results of the steps.
     pub rows: Vec<LetterRow>,
 }
 
-/// What the columns mean, below the tables.
+/// Explanation of the columns, below the tables.
 const EXPLAINED: &str = "
 - change: what differs from the row above; all earlier changes stay
 - whole run, until the violation: the same policies, by each judge; mean success, interval, and least to greatest of the trainings
@@ -337,7 +344,7 @@ const EXPLAINED: &str = "
 - CPU s: processor time of a training, on average
 ";
 
-/// The paths as Markdown tables.
+/// Formats the paths as Markdown tables.
 pub fn letter_markdown(studies: &[LetterStudy]) -> String {
     let percent = |rate: f64| format!("{:.1} %", 100.0 * rate);
     let mut text = String::new();
@@ -368,6 +375,7 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
                     )
                 })
             };
+            // Recall refers to the search until the violation, which is the second judge.
             let recall = row.judged.get(1).and_then(|judged| judged.recall);
             text.push_str(&format!(
                 "| {} | {}, {} | {} | {} | {} | {} | {:.0} |\n",
@@ -383,6 +391,7 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
                 row.cpu_s,
             ));
         }
+        // The order of `letter_baselines`.
         let names = [
             format!("search, ≤ {} switches", study.switches),
             "random, held".to_owned(),
@@ -414,7 +423,7 @@ pub fn letter_markdown(studies: &[LetterStudy]) -> String {
     text + EXPLAINED
 }
 
-/// The least and the greatest of some rates.
+/// Returns the smallest and the largest rate.
 fn ends(rates: &[f64]) -> [f64; 2] {
     let least = rates.iter().copied().fold(f64::INFINITY, f64::min);
     [least, rates.iter().copied().fold(0.0, f64::max)]

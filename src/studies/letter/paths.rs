@@ -1,8 +1,8 @@
-//! The ways from the letter to the defaults, as edits of world files.
+//! Paths from the paper's setup to the defaults, as edits of world files.
 
 use super::{LetterChange, LetterPath};
 
-/// As in `acc`.
+/// Observed state of `acc`.
 const ACC_STATE: (&str, &str) = (
     r#"["headway", "ego.speed", "ado.speed"]"#,
     r#"["headway", "ego.speed", "ado.speed", "ego.accel", "time_left"]"#,
@@ -46,7 +46,7 @@ const BATCH: (&str, &str) = (" batch: 32,", "");
 const RECIPE: &str = "learner: the Dqn recipe (loss, exploration, target, replay, updates, γ)";
 const DEFAULT: &str = "learner: the default, Dqfd, for as many decisions";
 
-/// The ways that `reproduce letter` goes, change by change.
+/// Paths of `reproduce letter`, change by change.
 pub const LETTER_PATHS: [LetterPath; 4] = [
     LetterPath {
         world: "acc_letter",

@@ -1,40 +1,43 @@
-//! From how many starts on a reused ado is cheaper than searching every start.
+//! Number of starts from which a reused ado is cheaper than a search per start.
 
 use serde::Serialize;
 
 use super::{CONDITIONAL, HELD_BUDGETS, Known};
 use crate::evaluation::ReusedOn;
 
-/// A conditional ado against held-random search at equal success, in
-/// simulations.
+/// Cost of a conditional ado and of held random search at equal success.
 ///
-/// The ado costs a training and the identification of every ego, and then one
-/// simulation per start; the search its simulations until the first success,
-/// or its budget where there is none.
+/// Costs are counted in simulations. The ado needs a training, the identification of every
+/// ego, and one simulation per start.
+/// The search needs its simulations until the first success, or its whole budget.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Economy {
-    /// The ego; `None`: all egos together, for which one training is enough.
+    /// Name of the ego. `None`: all egos together, which share a training.
     pub ego: Option<String>,
     /// Simulations before the first start: training and identification.
     pub once: f64,
-    /// Simulations per start of the search, summed over the egos.
+    /// Simulations of the search per start, summed over the egos.
     pub search: f64,
-    /// Whether the search reaches the ado's success on every ego; if not, its
-    /// largest budget counts, and the ado is cheaper even before `starts`.
+    /// Whether the search reaches the ado's success on every ego.
+    ///
+    /// If not, its largest budget counts, and the ado is cheaper even before `starts`.
     pub matched: bool,
-    /// Starts, on every ego, from which on the ado is cheaper; `None`: never.
+    /// Starts per ego from which the ado is cheaper. `None`: never.
     pub starts: Option<f64>,
 }
 
-/// The comparison for every ego on which the conditional ado succeeds at all,
-/// and for all of these together. `training` is the simulations of a training.
+/// Compares the costs per ego on which the ado succeeds, and over all these egos.
+///
+/// `training` is the number of simulations of a training.
 pub(super) fn economy(training: f64, egos: &[ReusedOn], known: &[Known]) -> Vec<Economy> {
     let mut lines: Vec<Economy> = egos
         .iter()
         .zip(known)
         .filter_map(|(ego, known)| of_ego(training, ego, known))
         .collect();
+    // A single ego would repeat its own line.
     if 1 < lines.len() {
+        // All egos share one training, which each line contains.
         let once = training + lines.iter().map(|line| line.once - training).sum::<f64>();
         let search = lines.iter().map(|line| line.search).sum();
         let all = Economy {
@@ -50,6 +53,7 @@ pub(super) fn economy(training: f64, egos: &[ReusedOn], known: &[Known]) -> Vec<
 }
 
 fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
+    // Several seeds have a row each, and their mean success must be reached.
     let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL);
     let told: Vec<f64> = told.map(|row| row.success_rate).collect();
     let success = told.iter().sum::<f64>() / told.len().max(1) as f64;
@@ -60,8 +64,11 @@ fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
             ego.rows.iter().find(|row| row.ado == word)
         })
         .collect();
+    // The smallest budget with the ado's success is the fairest comparison.
     let enough = searched.iter().find(|row| success <= row.success_rate);
+    // Without a sufficient budget the largest budget counts as a lower bound of the cost.
     let row = enough.or(searched.last())?;
+    // Simulated runs of the identification cost as much as runs of the ado.
     let once = training + known.simulations as f64;
     (0.0 < success).then(|| Economy {
         ego: Some(ego.ego.clone()),
@@ -72,8 +79,9 @@ fn of_ego(training: f64, ego: &ReusedOn, known: &Known) -> Option<Economy> {
     })
 }
 
-/// Once-only simulations over what every further start saves, on some egos.
+/// Returns the one-time simulations divided by the saving of each further start.
 fn cheaper_from(once: f64, search: f64, egos: usize) -> Option<f64> {
+    // The ado itself takes a simulation per start and ego.
     let saved = search - egos as f64;
     (0.0 < saved).then(|| once / saved)
 }

@@ -1,9 +1,9 @@
-//! The paper's central claim, measured: one trained ado on changed egos.
+//! Reuse study: a trained ado against changed egos, the paper's central claim.
 //!
-//! Three ados per training seed, untouched after training: trained on the
-//! nominal ego, trained on the family without being told (wide), and told the
-//! parameters that were identified from recorded runs (conditional). Beside
-//! them on the same starts: what a falsifier would have kept from the same
+//! Every training seed has three ados, which stay unchanged after training. One is trained
+//! on the nominal ego, one on the family (wide), and one on the family with its parameters
+//! (conditional). The parameters are identified from recorded runs.
+//! Baselines on the same starts are the counterexamples of a falsifier from the same
 //! training, a tuned rule, random ados, and searches per start.
 
 mod economy;
@@ -33,133 +33,134 @@ use crate::training::TrainError;
 use crate::world::{Against, Family, Member, Scenario};
 use players::{Player, called};
 
-/// Simulations per start of held-random search; the smaller ones are cut from it.
+/// Budgets of held random search, the smaller of which are cut from the largest.
 const HELD_BUDGETS: [u64; 3] = [10, 30, 100];
 
-/// A quantity that is identified within this share of its range from its
-/// nominal value is nominal.
+/// Difference from the nominal value that counts as none, as a share of the range.
 const NEARLY: f64 = 0.005;
 
-/// The word in rows of held-random search with a budget.
+/// Returns the name in rows of held random search with a budget.
 fn held_word(budget: u64) -> String {
     format!("search, held, {budget}")
 }
 
-/// The conditional ado, one simulation per start.
+/// Name in rows of the conditional ado with one simulation per start.
 pub const CONDITIONAL: &str = "conditional";
-/// The conditional ado, one simulation per start, told what it fares best with
-/// on starts that are not reported.
+/// Name in rows of the conditional ado with adapted parameters.
+///
+/// They are the best parameters on starts that are not reported. It has one simulation
+/// per start.
 pub const ADAPTED: &str = "conditional, adapted";
-/// The conditional ado with a few tries.
+/// Name in rows of the conditional ado with a few tries.
 pub const CONDITIONAL_TRIES: &str = "conditional, tries";
 
-/// What to study.
+/// Request of the study.
 #[derive(Clone, Copy)]
 pub struct ReuseAsked<'a> {
-    /// Trainings, and the stream of the test starts.
+    /// Training seeds, and the stream of the test starts.
     pub seeds: Seeds,
-    /// Test starts to draw.
+    /// Number of test starts.
     pub starts: usize,
-    /// Runs per start of the ado that may explore, the greedy one included.
+    /// Runs per start of the exploring ado, including the greedy run.
     pub tries: u64,
-    /// Where the run directories go.
+    /// Directory of the run directories.
     pub runs: &'a Path,
 }
 
-/// How an ego was identified.
+/// Identification of an ego.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Known {
-    /// The ego.
+    /// Name of the ego.
     pub ego: String,
-    /// The member it was taken for.
+    /// Identified member, in words.
     pub taken_for: String,
     /// Whether that member explains the recorded runs.
     pub explained: bool,
-    /// Root mean square distance of that member to the recorded runs, m.
+    /// Root mean square distance of that member from the recorded runs, m.
     pub residual_m: f64,
-    /// The same of the nominal ego.
+    /// Root mean square distance of the nominal ego, m.
     pub nominal_residual_m: f64,
-    /// Runs simulated and recorded for it.
+    /// Simulated and recorded runs of the identification.
     pub simulations: u64,
-    /// What the conditional ado of each training seed is best told of it.
+    /// Adapted parameters of the conditional ado, by training seed.
     pub adapted: Vec<String>,
-    /// Runs of the ego simulated to learn that, mean over the training seeds.
+    /// Runs of the ego for that adaptation, mean over the training seeds.
     pub adapting_simulations: f64,
 }
 
-/// What the study came to.
+/// Results of the study.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReuseStudied {
     /// Name of the world.
     pub world: String,
-    /// Starts evaluated.
+    /// Number of evaluated starts.
     pub starts: usize,
-    /// Starts left out because the nominal ego fails without an adversary.
+    /// Starts left out, because the nominal ego fails without an adversary.
     pub trivial: usize,
-    /// Training seeds.
+    /// Number of training seeds.
     pub seeds: u64,
-    /// Mean processor time of a training, by ado.
+    /// Mean processor time of a training by ado, s.
     pub train_cpu_s: Vec<(&'static str, f64)>,
-    /// The egos, the nominal one first.
+    /// Results by ego, the nominal ego first.
     pub egos: Vec<ReusedOn>,
-    /// How each was identified.
+    /// Identification of each ego.
     pub known: Vec<Known>,
-    /// From how many starts on the conditional ado is cheaper than search.
+    /// Starts from which the conditional ado is cheaper than search.
     pub economy: Vec<Economy>,
-    /// Blocks and all changed egos; differences are to the conditional ado.
+    /// Summary by block and over all changed egos, relative to the conditional ado.
     pub summary: Vec<Summary>,
-    /// The same; differences are to the adapted conditional ado.
+    /// Same summary, relative to the adapted conditional ado.
     pub summary_of_adapted: Vec<Summary>,
-    /// The same; differences are to the conditional ado with a few tries.
+    /// Same summary, relative to the conditional ado with a few tries.
     pub summary_of_tries: Vec<Summary>,
-    /// All rows.
+    /// All rows of the study.
     pub rows: Vec<Row>,
 }
 
-/// The study could not be made.
+/// Error of the study.
 #[derive(Debug, thiserror::Error)]
 pub enum ReuseError {
-    /// The world names no family.
+    /// The world has no family.
     #[error("`{world}` names no family of egos")]
     NoFamily {
-        /// The world.
+        /// Name of the world.
         world: String,
     },
-    /// A training or a run directory.
+    /// A training or its run directory failed.
     #[error(transparent)]
     Train(#[from] TrainError),
-    /// A run directory.
+    /// A run directory failed.
     #[error(transparent)]
     Run(#[from] RunError),
     /// An ego could not be identified.
     #[error("identifying `{ego}`: {source}")]
     Identify {
-        /// The ego.
+        /// Name of the ego.
         ego: String,
-        /// Why.
+        /// Reason of the failure.
         source: IdentifyError,
     },
 }
 
-/// The ados of one training seed.
+/// Ados of a training seed.
 struct Trio {
     nominal: RunDir,
     wide: RunDir,
     conditional: RunDir,
 }
 
-/// What one ego of the study came to.
+/// Results of an ego of the study.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Met {
-    /// Its rows and what they come to.
+    /// Summary of its rows.
     pub reused: ReusedOn,
-    /// Its rows; they are listed beside the egos in the study.
+    /// Rows of the ego, which the study lists beside the egos.
     pub rows: Vec<Row>,
-    /// How it was identified.
+    /// Identification of the ego.
     pub known: Known,
 }
 
-/// A study under way: trained ados and the starts they meet every ego on.
+/// Unfinished study: trained ados and the starts of every ego.
 pub struct ReuseStudy<'a> {
     scenario: &'a Scenario,
     family: &'a Family,
@@ -171,11 +172,10 @@ pub struct ReuseStudy<'a> {
 }
 
 impl<'a> ReuseStudy<'a> {
-    /// Trains the ados of a world; finished trainings are used as they are.
-    /// `None`: stopped.
+    /// Trains the ados of a world, or uses finished trainings. `None`: stopped.
     ///
     /// # Errors
-    /// There is no family, a training fails, or the disk refuses.
+    /// Returns an error without a family, if a training fails, or if a file cannot be written.
     pub fn begin(
         scenario: &'a Scenario,
         asked: ReuseAsked<'a>,
@@ -201,17 +201,19 @@ impl<'a> ReuseStudy<'a> {
         }))
     }
 
-    /// Lets everybody meet one ego. `None`: stopped.
+    /// Plays all ados against an ego. `None`: stopped.
     ///
     /// # Errors
-    /// It cannot be identified, or a run directory is damaged.
+    /// Returns an error if the ego cannot be identified or a run directory is damaged.
     pub fn meet(
         &self,
         tested: &EgoUnderTest,
         watch: &Watch<'_>,
     ) -> Result<Option<Met>, ReuseError> {
         let (ego, changed) = (tested.name(), tested.scenario());
+        // All seeds train against the same family, so any run gives the relation.
         let conditional = &self.trios[0].conditional;
+        // The relation depends on the family that the conditional ado was trained on.
         let relation = tested.relation(conditional, &conditional.scenario()?);
         let Some(identified) = self.identified((ego, changed), &[], watch)? else {
             return Ok(None);
@@ -241,14 +243,17 @@ impl<'a> ReuseStudy<'a> {
             };
             rows.push(player.conditional(ADAPTED, trio, (&found.member, "adapted"))?);
             known.adapted.push(self.family.in_words(&found.member));
+            // Every seed adapts by itself, and the study reports the mean cost.
             known.adapting_simulations += found.simulations as f64 / self.trios.len() as f64;
         }
+        // Only an ego of the family has parameters that identification can miss.
         if relation == Relation::Inside {
             let Some(left_out) = self.left_out(&player, &identified.member, &rows)? else {
                 return Ok(None);
             };
             rows.extend(left_out);
         }
+        // The rule is tuned on the nominal ego once and reused for every ego.
         let heuristic = match self.heuristic.get() {
             Some(tuned) => tuned,
             None => {
@@ -260,6 +265,7 @@ impl<'a> ReuseStudy<'a> {
             }
         };
         rows.extend(player.rivals(&self.trios[0].nominal, heuristic.as_ref(), self.asked.tries)?);
+        // The search is the last row, and all other rows are compared with it.
         if let Some((reachable, others)) = rows.split_last_mut() {
             for row in others {
                 row.compare_with_search(&reachable.solved);
@@ -273,7 +279,7 @@ impl<'a> ReuseStudy<'a> {
         }))
     }
 
-    /// The member that an ego is taken for, if `fixed` quantities are not varied.
+    /// Identifies an ego while the quantities in `fixed` stay nominal.
     fn identified(
         &self,
         (ego, changed): (&str, &Scenario),
@@ -284,7 +290,9 @@ impl<'a> ReuseStudy<'a> {
             world: self.scenario,
             ego: changed,
             runs: RECORDED_RUNS as usize,
+            // The study has no limit on recorded runs and reports their number.
             at_most: u64::MAX,
+            // A fixed seed keeps the recorded runs the same for every training seed.
             seed: 0,
             fixed,
         };
@@ -294,7 +302,7 @@ impl<'a> ReuseStudy<'a> {
         })
     }
 
-    /// What a conditional ado is best told of an ego.
+    /// Adapts the parameters of a conditional ado to an ego.
     fn adapted(
         &self,
         trio: &Trio,
@@ -313,12 +321,12 @@ impl<'a> ReuseStudy<'a> {
         Ok(adapt(&request, watch)?)
     }
 
-    /// The conditional ados where identification knows all of the family's
-    /// quantities but one, for each of them in turn.
+    /// Plays the conditional ados with one quantity left out of the identification.
     ///
-    /// They are told the nearest member, however far it is: the ego is of the
-    /// family. Where it is nominal in the one, nothing is lost with it: then they
-    /// are told the same as ever, and their rows among `told` are the rows.
+    /// Each quantity is left out in turn. The ados are conditioned on the nearest member, even
+    /// if it is distant, because the ego belongs to the family.
+    /// If the quantity is nominal, leaving it out changes nothing, so the rows are those
+    /// of the ado with all quantities.
     fn left_out(
         &self,
         player: &Player<'_>,
@@ -339,7 +347,7 @@ impl<'a> ReuseStudy<'a> {
             let member = match self.identified(ego, &[name.to_owned()], player.watch) {
                 Ok(Some(identified)) => identified.member,
                 Ok(None) => return Ok(None),
-                // It was the only one.
+                // The left-out quantity was the only quantity.
                 Err(ReuseError::Identify {
                     source: IdentifyError::NothingToFit,
                     ..
@@ -353,7 +361,7 @@ impl<'a> ReuseStudy<'a> {
         Ok(Some(rows))
     }
 
-    /// Sums up the egos that were met, the nominal one first.
+    /// Concludes the study from the egos' results, the nominal ego first.
     pub fn conclude(&self, met: Vec<Met>) -> ReuseStudied {
         let known: Vec<Known> = met.iter().map(|met| met.known.clone()).collect();
         let egos: Vec<ReusedOn> = met
@@ -364,8 +372,10 @@ impl<'a> ReuseStudy<'a> {
             })
             .collect();
         let first = egos.first().and_then(|ego| ego.rows.first());
+        // An episode of the training is a simulation of the ego.
         let trainings = self.trios.iter().map(|trio| trio.conditional.manifest());
         let training = trainings.map(|run| run.episodes as f64).sum::<f64>();
+        // The economy counts the mean training, because each seed is a training.
         let training = training / self.trios.len().max(1) as f64;
         ReuseStudied {
             world: self.scenario.name.clone(),
@@ -386,12 +396,13 @@ impl<'a> ReuseStudy<'a> {
 
 type CpuByAdo = Vec<(&'static str, f64)>;
 
-/// Trains what is not trained yet, in parallel.
+/// Trains the ados in parallel, as far as they are not trained yet.
 fn trios(
     scenario: &Scenario,
     request: &ReuseAsked<'_>,
     watch: &Watch<'_>,
 ) -> Result<Option<(Vec<Trio>, CpuByAdo)>, ReuseError> {
+    // All trainings form one parallel loop, so no thread waits for a kind to finish.
     let kinds = [Against::Nominal, Against::Wide, Against::Conditional];
     let jobs: Vec<(Against, u64)> = kinds
         .into_iter()
@@ -401,6 +412,7 @@ fn trios(
         .par_iter()
         .map(|&(against, seed)| {
             let trained = scenario.training_against(against);
+            // The nominal training uses the world as it is.
             let trained = trained.as_ref().unwrap_or(scenario);
             trained_run(trained, seed, request.runs, watch)
         })
@@ -418,6 +430,7 @@ fn trios(
         (kind.word(), sum / request.seeds.count.max(1) as f64)
     });
     let open = |against: Against| of(against).map(|(path, _)| RunDir::open(path));
+    // Runs of all kinds are ordered by seed, so they can be zipped.
     let trios = open(Against::Nominal)
         .zip(open(Against::Wide))
         .zip(open(Against::Conditional))

@@ -1,4 +1,4 @@
-//! Who plays against one ego of the study of reuse.
+//! Ados that play against an ego of the reuse study.
 
 use super::{CONDITIONAL, CONDITIONAL_TRIES, HELD_BUDGETS, Trio, held_word};
 use crate::adversary::{
@@ -14,7 +14,7 @@ use crate::search::{
 use crate::stats::StartOutcome;
 use crate::world::{Family, Member, Scenario};
 
-/// One ego and the starts on which everybody meets it.
+/// Ego with the starts on which all ados play.
 pub(super) struct Player<'a> {
     pub(super) scenario: &'a Scenario,
     pub(super) ego: &'a str,
@@ -23,7 +23,7 @@ pub(super) struct Player<'a> {
 }
 
 impl Player<'_> {
-    /// The rows of one training seed.
+    /// Returns the rows of a training seed.
     pub(super) fn ados(
         &self,
         trio: &Trio,
@@ -34,6 +34,7 @@ impl Player<'_> {
         let seed = trio.conditional.manifest().seed;
         let policy = trio.conditional.policy_told(member)?;
         let others = other_members(&trio.conditional, family, member.plant)?;
+        // Later tries may use other members, in case the identified member is wrong.
         let tried = Tries {
             request: self.request(Ado::Trained(&*policy, seed)),
             policy: &*policy,
@@ -49,11 +50,12 @@ impl Player<'_> {
                 ..called(CONDITIONAL_TRIES, tried.run(self.watch).evaluated.row)
             },
         ];
+        // The wide ado has the same learner as the nominal ado and would look the same.
         rows[1].method = "dqn, wide".to_owned();
         Ok(rows)
     }
 
-    /// The row of a conditional ado that takes the ego for a member.
+    /// Returns the row of a conditional ado with the parameters of a member.
     pub(super) fn conditional(
         &self,
         word: &str,
@@ -68,7 +70,7 @@ impl Player<'_> {
         })
     }
 
-    /// The rows of everybody who was not trained.
+    /// Returns the rows of all untrained ados and searches.
     pub(super) fn rivals(
         &self,
         run: &RunDir,
@@ -85,12 +87,15 @@ impl Player<'_> {
             .collect();
         rows.push(best_constant(self.scenario, self.ego, self.starts, self.watch).row);
         let most = HELD_BUDGETS[HELD_BUDGETS.len() - 1];
+        // One search with the largest budget contains the smaller ones.
         let held = self.searched(Hold.into(), most);
         for budget in HELD_BUDGETS {
             rows.push(called(&held_word(budget), cut(&held, budget)));
         }
+        // Mutation gets as many runs per start as the ado with several tries.
         let mutated = self.searched(Mutate(&stored).into(), tries);
         rows.push(called(&format!("mutate, {tries}"), mutated.row));
+        // The search comes last, as `ReuseStudy::meet` expects.
         rows.push(self.searched(Switches(SWITCHES).into(), 0).row);
         Ok(rows)
     }
@@ -121,7 +126,7 @@ impl Player<'_> {
     }
 }
 
-/// A row under another word.
+/// Returns the row under another name of the ado.
 pub(super) fn called(word: &str, row: Row) -> Row {
     Row {
         ado: word.to_owned(),
@@ -129,15 +134,17 @@ pub(super) fn called(word: &str, row: Row) -> Row {
     }
 }
 
-/// The row of a search that stopped after fewer simulations per start.
+/// Returns the row of the search as if it had stopped at a smaller budget.
 fn cut(searched: &Searched, budget: u64) -> Row {
     let marks = searched.row.solved.iter().zip(&searched.found);
     let within = |found: &Found| found.within(budget);
+    // Later solutions are beyond the budget and count as unsolved.
     let solved = marks.map(|(mark, found)| match (mark, found) {
         (StartOutcome::Solved, Some(found)) if !within(found).1 => StartOutcome::Unsolved,
         (mark, _) => *mark,
     });
     let mut row = searched.row.clone();
+    // The counts below are derived from the outcomes, so these are replaced first.
     row.solved = solved.collect();
     count_solved(&mut row);
     let spent: u64 = searched.found.iter().flatten().map(|f| within(f).0).sum();
@@ -145,6 +152,7 @@ fn cut(searched: &Searched, budget: u64) -> Row {
     let found = searched.found.iter().flatten();
     count_contacts(&mut row, found.filter(|found| within(found).1));
     row.method = Method::from(Hold).text(budget, None);
+    // Budgets beyond the cut would be reported otherwise.
     row.anytime.clear();
     row
 }

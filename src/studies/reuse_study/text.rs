@@ -1,16 +1,16 @@
-//! The study of reuse as Markdown.
+//! Markdown of the reuse study.
 
 use super::{ADAPTED, CONDITIONAL, CONDITIONAL_TRIES, Economy, ReuseStudied};
 use crate::evaluation::{ReusedOn, Summary};
 use crate::run_dir::Row;
 use crate::sysid::is_telling;
 
-/// The study as Markdown: every ego, then the means of every block.
+/// Formats the study: every ego, then the means of every block.
 pub fn reuse_markdown(studies: &[ReuseStudied]) -> String {
     studies.iter().map(one_markdown).collect()
 }
 
-/// What the columns of the first table mean, below it.
+/// Explanation of the columns of the first table.
 const EGOS_EXPLAINED: &str = "
 - relation: the ego that was trained against, inside the family it is of, or outside
 - fails without an adversary: share of starts, left out; reachable: share that search solves
@@ -18,13 +18,13 @@ const EGOS_EXPLAINED: &str = "
 - recall of conditional: of the starts that search solves, the share it solves too
 ";
 
-/// What the columns of the summaries mean, below the last of them.
+/// Explanation of the columns of the summaries.
 const BLOCKS_EXPLAINED: &str = "
 - mean success: over the egos of the block; − it: how much more the named ado has, in points
 - mean recall, least recall: over those egos of which search solves enough to ask
 ";
 
-/// What the columns of the last table mean, below it.
+/// Explanation of the columns of the last table.
 const KNOWN_EXPLAINED: &str = "
 - taken for: the member of the family that the recorded runs are nearest to
 - explained: whether it is as near as noise allows; residual: how far it is, (the nominal ego)
@@ -33,7 +33,7 @@ const KNOWN_EXPLAINED: &str = "
 - cheaper from: starts from which on the ado costs less than it, its training included
 ";
 
-/// Ados of the table of egos, and how its header calls them.
+/// Ados in the table of egos, with their headings.
 const SHOWN: [(&str, &str); 9] = [
     ("nominal ado", "nominal ado"),
     ("wide", "wide"),
@@ -66,6 +66,7 @@ fn one_markdown(study: &ReuseStudied) -> String {
         text.push_str(&format!(" {header} |"));
     }
     text.push_str(" recall of conditional |\n|");
+    // Four columns precede the ados, and a single column follows them.
     text.push_str(&" --- |".repeat(SHOWN.len() + 5));
     text.push('\n');
     for ego in &study.egos {
@@ -106,7 +107,7 @@ fn one_markdown(study: &ReuseStudied) -> String {
     text
 }
 
-/// What every ego was taken for, and when that pays.
+/// Formats the identification of every ego and its economy.
 fn known_markdown(study: &ReuseStudied) -> String {
     let mut text = String::from(
         "\n| ego | taken for | explained | residual m (nominal) | identification: simulations | \
@@ -122,6 +123,7 @@ fn known_markdown(study: &ReuseStudied) -> String {
             known.ego,
             match is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
                 true => &known.taken_for,
+                // A member that does not describe the ego is not used, so it is not shown.
                 false => "the nominal ego",
             },
             if known.explained { "yes" } else { "no" },
@@ -129,6 +131,7 @@ fn known_markdown(study: &ReuseStudied) -> String {
             known.nominal_residual_m,
             known.simulations,
             known.adapting_simulations,
+            // The parameters differ by seed, and the table has room for those of the first.
             known.adapted.first().map_or("–", String::as_str),
             line.map_or("– | –".to_owned(), economy_words),
         ));
@@ -144,6 +147,7 @@ fn known_markdown(study: &ReuseStudied) -> String {
 }
 
 fn economy_words(line: &Economy) -> String {
+    // An unmatched search costs its whole budget, so the true number may be smaller.
     let at_most = if line.matched { "" } else { "at most " };
     let starts = line.starts.map_or("never".to_owned(), |starts| {
         format!("{at_most}{starts:.0} starts")
@@ -151,7 +155,7 @@ fn economy_words(line: &Economy) -> String {
     format!("{:.1} | {starts}", line.search)
 }
 
-/// Mean over the training seeds of an ado's rows on one ego.
+/// Returns the mean over the training seeds of an ado's rows on an ego.
 fn mean_of(ego: &ReusedOn, ado: &str, of: fn(&Row) -> Option<f64>) -> Option<f64> {
     let rows = ego.rows.iter().filter(|row| row.ado == ado);
     let values: Vec<f64> = rows.filter_map(of).collect();

@@ -1,8 +1,8 @@
-//! The maps of RQ1 to RQ3 in Table I, and what the paper answers.
+//! Maps of RQ1 to RQ3 in Table I, with the paper's results.
 
 use crate::world::GridChange;
 
-/// A map of the table: change, question, words, what the paper reports.
+/// Map of the table: change, question, description, results of the paper.
 pub(super) struct Map {
     pub(super) question: &'static str,
     pub(super) words: String,
@@ -11,7 +11,7 @@ pub(super) struct Map {
     pub(super) paper_random: Option<f64>,
 }
 
-/// The maps of RQ1 to RQ3, in the order of Table I.
+/// Returns the maps of RQ1 to RQ3, in the order of Table I.
 pub(super) fn maps() -> Vec<Map> {
     let size = |size, paper, random| Map {
         question: "RQ2",
@@ -33,6 +33,7 @@ pub(super) fn maps() -> Vec<Map> {
         paper,
         paper_random: Some(random),
     };
+    // RQ1 is the training map itself. The paper has another random share for it.
     let trained_on = Map {
         question: "RQ1",
         paper_random: Some(0.0983),

@@ -1,7 +1,7 @@
-//! Table I of the paper, beside what can be achieved at all.
+//! Table I of the paper, beside the best achievable results.
 //!
-//! RQ1 to RQ5 on one grid world: the learners of its file, each with several
-//! seeds, random ados, a two-line chaser, and the exact optimum.
+//! RQ1 to RQ5 on a grid world: the learners of its file with several seeds each, random
+//! ados, a two-line chaser, and the exact optimum.
 
 mod maps;
 mod refined;
@@ -36,21 +36,22 @@ use crate::theorems::TheoremsError;
 use crate::training::TrainError;
 use crate::world::{ChangeError, Scenario};
 
-/// Random tables behind every mean of them.
+/// Number of random tables behind every mean.
 const TABLES: usize = 20;
 
-/// What to reproduce.
+/// Request of Table I.
 #[derive(Clone, Copy, Debug)]
 pub struct Table1 {
-    /// Trainings per learner; the stream of the test starts is also the seed of
-    /// random ados.
+    /// Training seeds per learner.
+    ///
+    /// The stream of the test starts is also the seed of the random ados.
     pub seeds: Seeds,
 }
 
-/// Table I could not be made.
+/// Error of Table I.
 #[derive(Debug, thiserror::Error)]
 pub enum Table1Error {
-    /// It is about grids.
+    /// The world is not a grid.
     #[error("`{world}` is no grid world")]
     NotAGrid {
         /// Name of the world.
@@ -59,7 +60,7 @@ pub enum Table1Error {
     /// A map of the table does not fit the world.
     #[error("a map of Table I does not fit the world: {0}")]
     Change(#[from] ChangeError),
-    /// Training failed.
+    /// A training failed.
     #[error(transparent)]
     Train(#[from] TrainError),
     /// A theorem does not apply to a map.
@@ -67,12 +68,12 @@ pub enum Table1Error {
     Theorems(#[from] TheoremsError),
 }
 
-/// Table I on one grid world.
+/// Results of Table I on a grid world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GridStudy {
     /// Name of the world.
     pub world: String,
-    /// A or B, in the words of docs/grid.md.
+    /// Reading A or B of docs/grid.md.
     pub reading: char,
     /// Names of the learners, in the order of all lists here.
     pub learners: Vec<String>,
@@ -80,56 +81,57 @@ pub struct GridStudy {
     pub seeds: Vec<u64>,
     /// Decisions per training, by learner.
     pub decisions: Vec<u64>,
-    /// Mean processor time of a training, by learner.
+    /// Mean processor time of a training by learner, s.
     pub train_cpu_s: Vec<f64>,
-    /// RQ1: 10 and 20 random ados on the training map.
+    /// Results of RQ1: 10 and 20 random ados on the training map.
     pub random_ados: Vec<RandomAdos>,
-    /// RQ1, RQ2 and RQ3: captures per map.
+    /// Results of RQ1, RQ2 and RQ3: captures per map.
     pub cells: Vec<MapResult>,
-    /// RQ4: starts of nearly the same value.
+    /// Results of RQ4: starts of similar value.
     pub near_starts: NearStarts,
-    /// RQ5: captures on refined maps.
+    /// Results of RQ5: captures on refined maps.
     pub refined: Vec<RefinedMap>,
-    /// Fig. 1: action sequences against policies.
+    /// Results of Fig. 1: action sequences compared with policies.
     pub open_loop: Vec<OpenLoop>,
-    /// The rows behind the cells: every learner, seed and map.
+    /// Rows behind the cells: every learner, seed and map.
     pub rows: Vec<Row>,
 }
 
-/// RQ1: several random ados.
+/// Results of several random ados in RQ1.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RandomAdos {
-    /// Random ados that were tried.
+    /// Number of random ados.
     pub ados: usize,
-    /// The paper's mean share of captured starts.
+    /// Mean share of captured starts in the paper.
     pub paper: f64,
-    /// Uniformly random actions: mean share, and Wilson's interval.
+    /// Mean share for uniformly random actions, with Wilson's interval.
     pub actions: (f64, [f64; 2]),
-    /// One random action fixed per position: mean share, and its interval over
-    /// tables and starts.
+    /// Mean share for a random action fixed per position.
+    ///
+    /// Its interval covers tables and starts.
     pub tables: (f64, [f64; 2]),
 }
 
-/// Captures on one map.
+/// Captures on a map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct MapResult {
-    /// RQ1, RQ2 or RQ3.
+    /// Question: RQ1, RQ2 or RQ3.
     pub question: String,
-    /// The map in words.
+    /// Description of the map.
     pub map: String,
-    /// Starts evaluated: all there are.
+    /// Number of evaluated starts, which are all starts of the map.
     pub starts: usize,
-    /// The paper's share for its trained ado.
+    /// Share of the paper's trained ado.
     pub paper: f64,
-    /// The paper's share for its random ado, where it has one.
+    /// Share of the paper's random ado, if the paper has it.
     pub paper_random: Option<f64>,
-    /// What is captured without learning.
+    /// Captures without learning.
     pub references: References,
-    /// What trained ados capture, a learner each.
+    /// Captures of the trained ados, by learner.
     pub trained: Vec<LearnerOnMap>,
 }
 
-/// One learner on one map.
+/// Results of a learner on a map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LearnerOnMap {
     /// Median over seeds of the share of captured starts.
@@ -138,26 +140,26 @@ pub struct LearnerOnMap {
     pub mean: f64,
     /// Interval of the mean over trainings and starts (docs/intervals.md).
     pub ci95: [f64; 2],
-    /// The worst seed.
+    /// Share of the worst seed.
     pub min: f64,
 }
 
-/// A trained ado.
+/// Trained ado.
 struct Learned {
     learner: usize,
     seed: u64,
     policy: Box<dyn Policy>,
-    /// The first counterexample from every start that training met one from.
+    /// First counterexample from every start on which training found any.
     met: Vec<Success>,
     cpu_s: f64,
 }
 
-/// Trains on the world's own map and measures everywhere else.
+/// Trains on the world's own map and evaluates on every map.
 ///
-/// Equal for any number of threads. `None`: stopped from outside.
+/// Results do not depend on the number of threads. `None`: stopped from outside.
 ///
 /// # Errors
-/// The world is no grid, or the maps of Table I do not fit it.
+/// Returns an error if the world is not a grid or the maps of Table I do not fit it.
 pub fn table1(
     scenario: &Scenario,
     request: &Table1,
@@ -170,11 +172,13 @@ pub fn table1(
     };
     let learners = learners(scenario);
     let seeds: Vec<u64> = request.seeds.trainings().collect();
+    // A world that does not fit is reported before the long trainings begin.
     let large = value::LargeMap::new(scenario, request)?;
     let own: u64 = learners
         .iter()
         .map(|(_, learner)| learner.decisions())
         .sum();
+    // RQ4 and RQ5 train every learner again, for longer, on the large map.
     let total = request.seeds.count * (own + 2 * own * value::LONGER);
     let progress = Progress {
         done: AtomicU64::new(0),
@@ -184,6 +188,7 @@ pub fn table1(
     let jobs: Vec<(usize, u64)> = (0..learners.len())
         .flat_map(|learner| seeds.iter().map(move |seed| (learner, *seed)))
         .collect();
+    // Trainings are independent, and `collect` keeps the order of the jobs.
     let learned: Option<Vec<Learned>> = jobs
         .par_iter()
         .map(|&(learner, seed)| learn(scenario, &learners[learner].1, (learner, seed), &progress))
@@ -229,7 +234,7 @@ pub fn table1(
     }))
 }
 
-/// The world's learner and its others, by the names of the table.
+/// Returns the world's learner and its further learners, with their names in the table.
 fn learners(scenario: &Scenario) -> Vec<(String, LearnerConfig)> {
     let own = (
         scenario.learner.name().to_uppercase(),
@@ -240,14 +245,14 @@ fn learners(scenario: &Scenario) -> Vec<(String, LearnerConfig)> {
     [own].into_iter().chain(others).collect()
 }
 
-/// Counts decisions of all trainings.
+/// Progress over the decisions of all trainings.
 struct Progress<'a> {
     done: AtomicU64,
     total: u64,
     watch: &'a Watch<'a>,
 }
 
-/// Trains one ado on the world's training starts; `None` when stopped.
+/// Trains an ado on the world's training starts. `None`: stopped.
 fn learn(
     scenario: &Scenario,
     learner: &LearnerConfig,
@@ -256,10 +261,12 @@ fn learn(
 ) -> Option<Learned> {
     let clock = cpu_time::ThreadTime::now();
     let mut gym = Gym::new(scenario.bench(), Purpose::Train, seed);
+    // RQ4 selects its counterexamples among those that training found.
     gym.keep_successes();
     let mut learner = learner.build(scenario.world().spaces(), seed);
     let mut before = 0;
     learner.train(&mut gym, &mut |report| {
+        // The learner reports totals, so only the difference is added.
         let new = report.decisions - before;
         before = report.decisions;
         let done = progress.done.fetch_add(new, Ordering::Relaxed) + new;
@@ -270,6 +277,7 @@ fn learn(
         }
     });
     let mut met = gym.take_successes();
+    // Bits are hashed, because floating-point numbers have no equality for sets.
     let at = |success: &Success| success.start.0.iter().map(|x| x.to_bits()).collect();
     let mut seen: HashSet<Vec<u64>> = HashSet::new();
     met.retain(|success| seen.insert(at(success)));
@@ -282,9 +290,10 @@ fn learn(
     })
 }
 
-/// The starts of a map, none of them left out as trivial: the paper counts all.
+/// Returns the starts of a map.
 ///
-/// Where they are not listed, so many are drawn.
+/// Trivial starts are kept, because the paper counts all starts. If the map has no list,
+/// `drawn` starts are drawn.
 fn starts_of(scenario: &Scenario, seed: u64, drawn: usize) -> TestStarts {
     let bench = scenario.bench();
     let key = |index: usize| StartKey {
@@ -300,6 +309,7 @@ fn starts_of(scenario: &Scenario, seed: u64, drawn: usize) -> TestStarts {
         .enumerate()
         .map(|(index, start)| (start, bench.noise_of(key(index))))
         .collect();
+    // Without this the evaluation would leave out starts that the paper counts.
     let trivial = vec![false; starts.len()];
     TestStarts {
         seed,
@@ -318,10 +328,12 @@ fn measure(
     watch: &Watch<'_>,
 ) -> Result<Option<MapResult>, Table1Error> {
     let mut changed = scenario.with(&map.change.clone().into())?;
+    // The maps of Table I list their starts, so none is drawn.
     let starts = starts_of(&changed, request.seeds.starts, 0);
     let quiet = watch.quiet();
     let mut trained = Vec::new();
     for (learner, (_, config)) in learners.iter().enumerate() {
+        // The learner is named in the rows, so the world carries it.
         changed = changed.learning_with(config.clone());
         let of = learned.iter().filter(|learned| learned.learner == learner);
         let own: Vec<Row> = of
@@ -365,16 +377,16 @@ fn measure(
     }))
 }
 
-/// What is captured without learning, from the same starts.
+/// Captures without learning, from the same starts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct References {
-    /// Share that the best ado captures, exactly.
+    /// Exact share of the optimal ado.
     pub optimum: f64,
-    /// Share that uniformly random actions capture in expectation, exactly.
+    /// Exact expected share of uniformly random actions.
     pub random: f64,
     /// Mean share of random fixed tables.
     pub random_tables: f64,
-    /// Share that the two-line chaser captures.
+    /// Share of the two-line chaser.
     pub chaser: f64,
 }
 
@@ -399,30 +411,33 @@ impl References {
     }
 }
 
-/// Mean, median and worst of the shares of all seeds; no interval yet.
+/// Returns mean, median and minimum of the shares of all seeds, without an interval.
 fn spread(shares: &[f64]) -> LearnerOnMap {
     let mut sorted = shares.to_vec();
     sorted.sort_by(f64::total_cmp);
     LearnerOnMap {
         median: sorted.get(sorted.len() / 2).copied().unwrap_or(0.0),
         mean: shares.iter().sum::<f64>() / shares.len().max(1) as f64,
+        // The widest interval, until the caller replaces it.
         ci95: [0.0, 1.0],
         min: sorted.first().copied().unwrap_or(0.0),
     }
 }
 
-/// One action per position, drawn once.
+/// Returns a table with a random action per position.
 fn random_table(game: &Game, seed: u64, index: usize) -> Vec<usize> {
+    // The factor keeps the streams of neighbouring seeds apart.
     let mut dice = Dice::new(seed.wrapping_mul(1_000_003) + index as u64);
     (0..game.pairs())
         .map(|_| dice.below(game.moves.len()))
         .collect()
 }
 
-/// RQ1's baselines: several ados, each from every start.
+/// Evaluates RQ1's baselines: several ados, each from every start.
 fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
     let starts: Vec<_> = game.arena.starts().collect();
     let one = |ados: usize, paper: f64| {
+        // Both lines start from the same seed, so the first 10 ados are the same.
         let mut dice = Dice::new(request.seeds.starts);
         let mut captured = 0;
         for _ in 0..ados {
@@ -454,7 +469,7 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
     vec![one(10, 0.0983), one(20, 0.1023)]
 }
 
-/// The sentence that must stand beside a reading.
+/// Returns the sentence that must accompany a reading.
 pub(super) fn verdict_on(wall: AtWall) -> &'static str {
     match wall {
         AtWall::Stays => {

@@ -1,4 +1,4 @@
-//! RQ5: λ = (10, C200, 1), reused where every cell is cut into ε × ε (Theorem 3).
+//! RQ5: λ = (10, C200, 1) on maps with every cell divided into ε × ε (Theorem 3).
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,51 +15,52 @@ use crate::testbench::{Actor, Aftermath, PolicyActor, Replay, Testbench, play};
 use crate::theorems::{bisimulations, lifted};
 use crate::world::{GridChange, Scenario};
 
-/// Random training starts, as in the paper.
+/// Number of random training starts, as in the paper.
 const TRAINING_STARTS: usize = 200;
-/// Starts drawn on refined maps: three times 300, as in the paper.
+/// Number of starts on refined maps: three times 300, as in the paper.
 const REFINED_STARTS: usize = 900;
-/// ε and the paper's share.
+/// Values of ε with the paper's shares.
 const REFINEMENTS: [(u32, f64); 2] = [(3, 0.89), (5, 0.78)];
-/// τ of a capture by unit moves under the shipped rule.
+/// Margin τ of a capture by unit moves under the shipped rule.
 const TAU: f64 = 0.5;
 
-/// RQ5 for one ε.
+/// Results of RQ5 for a value of ε.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RefinedMap {
-    /// Fine cells along a cell.
+    /// Number of fine cells along a cell.
     pub refine: u32,
-    /// The paper's share.
+    /// Share in the paper.
     pub paper: f64,
-    /// Starts drawn.
+    /// Number of drawn starts.
     pub starts: usize,
-    /// Pairs of states in the greatest bisimulation, ε the largest below τ.
+    /// Pairs of states in the greatest bisimulation for the largest ε below τ.
     pub related: usize,
     /// Pairs of states within that ε.
     pub candidates: usize,
-    /// Drawn starts related with the start whose cells hold them.
+    /// Drawn starts related to the coarse start that contains them.
     pub related_starts: usize,
-    /// What is captured without learning.
+    /// Captures without learning.
     pub references: References,
-    /// By learner.
+    /// Results by learner.
     pub trained: Vec<RefinedShare>,
 }
 
-/// One learner on one refined map.
+/// Results of a learner on a refined map.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RefinedShare {
-    /// The ado acts on coarse cells, as in the paper.
+    /// Captures of the ado acting on coarse cells, as in the paper.
     pub by_cell: LearnerOnMap,
-    /// The ado looks at the refined map.
+    /// Captures of the ado observing the refined map.
     pub own_view: LearnerOnMap,
-    /// Related starts whose coarse start is a counterexample, over all seeds, and
-    /// those from which the ego fails by cell: all of them, by Theorem 3.
+    /// Related starts with a coarse counterexample, and captures among them.
+    ///
+    /// Both are summed over seeds. By Theorem 3 they are equal.
     pub related: (usize, usize),
-    /// The same of starts that are not related.
+    /// Same counts for unrelated starts.
     pub unrelated: (usize, usize),
 }
 
-/// Trains on 200 starts and reuses; `None` when stopped.
+/// Trains on 200 starts and evaluates on refined maps. `None`: stopped.
 pub(super) fn refined(
     large: &LargeMap,
     learners: &[(String, LearnerConfig)],
@@ -85,6 +86,7 @@ pub(super) fn refined(
         }
         let step = GridChange {
             refine: Some(refine),
+            // The ego moves as far as before, in fine cells.
             ego_step: Some(refine),
             starts: Some(Starts::Uniform),
             ..GridChange::default()
@@ -98,7 +100,7 @@ pub(super) fn refined(
     Ok(Some(all))
 }
 
-/// A refined map, its drawn starts and its relation with the coarse map.
+/// Refined map with its drawn starts and its relation to the coarse map.
 struct Reuse<'a> {
     coarse: &'a Scenario,
     fine: &'a Scenario,
@@ -107,7 +109,7 @@ struct Reuse<'a> {
     references: References,
 }
 
-/// How an ado fared from one start.
+/// Results of an ado from a start.
 struct Reused {
     coarse: bool,
     by_cell: bool,
@@ -123,6 +125,7 @@ impl<'a> Reuse<'a> {
             .map(|(start, _)| position_of(start, &game.arena))
             .collect();
         Some(Reuse {
+            // The last relation has the largest ε below τ.
             relation: bisimulations(coarse, fine, TAU)?.pop()?,
             references: References::of(&game, &positions, seed),
             coarse,
@@ -167,6 +170,7 @@ impl<'a> Reuse<'a> {
         let mut benches = [self.coarse.bench(), self.fine.bench()];
         let one = |both: &Position| {
             let at = start_of(*both);
+            // The coarse policy cannot run on the fine grid, so its actions are computed first.
             let actions = lifted([coarse, fine], *both, &*ado.policy);
             let mut own = PolicyActor(&*ado.policy);
             let mut captures = |bench: usize, start: &Start, actor: &mut dyn Actor| {
@@ -176,7 +180,7 @@ impl<'a> Reuse<'a> {
             };
             let from = self.relation.coarse(*both);
             Reused {
-                // Two fine starts in one cell have no coarse start.
+                // Two fine starts in the same cell have no coarse start.
                 coarse: from.ego != from.ado && captures(0, &start_of(from), &mut own),
                 by_cell: captures(1, &at, &mut Replay::holding(&actions)),
                 own_view: captures(1, &at, &mut own),
@@ -208,6 +212,7 @@ impl<'a> Reuse<'a> {
                     true => &mut related,
                     false => &mut unrelated,
                 };
+                // Only counterexamples of the coarse map are covered by the theorem.
                 if reused.coarse {
                     sum.0 += 1;
                     sum.1 += usize::from(reused.by_cell);

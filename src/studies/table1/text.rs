@@ -1,9 +1,9 @@
-//! Table I as Markdown.
+//! Markdown of Table I.
 
 use super::{GridStudy, LearnerOnMap, MapResult, verdict_on};
 use crate::scene::grid::AtWall;
 
-/// The studies, the headline first.
+/// Formats the studies, the headline first.
 pub fn table1_markdown(studies: &[GridStudy]) -> String {
     let mut text = String::new();
     for study in studies {
@@ -59,6 +59,7 @@ fn interval([lo, hi]: [f64; 2]) -> String {
 
 fn header(fixed: &str, study: &GridStudy, rest: &str, text: &mut String) {
     let line = format!("| {fixed} | {} |{rest}\n", study.learners.join(" | "));
+    // The rule has as many columns as the header, whatever the number of learners.
     let rule = "| --- ".repeat(line.matches('|').count() - 1);
     text.push_str(&format!("{line}{rule}|\n"));
 }

@@ -1,4 +1,4 @@
-//! Fig. 1: a sequence of actions works from its own start, a policy from others.
+//! Fig. 1: action sequences work from their own start, policies from other starts.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,31 +9,32 @@ use crate::scene::grid::{Position, position_of};
 use crate::testbench::{Aftermath, PolicyActor, play};
 use crate::world::{GridChange, Scenario};
 
-/// The sequences of one learner's policies, played back open loop.
+/// Sequences of a learner's policies, replayed in open loop.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct OpenLoop {
     /// Position of the learner in the study's list.
     pub learner: usize,
-    /// Captures from their own start: 1 by construction.
+    /// Captures from their own start, which is 1 by construction.
     pub own_start: f64,
-    /// Share of all other starts that a sequence captures, mean over all.
+    /// Mean share of all other starts that a sequence captures.
     pub other_starts: f64,
-    /// Share of other starts that the policy captures.
+    /// Share of all starts that the policy captures.
     pub policy_other_starts: f64,
-    /// The same sequences from their own start, but against k = 1.
+    /// Share of sequences that capture from their own start against k = 1.
     pub other_step: f64,
-    /// The policy from the same starts against k = 1.
+    /// Share of these starts that the policy captures against k = 1.
     pub policy_other_step: f64,
     /// Pairs of a sequence and a start behind `other_starts`.
     pub pairs: usize,
 }
 
-/// Records every policy from every start, and plays the sequences elsewhere.
+/// Records every policy from every start and replays the sequences elsewhere.
 pub(super) fn open_loop(
     scenario: &Scenario,
     learners: usize,
     learned: &[Learned],
 ) -> Result<Vec<OpenLoop>, Table1Error> {
+    // A slower ego shows if a sequence or a policy adapts to a change.
     let slower = scenario.with(
         &GridChange {
             ego_step: Some(1),
@@ -71,12 +72,14 @@ impl Sums {
         let (game, slow) = (Game::of(grid), Game::of(slow));
         let starts: Vec<Start> = scenario.starts().unwrap_or_default();
         let sequences = recorded(scenario, &starts, learned);
+        // The same starts are valid on both maps, because only the ego's step differs.
         let slower_ones = recorded(slower, &starts, learned);
         let at: Vec<Position> = starts.iter().map(|s| position_of(s, &game.arena)).collect();
         self.starts += starts.len();
         self.policy += sequences.iter().flatten().count();
         for (own, actions) in sequences.iter().enumerate() {
             let Some(actions) = actions else {
+                // Only a capturing sequence can be replayed.
                 continue;
             };
             self.sequences += 1;
@@ -94,6 +97,7 @@ impl Sums {
         let share = |part: usize, whole: usize| part as f64 / whole.max(1) as f64;
         OpenLoop {
             learner,
+            // A replay on the same deterministic map repeats the recorded capture.
             own_start: 1.0,
             other_starts: share(self.captured, self.pairs),
             policy_other_starts: share(self.policy, self.starts),
@@ -104,7 +108,7 @@ impl Sums {
     }
 }
 
-/// The actions with which the policy captures, per start.
+/// Returns the actions with which the policy captures, per start.
 fn recorded(scenario: &Scenario, starts: &[Start], learned: &Learned) -> Vec<Option<Vec<usize>>> {
     let mut bench = scenario.bench();
     let mut actor = PolicyActor(&*learned.policy);
@@ -115,7 +119,7 @@ fn recorded(scenario: &Scenario, starts: &[Start], learned: &Learned) -> Vec<Opt
     played.collect()
 }
 
-/// Whether a sequence captures; its last action holds when it runs out.
+/// Returns whether a sequence captures, its last action held.
 fn replayed(game: &Game, start: Position, actions: &[usize]) -> bool {
     let mut next = 0;
     game.captures(start, |_| {

@@ -1,4 +1,4 @@
-//! RQ4: do starts of nearly the same value fail alike? (Theorems 1 and 2)
+//! RQ4: similar failures at starts of similar value (Theorems 1 and 2).
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -12,91 +12,92 @@ use crate::testbench::{Aftermath, PolicyActor, Success, play};
 use crate::theorems::{TheoremsError, optimal_values};
 use crate::world::{GridChange, Scenario};
 
-/// Random training starts of RQ4, as in the paper.
+/// Number of random training starts of RQ4, as in the paper.
 const TRAINING_STARTS: usize = 100;
-/// Counterexamples of the training around which others are looked at.
+/// Number of training counterexamples with an evaluated neighbourhood.
 const COUNTEREXAMPLES: usize = 5;
-/// How many times the decisions on the small map: this one is larger.
+/// Factor on the decisions of the small map, because this map is larger.
 pub(super) const LONGER: u64 = 2;
-/// δ and the paper's share.
+/// Values of δ with the paper's shares.
 const DELTAS: [(f64, f64); 4] = [(1.0, 0.9735), (0.5, 0.9742), (0.1, 0.9883), (0.01, 1.0)];
 
-/// RQ4 on one reading.
+/// Results of RQ4 on a reading.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NearStarts {
-    /// Share of all starts that uniformly random actions capture, exactly.
+    /// Exact share of all starts that uniformly random actions capture.
     pub random: f64,
-    /// By learner: median over seeds of the share of all starts that fail, near
-    /// or not. Without this beside it a share of near starts says nothing.
+    /// Share of failing starts among all starts by learner, median over seeds.
+    ///
+    /// It includes distant starts and is the reference for the share of near starts.
     pub everywhere: Vec<f64>,
-    /// By learner: mean over seeds of α = max |V − V*| over all starts.
+    /// Mean over seeds of α = max |V − V*| over all starts, by learner.
     pub alpha: Vec<f64>,
-    /// δ by δ.
+    /// Results per δ.
     pub deltas: Vec<DeltaNear>,
-    /// Every counterexample that was chosen.
+    /// All selected counterexamples.
     pub centres: Vec<Centre>,
 }
 
-/// RQ4 for one δ.
+/// Results of RQ4 for a value of δ.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct DeltaNear {
-    /// |V(x0) − V(x0')| stays below this.
+    /// Bound on |V(x0) − V(x0')|.
     pub delta: f64,
-    /// The paper's share of such starts from which the ego fails.
+    /// Share of such starts from which the ego fails, in the paper.
     pub paper: f64,
-    /// By learner, with its own V.
+    /// Results by learner, with its own V.
     pub trained: Vec<NearShare>,
 }
 
-/// One learner's share of starts near its counterexamples that fail.
+/// Share of failing starts near a learner's counterexamples.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct NearShare {
     /// Median over seeds.
     pub median: f64,
-    /// The worst seed.
+    /// Share of the worst seed.
     pub min: f64,
     /// Mean number of δ-near starts per counterexample.
     pub near: f64,
-    /// Counterexamples of all seeds with δ < γ^T (g(τ) + 1), Theorem 1's condition.
+    /// Counterexamples of all seeds with δ < γ^T (g(τ) + 1), the premise of Theorem 1.
     pub meets: usize,
-    /// The share around these alone; `None`: there are none.
+    /// Share around these counterexamples alone. `None`: there are none.
     pub where_met: Option<f64>,
 }
 
-/// A counterexample that training met, chosen at random.
+/// Randomly selected counterexample of the training.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Centre {
     /// Position of the learner in the study's list.
     pub learner: usize,
     /// Training seed.
     pub seed: u64,
-    /// Where it began.
+    /// Start of the counterexample.
     pub start: Start,
-    /// T: the number of the decision that captured, from 0.
+    /// Number T of the capturing decision, from 0.
     pub decision: usize,
-    /// γ^T (g(τ) + 1): the condition is δ below this.
+    /// γ^T (g(τ) + 1), which must exceed δ.
     pub reach: f64,
 }
 
-/// The map of RQ4 and RQ5 (n = 10, k = 1) and its starts.
+/// Map of RQ4 and RQ5 (n = 10, k = 1) with its starts.
 pub(super) struct LargeMap {
     pub(super) map: Scenario,
     pub(super) request: Table1,
     starts: Vec<Start>,
 }
 
-/// What one trained ado does from every start.
+/// Results of a trained ado from a start.
 struct Known {
     value: f64,
     captured: bool,
 }
 
-/// A trained ado on the large map.
+/// Trained ado on the large map.
 struct Studied {
     learner: usize,
     known: Vec<Known>,
     alpha: f64,
-    /// With the position of its start among all.
+    /// Counterexamples with the positions of their starts among all.
     centres: Vec<(usize, Centre)>,
 }
 
@@ -115,7 +116,7 @@ impl LargeMap {
         })
     }
 
-    /// Trains on so many random starts of one seed; `None` when stopped.
+    /// Trains on `starts` random starts of a seed. `None`: stopped.
     pub(super) fn learn(
         &self,
         learner: &LearnerConfig,
@@ -123,7 +124,7 @@ impl LargeMap {
         (index, seed): (usize, u64),
         progress: &Progress<'_>,
     ) -> Option<Learned> {
-        // There is no longer training than the longest that is allowed.
+        // A training is limited to the largest number of decisions that is allowed.
         let longer = learner.clone().with_decisions(LONGER * learner.decisions());
         let longer = longer.unwrap_or_else(|_| learner.clone());
         learn(
@@ -134,9 +135,10 @@ impl LargeMap {
         )
     }
 
-    /// The map with some random starts of one seed to train on.
+    /// Returns the map with random training starts of a seed.
     fn training(&self, seed: u64, starts: usize) -> Option<Scenario> {
         let arena = self.map.grid()?.spec().arena;
+        // The prime keeps these streams apart from those of other seeds.
         let mut dice = Dice::new(self.request.seeds.first.wrapping_mul(7919) + seed);
         let pairs = (0..starts).map(|_| {
             let both = position_of(&self.starts[dice.below(self.starts.len())], &arena);
@@ -149,7 +151,7 @@ impl LargeMap {
         self.map.with(&change.into()).ok()
     }
 
-    /// Trains and looks; `None` when stopped.
+    /// Trains and evaluates the neighbourhoods. `None`: stopped.
     pub(super) fn near_starts(
         &self,
         learners: &[(String, LearnerConfig)],
@@ -206,6 +208,7 @@ impl LargeMap {
         learner: &LearnerConfig,
         learned: &Learned,
     ) -> Result<Studied, TheoremsError> {
+        // V* is discounted like the learner's V, so both can be compared.
         let best = optimal_values(&self.map.learning_with(learner.clone()))?;
         let arena = best.game().arena;
         let mut bench = self.map.bench();
@@ -213,9 +216,11 @@ impl LargeMap {
         let mut actor = PolicyActor(&*learned.policy);
         let mut alpha: f64 = 0.0;
         let known = self.starts.iter().map(|start| {
+            // The value is read at the first observation, before the ado acts.
             bench.begin(start, 0, Aftermath::Skip);
             bench.observe(&mut obs);
             let value = f64::from(learned.policy.value(&obs));
+            // The maximum over all starts is the α of the printed bound in Theorem 2.
             alpha = alpha.max((value - best.at(position_of(start, &arena))).abs());
             let episode = play(&mut bench, start, 0, &mut actor, Aftermath::Skip);
             Known {
@@ -232,9 +237,10 @@ impl LargeMap {
         })
     }
 
-    /// Some of the counterexamples that training met, at random.
+    /// Selects counterexamples of the training at random.
     fn centres(&self, learner: &LearnerConfig, learned: &Learned) -> Vec<(usize, Centre)> {
         let mut met: Vec<&Success> = learned.met.iter().collect();
+        // The seed is fixed, so equal requests select the same counterexamples.
         Dice::new(self.request.seeds.starts.wrapping_mul(104_729) + learned.seed).shuffle(&mut met);
         let reward = self.map.rulebook().reward;
         let chosen = met.into_iter().take(COUNTEREXAMPLES).filter_map(|success| {
@@ -242,6 +248,7 @@ impl LargeMap {
                 .starts
                 .iter()
                 .position(|start| *start == success.start)?;
+            // The capture ends the episode, so its decision is the last decision.
             let decision = success.actions.len().saturating_sub(1);
             let weight = learner.discount().powi(decision as i32);
             let centre = Centre {
@@ -262,7 +269,7 @@ fn captured(known: &[Known]) -> f64 {
     captured as f64 / known.len().max(1) as f64
 }
 
-/// The share of δ-near starts that fail, over counterexamples and seeds.
+/// Returns the share of failing δ-near starts, over counterexamples and seeds.
 fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearShare {
     let share = |(fail, count): (usize, usize)| fail as f64 / count.max(1) as f64;
     let (mut shares, mut all, mut met) = (Vec::new(), (0, 0), (0, 0));
@@ -271,6 +278,7 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
         let mut own = (0, 0);
         for (start, centre) in &one.centres {
             let value = one.known[*start].value;
+            // A centre is at distance 0 from itself, so it counts as near.
             let near = |known: &&Known| (known.value - value).abs() < delta;
             let count = one.known.iter().filter(near).count();
             let fail = one.known.iter().filter(near).filter(|known| known.captured);
@@ -281,6 +289,7 @@ fn near_share<'a>(seeds: impl Iterator<Item = &'a Studied>, delta: f64) -> NearS
                 met = (met.0 + fail, met.1 + count);
             }
         }
+        // Shares are formed per seed, because seeds are the independent samples.
         shares.push(share(own));
         all = (all.0 + own.0, all.1 + own.1);
         centres += one.centres.len();

@@ -1,4 +1,4 @@
-//! The way from the letter to the defaults: its ends, its steps, its judges.
+//! Path from the paper's setup to the defaults: its ends, its steps, its judges.
 
 use std::sync::atomic::AtomicBool;
 
@@ -24,7 +24,7 @@ fn shipped(name: &str) -> Scenario {
     world.expect("a sound world")
 }
 
-/// What steps change: what is seen, the reward, the judge, the learner.
+/// Returns the parts that steps change: observations, reward, judge, learner.
 fn parts(scenario: &Scenario) -> [String; 4] {
     let book = scenario.rulebook();
     let seen = scenario.drive().map(|drive| &drive.observe);
@@ -53,7 +53,7 @@ fn every_way_begins_with_the_letter_ends_with_the_defaults_and_changes_one_thing
         for pair in worlds.windows(2) {
             let [before, after] = [&pair[0], &pair[1]].map(parts);
             let changed = before.iter().zip(&after).filter(|(a, b)| a != b).count();
-            // The state of a table comes with its cells.
+            // A table needs new cells for a new state.
             let with_cells = usize::from(before[0] != after[0] && path.learner.is_some());
             assert_eq!(changed, 1 + with_cells, "{before:?} {after:?}");
         }
@@ -62,7 +62,7 @@ fn every_way_begins_with_the_letter_ends_with_the_defaults_and_changes_one_thing
         let own = shipped(name);
         let own = match path.learner {
             Some(learner) => own.learning_by(learner).expect("it has one"),
-            // As many decisions as on the way, of the learner that nobody names.
+            // The default learner with the same number of decisions as on the path.
             None => own.learning_with(default_for(worlds[0].learner().decisions())),
         };
         let end = worlds.last().expect("a step");
@@ -85,6 +85,7 @@ fn default_for(decisions: u64) -> LearnerConfig {
 #[test]
 fn an_edit_that_does_not_fit_is_refused() {
     for (from, found) in [("judge: UntilContact", 0), ("ado.speed", 3)] {
+        // A path holds static edits, so those of the test are leaked.
         let edits: &'static [(&str, &str)] = Box::leak(Box::new([(from, "")]));
         let changes: &'static [LetterChange] =
             Box::leak(Box::new([LetterChange { what: "odd", edits }]));
@@ -143,7 +144,7 @@ fn a_step_is_judged_by_both_judges_on_the_same_starts() {
     let row = row.expect("it trains").expect("not stopped");
     assert_eq!((row.learner.as_str(), row.decisions), ("Dqn", 1000));
     assert!(row.judged.iter().all(|judged| judged.rates.len() == 2));
-    // Whatever is a success over the whole run was one when ψ_ego was violated.
+    // A success over the whole run was also a success when ψ_ego was violated.
     assert!(row.judged[0].success_rate <= row.judged[1].success_rate);
     let study = LetterStudy {
         world: path.world.to_owned(),

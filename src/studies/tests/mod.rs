@@ -1,4 +1,4 @@
-//! Studies, small enough for every `cargo test`.
+//! Studies that are small enough for every `cargo test`.
 
 mod letter;
 mod near;
@@ -8,7 +8,7 @@ mod structures;
 
 use crate::world::Scenario;
 
-/// The ACC world.
+/// Returns the ACC world.
 fn acc() -> Scenario {
     Scenario::parse("acc.ron", include_str!("../../../worlds/acc.ron")).expect("a sound world")
 }

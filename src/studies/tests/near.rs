@@ -1,4 +1,4 @@
-//! Starts near a failing one, and the search behind the figures.
+//! Starts near a failing start, and the search behind the figures.
 
 use std::sync::atomic::AtomicBool;
 
@@ -9,7 +9,7 @@ use crate::studies::extreme::extreme;
 use crate::studies::{Alumnus, FigureError, near_starts, near_starts_markdown, start_with};
 use crate::testbench::{Aftermath, PolicyActor, Replay, play};
 
-/// Brakes all the time, and values a start by the ego's speed.
+/// Policy that always brakes and returns the ego's speed as the value of a start.
 struct Brakes;
 
 impl Policy for Brakes {
@@ -58,7 +58,7 @@ fn near_starts_are_counted_as_they_play() {
     let [narrow, wide] = &near.rows[..] else {
         panic!("a row per δ");
     };
-    // Everything is nearer than 9: the whole world, counted by hand.
+    // Every start is nearer than 9, so the row covers the whole world.
     let mut bench = world.bench();
     let mut failing = Vec::new();
     for ((start, noise), trivial) in starts.starts.iter().zip(&starts.trivial) {
@@ -74,7 +74,7 @@ fn near_starts_are_counted_as_they_play() {
     assert_eq!(wide.below_above[0].1, [slower, failing.len() - slower]);
     assert!(0 < wide.failing && narrow.near < wide.near);
     assert!(wide.never_met <= wide.failing && look(0).rows[1].never_met == wide.failing);
-    // A dense training has met them all, up to 1 % of each range.
+    // A dense training contains all of them, within 1 % of each range.
     assert!(look(20_000).rows[1].never_met < wide.never_met);
     assert!(near_starts_markdown(&[near]).contains("ego.speed 12.00"));
     let outside = start_with(&world, &[("ego.speed", 99.0)]);

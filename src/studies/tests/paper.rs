@@ -1,4 +1,4 @@
-//! The paper's rows: looking at a learner on the way does not disturb it.
+//! Rows of the paper: an evaluation along the way does not disturb the learner.
 
 use std::sync::atomic::AtomicBool;
 
@@ -87,7 +87,7 @@ fn a_row_whose_last_evaluation_was_stopped_is_none() {
     let starts = test_starts(&world, 3, 40, &quiet()).expect("not stopped");
     let stop = AtomicBool::new(false);
     let total = starts.starts.len() as u64;
-    // Progress out of as many as there are starts is the evaluation's.
+    // Only the evaluation reports progress with the number of starts as its total.
     let progress = |done, of| {
         if of == total && 0 < done {
             stop.store(true, Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! The reuse study: three ados on changed egos beside their rivals.
+//! Reuse study: three ados and their baselines on changed egos.
 
 use std::sync::atomic::AtomicBool;
 
@@ -11,7 +11,7 @@ use crate::studies::{ReuseAsked, ReuseError, ReuseStudy, reuse_markdown};
 use crate::sysid::{ENOUGH_SIMULATIONS, LEAST_SIMULATIONS};
 use crate::world::Scenario;
 
-/// One training of a test: of an open seed, like everything that is looked at.
+/// Single training with an open seed, as in all tests.
 const ONE: Seeds = Seeds {
     first: 1,
     count: 1,
@@ -24,7 +24,7 @@ fn quiet() -> Watch<'static> {
     Watch::new(&|_, _| {}, &GO)
 }
 
-/// ACC on the kinematic plant with trainings of some seconds.
+/// ACC on the kinematic plant with trainings of a few seconds.
 fn brief() -> Scenario {
     let text = include_str!("../../../worlds/acc.ron")
         .replace("plant: Rigid", "plant: Kinematic")
@@ -68,9 +68,10 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         met.expect("rows").expect("not stopped")
     };
     let met = ["nominal", "softer brakes", "van"].map(meet).to_vec();
+    // The study stores the results of every ego, so a stopped study can continue.
     let kept = serde_json::to_string(&met).expect("JSON");
     let study = begun.conclude(met);
-    // What was kept of every ego says the same.
+    // The stored results of every ego give the same study.
     let read: Vec<Met> = serde_json::from_str(&kept).expect("what was written");
     let again = begun.conclude(read);
     assert_eq!(
@@ -87,7 +88,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         };
         let starts = of(CONDITIONAL).solved.len();
         assert!(ego.rows.iter().all(|row| row.solved.len() == starts));
-        // More tries, and more simulations, never solve less.
+        // More tries and more simulations never solve fewer starts.
         let no_worse = |less: &str, more: &str| {
             let mut pairs = of(less).solved.iter().zip(of(more).solved.iter());
             pairs.all(|(less, more)| *less != Solved || *more == Solved)
@@ -96,7 +97,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         assert!(no_worse("search, held, 10", "search, held, 30"));
         assert!(no_worse("search, held, 30", "search, held, 100"));
         assert!(no_worse("replay", "replays"));
-        // No member of the family is anything like the van.
+        // No member of the family resembles the van.
         let told = match ego.ego == "van" {
             true => "nominal",
             false => "identified",
@@ -104,14 +105,14 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         assert_eq!(of(CONDITIONAL).context.as_deref(), Some(told));
         assert_eq!(of(ADAPTED).context.as_deref(), Some("adapted"));
         assert_eq!(of(ADAPTED).sims_per_start, 1.0);
-        // Contacts are those of the simulations that were counted.
+        // Contacts belong to the counted simulations.
         for searched in ["search, held, 10", "search, held, 30"].map(of) {
             assert!(searched.contact_rate <= searched.success_rate);
         }
         assert!(of("search, held, 10").sims_per_start <= 10.0);
     }
-    // Softer brakes that identification does not know of, and quantities in
-    // which that ego is nominal.
+    // Softer brakes that identification does not cover, and a quantity in which that
+    // ego is nominal.
     let inside = &study.egos[1].rows;
     let without = |name: &str| {
         let ado = format!("{CONDITIONAL}, without {name}");
@@ -127,7 +128,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
             .iter()
             .any(|row| row.ado.contains("without"))
     );
-    // Search is compared with wherever the conditional ado succeeds.
+    // Search is compared on every ego on which the conditional ado succeeds.
     for ego in &study.egos {
         let told = ego.rows.iter().filter(|row| row.ado == CONDITIONAL);
         let succeeds = told.map(|row| row.successes).sum::<usize>() != 0;
@@ -135,7 +136,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         let compared = lines.any(|line| line.ego.as_ref() == Some(&ego.ego));
         assert_eq!(compared, succeeds, "{}", ego.ego);
     }
-    // The own ego is identified as itself; blocks and all changed egos are summed up.
+    // The own ego is identified as itself, and blocks and changed egos are summarised.
     assert!(study.known[0].explained, "{:?}", study.known[0]);
     let blocks = |relation| {
         study
@@ -155,7 +156,7 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
     let table = reuse_markdown(std::slice::from_ref(&study));
     assert!(table.contains("| softer brakes | Inside |"), "{table}");
 
-    // Finished trainings are used as they are.
+    // Finished trainings are used unchanged.
     let again = ReuseStudy::begin(&world, asked, &quiet());
     let again = again.expect("trainings").expect("not stopped");
     let same = again.meet(&EgoUnderTest::nominal(&world), &quiet());

@@ -1,4 +1,4 @@
-//! Egos of other structures: whose they are, and what the table says of them.
+//! Egos of other structures: their selection, and their table.
 
 use crate::studies::structures::SolvedBy;
 use crate::studies::{StructureRow, other_structures, structures_markdown};
@@ -40,7 +40,7 @@ fn ten_structures_are_met_in_every_world_but_that_of_its_own_ego() {
     };
     assert_eq!(names("acc_structures").len(), 10);
     assert_eq!(names("merge_fair"), names("acc_structures"));
-    // The ego of this world is an ACC under a filter itself.
+    // The ego of this world is itself an ACC with a filter.
     let cut_in = names("cut_in");
     assert_eq!(cut_in.len(), 9);
     assert!(!cut_in.contains(&"filter".to_owned()));
@@ -69,6 +69,6 @@ fn means_are_of_rows_that_tell_something_and_what_came_is_held_against_what_was_
         mean.contains("| 0.10 (0.10) | 0.20 (0.20) | 0.30 (0.30) | 0.35 (0.35) | 0.70 (0.50) |"),
         "{mean}"
     );
-    // 25 of 50 were expected; 40 and 5 were not.
+    // 25 of 50 was expected, unlike 40 and 5.
     assert!(text.contains("was expected in 1 of 3 rows"), "{text}");
 }

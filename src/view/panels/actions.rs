@@ -1,4 +1,4 @@
-//! What the ados chose and what lights showed, as coloured lanes.
+//! Chosen actions of the ados and phases of lights, as coloured lanes.
 
 use rerun::{StateChange, StateConfiguration};
 
@@ -36,7 +36,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     Ok(vec![(lanes, lanes_share(story))])
 }
 
-/// The share of the lanes of actions and lights, which need room for each.
+/// Share of the column for the lanes, which need room for each agent and light.
 fn lanes_share(story: &Story<'_>) -> f32 {
     let ados = match story.scenario.drive() {
         Some(spec) => spec.action_sets().count(),
@@ -51,7 +51,7 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     log_actions(story, journal)
 }
 
-/// What each ado chose, as coloured lanes.
+/// Logs the chosen actions of each ado as coloured lanes.
 fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let joint = &story.episode.actions;
     if story.scenario.grid().is_some() {
@@ -72,6 +72,7 @@ fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
     };
     let mut stride = 1;
     for (agent, set, neutral) in spec.action_sets() {
+        // In a joint action, the first ado's action varies fastest.
         let own = joint.iter().map(|joint| joint / stride % set.len());
         let own: Vec<usize> = own.collect();
         stride *= set.len();
@@ -81,7 +82,7 @@ fn log_actions(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
     Ok(())
 }
 
-/// What one ado chose, decision by decision.
+/// Logs the chosen actions of one ado, decision by decision.
 fn log_choice(
     story: &Story<'_>,
     name: &str,
@@ -91,6 +92,7 @@ fn log_choice(
     journal: &mut Journal,
 ) -> Result<(), ViewError> {
     let entity = path(["actions", name]);
+    // Among accelerations, those below the neutral action brake.
     let colours = (0..labels.len()).map(|action| match action.cmp(&neutral) {
         std::cmp::Ordering::Less => colour([192, 72, 60]),
         std::cmp::Ordering::Equal => colour([96, 104, 116]),

@@ -1,4 +1,4 @@
-//! The log: everything that is worth a line, in order of time.
+//! Log of events, in the order of time.
 
 use rerun::blueprint::datatypes::{TextLogColumn, TextLogColumnKind};
 use rerun::external::re_sdk_types::blueprint::archetypes::TextLogColumns;
@@ -29,7 +29,7 @@ fn views(_: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
     Ok(vec![(events, 1.6)])
 }
 
-/// When and what; all lines of the log come from one entity.
+/// Column of texts only, since all lines of the log come from one entity.
 fn bodies_only() -> TextLogColumns {
     TextLogColumns::update_fields().with_text_log_columns([TextLogColumn {
         kind: TextLogColumnKind::Body,
@@ -49,16 +49,16 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     journal.columns("verdict/events", clock, log.columns_of_unit_batches())
 }
 
-/// Something that happened at one instant.
+/// Event at one instant.
 struct Event {
     sample: usize,
     time_s: f64,
     text: String,
-    /// Whether it is bad news.
+    /// True for a violation, a fault, a verdict or a contact.
     grave: bool,
 }
 
-/// Everything worth a line in the log, in order of time.
+/// Events with a line in the log, in the order of time.
 fn events(story: &Story<'_>) -> Vec<Event> {
     let mut events = Vec::new();
     let mut push = |sample: usize, time_s: f64, text: String, grave: bool| {
@@ -95,6 +95,7 @@ fn events(story: &Story<'_>) -> Vec<Event> {
             push(sample, story.time_s(sample), text, true);
         }
     }
+    // Only an episode with an aftermath has samples after its verdict.
     if story.decided.is_some() && story.episode.judged < story.samples() {
         let sample = story.episode.judged - 1;
         let word = story.episode.verdict.word();
@@ -109,9 +110,12 @@ fn events(story: &Story<'_>) -> Vec<Event> {
         let (a, b) = &touch.between;
         let closing = touch.closing_speed_mps;
         let text = format!("contact of {a} and {b}, closing at {closing:.2} m/s");
+        // The instant of the contact lies between two samples.
         let sample = (touch.time_s / story.episode.trace.dt_s()).ceil() as usize;
         push(sample.min(last), touch.time_s, text, true);
     }
+    // The sort is stable: events of one instant keep the order of their causes
+    // above.
     events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     events
 }

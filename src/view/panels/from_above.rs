@@ -1,4 +1,4 @@
-//! The scene from above, forward to the right.
+//! Scene from above, forward to the right.
 
 use crate::view::camera::{Around, FOLLOW, SPACE, look};
 use crate::view::error::ViewError;
@@ -10,7 +10,7 @@ pub(super) static PANEL: Panel = Panel {
     name: "from above",
     column: Column::Space,
     shown: Shown::OnRoads,
-    // It looks at what the scene's panel writes.
+    // The entities are those of the scene's panel.
     entities: &[],
     log: |_, _| Ok(()),
     views,

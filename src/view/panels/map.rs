@@ -1,6 +1,6 @@
-//! A grid world in the plane: cells, both players, their trails, the capture.
+//! Grid world in the plane: cells, both players, their trails and the capture.
 //!
-//! Pictures have y downwards, maps have it upwards: rows are turned here.
+//! Pictures have y downward and maps have it upward, so rows are mirrored here.
 
 use rerun::blueprint::components::BackgroundKind;
 use rerun::external::re_sdk_types::blueprint::archetypes::{Background, VisualBounds2D};
@@ -34,16 +34,16 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
-/// The entity under which everything with a place on the map stands.
+/// Entity that contains all entities with a place on the map.
 const MAP: &str = "/map";
-/// Room around the map, in cells.
+/// Margin around the map, in cells.
 const MARGIN_CELLS: f64 = 0.6;
 
 const CELL: Rgb = [84, 92, 104];
 const FINE_LINE: Rgb = [50, 55, 63];
 const WALL: Rgb = [225, 225, 220];
 
-/// The map, whole.
+/// View of the complete map.
 fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
     let Some(world) = story.scenario.grid() else {
         return Ok(Vec::new());
@@ -62,7 +62,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     Ok(vec![(view, 7.0)])
 }
 
-/// Logs everything with a place on the map.
+/// Logs all entities with a place on the map.
 fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let Some(world) = story.scenario.grid() else {
         return Ok(());
@@ -75,9 +75,9 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     log_outcome(story, arena, journal)
 }
 
-/// A place on the map as a place in the picture.
+/// Place on the map as a place in the picture.
 fn shown(arena: &Arena, [x, y, _]: [f64; 3]) -> [f32; 2] {
-    // The one cast from the map to the picture.
+    // The only cast from the map to the picture.
     [x as f32, (f64::from(arena.size) - y) as f32]
 }
 
@@ -117,9 +117,10 @@ fn log_map(arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
     journal.always("map/walls", &[&walls])
 }
 
-/// A player, its trail so far and its last move, step by step.
+/// Logs a player, its trail so far and its last move, step by step.
 ///
-/// Trail and move are one entity, and so are body and name: fewer, smaller chunks.
+/// Trail and move share an entity, and so do body and name, which gives fewer
+/// and smaller chunks.
 fn log_player(
     story: &Story<'_>,
     arena: &Arena,
@@ -129,7 +130,7 @@ fn log_player(
     let name = &story.stage.cast[who].name;
     let is_ego = who == story.ego();
     let colour = story.colour(who);
-    // Trails that share a way lie side by side.
+    // Trails on the same path lie side by side.
     let aside = if is_ego { 0.07 } else { -0.07 };
     let centres = story
         .frames
@@ -144,6 +145,7 @@ fn log_player(
             .with_radii([0.03])
             .with_colors([palette::dimmed(colour, 0.8)])
             .with_draw_order(10.0);
+        // At the first step the arrow has no length.
         let from = centres[sample.saturating_sub(1)];
         let step = [centre[0] - from[0], centre[1] - from[1]];
         let arrow = Arrows2D::from_vectors([step])
@@ -158,7 +160,7 @@ fn log_player(
     Ok(())
 }
 
-/// The ego is a square, the ado a disc.
+/// Logs the body: a square for the ego, a disc for the ado.
 fn log_body(
     name: &str,
     is_ego: bool,
@@ -185,7 +187,7 @@ fn log_body(
     journal.from(at, entity.as_str(), &body)
 }
 
-/// A frame around the cell where it was decided, from then on.
+/// Logs a frame around the cell of the decision, from then on.
 fn log_outcome(story: &Story<'_>, arena: &Arena, journal: &mut Journal) -> Result<(), ViewError> {
     let Some(sample) = story.decided else {
         return Ok(());

@@ -1,7 +1,7 @@
-//! The list of panels: a file each, and a line here.
+//! List of panels: one file each, and one line here.
 //!
-//! What is written, which views there are and where, and the table of entities
-//! in the head of `view` follow from the list.
+//! The list determines the written entities, the views and their places, and
+//! the table of entities in the documentation of `view`.
 
 mod actions;
 mod events;
@@ -21,7 +21,7 @@ use super::panel::{Column, Entity, Panel};
 use super::story::Story;
 use crate::world::Scenario;
 
-/// From the top of their columns down.
+/// Panels from the top of their columns to the bottom.
 static PANELS: [&Panel; 8] = [
     &map::PANEL,
     &scene::PANEL,
@@ -33,7 +33,7 @@ static PANELS: [&Panel; 8] = [
     &verdict::PANEL,
 ];
 
-/// What recordings of a world consist of, panel by panel.
+/// Returns the entities of a world's recordings, panel by panel.
 pub fn entities(scenario: &Scenario) -> impl Iterator<Item = Entity> {
     let panels = PANELS.iter().filter(|panel| panel.applies(scenario));
     panels.flat_map(|panel| {
@@ -46,13 +46,13 @@ pub fn entities(scenario: &Scenario) -> impl Iterator<Item = Entity> {
     })
 }
 
-/// Writes what the panels of an episode show.
+/// Logs the entities of an episode's panels.
 pub(super) fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let mut panels = PANELS.iter().filter(|panel| panel.applies(story.scenario));
     panels.try_for_each(|panel| (panel.log)(story, journal))
 }
 
-/// Writes the blueprint: every panel in its column.
+/// Writes the blueprint, with every panel in its column.
 pub(super) fn lay_out(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let mut layout = Layout::new(journal);
     let (mut columns, mut widths) = (Vec::new(), Vec::new());
@@ -66,6 +66,7 @@ pub(super) fn lay_out(story: &Story<'_>, journal: &mut Journal) -> Result<(), Vi
             }
         }
         columns.push(match views.len() {
+            // A container around a single view would only add a frame.
             1 => views.remove(0),
             _ => layout.container(ContainerKind::Vertical, title, &views, &heights)?,
         });

@@ -1,4 +1,4 @@
-//! The running robustness of ψ_ego and of every rule, over time.
+//! Running robustness of ψ_ego and of every rule over time.
 
 use rerun::TimeColumn;
 use rerun::blueprint::components::Corner2D;
@@ -37,7 +37,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     let legend = Some(Corner2D::RightTop);
     let axis = roomy(robustness_span(story));
     let plot = layout.plot(story, "running robustness ρ", "/robustness", axis, legend)?;
-    // ψ_ego, the rules, and zero.
+    // Two curves besides the rules: ψ_ego and zero.
     Ok(vec![(plot, height_of(story, 2 + story.rules.len()))])
 }
 
@@ -50,10 +50,11 @@ fn robustness_span(story: &Story<'_>) -> (f64, f64) {
     let rho_max = story.scenario.rulebook().reward.rho_max();
     let all = std::iter::once(&story.spec).chain(&story.rules);
     let spans = all.map(|running| span(&finite(&running.values, rho_max)));
+    // Zero is always visible, since its crossing is the violation.
     union(spans.chain([(0.0, 0.0)]))
 }
 
-/// Infinite robustness (Boolean signals, empty windows) is drawn at ±ρ_max.
+/// Replaces infinite robustness (Boolean signals, empty windows) by ±ρ_max.
 fn finite(values: &[f64], rho_max: f64) -> Vec<f64> {
     let clamp = |value: &f64| match value.is_finite() {
         true => *value,

@@ -1,4 +1,4 @@
-//! The world in space: bodies in motion, paths, and the place of contact.
+//! World in space: moving bodies, paths and the place of contact.
 
 use rerun::blueprint::components::BackgroundKind;
 use rerun::external::re_sdk_types::blueprint::archetypes::Background;
@@ -47,7 +47,7 @@ pub(super) static PANEL: Panel = Panel {
     views,
 };
 
-/// The scene from behind the ego, with room for whom it follows.
+/// Scene from behind the ego, with room for the agents ahead.
 fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
     let around = Around::of(story);
     let view = layout.view("3D", "scene", FOLLOW, &SPACE)?;
@@ -59,7 +59,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
     Ok(vec![(view, 5.0)])
 }
 
-/// Logs everything with a place in the world.
+/// Logs all entities with a place in the world.
 fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     road::log(story, journal)?;
     lights::log_posts(story, journal)?;
@@ -73,19 +73,20 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     log_verdict_mark(story, journal)
 }
 
-/// Where it is, sample by sample.
+/// Logs the pose of an agent, sample by sample.
 fn log_motion(story: &Story<'_>, who: usize, journal: &mut Journal) -> Result<(), ViewError> {
     let placements = story.frames.iter().map(|frame| frame.placements[who]);
     let entity = agent_path(&story.stage.cast[who].name);
     log_transforms(story, entity, placements, journal)
 }
 
-/// A frame that goes with the ego but neither pitches nor rolls: the cameras'.
+/// Logs the cameras' frame, which follows the ego without pitch and roll.
 fn log_follow(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let ego = story.ego();
     let upright = story.frames.iter().map(|frame| {
         let Placement { centre_m, rotation } = frame.placements[ego];
         let ([x, y, _], [_, _, turn, real]) = (centre_m, rotation);
+        // The guard covers an overturned ego, for which both parts vanish.
         let norm = (turn * turn + real * real).sqrt().max(1e-9);
         Placement {
             centre_m: [x, y, 0.0],
@@ -112,8 +113,9 @@ fn log_transforms(
     journal.columns(entity, clock(instants), columns)
 }
 
-/// Everybody's whole way, on the ground; narrow ones lie on broad ones.
+/// Logs the complete paths on the ground, narrow lines on top of broad lines.
 fn log_trails(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
+    // A hundred points suffice for a path, whatever the length of the episode.
     let every = story.frames.len().div_ceil(100).max(1);
     let agents = 0..story.stage.cast.len();
     let strip = |who: usize| -> Vec<[f32; 3]> {
@@ -134,7 +136,9 @@ fn log_trails(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError>
     journal.always("trails", &[&trails])
 }
 
-/// A pin at the place of contact and an arrow as long as the way closed in 1 s.
+/// Logs a pin at the contact, and an arrow along the closing direction.
+///
+/// The arrow is as long as the distance closed in 1 s.
 fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let Some(touch) = &story.episode.contact else {
         return Ok(());
@@ -148,9 +152,11 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
     };
     let centre_of = |name: &str| {
         let who = story.stage.cast.iter().position(|cast| cast.name == name);
+        // A touching agent that is not in the cast has no centre.
         who.map_or(touch.point_m, |who| frame.placements[who].centre_m)
     };
     let (from, to) = (centre_of(&touch.between.0), centre_of(&touch.between.1));
+    // Equal centres would have no direction.
     let apart_m = distance(from, to).max(1e-6);
     let closing = touch.closing_speed_mps;
     let along: [f64; 3] = std::array::from_fn(|i| (to[i] - from[i]) / apart_m * closing);
@@ -166,7 +172,7 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
             format!("closing {closing:.1} m/s"),
         ])
         .with_show_labels(false);
-    // Above the names of those who touch.
+    // The label lies above the names of the touching agents.
     let point = Points3D::new([[pin[0], pin[1] - 3.4, 4.4]])
         .with_radii([0.12])
         .with_colors([palette::CONTACT])
@@ -174,7 +180,7 @@ fn log_contact(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError
     journal.from((sample, touch.time_s), "contact", &[&arrows, &point])
 }
 
-/// A pin where the ego was when the verdict became certain.
+/// Logs a pin at the place of the ego when the verdict became certain.
 fn log_verdict_mark(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let Some(sample) = story.decided else {
         return Ok(());

@@ -1,4 +1,4 @@
-//! The signals, by unit: what tells most has a plot of its own.
+//! Signals by unit. The most informative groups have plots of their own.
 
 use rerun::EntityPath;
 use rerun::blueprint::components::{ContainerKind, Corner2D};
@@ -44,7 +44,7 @@ fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError>
             height,
         ));
     }
-    // What is less telling waits behind the last prominent plot.
+    // Less informative signals are in a tab behind the last prominent plot.
     let rest: Vec<&str> = rest.iter().map(String::as_str).collect();
     let rest = layout.view("TimeSeries", "other signals", "/signals", &rest)?;
     let last = column.pop();
@@ -78,20 +78,20 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     Ok(())
 }
 
-/// Curves that share an axis.
+/// Curves with a common axis.
 struct Plot {
-    /// The entity that holds them.
+    /// Entity of the curves.
     entity: EntityPath,
-    /// Title with unit.
+    /// Title with the unit.
     title: String,
-    /// Whether it is worth a place of its own.
+    /// True for a plot of its own.
     prominent: bool,
-    /// Positions of the signals in the schema.
+    /// Indices of the signals in the schema.
     signals: Vec<usize>,
     names: Vec<String>,
     colours: Vec<Rgb>,
     nobodys: usize,
-    /// The least and the greatest value.
+    /// Least and greatest value.
     span: (f64, f64),
 }
 
@@ -109,29 +109,30 @@ impl Plot {
         }
     }
 
-    /// Whether colour and title do not name every curve.
+    /// Returns true if colour and title do not identify every curve.
     fn needs_legend(&self) -> bool {
         0 < self.nobodys && 1 < self.names.len()
     }
 }
 
-/// The groups of signals, in the order in which they are shown.
+/// Groups of signals, in the order of display.
 const GROUPS: [(&str, &str); 8] = [
     ("chase", "Manhattan distance [cell]"),
     ("distance", "distance [m]"),
     ("lateral", "lateral [m]"),
     ("speed", "speed [m/s]"),
     ("acceleration", "acceleration [m/s²]"),
-    // Beside the speed ahead it would have the colour of its owner twice.
+    // Beside the forward speed, an agent's colour would appear twice.
     ("sideways", "speed to the left [m/s]"),
     ("position", "position [m]"),
     ("other", "other signals"),
 ];
 
-/// The group of a signal; `lanes` says whether anybody leaves theirs.
+/// Group of a signal. `lanes` states the lane keeping of the agents.
 fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'static str {
     let field = name.rsplit('.').next().unwrap_or(name);
     match (unit, field) {
+        // The first two rows take lateral motion out of the positions below.
         ("m", "y" | "lateral") if lanes == Lanes::Left => "lateral",
         ("m", "lateral") if lanes == Lanes::Bent => "lateral",
         ("m", "x" | "s" | "y" | "lateral") if owner.is_some() => "position",
@@ -144,8 +145,9 @@ fn group_of(name: &str, unit: &str, owner: Option<usize>, lanes: Lanes) -> &'sta
     }
 }
 
-/// Lanes are left or they are not: only then lateral motion earns a plot. On a
-/// road that bends, y says nothing about it.
+/// Lane keeping of the agents, which decides on a plot of lateral motion.
+///
+/// On a bent road, y is no measure of it.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Lanes {
     Kept,
@@ -165,13 +167,14 @@ impl Lanes {
                 .iter()
                 .map(|frame| frame.placements[who].centre_m[1]);
             let (least, greatest) = span(&lateral.collect::<Vec<f64>>());
+            // Half a metre is more than the sway of an agent within its lane.
             least + 0.5 < greatest
         });
         if moves { Lanes::Left } else { Lanes::Kept }
     }
 }
 
-/// The signals of an episode, sorted into plots, the prominent ones first.
+/// Signals of an episode in plots, the prominent plots first.
 fn plots(story: &Story<'_>) -> Vec<Plot> {
     let schema = story.episode.trace.schema();
     let lanes = Lanes::of(story);
@@ -186,7 +189,8 @@ fn plots(story: &Story<'_>) -> Vec<Plot> {
         let plot = &mut plots[at];
         plot.colours.push(match owner {
             Some(who) => story.colour(who),
-            // Of its own in all plots: colours tell quantities.
+            // The counter runs over all plots, so a colour identifies one
+            // quantity.
             None => palette::neutral(nobodys),
         });
         nobodys += usize::from(owner.is_none());
@@ -196,6 +200,7 @@ fn plots(story: &Story<'_>) -> Vec<Plot> {
     }
     plots.retain(|plot| !plot.signals.is_empty());
     for plot in &mut plots {
+        // A plot of one curve names it in its title and needs no legend.
         if let ([name], Some((group, unit))) = (&plot.names[..], plot.title.split_once(" [")) {
             plot.title = format!("{group}: {name} [{unit}");
         }
@@ -205,9 +210,10 @@ fn plots(story: &Story<'_>) -> Vec<Plot> {
     plots
 }
 
-/// The agent whose own quantity a signal is.
+/// Agent that owns a signal.
 fn owner_of(story: &Story<'_>, signal: &str) -> Option<usize> {
     let (name, field) = signal.split_once('.')?;
     let owner = story.stage.cast.iter().position(|cast| cast.name == name)?;
+    // A name of two agents, such as `ego.ado.gap`, belongs to neither.
     (!field.contains('.')).then_some(owner)
 }

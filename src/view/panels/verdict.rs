@@ -1,4 +1,4 @@
-//! The verdict in words: what a stranger reads beside the moving picture.
+//! Verdict in words, for a reader of the animation.
 
 use std::fmt::Write as _;
 
@@ -32,7 +32,7 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     journal.always("verdict", &[&document])
 }
 
-/// The verdict document, as markdown.
+/// Verdict document as markdown.
 fn document(story: &Story<'_>) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
@@ -87,6 +87,7 @@ fn write_document(story: &Story<'_>, text: &mut String) -> std::fmt::Result {
     writeln!(text, "\n**Rules**\n")?;
     for (running, rule) in story.rules.iter().zip(&story.scenario.rulebook().rules) {
         let kept = match running.lost {
+            // A rule that breaks after the verdict did not affect it.
             Some(sample) if sample < episode.judged => {
                 format!("**broken** at {:.2} s", story.time_s(sample))
             }
@@ -111,7 +112,7 @@ fn headline(story: &Story<'_>) -> String {
     }
 }
 
-/// The verdict in one sentence.
+/// Verdict in one sentence.
 fn sentence(story: &Story<'_>) -> String {
     let names = |role: Role| {
         let cast = story.stage.cast.iter().filter(|who| who.role == role);
@@ -149,7 +150,7 @@ fn sentence(story: &Story<'_>) -> String {
     }
 }
 
-/// The deciding value: of the broken rule, or else of the specification.
+/// Explanation of the deciding value: the broken rule, or the specification.
 fn why(story: &Story<'_>) -> Explanation {
     let rulebook = story.scenario.rulebook();
     let monitor = match story.episode.verdict {
@@ -159,11 +160,12 @@ fn why(story: &Story<'_>) -> Explanation {
     monitor.explain(&story.judged())
 }
 
-/// The joint actions as runs such as `0.0-4.5 s: +3 m/s²`.
+/// Joint actions as runs such as `0.0-4.5 s: +3 m/s²`.
 fn runs(story: &Story<'_>) -> Vec<String> {
     let mut runs = Vec::new();
     for (from, to, action) in action_runs(&story.episode.actions) {
         let from_s = story.time_s(story.decision_sample(from));
+        // The last decision may extend beyond the end of the episode.
         let to_s = story.time_s(story.decision_sample(to)).min(story.end_s());
         let label = story.scenario.action_label(action);
         runs.push(format!("{from_s:.1}–{to_s:.1} s: {label}"));
@@ -171,7 +173,7 @@ fn runs(story: &Story<'_>) -> Vec<String> {
     runs
 }
 
-/// A robustness with its sign.
+/// Robustness with its sign.
 fn signed(value: f64) -> String {
     format!("{value:+.3}").replace('-', "−")
 }

@@ -1,32 +1,34 @@
-//! Runs within runs: the world of a run may hold trained ados of its own.
+//! Nested runs: the world of a run may contain trained ados itself.
 //!
-//! Assembling a world assembles the worlds of its runs first, by recursion.
-//! Whoever writes files can make that go on for ever (a run whose world names
-//! the run itself) or for too long (texts within texts), so the runs are
-//! walked before, down to a limit.
+//! Assembling a world assembles the worlds of its runs first, by recursion. A
+//! file can make that endless (a run whose world refers to the run itself) or
+//! too long (texts within texts). So the runs are traversed beforehand, down to
+//! a limit.
 
 use super::run::{Run, TrainedFile, opened};
 use crate::world::file::{AgentFile, DriveFile, LightFile, ScenarioFile};
 use crate::world::read;
 use crate::world::runs::{Origin, RunRefused, refused};
 
-/// Most runs within each other; each costs some of the stack.
+/// Greatest nesting depth of runs, because each level takes some of the stack.
 const MOST_NESTED: usize = 16;
-/// Names of a chain that are shown at its beginning if it is too long.
+/// Number of names at the start of a long chain that are shown.
 const SHOWN: usize = 3;
 
-/// Refuses a run that is within itself, or too many within each other.
+/// Refuses a run that contains itself, or too many nested runs.
 ///
-/// What else is wrong with them is found when they are assembled.
+/// Other mistakes are found when they are assembled.
 pub(super) fn check(run: &Run, origin: Origin<'_>) -> Result<(), RunRefused> {
     walk(run, origin, &mut Vec::new())
 }
 
-/// A run on the way down: its name and, if it was found, its identity.
+/// Nested run: its name and, if it was found on the disk, its identity.
 type Link = (String, Option<String>);
 
 fn walk(run: &Run, origin: Origin<'_>, chain: &mut Vec<Link>) -> Result<(), RunRefused> {
     let mut above = chain.iter();
+    // Runs in the text have no identity. They cannot contain themselves, since
+    // texts are finite.
     let again = run.identity.is_some() && above.any(|(_, other)| *other == run.identity);
     chain.push((run.from.clone(), run.identity.clone()));
     if again {
@@ -46,17 +48,18 @@ fn walk(run: &Run, origin: Origin<'_>, chain: &mut Vec<Link>) -> Result<(), RunR
     for inner in runs_in(run, origin) {
         walk(&inner, origin, chain)?;
     }
+    // A run may occur twice side by side, but not within itself.
     chain.pop();
     Ok(())
 }
 
-/// The names of a chain, outermost first.
+/// Names of a chain, outermost first.
 fn names(chain: &[Link]) -> String {
     let names: Vec<&str> = chain.iter().map(|(name, _)| name.as_str()).collect();
     names.join(" → ")
 }
 
-/// The runs that the world of a run holds, as far as they can be read.
+/// Runs in the world of a run, as far as they can be read.
 fn runs_in(run: &Run, origin: Origin<'_>) -> Vec<Run> {
     let Ok(read::Kind::Scenario) = read::kind(&run.world) else {
         return Vec::new();
@@ -65,6 +68,7 @@ fn runs_in(run: &Run, origin: Origin<'_>) -> Vec<Run> {
         return Vec::new();
     };
     let trained = file.agents.iter().filter_map(trained);
+    // References of the inner world are relative to its own file.
     let inner = Origin {
         file: &run.world_name(),
         ..origin

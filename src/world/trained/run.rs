@@ -1,4 +1,4 @@
-//! A run in a world file: named, or kept in the text.
+//! Run in a world file: a reference, or its content.
 
 use std::fmt;
 
@@ -18,21 +18,21 @@ pub(in crate::world) struct TrainedFile {
     pub(in crate::world) names: Ordered<String>,
 }
 
-/// `"runs/acc"`, or what was found there.
+/// Run: `"runs/acc"`, or the content that was found there.
 pub(in crate::world) enum RunFile {
     Directory(String),
     Kept(KeptRun),
 }
 
-/// A run, as a world that was loaded once holds it.
+/// Run in the text of a world that was loaded before.
 #[derive(Deserialize)]
 #[serde(rename = "Kept", deny_unknown_fields)]
 pub(in crate::world) struct KeptRun {
-    /// The directory it came from.
+    /// Directory of its origin.
     from: String,
-    /// Its world, verbatim.
+    /// World, verbatim.
     world: String,
-    /// Its policy, a safetensors file in base64.
+    /// Policy: a safetensors file in base64.
     policy: String,
 }
 
@@ -58,23 +58,23 @@ impl<'de> Deserialize<'de> for RunFile {
     }
 }
 
-/// A run, read.
+/// Run that was read.
 pub(super) struct Run {
     pub(super) from: String,
-    /// What tells it from others; `None`: it is in the text.
+    /// Identity. `None` for a run in the text.
     pub(super) identity: Option<String>,
     pub(super) world: String,
     pub(super) policy: Vec<u8>,
 }
 
 impl Run {
-    /// What its world's file is called.
+    /// Returns the name of its world's file.
     pub(super) fn world_name(&self) -> String {
         format!("{}/world.ron", self.from)
     }
 }
 
-/// The run that a world file names or holds.
+/// Returns the run that a world file refers to or contains.
 pub(super) fn opened(run: &RunFile, origin: Origin<'_>) -> Result<Run, RunRefused> {
     match run {
         RunFile::Directory(name) => {

@@ -1,4 +1,4 @@
-//! Bounds to samples, exactly.
+//! Exact conversion of bounds to samples.
 
 use std::ops::Range;
 
@@ -24,6 +24,7 @@ impl Binder<'_> {
             let what = format!("the window ends at {to_s} s, before it begins at {from_s} s");
             let error = StlError::new(what, bounds.span.0.clone(), "empty");
             return Err(
+                // `[1, 500 ms]` is the usual cause, so the help explains units.
                 error.maybe_help((!has_unit(&bounds.from) && has_unit(to)).then(|| {
                     "a bound without a unit is in seconds, whatever the unit of the other one"
                         .to_owned()
@@ -43,6 +44,7 @@ impl Binder<'_> {
             }
             TimeKind::Name(name, unit) => {
                 let value = self.constant(name, time.span.0.clone())?;
+                // A constant arrives as an f64, so 0.1 must become 1/10 again.
                 Ratio::from_f64(value).and_then(|value| in_seconds(value, *unit))
             }
             TimeKind::Negative(a) => self.time(a)?.neg(),
@@ -70,6 +72,7 @@ impl Binder<'_> {
         match scope.names.constants.get(name) {
             Some(value) if value.is_finite() => Ok(*value),
             Some(value) => Err(not_finite(name, *value, span)),
+            // A common confusion, so it gets a message of its own.
             None if scope.schema.position(name).is_some() => {
                 let what = format!("`{name}` is a signal; a bound cannot change with time");
                 Err(StlError::new(what, span, "not a constant"))
@@ -88,7 +91,7 @@ impl Binder<'_> {
         }
     }
 
-    /// A time as a number of samples, exactly.
+    /// Returns a time as a number of samples, exactly.
     fn samples(&self, value: Ratio, time: &Time) -> Result<usize, StlError> {
         let span = time.span.0.clone();
         if value.is_negative() {
@@ -105,8 +108,10 @@ impl Binder<'_> {
             StlError::new(what, span.clone(), "too far")
                 .with_help("`end` means to the end of the trace")
         };
+        // A quotient that does not fit is certainly beyond the limit.
         let samples = value.div(self.period).ok_or_else(too_far)?;
         let whole = samples.floor();
+        // Rounding would silently change the formula, so neighbours are suggested.
         if !samples.is_whole() {
             let beside = |n: i128| {
                 Ratio::new(n, 1)

@@ -1,32 +1,32 @@
-//! Which operators an online monitor keeps, for how long, and how far back.
+//! Selection of the operators that an online monitor keeps.
 //!
-//! Two passes. The first goes down from the root as long as only the value at
-//! sample 0 counts: those operators are points, which fold what has settled
-//! into one number and keep no history. The second goes from the root to the
-//! leaves and tells each operand how long and how far back it is read, the
-//! most demanding reader deciding. `None` stands for "without an end" in all of
-//! it, so a bound that is missing anywhere makes the sum or maximum `None`.
+//! There are two passes. The first goes down from the root while only the value
+//! at sample 0 counts. Those operators are points, which fold settled values into
+//! a single number and keep no history. The second goes from the root to the
+//! leaves and records for how long and how far back each operand is read. The most
+//! demanding reader decides. `None` means "without an end" throughout, so a
+//! missing bound makes any sum or maximum `None`.
 
 use super::point::{Point, Watch};
 use crate::program::{Id, Op, Program};
 
-/// What an operator is needed for.
+/// Requirements on an operator.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Need {
-    /// The last sample at which it is brought up to date; `None`: always.
+    /// Last sample at which it is updated, `None` for always.
     pub(super) stop: Option<usize>,
-    /// How many of its latest values are read again; `None`: all.
+    /// Number of its latest values that are read again, `None` for all.
     pub(super) keep: Option<usize>,
-    /// Whether more than the latest value is read.
+    /// True if more than the latest value is read.
     pub(super) stored: bool,
 }
 
-/// Watches the formula at sample 0.
+/// Plans the evaluation of the formula at sample 0.
 pub(super) fn plan(program: &Program) -> (Point, Vec<(Id, Need)>) {
     let mut needs: Vec<Option<Need>> = vec![None; program.instructions.len()];
     let point = watch(program, program.root(), &mut needs);
-    // Invariant: operands have lower numbers, so when an operator passes its
-    // need on, all who read it have been asked.
+    // Invariant: operands have lower numbers. All readers of an operator have
+    // therefore been visited before it passes its own need on.
     for id in (0..needs.len()).rev() {
         if let Some(need) = needs[id] {
             pass_on(program, id, need, &mut needs);
@@ -42,9 +42,9 @@ pub(super) fn plan(program: &Program) -> (Point, Vec<(Id, Need)>) {
 
 fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
     let horizon = |id: Id| program.get(id).horizon;
-    // The value at sample 0 is final when `horizon` more samples are known, so
-    // nothing is needed after that. Until then the last `horizon` + 1 values
-    // have not settled and are read again at each sample.
+    // The value at sample 0 is final once `horizon` more samples are known, so nothing
+    // is needed after that. Until then the last `horizon` + 1 values have not settled
+    // and are read again at each sample.
     let plus = |a: Option<usize>, b: Option<usize>| a.zip(b).map(|(a, b)| a.saturating_add(b));
     let open = |id: Id| Need {
         stop: horizon(id),
@@ -64,8 +64,8 @@ fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
             );
             Point::Present { id, value: None }
         }
-        // What is shared is tracked once; ways down to it double from level to
-        // level.
+        // A shared operator is tracked once, because the number of paths down to it
+        // doubles from level to level.
         _ if 1 < program.get(id).uses => {
             require(needs, id, open(id));
             Point::Track { id }
@@ -76,6 +76,7 @@ fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
             Box::new(watch(program, a, needs)),
             Box::new(watch(program, b, needs)),
         ),
+        // The operand is needed for the whole window, and its own horizon longer.
         Op::Ahead(side, window, a) => {
             require(
                 needs,
@@ -90,6 +91,7 @@ fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
         Op::Until(side, strength, window, a, b) => {
             let both = horizon(a).zip(horizon(b)).map(|(a, b)| a.max(b));
             for id in [a, b] {
+                // Both sides are folded together, so they settle with the later side.
                 let need = Need {
                     stop: plus(window.to, both),
                     keep: both.map(|h| h + 1),
@@ -99,7 +101,7 @@ fn watch(program: &Program, id: Id, needs: &mut [Option<Need>]) -> Point {
             }
             Point::Until(Watch::new(window, both), side, strength, a, b)
         }
-        // Past operators over future ones, at the start of the trace.
+        // Past operators over future operators, at the start of the trace.
         Op::Behind(..) | Op::Since(..) | Op::Edge(..) | Op::Constant(_) | Op::Leaf(_) => {
             require(needs, id, open(id));
             Point::Track { id }
@@ -111,6 +113,7 @@ fn require(needs: &mut [Option<Need>], id: Id, new: Need) {
     let merged = match needs[id] {
         None => new,
         Some(old) => Need {
+            // `zip` gives `None` if either is endless, which is the larger need.
             stop: old.stop.zip(new.stop).map(|(a, b)| a.max(b)),
             keep: old.keep.zip(new.keep).map(|(a, b)| a.max(b)),
             stored: old.stored || new.stored,
@@ -119,17 +122,18 @@ fn require(needs: &mut [Option<Need>], id: Id, new: Need) {
     needs[id] = Some(merged);
 }
 
-/// What an operator that is needed needs of its operands.
+/// Adds the requirements of an operator on its operands.
 fn pass_on(program: &Program, id: Id, need: Need, needs: &mut [Option<Need>]) {
     let instruction = program.get(id);
     let instant = program.is_instant(id);
     let plus = |a: Option<usize>, b: Option<usize>| a.zip(b).map(|(a, b)| a.saturating_add(b));
-    // How far before the latest sample the first one lies that is redone.
+    // Distance of the first recomputed sample before the latest sample.
     let redone = instruction.horizon;
     let (back, stored) = match instruction.op {
         Op::Constant(_) | Op::Leaf(_) => return,
         Op::Not(_) | Op::Gate(..) | Op::Edge(..) if instant => (redone, false),
         Op::Not(_) | Op::Gate(..) | Op::Ahead(..) | Op::Until(..) => (redone, true),
+        // The window's newest sample is read. Older samples stay in the track's queue.
         Op::Behind(_, window, _) if instant => (Some(window.from), true),
         Op::Since(window, ..) if instant && window.to.is_none() && window.from == 0 => {
             (redone, false)
@@ -138,8 +142,8 @@ fn pass_on(program: &Program, id: Id, need: Need, needs: &mut [Option<Need>]) {
         Op::Edge(..) => (plus(redone, Some(1)), true),
     };
     for operand in instruction.op.operands() {
-        // An operand is read as far back as its reader redoes, and its own
-        // unsettled values must be there to be redone.
+        // An operand is read as far back as its reader recomputes. Its own unsettled
+        // values must be kept as well, since they are recomputed.
         let own = program.get(operand).horizon;
         let keep = back
             .zip(own)

@@ -1,4 +1,4 @@
-//! The formula at sample 0, as samples come in.
+//! Formula at sample 0, while samples arrive.
 
 use super::track::Track;
 use crate::apply::Reading;
@@ -7,15 +7,15 @@ use crate::kernel::{Extremum, Max, Min, Window, fold};
 use crate::program::{Gate, Id, Program, Side, Strength};
 use crate::settings::Until;
 
-/// A sub-formula at sample 0.
+/// Sub-formula at sample 0.
 #[derive(Clone, Debug)]
 pub(super) enum Point {
-    /// Looks at the first sample only: known once it is there.
+    /// Operator of the first sample only, known once that sample is.
     Present {
         id: Id,
         value: Option<f64>,
     },
-    /// Read from the operator's own track.
+    /// Operator whose value is read from its own track.
     Track {
         id: Id,
     },
@@ -25,17 +25,17 @@ pub(super) enum Point {
     Until(Watch, Side, Strength, Id, Id),
 }
 
-/// What an operator has seen of its window so far.
+/// Part of a window that an operator has read so far.
 #[derive(Clone, Debug)]
 pub(super) struct Watch {
     window: Window,
-    /// The horizon of the operands.
+    /// Horizon of the operands.
     horizon: Option<usize>,
-    /// The first sample that is not folded in.
+    /// First sample that is not folded in.
     next: usize,
-    /// The extremum of what is (of an until: the best so far).
+    /// Extremum of the folded samples, or the best value of an until so far.
     folded: Option<f64>,
-    /// Of an until: the extremum of its left side.
+    /// Extremum of the left side of an until.
     guard: Option<f64>,
 }
 
@@ -50,11 +50,12 @@ impl Watch {
         }
     }
 
-    /// The last sample of the window that is known, and how far has settled.
+    /// Returns the last known sample of the window and the settled count.
     fn last(&self, reading: &Reading) -> (usize, usize) {
         let now = reading.known - 1;
         let last = self.window.to.map_or(now, |to| to.min(now));
         let settled = match self.horizon {
+            // An exact reading knows every sample, so nothing is pending.
             _ if reading.is_exact() => reading.known,
             Some(horizon) => reading.known.saturating_sub(horizon),
             None => 0,
@@ -62,7 +63,7 @@ impl Watch {
         (last, settled.min(last + 1))
     }
 
-    /// Whether samples still to come are in the window.
+    /// Returns true if samples of the window are still to come.
     fn is_open(&self, reading: &Reading) -> bool {
         let len = reading.len(self.window);
         reading.known < len
@@ -95,6 +96,7 @@ impl Point {
     ) -> Interval {
         match self {
             Point::Present { id, value } => {
+                // The first value stays, since later samples do not change it.
                 let value = *value.get_or_insert(tracks[*id].now);
                 Interval::exactly(value)
             }
@@ -102,6 +104,7 @@ impl Point {
                 let operand = tracks[*id].operand();
                 let (lo, hi) = (operand.lower.at(0), operand.upper.at(0));
                 Interval {
+                    // Before its first sample the track allows any value.
                     lo: lo.unwrap_or(f64::NEG_INFINITY),
                     hi: hi.unwrap_or(f64::INFINITY),
                 }
@@ -131,7 +134,9 @@ impl Point {
     }
 }
 
-/// What may still come moves the lower end of a minimum, the upper of a maximum.
+/// Opens the end of the interval that samples to come can move.
+///
+/// That is the lower end of a minimum and the upper end of a maximum.
 fn opened<E: Extremum>(interval: Interval) -> Interval {
     match E::NEUTRAL == f64::INFINITY {
         true => Interval {
@@ -155,6 +160,7 @@ fn window<E: Extremum>(
     let mut folded = watch.folded.unwrap_or(E::NEUTRAL);
     let now = reading.known - 1;
     let interval = if program.is_instant(id) {
+        // Each sample of such an operand is final and enters once.
         if watch.window.from <= now && watch.window.to.is_none_or(|to| now <= to) {
             folded = E::pick(folded, tracks[id].now);
         }
@@ -163,6 +169,7 @@ fn window<E: Extremum>(
         let (last, settled) = watch.last(reading);
         let operand = tracks[id].operand();
         let next = watch.next.max(watch.window.from);
+        // Settled bounds coincide, so the lower bounds serve both.
         if next < settled {
             folded = E::pick(
                 folded,
@@ -171,6 +178,7 @@ fn window<E: Extremum>(
             watch.next = settled;
         }
         let next = watch.next.max(watch.window.from);
+        // Pending samples are read again each time and never folded in.
         let pending = (last + 1).saturating_sub(next);
         let with =
             |values: &[f64]| E::pick(folded, fold::<E>(&values[..pending.min(values.len())]));
@@ -219,6 +227,7 @@ fn until<E: Extremum>(
         watch.folded.unwrap_or(E::NEUTRAL),
         watch.guard.unwrap_or(E::Dual::NEUTRAL),
     );
+    // Settled samples advance the state for good.
     if watch.next < settled {
         let at = watch.next;
         state = run(
@@ -248,13 +257,14 @@ fn until<E: Extremum>(
         hi: upper.0,
     };
     if watch.is_open(reading) {
-        // The goal may still come, as long as the left side has held so far.
+        // The goal may still occur, as long as the left side has held so far.
         match E::NEUTRAL == f64::NEG_INFINITY {
             true => interval.hi = E::pick(interval.hi, upper.1),
             false => interval.lo = E::pick(interval.lo, lower.1),
         }
     }
     if strength == Strength::Weak {
+        // The left side counts from the present on, not from the window's start.
         let throughout = Watch {
             window: Window {
                 from: 0,

@@ -1,27 +1,28 @@
-//! What an online monitor remembers of one operator.
+//! Memory of an online monitor for one operator.
 
 use std::collections::VecDeque;
 
 use crate::apply::Operand;
 use crate::kernel::{Extremum, View};
 
-/// The bounds of an operator at the samples `first ..` known so far.
+/// Bounds of an operator at the known samples `first ..`.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Track {
     pub(super) first: usize,
     pub(super) lower: Vec<f64>,
-    /// Not used by operators that look at the present and the past only.
+    /// Upper bounds, empty for operators of the present and the past.
     pub(super) upper: Vec<f64>,
-    /// The value at the latest sample, of such operators.
+    /// Latest value of an operator of the present and the past.
     pub(super) now: f64,
-    /// What such an operator carries from sample to sample.
+    /// Value that such an operator carries from sample to sample.
     pub(super) carried: Option<f64>,
-    /// Of historically and once: the samples that can still be its extremum.
+    /// Samples that can still be the extremum of a historically or a once.
     queue: VecDeque<(usize, f64)>,
 }
 
 impl Track {
     pub(super) fn operand(&self) -> Operand<'_> {
+        // Operators of the present and the past are exact, so one vector serves both.
         let upper = if self.upper.is_empty() {
             &self.lower
         } else {
@@ -44,16 +45,17 @@ impl Track {
         (self.first, self.now, self.carried) = (0, 0.0, None);
     }
 
-    /// The extremum from sample `first` (`None`: of all) to the new value.
+    /// Returns the extremum from sample `first` (`None`: of all) to the new value.
     ///
-    /// What a newer value beats never matters again, so that each sample enters
-    /// and leaves the queue once; without an end only the best one stays.
+    /// A value beaten by a newer value never matters again, so each sample enters and
+    /// leaves the queue once. Without an end only the best value stays.
     pub(super) fn slide<E: Extremum>(
         &mut self,
         first: Option<usize>,
         new: Option<(usize, f64)>,
     ) -> f64 {
         if let Some((sample, value)) = new {
+            // Equal values go as well: the newer value stays in the window longer.
             while self
                 .queue
                 .back()
@@ -61,6 +63,7 @@ impl Track {
             {
                 self.queue.pop_back();
             }
+            // In an endless window a worse value can never become the extremum.
             if first.is_some() || self.queue.is_empty() {
                 self.queue.push_back((sample, value));
             }
@@ -77,6 +80,7 @@ impl Track {
 
     /// Keeps the last `keep` samples, in amortised constant time.
     pub(super) fn trim(&mut self, keep: usize) {
+        // Trimmed only at twice the size, so that the copies are rare.
         if 2 * keep + 64 < self.lower.len() {
             let surplus = self.lower.len() - keep;
             self.lower.drain(..surplus);

@@ -8,17 +8,18 @@ use crate::number::Decimal;
 use crate::syntax::{Arithmetic, Bounds, Span, Time, TimeKind, Unit};
 use crate::token::{Spanned, Token};
 
-/// Levels of a calculated time.
+/// Greatest depth of a calculated time.
 const MAX_TIME_DEPTH: usize = 16;
 
 impl<'a> Parser<'a> {
-    /// The bounds here, if any.
+    /// Parses the bounds here, if any.
     pub(super) fn bounds(&mut self) -> Result<Option<Bounds>, StlError> {
         let open = self.peek(0).span.clone();
         if !self.take_symbol("[") {
             return Ok(None);
         }
         let here = self.peek(0).clone();
+        // An endless beginning would be an empty window.
         if is_endless(&here.token) {
             return Err(
                 StlError::new("a window begins at a time", here.span, "not a time")
@@ -26,6 +27,7 @@ impl<'a> Parser<'a> {
             );
         }
         let from = self.time(0)?;
+        // Both separators are common, and RTAMT writes `[a:b]`.
         if !self.take_symbol(",") && !self.take_symbol(":") {
             return Err(self.unexpected("`,` and the second bound").maybe_help(
                 (self.at_symbol("]"))
@@ -58,7 +60,7 @@ impl<'a> Parser<'a> {
 
     /// Refuses bounds behind an operator that takes none.
     ///
-    /// `help` is given the operator and the bounds as texts.
+    /// `help` gets the operator and the bounds as texts.
     pub(super) fn no_bounds(
         &mut self,
         operator: &Token<'_>,
@@ -68,7 +70,7 @@ impl<'a> Parser<'a> {
             return Ok(None);
         }
         let open = self.peek(0).span.clone();
-        // Bounds that are wrong themselves are not the first thing to mend.
+        // Errors inside these bounds are not the first thing to correct.
         let (bounds, span) = match self.bounds() {
             Ok(Some(bounds)) => (bounds.to_string(), bounds.span.0),
             _ => ("[a, b]".to_owned(), open),
@@ -78,7 +80,7 @@ impl<'a> Parser<'a> {
         Err(error.with_help(help(word.trim_matches('`'), &bounds)))
     }
 
-    /// A sum or product of times; `loosest`: 0 for sums, 1 for products.
+    /// Parses a sum or a product of times. `loosest` is 0 for sums, 1 for products.
     fn time(&mut self, loosest: u8) -> Result<Time, StlError> {
         self.descend()?;
         let mut left = self.time_operand()?;
@@ -94,6 +96,7 @@ impl<'a> Parser<'a> {
                 break;
             }
             self.advance();
+            // A stronger right side groups to the left, as in expressions.
             let right = self.time(strength + 1)?;
             let span = left.span.0.start..right.span.0.end;
             left = checked(Time::new(
@@ -109,6 +112,7 @@ impl<'a> Parser<'a> {
         let Spanned { token, span } = self.peek(0).clone();
         let kind = match token {
             Token::Number(digits) => {
+                // Digits are kept as written: an f64 would lose that 0.3 is three tenths.
                 self.advance();
                 let Some(value) = Decimal::parse(digits) else {
                     return Err(StlError::new(
@@ -130,6 +134,7 @@ impl<'a> Parser<'a> {
                 self.advance();
                 let inner = self.time(0)?;
                 let end = self.close(")", span.clone())?;
+                // The parentheses belong to the place that an error underlines.
                 return Ok(Time {
                     span: Span(span.start..end),
                     ..inner

@@ -1,4 +1,4 @@
-//! What is said about a text that does not parse.
+//! Errors for a text that does not parse.
 
 use std::ops::Range;
 
@@ -8,9 +8,9 @@ use crate::error::StlError;
 use crate::syntax::{Node, Term};
 use crate::token::{Spanned, Token};
 
-/// Levels of the syntax tree.
+/// Greatest depth of the syntax tree.
 const MAX_DEPTH: usize = 100;
-/// Levels of the parser's recursion: parentheses count, too.
+/// Greatest depth of the parser's recursion, in which parentheses count too.
 const MAX_NESTING: usize = 2 * MAX_DEPTH + 16;
 
 impl Parser<'_> {
@@ -27,6 +27,7 @@ impl Parser<'_> {
         if self.take_symbol(symbol) {
             return Ok(here.span.end);
         }
+        // The opening bracket is marked, since the end of the text shows nothing.
         if here.token == Token::End {
             let opener = if symbol == ")" { "(" } else { "[" };
             return Err(StlError::new(
@@ -41,6 +42,7 @@ impl Parser<'_> {
 
     pub(super) fn unexpected(&self, expected: &str) -> StlError {
         let Spanned { token, span } = self.peek(0).clone();
+        // An empty text gets an example instead of a list of expected tokens.
         if token == Token::End && self.at == 0 {
             return StlError::new("there is no formula", span, "empty")
                 .with_help("write something like `always[0, 10] (speed <= 30)`");
@@ -51,9 +53,10 @@ impl Parser<'_> {
             format!("expected {expected}"),
         );
         let before = self.at.checked_sub(1).map(|at| &self.tokens[at]);
+        // `2x` is two adjacent tokens, `2 x` may be anything.
         let adjacent = before.is_some_and(|before| before.span.end == error.span().start);
         match (before.map(|before| &before.token), token) {
-            // A misspelt operator is read as a name, and fails at what follows.
+            // A misspelt operator is read as a name, and parsing fails at the next token.
             (Some(Token::Word(name)), _) if let Some(close) = words::closest_operator(name) => {
                 let span = before.map_or(0..0, |before| before.span.clone());
                 StlError::new(

@@ -1,4 +1,4 @@
-//! Where the parser stands in its tokens.
+//! Position of the parser in its tokens.
 
 use crate::error::StlError;
 use crate::token::{Spanned, Token, tokenize};
@@ -18,7 +18,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// The `ahead`-th token from here; beyond the end, the end.
+    /// Returns the `ahead`-th token from here, the end token beyond the end.
     pub(super) fn peek(&self, ahead: usize) -> &Spanned<'a> {
         // Invariant: there is always a last token, the end.
         &self.tokens[(self.at + ahead).min(self.tokens.len() - 1)]

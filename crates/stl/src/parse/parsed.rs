@@ -1,4 +1,4 @@
-//! What the parser has read so far.
+//! Part of a text that the parser has read so far.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use super::words::Logic;
 use crate::error::StlError;
 use crate::syntax::{Bounds, Kind, Node, Span, Term, TermKind};
 
-/// What has been read: its sort is settled by the operator that takes it.
+/// Parsed part, whose sort is settled by the operator that takes it.
 pub(super) enum Parsed {
     Formula(Box<Node>),
     Term(Box<Term>),
@@ -45,6 +45,7 @@ impl Parsed {
     pub(super) fn into_term(self, what: &str) -> Result<Box<Term>, StlError> {
         match self {
             Parsed::Term(term) => Ok(term),
+            // A lone name may be a number or a formula. Binding checks which.
             Parsed::Name(name, span) => Ok(Box::new(Term::new(TermKind::Name(name), span))),
             Parsed::Formula(node) => Err(StlError::new(
                 what,
@@ -55,7 +56,7 @@ impl Parsed {
     }
 }
 
-/// Two operands under a word of logic.
+/// Joins two operands under a logical operator.
 pub(super) fn join(
     logic: Logic,
     bounds: Option<Bounds>,
@@ -80,11 +81,12 @@ pub(super) fn join(
     checked(node).map(|node| Parsed::Formula(Box::new(node)))
 }
 
-/// Conjunctions and disjunctions are kept flat, whatever their parentheses.
+/// Joins operands flat: `and` and `or` ignore parentheses among themselves.
 fn flat(left: Node, right: Node, span: Range<usize>, join: fn(Vec<Arc<Node>>) -> Kind) -> Node {
     let same = |node: &Node| {
         std::mem::discriminant(&node.kind) == std::mem::discriminant(&join(Vec::new()))
     };
+    // A merged operand adds no level, so long chains stay within the limit.
     let depth_of = |node: &Node| node.depth + usize::from(!same(node));
     let depth = depth_of(&left).max(depth_of(&right));
     let parts = |node: Node| match (same(&node), node) {

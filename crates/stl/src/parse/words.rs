@@ -1,9 +1,9 @@
-//! What a token means as an operator.
+//! Meaning of tokens as operators.
 
 use crate::syntax::{Arithmetic, Binary, Comparison, Unary};
 use crate::token::Token;
 
-/// How tightly an operator holds its operands.
+/// Binding strengths of operators, from loose to tight.
 pub(super) mod strength {
     pub(in crate::parse) const LOOSEST: u8 = 0;
     pub(in crate::parse) const XOR: u8 = 1;
@@ -64,7 +64,7 @@ impl Infix {
     }
 }
 
-/// The operator a token is in front of an operand.
+/// Returns the operator that a token is in front of an operand.
 pub(super) fn prefix_of(token: &Token<'_>) -> Option<Prefix> {
     let unary = match token {
         Token::Word(word) => match *word {
@@ -90,7 +90,7 @@ pub(super) fn prefix_of(token: &Token<'_>) -> Option<Prefix> {
     Some(Prefix::Temporal(unary))
 }
 
-/// The operator a token is behind an operand.
+/// Returns the operator that a token is behind an operand.
 pub(super) fn infix_of(token: &Token<'_>) -> Option<Infix> {
     let word = match token {
         Token::Word(word) => *word,
@@ -122,7 +122,7 @@ pub(super) fn infix_of(token: &Token<'_>) -> Option<Infix> {
     })
 }
 
-/// Single letters are names unless an operand follows them.
+/// Returns true for single letters, which are names unless an operand follows.
 pub(super) fn is_prefix_letter(word: &str) -> bool {
     matches!(word, "G" | "F" | "H" | "O" | "X" | "Y" | "sX" | "sY")
 }
@@ -131,20 +131,21 @@ fn is_infix_letter(word: &str) -> bool {
     matches!(word, "U" | "R" | "W" | "S")
 }
 
-/// Words that are never names, unless quoted.
+/// Returns true for words that are never names, unless quoted.
 pub(super) fn is_word_operator(word: &str) -> bool {
     let token = Token::Word(word);
+    // Single letters are common signal names, so they are never reserved.
     let letter = is_prefix_letter(word) || is_infix_letter(word);
     !letter && (prefix_of(&token).is_some() || infix_of(&token).is_some())
 }
 
-/// Words that a canonical text must quote to use as names.
+/// Returns true for words that a canonical text must quote to use as names.
 pub(crate) fn is_keyword(word: &str) -> bool {
     let constant = matches!(word, "true" | "TRUE" | "false" | "FALSE" | "inf" | "end");
     constant || is_word_operator(word)
 }
 
-/// Whether an operand can start with this token, `-` and `[` apart.
+/// Returns true if an operand can start with this token, except `-` and `[`.
 pub(super) fn starts_operand(token: &Token<'_>) -> bool {
     match token {
         Token::Number(_) | Token::Quoted(_) => true,
@@ -154,7 +155,7 @@ pub(super) fn starts_operand(token: &Token<'_>) -> bool {
     }
 }
 
-/// "did you mean `until`?", for a word where an operator should be.
+/// Returns "did you mean `until`?" for a word in the place of an operator.
 pub(super) fn closest_operator(word: &str) -> Option<String> {
     const WORDS: [&str; 16] = [
         "always",
@@ -174,6 +175,7 @@ pub(super) fn closest_operator(word: &str) -> Option<String> {
         "next",
         "prev",
     ];
+    // Short words resemble too many others, and most of them are names.
     let close = WORDS.into_iter().find(|known| {
         *known != word && 4 <= word.len() && 0.9 <= strsim::jaro_winkler(word, known)
     })?;

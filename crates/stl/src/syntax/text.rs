@@ -1,7 +1,7 @@
-//! The canonical text of a syntax tree: it reads back as the same tree.
+//! Canonical text of a syntax tree, which parses to the same tree.
 //!
-//! Operands in parentheses unless they are a name, a constant or a prefix
-//! operator behind another one, so that nobody needs to know precedences.
+//! Operands are in parentheses, so that readers need not know precedences.
+//! Exceptions are names, constants, and a prefix operator behind another.
 
 use std::fmt::{self, Display, Formatter};
 use std::sync::Arc;
@@ -72,7 +72,7 @@ fn write_operand(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
     }
 }
 
-/// A prefix operator needs no parentheses around another one.
+/// Writes an operand of a prefix operator, without parentheses around a prefix.
 fn write_prefixed(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
     match node.kind {
         Kind::Not(_) | Kind::Unary(..) => write!(f, "{node}"),
@@ -83,6 +83,7 @@ fn write_prefixed(f: &mut Formatter<'_>, node: &Node) -> fmt::Result {
 fn write_name(f: &mut Formatter<'_>, name: &str) -> fmt::Result {
     if is_plain_name(name) && !is_keyword(name) {
         f.write_str(name)
+    // A name that contains double quotes needs the other quotes.
     } else if name.contains('"') {
         write!(f, "`{name}`")
     } else {
@@ -109,12 +110,14 @@ impl Display for Time {
                 unit.map_or(Ok(()), |unit| write!(f, " {}", unit.word()))
             }
             TimeKind::Negative(a) if matches!(a.kind, TimeKind::Calculated(..)) => {
+                // Without parentheses the sign would apply to the first operand only.
                 write!(f, "-({a})")
             }
             TimeKind::Negative(a) => write!(f, "-{a}"),
             TimeKind::Calculated(op, sides) => {
                 let strength = |time: &Time| match &time.kind {
                     TimeKind::Calculated(op, _) => op.strength(),
+                    // Any other time binds tighter than every operator.
                     _ => 9,
                 };
                 let (a, b) = (&sides.0, &sides.1);
@@ -136,6 +139,7 @@ impl Display for Term {
             TermKind::Calculated(op, sides) => {
                 let strength = |term: &Term| match &term.kind {
                     TermKind::Calculated(op, _) => op.strength(),
+                    // Any other term binds tighter than every operator.
                     _ => 9,
                 };
                 let (a, b) = (&sides.0, &sides.1);
@@ -152,7 +156,7 @@ impl Display for Term {
     }
 }
 
-/// Operators of one strength group to the left.
+/// Writes both sides of an operator. Operators of equal strength group left.
 fn write_sides<T: Display>(
     f: &mut Formatter<'_>,
     op: Arithmetic,
@@ -171,6 +175,7 @@ fn write_sides<T: Display>(
 }
 
 fn write_number(f: &mut Formatter<'_>, value: f64) -> fmt::Result {
+    // Plain digits in the usual range, an exponent where zeros would pile up.
     if value == 0.0 || (1e-5..1e15).contains(&value.abs()) {
         write!(f, "{value}")
     } else {

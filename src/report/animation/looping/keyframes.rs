@@ -1,22 +1,22 @@
-//! CSS animations of one period: what plays in a picture without a script.
+//! CSS animations of one period, which play in a picture without a script.
 //!
-//! CSS rather than SMIL, since a reader who wants no motion then gets none.
+//! CSS and not SMIL, because it respects a reader's wish for reduced motion.
 
 use crate::report::animation::write::n;
 
-/// Time that passes in the picture, and how long the end then stands.
+/// Time span of the picture, which is followed by a pause at the end.
 #[derive(Clone, Copy)]
 pub(super) struct Period {
-    /// The episode's time when the picture begins.
+    /// Time of the episode at which the picture begins.
     pub from_s: f64,
-    /// When the motion ends.
+    /// Time of the episode at which the motion ends.
     pub until_s: f64,
 }
 
-/// How long the end stands before all begins anew.
+/// Duration in seconds of the pause before the next period.
 const HOLD_S: f64 = 2.0;
 
-/// The rules and keyframes of a picture, collected while it is drawn.
+/// Rules and keyframes of a picture, collected while it is drawn.
 pub(super) struct Keyframes {
     pub period: Period,
     rules: String,
@@ -24,19 +24,19 @@ pub(super) struct Keyframes {
 }
 
 impl Period {
-    /// The length of a period.
+    /// Duration of a period in seconds.
     pub fn total_s(&self) -> f64 {
         self.until_s - self.from_s + HOLD_S
     }
 
-    /// The share of the period at a time of the episode, in percent.
+    /// Share of the period at a time of the episode, in percent.
     fn percent(&self, time_s: f64) -> String {
         n(100.0 * (time_s - self.from_s) / self.total_s(), 2)
     }
 }
 
 impl Keyframes {
-    /// None yet.
+    /// Returns an empty collection.
     pub fn new(period: Period) -> Keyframes {
         let total_s = n(period.total_s(), 3);
         let rules = format!(
@@ -51,13 +51,14 @@ impl Keyframes {
         }
     }
 
-    /// The style sheet.
+    /// Returns the style sheet.
     pub fn into_css(self) -> String {
         self.rules
     }
 
-    /// A `transform` that goes from value to value in straight lines; the class
-    /// of what moves so.
+    /// Adds a `transform` that changes linearly between values.
+    ///
+    /// Returns the CSS class of the moving element.
     pub fn moving(&mut self, values: &[(f64, String)]) -> String {
         let values = values
             .iter()
@@ -65,8 +66,9 @@ impl Keyframes {
         format!("a {}", self.animation(values))
     }
 
-    /// Something that is seen at some times only, from each `true` to the next
-    /// `false`; the class of it.
+    /// Adds a visibility: visible from each `true` to the next `false`.
+    ///
+    /// Returns the CSS class of the element.
     pub fn seen(&mut self, turns: &[(f64, bool)]) -> String {
         let values = turns.iter().map(|(at, seen)| {
             let seen = if *seen { "visible" } else { "hidden" };
@@ -75,13 +77,14 @@ impl Keyframes {
         format!("s {}", self.animation(values))
     }
 
-    /// Keyframes with equal values in a row left out; the class that has them.
+    /// Adds keyframes without repeated values, and returns their class.
     fn animation(&mut self, values: impl Iterator<Item = (f64, String)>) -> String {
         let values: Vec<(f64, String)> = values.collect();
         let name = format!("k{}", self.count);
         self.count += 1;
         let is_told = |i: usize| {
             let same = |other: Option<&(f64, String)>| other.is_some_and(|it| it.1 == values[i].1);
+            // A value between two equal values is interpolated anyway.
             !(0 < i && same(values.get(i - 1)) && same(values.get(i + 1)))
         };
         let mut frames = String::new();
@@ -90,6 +93,7 @@ impl Keyframes {
                 frames += &format!("{}%{{{value}}}", self.period.percent(*time_s));
             }
         }
+        // The last value holds through the pause.
         if let Some((_, last)) = values.last() {
             frames += &format!("100%{{{last}}}");
         }

@@ -1,10 +1,11 @@
-//! A kept crash as one SVG that plays by itself: what the ego did and, beside
-//! it, what somebody else would have done in its place.
+//! Kept crash as one SVG that plays by itself.
 //!
-//! For pages that run no script, such as a README: CSS keyframes move the shapes
-//! that reports draw, up to the contact, over and over. Both halves have one
-//! clock and one scale, so that what differs is the driver. A reader who wants
-//! no motion sees the end.
+//! It shows the ego and, beside it, another driver in the ego's place.
+//!
+//! It serves pages that run no script, such as a README. CSS keyframes move the
+//! shapes of the reports up to the contact, in a loop. Both halves have one
+//! clock and one scale, so the difference is the driver. With reduced motion
+//! only the end is shown.
 
 mod keyframes;
 mod panel;
@@ -28,16 +29,16 @@ use keyframes::{Keyframes, Period};
 use panel::Panel;
 use words::{ending_of, facts, outcome_of, wrapped};
 
-/// What is shown of the time before a contact or violation, and after it.
+/// Seconds shown before a contact or violation, and after it.
 pub(super) const BEFORE_S: f64 = 5.0;
 const AFTER_S: f64 = 1.0;
-/// Width of the whole, the gap between its halves, and the height of a line.
+/// Width of the picture, gap, height of a line, height of a half.
 const WIDTH_PX: f64 = 900.0;
 const GAP_PX: f64 = 8.0;
 const LINE_PX: f64 = 18.0;
 const HEIGHT_PX: f64 = 250.0;
 
-/// What is written on a picture that loops.
+/// Style of the text on a looping picture.
 const OWN_STYLE: &str = "\
 .card{fill:var(--card)}.ground{fill:var(--verge)}.plate{fill:#0c0f13;fill-opacity:.82}\
 .fine{fill:#2f7d4d}.poor{fill:#c2273d}.bar{fill:var(--held)}.head2{fill:var(--ink)}\
@@ -45,18 +46,19 @@ svg .title,svg .result{fill:#fff;font-size:13px;font-weight:600}\
 svg .said{font-size:13px;fill:var(--ink)}svg .told{font-weight:700}.instant{fill:var(--key)}\
 .k-start{--key:var(--dim)}.k-decisive{--key:var(--ado)}.k-chance{--key:var(--good)}.k-broken{--key:#b26a00}.k-contact{--key:#c2273d}";
 
-/// Somebody else in the ego's place.
+/// Other driver in the ego's place.
 pub struct Beside {
-    /// Who that is, in a few words.
+    /// Description of the driver in a few words.
     pub who: String,
-    /// What it would have done.
+    /// Drive of that driver.
     pub filmed: FilmedDriver,
 }
 
-/// A crash as one SVG that plays over and over.
+/// Returns a crash as one SVG that plays in a loop.
 ///
-/// `ego` says who is under test, and a note what else is to be said of the run;
-/// without `beside` the picture has one half. The example must have frames.
+/// `ego` describes the system under test, and the note adds a remark on the
+/// run. Without `beside` the picture has one half. The example must have
+/// frames.
 pub fn looping_picture(
     scenario: &Scenario,
     example: &Example,
@@ -90,7 +92,7 @@ pub fn looping_picture(
     let ends = panels.iter().map(|panel| panel.ending.0);
     let from_s = (panels[0].ending.0 - BEFORE_S).max(0.0);
     let period = Period {
-        // At a sample that both films have.
+        // The start is a sample that both films have.
         from_s: picture.film.times_s[picture.film.at(from_s)],
         until_s: ends.fold(0.0, f64::max),
     };
@@ -98,12 +100,12 @@ pub fn looping_picture(
     whole(&panels, period, &said, example)
 }
 
-/// The half of somebody else.
+/// Half of the other driver.
 fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a Film) -> Panel<'a> {
     let recorded_s = picture.film.end_s();
     let mut moves = picture.moves.clone();
     for (_, moves) in &mut moves {
-        // After the record nobody acts any more.
+        // After the end of the record no ado chooses an action.
         moves.push(Move {
             from_s: recorded_s,
             until_s: film.end_s(),
@@ -123,7 +125,7 @@ fn beside_it<'a>(picture: &'a Picture<'a>, it: &Beside, film: &'a Film) -> Panel
     }
 }
 
-/// Halves, clock and words as one picture.
+/// Halves, clock and text as one picture.
 fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Example) -> String {
     let mut keyframes = Keyframes::new(period);
     let count = panels.len() as f64;
@@ -134,6 +136,7 @@ fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Exampl
         ego_px: 44.0,
         least_height_m: 9.0,
     };
+    // The smallest scale of all halves: equal lengths must look equal.
     let scales = panels.iter().map(|it| it.scale(&canvas, period.from_s));
     let scale = scales.fold(f64::INFINITY, f64::min);
     let [width_px, _] = canvas.size_px;
@@ -150,7 +153,7 @@ fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Exampl
         })
         .collect();
     let clock = clock(panels[0].picture, &mut keyframes);
-    // The first says what came of it.
+    // The first line is the outcome.
     let lines = said.iter().enumerate().flat_map(|(nth, it)| {
         let lines = wrapped(it, nth == 0).into_iter();
         lines.map(move |line| (if nth == 0 { "said told" } else { "said" }, line))
@@ -181,7 +184,7 @@ fn whole(panels: &[Panel<'_>], period: Period, said: &[String], example: &Exampl
     visible_markup(&drawn.into_string()).into_owned()
 }
 
-/// The time as a bar with the moments of the crash on it, and a hand.
+/// Time as a bar with a hand and the moments of the crash.
 fn clock(picture: &Picture<'_>, keyframes: &mut Keyframes) -> Markup {
     let Period { from_s, until_s } = keyframes.period;
     let x = |time_s: f64| WIDTH_PX * (time_s - from_s) / (until_s - from_s);

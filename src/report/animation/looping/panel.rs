@@ -1,4 +1,4 @@
-//! One half of a looping picture: a drive from above, and what comes of it.
+//! Half of a looping picture: a drive from above, and its outcome.
 
 use maud::{Markup, html};
 
@@ -11,27 +11,27 @@ use crate::report::animation::moves::Move;
 use crate::report::animation::picture::{BRAKES_MPS2, Picture, burst};
 use crate::report::animation::write::n;
 
-/// Samples are shown so far apart, straight lines between; words stand so long.
+/// Time between shown samples, and duration of a label's text, in seconds.
 const EVERY_S: f64 = 0.1;
 const WORDS_S: f64 = 0.5;
 
-/// What one half shows.
+/// Content of one half.
 pub(super) struct Panel<'a> {
-    /// Its number, which tells its parts from the other's.
+    /// Number that makes its identifiers unique.
     pub nth: usize,
     pub picture: &'a Picture<'a>,
     pub film: &'a Film,
-    /// What the ados do, while somebody else drives too.
+    /// Moves of the ados, which also apply beside another driver.
     pub moves: Vec<(String, Vec<Move>)>,
-    /// Where and when two touch, in the picture's directions.
+    /// Place of the contact in the picture's directions.
     pub contact_m: Option<[f64; 2]>,
-    /// When it ends; what came of it then, and whether that is good.
+    /// End in seconds, outcome in words, and true for a good outcome.
     pub ending: (f64, String, bool),
-    /// Who drives.
+    /// Name of the driver.
     pub title: String,
 }
 
-/// Samples of a film within a period: those that are shown.
+/// Shown samples of a film within a period.
 fn shown(film: &Film, (from_s, until_s): (f64, f64)) -> Vec<usize> {
     let (first, last) = (film.at(from_s), film.at(until_s));
     let mut shown = vec![first];
@@ -41,12 +41,13 @@ fn shown(film: &Film, (from_s, until_s): (f64, f64)) -> Vec<usize> {
             shown.push(i);
         }
     }
+    // The end is always shown, however close to the previous sample.
     shown.push(last);
     shown
 }
 
 impl Panel<'_> {
-    /// Pixels per metre at which everybody fits all the time.
+    /// Pixels per metre at which all agents fit at all times.
     pub fn scale(&self, canvas: &Canvas, from_s: f64) -> f64 {
         let shown = shown(self.film, (from_s, self.ending.0));
         let scales = shown
@@ -59,7 +60,7 @@ impl Panel<'_> {
         (!self.picture.on_cells).then(|| self.picture.ego())
     }
 
-    /// The picture, at this scale.
+    /// Picture at a given scale.
     pub fn drawn(&self, keyframes: &mut Keyframes, (canvas, scale): (&Canvas, f64)) -> Markup {
         let shown = shown(self.film, (keyframes.period.from_s, self.ending.0));
         let camera = |i: usize| Camera::at_scale(self.film, i, (self.ego(), scale), canvas);
@@ -70,6 +71,7 @@ impl Panel<'_> {
             format!("translate({}px,{}px)", n(-u, 2), n(-v, 2))
         });
         let moved = keyframes.moving(&times().zip(centres).collect::<Vec<_>>());
+        // The attributes show the end, for readers without motion.
         let last = &cameras[cameras.len() - 1];
         let [[x, y], [u, v]] = [last.middle_px(), last.centre_m];
         let turn_deg = n(-self.film.turn_rad.to_degrees(), 3);
@@ -90,7 +92,7 @@ impl Panel<'_> {
         }
     }
 
-    /// A body on its way; whoever brakes shows it.
+    /// Moving body, with brake lamps if it brakes.
     fn body(&self, keyframes: &mut Keyframes, who: usize, shown: &[usize]) -> Markup {
         let track = &self.film.tracks[who];
         let time_s = |i: usize| self.film.times_s[i];
@@ -111,6 +113,7 @@ impl Panel<'_> {
         let moved = keyframes.moving(&poses.collect::<Vec<_>>());
         let brakes = |i: usize| track.accel_mps2[i] < -BRAKES_MPS2;
         let braking: Vec<(f64, bool)> = shown.iter().map(|&i| (time_s(i), brakes(i))).collect();
+        // A body that never brakes needs no second shape.
         let lit = braking.iter().any(|(_, brakes)| *brakes);
         let end = shown[shown.len() - 1];
         html! {
@@ -125,7 +128,7 @@ impl Panel<'_> {
         }
     }
 
-    /// Lights, a group for each stretch in which they show the same.
+    /// Lights, as one group per stretch of equal phases.
     fn lights(&self, keyframes: &mut Keyframes) -> Markup {
         let (from, until) = (
             self.film.at(keyframes.period.from_s),
@@ -144,7 +147,7 @@ impl Panel<'_> {
         }
     }
 
-    /// The star of a contact.
+    /// Star of a contact.
     fn star(&self, keyframes: &mut Keyframes, camera: &Camera<'_>) -> Markup {
         let Some([x, y]) = self.contact_m.map(|at| camera.at(at)) else {
             return html! {};
@@ -153,8 +156,9 @@ impl Panel<'_> {
         html! { g class=(keyframes.seen(&turns)) { (burst(x, y)) } }
     }
 
-    /// Name, speed and action of a body: a group that goes with it, in which the
-    /// words of each half second come and go.
+    /// Name, speed and action of a body.
+    ///
+    /// The group moves with the body, and its text changes every half second.
     fn label(
         &self,
         keyframes: &mut Keyframes,
@@ -166,6 +170,7 @@ impl Panel<'_> {
             labels(&self.picture.stage, self.film, shown[nth], beside).swap_remove(who)
         };
         let all: Vec<Label> = (0..shown.len()).map(at).collect();
+        // The middle moves evenly, while the width changes with the text.
         let middle = |label: &Label| [label.at_px[0] + 0.5 * label.size_px[0], label.at_px[1]];
         let time_s = |nth: usize| self.film.times_s[shown[nth]];
         let places = all.iter().enumerate().map(|(nth, label)| {
@@ -180,6 +185,8 @@ impl Panel<'_> {
         let from_s = keyframes.period.from_s;
         let mut words: Vec<(f64, &Label)> = Vec::new();
         for (nth, label) in all.iter().enumerate() {
+            // A new action is shown at once, and a new speed only after a
+            // while, so that it is readable.
             let is_due = words.last().is_none_or(|(then_s, said)| {
                 WORDS_S - 1e-6 <= time_s(nth) - then_s || said.lines[1..] != label.lines[1..]
             });
@@ -200,7 +207,7 @@ impl Panel<'_> {
         }
     }
 
-    /// Who drives, and in the end what came of it.
+    /// Name of the driver, and the outcome at the end.
     fn result(&self, keyframes: &mut Keyframes, canvas: &Canvas) -> Markup {
         let (at_s, words, good) = &self.ending;
         let [width_px, height_px] = canvas.size_px;
@@ -216,7 +223,7 @@ impl Panel<'_> {
     }
 }
 
-/// A label around the middle of its upper side.
+/// Label around the middle of its upper side.
 fn words_of(label: &Label) -> Markup {
     let [w, h] = label.size_px;
     html! {

@@ -1,4 +1,4 @@
-//! The words of a looping picture: what came of each drive, and the facts.
+//! Text of a looping picture: the outcome of each drive, and the facts.
 
 use super::Beside;
 use crate::preventability::FilmedDriver;
@@ -8,12 +8,13 @@ use crate::report::verdict::{VerdictWords, capital, ego_failed, outcome_in_words
 use crate::rulebook::{RulesUntilContact, Verdict};
 use crate::world::Scenario;
 
-/// So many letters fit into a line.
+/// Letters per line, in normal and in bold type.
 const LETTERS: usize = 132;
 const BOLD_LETTERS: usize = 116;
 
-/// When the recorded drive ends, and how: a contact, or `after_s` beyond what
-/// the ego broke.
+/// End and outcome of the recorded drive.
+///
+/// It ends with a contact, or `after_s` after the violation.
 pub(super) fn ending_of(
     scenario: &Scenario,
     picture: &Picture<'_>,
@@ -27,6 +28,8 @@ pub(super) fn ending_of(
         }
         None if !ego_failed(&picture.example.episode) => {
             let words = capital(&outcome_in_words(scenario, &picture.example.episode));
+            // Without a failure, the closest approach is the most interesting
+            // moment.
             let end_s = nearest_s(picture, &picture.film, 0.0) + after_s;
             (end_s.min(picture.film.end_s()), words, true)
         }
@@ -37,8 +40,9 @@ pub(super) fn ending_of(
     }
 }
 
-/// When somebody else's drive ends, and how: a contact, or `after_s` beyond the
-/// time at which it is nearest.
+/// End and outcome of the other driver's drive.
+///
+/// It ends with a contact, or `after_s` after the closest approach.
 pub(super) fn outcome_of(
     picture: &Picture<'_>,
     film: &Film,
@@ -48,6 +52,8 @@ pub(super) fn outcome_of(
         let words = format!("Contact at {:.1} m/s", touch.closing_speed_mps);
         return (touch.time_s, words, false);
     }
+    // Before the end of the recorded drive, the other driver is not yet past the
+    // crash.
     let nearest_s = nearest_s(picture, film, picture.film.end_s());
     let words = match filmed.outcome.margin {
         Some(gap_m) => format!("No contact: misses by {gap_m:.1} m"),
@@ -56,9 +62,11 @@ pub(super) fn outcome_of(
     ((nearest_s + after_s).min(film.end_s()), words, true)
 }
 
-/// When the ego of a film is nearest to whom it meets, from a time on.
+/// Time of the closest approach of ego and encountered agent, from a time on.
 fn nearest_s(picture: &Picture<'_>, film: &Film, from_s: f64) -> f64 {
     let (ego, _) = picture.ego();
+    // The encounter of the recorded film, so that both halves refer to one
+    // agent.
     let met = picture.film.met;
     let apart_m = |i: usize| met.map_or(0.0, |met| film.apart_m(ego, met, i));
     let later = film.at(from_s)..film.times_s.len();
@@ -66,7 +74,7 @@ fn nearest_s(picture: &Picture<'_>, film: &Film, from_s: f64) -> f64 {
     nearest.map_or(from_s, |i| film.times_s[i])
 }
 
-/// What is known of the run: what came of it, then number by number.
+/// Facts of the run: the outcome first, then the numbers.
 pub(super) fn facts(
     scenario: &Scenario,
     picture: &Picture<'_>,
@@ -108,7 +116,7 @@ pub(super) fn facts(
     said
 }
 
-/// What somebody else did.
+/// Drive of the other driver in words.
 fn other(who: &str, filmed: &FilmedDriver, picture: &Picture<'_>) -> String {
     let from_s = filmed.from as f64 * picture.example.episode.trace.dt_s();
     let reacted = filmed
@@ -126,7 +134,7 @@ fn other(who: &str, filmed: &FilmedDriver, picture: &Picture<'_>) -> String {
     )
 }
 
-/// A text in lines that fit, `bold` or not.
+/// Text in lines that fit, in bold type or not.
 pub(super) fn wrapped(text: &str, bold: bool) -> Vec<String> {
     let letters = if bold { BOLD_LETTERS } else { LETTERS };
     let mut lines: Vec<String> = Vec::new();

@@ -1,13 +1,14 @@
-//! The list of published signals: one row is all there is to a signal.
+//! The list of published signals: a row fully defines its signal.
 //!
-//! A row says whose the signal is, its name, unit and meaning, its value, and
-//! where it differs from what is usual: between what it stays in any run, by
-//! what range it is observed, whether every trace holds it, former names. What
-//! `check` lists, what `vacuous` knows and the table in `docs/signals.md` follow.
+//! A row holds the owner of the signal, its name, unit, meaning and value. It
+//! also holds deviations from the defaults: bounds, range of observation,
+//! permanent recording and former names. The output of `check`, the bounds in
+//! `vacuous` and the table in `docs/signals.md` are generated from the list or
+//! tested against it.
 //!
-//! The order is that of traces: a row that a later version adds stands last
-//! among those of its owner, and is not `always` recorded, so that what earlier
-//! versions recorded keeps its columns.
+//! The order is that of traces. A row of a later version comes last among those
+//! of its owner and is not `always` recorded, so that recordings of earlier
+//! versions keep their columns.
 
 use super::super::network::goes_first;
 use super::super::spec::DriveSpec;
@@ -17,13 +18,13 @@ use crate::ego::Phase;
 use crate::stl::Interval;
 use Of::{Agent, AgentAndLight, Clock, Light, Pair, Parameter, Scene};
 
-/// Time to collision is capped here, so that it is finite when not closing.
+/// Upper bound on times to collision, returned when the gap is not closing.
 pub const TTC_CAP_S: f64 = 100.0;
-/// Ways that never cross do so this far away.
+/// Distance to the crossing of paths that never cross.
 const NEVER_M: f64 = 1000.0;
 /// Vehicles do not reverse, but may roll back while they settle.
 const SLOWEST_MPS: f64 = -1.0;
-/// Nobody starts faster than 100 m/s.
+/// Upper bound on speeds. Starts are limited to 100 m/s.
 const FASTEST_MPS: f64 = 200.0;
 
 pub(super) static SIGNALS: &[SignalQuantity] = &[
@@ -70,7 +71,7 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
             false => between(SLOWEST_MPS, FASTEST_MPS),
         })
         .seen_in(0.0, 30.0)
-        // No signal has a former name yet; tests have one.
+        // No signal has a former name yet, so a test-only name exercises the code.
         .formerly(if cfg!(test) { &["velocity"] } else { &[] })
         .always(),
     Agent
@@ -225,21 +226,25 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         }),
 ];
 
-/// Clearance along the road over closing speed; the cap when not closing.
+/// Returns clearance along the road over closing speed, capped if not closing.
 fn time_to_collision_s(state: &SceneState, [a, b]: [usize; 2]) -> f64 {
     let agents = &state.spec.agents;
+    // Oncoming and crossing agents have no common direction, so the clearance
+    // is computed from the space that both occupy.
     if !(agents[a].is_with_road() && agents[b].is_with_road()) {
         let (clearance_m, closing_mps) = state.closing_along([a, b]);
         return capped_s(clearance_m, closing_mps);
     }
     let ahead_m = state.on_road[b].s_m - state.on_road[a].s_m;
+    // Positions are front bumpers, so the length of the leading body is
+    // subtracted.
     let front = if 0.0 < ahead_m { b } else { a };
     let clearance_m = ahead_m.abs() - state.spec.agents[front].body.length_m;
     let closing_mps = (state.velocity_mps(a).0 - state.velocity_mps(b).0) * ahead_m.signum();
     capped_s(clearance_m, closing_mps)
 }
 
-/// A way at a speed; the cap when there is no speed.
+/// Returns the time for a distance at a speed, capped without speed.
 fn capped_s(way_m: f64, speed_mps: f64) -> f64 {
     if speed_mps <= 0.0 {
         return TTC_CAP_S;
@@ -247,10 +252,11 @@ fn capped_s(way_m: f64, speed_mps: f64) -> f64 {
     (way_m.max(0.0) / speed_mps).min(TTC_CAP_S)
 }
 
-/// Time to the conflict point; the cap once it is left behind or never reached.
+/// Returns the time to the conflict point, capped if passed or never reached.
 fn time_to_conflict_s(state: &SceneState, pair: [usize; 2]) -> f64 {
     let [a, _] = pair;
     match state.conflict_m(pair) {
+        // The conflict lasts until the rear of `a` has passed the point.
         Some(way_m) if -state.spec.agents[a].body.length_m <= way_m => {
             capped_s(way_m, state.states[a].speed_mps)
         }

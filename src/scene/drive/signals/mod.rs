@@ -1,4 +1,4 @@
-//! What a driving scene publishes: the catalogue of signals and their sources.
+//! Signals of a driving scene: their catalogue and their sources.
 
 mod list;
 mod quantity;
@@ -17,7 +17,7 @@ pub use list::TTC_CAP_S;
 use quantity::Value;
 pub(super) use quantity::{Of, SignalQuantity};
 
-/// Where a published value comes from: a quantity, and whose it is.
+/// Source of a published value: a quantity and its owners.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Source {
     pub quantity: &'static SignalQuantity,
@@ -25,7 +25,7 @@ pub(super) struct Source {
 }
 
 impl Source {
-    /// The value now.
+    /// Returns the value at the current sample.
     pub fn value(self, state: &SceneState) -> f64 {
         match self.quantity.value {
             Value::Real(value) => value(state, self.whose),
@@ -33,14 +33,16 @@ impl Source {
         }
     }
 
-    /// Between what it stays in any run of a scene.
+    /// Returns an interval that contains the value in every run of a scene.
     pub fn range(self, spec: &DriveSpec) -> Interval {
         (self.quantity.bounds)(spec, self.whose)
     }
 
-    /// Whether it is the same whatever the ados do.
+    /// Returns whether no ado can change the value.
     pub fn is_untouched(self, spec: &DriveSpec) -> bool {
         let agent = |i: usize| match &spec.agents[i].drive {
+            // Traffic that follows a leader reacts to ados, and so do the ego
+            // and trained ados.
             Drive::Scripted(Script::Idm(_)) => false,
             Drive::Scripted(_) => true,
             Drive::Planned(plan) => plan.is_blind(),
@@ -49,6 +51,7 @@ impl Source {
         let [a, b] = self.whose;
         match self.quantity.of {
             Of::Clock | Of::Parameter => true,
+            // Every contact in the scene may involve an ado.
             Of::Scene => false,
             Of::Agent | Of::AgentAndLight => agent(a),
             Of::Pair => agent(a) && agent(b),
@@ -56,12 +59,12 @@ impl Source {
         }
     }
 
-    /// Whether such a scene has it.
+    /// Returns whether a scene of this spec has the signal.
     pub fn exists(self, spec: &DriveSpec) -> bool {
         (self.quantity.exists)(spec, self.whose)
     }
 
-    /// The names of whose it is, as many as there are.
+    /// Returns the names of its owners.
     fn owners(self, names: &AgentNames) -> Vec<&str> {
         let agent = |i: usize| names.agents[i].as_str();
         let light = |i: usize| names.lights[i].as_str();
@@ -107,36 +110,44 @@ fn in_words(about: &str, owners: &[&str]) -> String {
 /// A signal that can be published, with the range by which it is observed.
 #[derive(Clone, Debug)]
 pub struct SignalSource {
-    /// Its declaration.
+    /// Declaration of the signal.
     pub signal: Signal,
-    /// Usual range; observations are scaled by it.
+    /// Usual range, by which observations are scaled.
     pub range: (f64, f64),
-    /// Whether every trace holds it; the others are published when mentioned.
-    /// Those that a later version adds are among the others, so that what
-    /// earlier ones recorded keeps its columns.
+    /// True if every trace holds it. Otherwise it is published when mentioned.
+    ///
+    /// Signals added by a later version are published when mentioned, so that
+    /// recordings of earlier versions keep their columns.
     pub always: bool,
     pub(super) source: Source,
 }
 
-/// What a signal of an earlier version is called now.
+/// Returns the current name of a signal from an earlier version.
 pub fn current_name(name: &str) -> Option<String> {
     let (owner, last) = name.rsplit_once('.')?;
     let now = SIGNALS.iter().find(|row| row.former.contains(&last))?;
     Some(format!("{owner}.{}", now.name))
 }
 
-/// A signal by name, and where its value comes from.
+/// A signal by name, with the source of its value.
 #[derive(Clone, Debug)]
 pub(super) struct Declared {
     pub signal: Signal,
     pub source: Source,
-    /// Whether it is what an earlier version called it.
+    /// True for the name of an earlier version.
     is_former: bool,
 }
 
-/// Every signal there is of those named, and at last those by former names.
+/// Returns every signal of the named agents, then those under former names.
 pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
+    declared_of(names, &|_| true)
+}
+
+/// The same of some quantities only.
+fn declared_of(names: &AgentNames, wanted: &dyn Fn(&SignalQuantity) -> bool) -> Vec<Declared> {
     let agents = 0..names.agents.len();
+    // The order of owners is that of the columns in traces. Recorded traces
+    // depend on it.
     let mut owners = vec![(Of::Clock, [0, 0]), (Of::Scene, [0, 0])];
     owners.extend(agents.clone().map(|a| (Of::Agent, [a, 0])));
     for a in agents.clone() {
@@ -150,7 +161,9 @@ pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
     let parameters = 0..names.parameters.len();
     owners.extend(parameters.map(|p| (Of::Parameter, [p, 0])));
     let sources = owners.into_iter().flat_map(|(of, whose)| {
-        let rows = SIGNALS.iter().filter(move |row| row.of == of);
+        let rows = SIGNALS
+            .iter()
+            .filter(move |row| row.of == of && wanted(row));
         rows.map(move |quantity| Source { quantity, whose })
     });
     let mut all: Vec<Declared> = sources.map(|source| source.declared(names)).collect();
@@ -159,7 +172,7 @@ pub(super) fn declared(names: &AgentNames) -> Vec<Declared> {
     all
 }
 
-/// The same signal by the names of earlier versions.
+/// Returns the same signal under the names of earlier versions.
 fn formerly(declared: &Declared) -> impl Iterator<Item = Declared> {
     let SignalQuantity { former, name, .. } = declared.source.quantity;
     former.iter().map(move |former| {
@@ -176,10 +189,10 @@ fn formerly(declared: &Declared) -> impl Iterator<Item = Declared> {
     })
 }
 
-/// The schema of a spec's traces: published signals, then derived ones.
+/// Returns the schema of a spec's traces: published signals, then derived ones.
 ///
 /// # Errors
-/// Two signals of one name.
+/// Two signals have the same name.
 pub fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
     let published = spec.published().into_iter().map(|offer| offer.signal);
     let derived = spec.derived.iter().map(|derived| derived.signal.clone());
@@ -187,12 +200,16 @@ pub fn schema_of(spec: &DriveSpec) -> Result<Schema, SchemaError> {
 }
 
 impl DriveSpec {
-    /// Every signal this scene can publish, derived ones excepted.
+    /// Returns every signal this scene can publish, except derived ones.
     pub fn catalogue(&self) -> Vec<SignalSource> {
+        self.offers(&|_| true)
+    }
+
+    fn offers(&self, wanted: &dyn Fn(&SignalQuantity) -> bool) -> Vec<SignalSource> {
         let offer = |declared: Declared| {
             let (source, quantity) = (declared.source, declared.source.quantity);
             let Interval { lo, hi } = source.range(self);
-            // A number that is the same at every start has no range.
+            // A parameter that is equal at every start would give a scale of width 0.
             let (lo, hi) = if lo == hi {
                 (lo - 1.0, hi + 1.0)
             } else {
@@ -201,18 +218,28 @@ impl DriveSpec {
             SignalSource {
                 signal: declared.signal,
                 range: quantity.usual.unwrap_or((lo, hi)),
+                // A former name is published only on demand, or the value would
+                // be recorded twice.
                 always: quantity.always && !declared.is_former,
                 source,
             }
         };
         let exists = |declared: &Declared| declared.source.exists(self);
-        let all = declared(&self.names()).into_iter();
+        let all = declared_of(&self.names(), wanted).into_iter();
         all.filter(exists).map(offer).collect()
     }
 
-    /// The signals a trace of this scene holds, derived ones excepted.
+    /// Returns the signals in a trace of this scene, except derived ones.
     pub(super) fn published(&self) -> Vec<SignalSource> {
-        let mut offers = self.catalogue();
+        // A hundred agents have a hundred thousand signals, of which few are wanted:
+        // their names and meanings are not even written.
+        let mentioned = |last: &str| self.extra.iter().any(|name| name.ends_with(last));
+        let mut offers = self.offers(&|row: &SignalQuantity| {
+            row.always
+                || row.of == Of::Parameter
+                || mentioned(row.name)
+                || row.former.iter().any(|former| mentioned(former))
+        });
         offers.retain(|offer| offer.always || self.extra.contains(&offer.signal.name));
         offers
     }

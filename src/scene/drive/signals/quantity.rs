@@ -1,29 +1,29 @@
-//! What a published signal is, and the words in which a row of the list is said.
+//! Definition of a published signal, with the builder that rows of the list use.
 
 use super::super::spec::DriveSpec;
 use super::super::state::SceneState;
 use crate::stl::Interval;
 
-/// Whose quantity it is; names begin with theirs.
+/// Owner of a quantity. Signal names begin with the names of their owners.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Of {
-    /// The clock's, which nobody influences.
+    /// The clock, which no agent influences.
     Clock,
-    /// The scene's as a whole.
+    /// The scene as a whole.
     Scene,
-    /// A number of the start, which nobody influences; named by itself.
+    /// A parameter of the start, which no agent influences. It has its own name.
     Parameter,
-    /// One agent's.
+    /// A single agent.
     Agent,
-    /// Two agents', seen from the first.
+    /// Two agents, seen from the first.
     Pair,
-    /// One traffic light's.
+    /// A traffic light.
     Light,
-    /// An agent's, before a light.
+    /// An agent in front of a light.
     AgentAndLight,
 }
 
-/// A row of the list.
+/// A row of the list of signals.
 #[derive(Debug)]
 pub struct SignalQuantity {
     pub of: Of,
@@ -33,21 +33,21 @@ pub struct SignalQuantity {
     pub(super) unit: &'static str,
     pub(super) about: &'static str,
     pub(super) value: Value,
-    /// In which worlds, of whom, there is such a signal.
+    /// Worlds and owners for which the signal exists.
     pub(super) exists: fn(&DriveSpec, [usize; 2]) -> bool,
     pub(super) bounds: fn(&DriveSpec, [usize; 2]) -> Interval,
     pub(super) usual: Option<(f64, f64)>,
     pub(super) always: bool,
 }
 
-/// How a value is read off a moving scene; the positions are of its owners.
+/// Function that reads a value from a scene, given the positions of its owners.
 #[derive(Debug)]
 pub(super) enum Value {
     Real(fn(&SceneState, [usize; 2]) -> f64),
     Boolean(fn(&SceneState, [usize; 2]) -> bool),
 }
 
-/// A signal with whose it is, its name and its unit.
+/// A signal with owner, name and unit.
 pub(super) struct Named(Of, &'static str, &'static str);
 
 impl Of {
@@ -57,7 +57,7 @@ impl Of {
 }
 
 impl Named {
-    /// A number that may be anything, unless `within` says otherwise.
+    /// A number, unbounded unless `within` is added.
     pub(super) const fn is(self, value: fn(&SceneState, [usize; 2]) -> f64) -> SignalQuantity {
         SignalQuantity {
             of: self.0,
@@ -86,12 +86,12 @@ impl Named {
 }
 
 impl SignalQuantity {
-    /// `{a}` and `{b}` stand for the names of whose it is.
+    /// Sets the description, in which `{a}` and `{b}` are the owners' names.
     pub(super) const fn about(self, about: &'static str) -> SignalQuantity {
         SignalQuantity { about, ..self }
     }
 
-    /// Between what it stays in any run.
+    /// Sets an interval that contains the value in every run.
     pub(super) const fn within(
         self,
         bounds: fn(&DriveSpec, [usize; 2]) -> Interval,
@@ -99,7 +99,7 @@ impl SignalQuantity {
         SignalQuantity { bounds, ..self }
     }
 
-    /// In which worlds, of whom, there is such a signal; else in all.
+    /// Limits the signal to some worlds and owners.
     pub(super) const fn only_if(
         self,
         exists: fn(&DriveSpec, [usize; 2]) -> bool,
@@ -107,7 +107,7 @@ impl SignalQuantity {
         SignalQuantity { exists, ..self }
     }
 
-    /// By what range it is observed, where that is not all it can be.
+    /// Sets the range of observation, if it is smaller than the bounds.
     pub(super) const fn seen_in(self, lo: f64, hi: f64) -> SignalQuantity {
         SignalQuantity {
             usual: Some((lo, hi)),
@@ -115,13 +115,14 @@ impl SignalQuantity {
         }
     }
 
-    /// What the last part of its name was in earlier versions: worlds and kept
-    /// files that say the old one go on working.
+    /// Sets former last parts of the name.
+    ///
+    /// Worlds and kept files that use a former name still work.
     pub(super) const fn formerly(self, former: &'static [&'static str]) -> SignalQuantity {
         SignalQuantity { former, ..self }
     }
 
-    /// Every trace holds it, mentioned or not.
+    /// Records the signal in every trace, mentioned or not.
     pub(super) const fn always(self) -> SignalQuantity {
         SignalQuantity {
             always: true,

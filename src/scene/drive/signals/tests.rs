@@ -1,5 +1,5 @@
 #![cfg(test)]
-//! What follows from the list: listing, values, bounds, names, the table.
+//! Tests of data derived from the list: listing, values, bounds, names, table.
 
 use super::*;
 use crate::seed::{Purpose, StartKey};
@@ -8,7 +8,7 @@ use crate::world::Scenario;
 
 const WORLD: &str = include_str!("../../../../worlds/acc.ron");
 const GUIDE: &str = include_str!("../../../../docs/signals.md");
-/// The row that only tests have.
+/// The row that exists in tests only.
 const DUMMY: &str = "doubled_speed";
 
 #[test]

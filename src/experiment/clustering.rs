@@ -14,7 +14,13 @@
 //! in the order given, worst first, each joins the first leader it is like, or
 //! leads a new cluster. So every leader is the worst of its cluster.
 
-use crate::experiment::leaf;
+use std::cmp;
+
+use serde::{Deserialize, Serialize};
+
+use super::failed_leaf::leaf;
+use crate::rulebook::Verdict;
+use crate::run_dir::Severity;
 use crate::severity::CrashKind;
 use crate::testbench::Episode;
 use crate::trace::Trace;
@@ -28,10 +34,23 @@ pub const NEAR: f64 = 0.15;
 /// What of a counterexample is compared.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
+    pub(crate) story: Story,
+    pub(crate) signals: Vec<f64>,
+}
+
+/// What alike counterexamples have in common exactly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Story {
     leaf: String,
     kind: Option<CrashKind>,
     with: Option<(String, String)>,
-    signals: Vec<f64>,
+}
+
+impl Story {
+    /// The leaf of ψ_ego that was violated, and who touched.
+    pub(crate) fn told(&self) -> (String, Option<(String, String)>) {
+        (self.leaf.clone(), self.with.clone())
+    }
 }
 
 impl Shape {
@@ -39,17 +58,18 @@ impl Shape {
     pub fn of(scenario: &Scenario, episode: &Episode) -> Shape {
         let contact = episode.contact.as_ref();
         Shape {
-            leaf: leaf(scenario, episode),
-            kind: contact.and_then(|touch| Some(touch.impact?.kind)),
-            with: contact.map(|touch| touch.between.clone()),
+            story: Story {
+                leaf: leaf(scenario, episode),
+                kind: contact.and_then(|touch| Some(touch.impact?.kind)),
+                with: contact.map(|touch| touch.between.clone()),
+            },
             signals: observed(scenario, &episode.trace),
         }
     }
 
     /// Whether it is the same one over again.
     pub fn is_like(&self, other: &Shape) -> bool {
-        let alike = (&self.leaf, self.kind, &self.with) == (&other.leaf, other.kind, &other.with);
-        alike && self.distance(other) <= NEAR
+        self.story == other.story && self.distance(other) <= NEAR
     }
 
     /// Root mean square difference of what is observed, in half ranges.
@@ -86,4 +106,33 @@ pub fn clusters(shapes: &[Shape]) -> Vec<Vec<usize>> {
         }
     }
     clusters
+}
+
+/// What makes one worse than another, first things first.
+pub(crate) fn badness(episode: &Episode) -> [f64; 4] {
+    let severity = Severity::of(episode);
+    let risk = severity.and_then(|severity| severity.injury_risk);
+    let depth = match episode.verdict {
+        Verdict::Counterexample { by } => by,
+        _ => 0.0,
+    };
+    [
+        f64::from(u8::from(severity.is_some())),
+        risk.map_or(0.0, |risk| risk.probability),
+        severity.map_or(0.0, |severity| severity.closing_speed_mps),
+        depth,
+    ]
+}
+
+/// Of two lists the one that is larger where they first differ comes first.
+pub(crate) fn descending(a: &[f64; 4], b: &[f64; 4]) -> cmp::Ordering {
+    let mut pairs = b.iter().zip(a).map(|(b, a)| b.total_cmp(a));
+    let differing = pairs.find(|order| order.is_ne());
+    differing.unwrap_or(cmp::Ordering::Equal)
+}
+
+/// The worse of two comes first: a contact before none, then by injury risk,
+/// closing speed, and depth of the violation.
+pub(crate) fn worse_first(a: &Episode, b: &Episode) -> cmp::Ordering {
+    descending(&badness(a), &badness(b))
 }

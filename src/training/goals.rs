@@ -1,0 +1,122 @@
+//! How far a success reaches the goals of its training.
+//!
+//! `Severe` reads the closing speed of the contact. `Distinct` counts, over the
+//! whole training, the successes of each group that [`clusters`](crate::experiment::clusters) makes of
+//! them, and pays less for a group the more often it was met: fitness sharing
+//! (Goldberg and Richardson, "Genetic algorithms with sharing for multimodal
+//! function optimization", ICGA 1987) with counts in place of a population.
+
+use crate::experiment::{Shape, Story};
+use crate::rl::{Bundle, BundleError};
+use crate::rulebook::TrainingGoal;
+use crate::testbench::Episode;
+use crate::world::Scenario;
+
+/// Goals of a training, and the groups of successes that it has met.
+pub struct GoalTracker {
+    goals: Vec<TrainingGoal>,
+    /// The first success of each group, and how many there were.
+    groups: Vec<(Shape, u64)>,
+    met: u64,
+}
+
+impl GoalTracker {
+    /// Goals of a training in `scenario`, with what its checkpoint counted;
+    /// `None`: it has no goals.
+    ///
+    /// # Errors
+    /// The checkpoint holds no counts, or damaged ones.
+    pub fn of(
+        scenario: &Scenario,
+        checkpoint: Option<&Bundle>,
+    ) -> Result<Option<GoalTracker>, BundleError> {
+        if scenario.goals().is_empty() {
+            return Ok(None);
+        }
+        let mut tracker = GoalTracker {
+            goals: scenario.goals().to_vec(),
+            groups: Vec::new(),
+            met: 0,
+        };
+        if let Some(checkpoint) = checkpoint {
+            tracker.restore(checkpoint)?;
+        }
+        Ok(Some(tracker))
+    }
+
+    /// Share in [0, 1] to which a success reaches the goals, their mean; counts it.
+    ///
+    /// A success after which a rule was broken before the contact reaches none: the
+    /// contact is none that a lawful ado brings about.
+    pub fn share(&mut self, scenario: &Scenario, episode: &Episode) -> f64 {
+        if episode.is_foul_before_contact() {
+            return 0.0;
+        }
+        let goals = self.goals.clone();
+        let shares = goals.iter().map(|goal| match goal {
+            TrainingGoal::Severe => severe(episode),
+            TrainingGoal::Distinct => self.distinct(Shape::of(scenario, episode)),
+        });
+        shares.sum::<f64>() / goals.len() as f64
+    }
+
+    fn distinct(&mut self, shape: Shape) -> f64 {
+        self.met += 1;
+        let found = self
+            .groups
+            .iter()
+            .position(|(first, _)| shape.is_like(first));
+        let group = found.unwrap_or_else(|| {
+            self.groups.push((shape, 0));
+            self.groups.len() - 1
+        });
+        self.groups[group].1 += 1;
+        let mean = self.met as f64 / self.groups.len() as f64;
+        TrainingGoal::distinct_share(self.groups[group].1, mean)
+    }
+
+    /// Writes what was counted into a checkpoint.
+    pub fn save(&self, bundle: &mut Bundle) {
+        let n = self.groups.len();
+        let stories: Vec<&Story> = self.groups.iter().map(|(shape, _)| &shape.story).collect();
+        // Invariant: a story is text and words, which serde_json always writes.
+        let stories = serde_json::to_vec(&stories).unwrap_or_default();
+        bundle.put("goals/stories", &[stories.len()], stories);
+        let signals = self.groups.iter().flat_map(|(shape, _)| &shape.signals);
+        let signals: Vec<f64> = signals.copied().collect();
+        let width = signals.len() / n.max(1);
+        bundle.put("goals/signals", &[n, width], signals);
+        let counts = self.groups.iter().map(|(_, count)| *count).collect();
+        bundle.put::<u64>("goals/counts", &[n], counts);
+    }
+
+    fn restore(&mut self, bundle: &Bundle) -> Result<(), BundleError> {
+        let stories = bundle.rows::<u8>("goals/stories", &[])?;
+        let stories: Vec<Story> =
+            serde_json::from_slice(stories).map_err(|error| BundleError::Format {
+                why: error.to_string(),
+            })?;
+        let n = stories.len();
+        let counts = bundle.get::<u64>("goals/counts", &[n])?;
+        let width = match bundle.shape("goals/signals") {
+            Some([_, width]) => *width,
+            _ => 0,
+        };
+        let signals = bundle.get::<f64>("goals/signals", &[n, width])?;
+        for (i, story) in stories.into_iter().enumerate() {
+            let signals = signals[i * width..(i + 1) * width].to_vec();
+            self.groups.push((Shape { story, signals }, counts[i]));
+        }
+        self.met = counts.iter().sum();
+        Ok(())
+    }
+}
+
+/// The share of `Severe`: 0 without a contact that concerns the ego.
+fn severe(episode: &Episode) -> f64 {
+    let touch = episode.contact.as_ref();
+    let touch = touch.filter(|touch| touch.impact.is_some_and(|impact| impact.concerns_ego()));
+    touch.map_or(0.0, |touch| {
+        TrainingGoal::severe_share(touch.closing_speed_mps)
+    })
+}

@@ -1,0 +1,51 @@
+//! Files that somebody names: read whole, or refused before they block or fill
+//! the memory.
+
+use std::fs::{self, File};
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// The largest file that is read: far above checkpoints and recorded traces.
+const MAX_BYTES: u64 = 4 << 30;
+/// Where a shell puts the pipes that it opened itself. Their other end is there.
+const OPENED: [&str; 3] = ["/dev/fd", "/dev/stdin", "/proc/self/fd"];
+
+/// Opens an ordinary file, or a pipe of the shell's (`<(…)`).
+///
+/// A pipe that has a name waits for its writer without end, and a device may
+/// never end. Both are refused.
+pub(crate) fn open_file(path: &Path) -> Result<File> {
+    let kind = fs::metadata(path)?;
+    if kind.is_dir() {
+        return Err(Error::new(ErrorKind::IsADirectory, "it is a directory"));
+    }
+    let is_opened = OPENED.iter().any(|place| path.starts_with(place));
+    if !kind.is_file() && !is_opened {
+        let why = "it is no ordinary file: a pipe, a socket or a device";
+        return Err(Error::new(ErrorKind::InvalidInput, why));
+    }
+    File::open(path)
+}
+
+/// The bytes of a file.
+pub(crate) fn file_bytes(path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let file = open_file(path)?;
+    let size = file.metadata().map_or(0, |about| about.len());
+    if size <= MAX_BYTES {
+        file.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
+    }
+    if MAX_BYTES < size.max(bytes.len() as u64) {
+        let why = format!("it is larger than {MAX_BYTES} bytes");
+        return Err(Error::new(ErrorKind::FileTooLarge, why));
+    }
+    Ok(bytes)
+}
+
+/// The text of a file.
+pub(crate) fn file_text(path: &Path) -> Result<String> {
+    String::from_utf8(file_bytes(path)?).map_err(|error| {
+        let why = format!("byte {} is not UTF-8", error.utf8_error().valid_up_to());
+        Error::new(ErrorKind::InvalidData, why)
+    })
+}
