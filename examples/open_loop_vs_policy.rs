@@ -58,8 +58,9 @@ fn from(world: &Scenario, start: &Start, ado: &mut dyn Actor) -> Episode {
 }
 
 fn outcome(episode: &Episode) -> &'static str {
-    match episode.verdict.is_success() {
-        true => "captures",
-        false => "does not",
+    if episode.verdict.is_success() {
+        "captures"
+    } else {
+        "does not"
     }
 }

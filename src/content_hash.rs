@@ -46,11 +46,12 @@ pub(crate) fn check(text: &str, hash: &str) -> Result<(), String> {
     // the comparison fails.
     let blank = text.replacen(hash, BLANK, usize::from(!hash.is_empty()));
     let found = sha256(blank.as_bytes());
-    match found == hash {
-        true => Ok(()),
-        false => Err(format!(
+    if found == hash {
+        Ok(())
+    } else {
+        Err(format!(
             "it was changed since it was written: SHA-256 is {found}, it says {hash}"
-        )),
+        ))
     }
 }
 

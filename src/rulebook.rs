@@ -248,9 +248,10 @@ impl Judge {
             // No rule was lost, so every settled rule has settled on being kept.
             let mut rules = self.rules.iter();
             let settled = rules.all(|rule| rule.interval().is_final());
-            return match settled && self.spec.interval().is_final() {
-                true => lawful(self.spec.interval().lo),
-                false => rulebook.judge_whole(trace, &mut self.scratch),
+            return if settled && self.spec.interval().is_final() {
+                lawful(self.spec.interval().lo)
+            } else {
+                rulebook.judge_whole(trace, &mut self.scratch)
             };
         }
         // A contact came before a verdict: the ado has proven nothing. A rule that

@@ -81,9 +81,10 @@ impl fmt::Display for Seeds {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Zero trainings print the first seed instead of an empty range.
         let last = self.trainings().last().unwrap_or(self.first);
-        match last == self.first {
-            true => write!(f, "training seed {last}")?,
-            false => write!(f, "training seeds {} to {last}", self.first)?,
+        if last == self.first {
+            write!(f, "training seed {last}")?
+        } else {
+            write!(f, "training seeds {} to {last}", self.first)?
         }
         let kind = if self.is_sealed() { "sealed" } else { "open" };
         write!(f, ", test starts of seed {}; {kind}", self.starts)

@@ -90,9 +90,10 @@ pub fn policy_told_by_name(
     let manifest = run.manifest();
     match (world.family(), world.plant().plant()) {
         (Some(family), Some(plant)) if !manifest.told.is_empty() => {
-            let member = match told.is_empty() {
-                true => Ok(family.nominal(plant)),
-                false => family.member_named(told, plant),
+            let member = if told.is_empty() {
+                Ok(family.nominal(plant))
+            } else {
+                family.member_named(told, plant)
             };
             let member = member.map_err(|error| ConditioningError::Misfit {
                 error,
@@ -184,15 +185,16 @@ impl ServedAdo {
         let answer = match asked {
             Asked {
                 hello: Some(hello), ..
-            } => match hello.protocol == PROTOCOL {
-                true => json!({ "hello": self.hello() }),
-                false => {
+            } => {
+                if hello.protocol == PROTOCOL {
+                    json!({ "hello": self.hello() })
+                } else {
                     let spoken = hello.protocol;
                     return Err(format!(
                         "protocol {spoken} is not spoken here: say hello with protocol {PROTOCOL}"
                     ));
                 }
-            },
+            }
             Asked { reset: Some(_), .. } => {
                 self.decisions = 0;
                 json!({ "ready": true })

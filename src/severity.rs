@@ -268,9 +268,10 @@ impl Impact {
         // The same normal points into the other body, so its direction is reversed.
         let other_side = Side::towards(wrapped(libm::atan2(-normal[1], -normal[0]) - its));
         let turned_rad = wrapped(its - own);
-        let kind = match other.body.is_on_foot() {
-            true => CrashKind::Pedestrian,
-            false => kind_of(ego_side, other_side, turned_rad),
+        let kind = if other.body.is_on_foot() {
+            CrashKind::Pedestrian
+        } else {
+            kind_of(ego_side, other_side, turned_rad)
         };
         let (ego_kg, other_kg) = (ego.body.mass_kg, other.body.mass_kg);
         // An overlap across the heading has no meaning for flanks and pedestrians.

@@ -41,14 +41,13 @@ pub(crate) fn visible_json(json: &str) -> Cow<'_, str> {
     }
     let mut shown = String::with_capacity(json.len() + 16);
     for c in json.chars() {
-        match is_hidden(c) {
-            false => shown.push(c),
-            true => {
-                for unit in c.encode_utf16(&mut [0; 2]) {
-                    // Invariant: writing to a text does not fail.
-                    let _ = write!(shown, "\\u{unit:04x}");
-                }
+        if is_hidden(c) {
+            for unit in c.encode_utf16(&mut [0; 2]) {
+                // Invariant: writing to a text does not fail.
+                let _ = write!(shown, "\\u{unit:04x}");
             }
+        } else {
+            shown.push(c)
         }
     }
     Cow::Owned(shown)
@@ -65,9 +64,10 @@ pub(crate) fn visible_markup(text: &str) -> Cow<'_, str> {
 pub(crate) fn command_line(command: &[String]) -> String {
     let words = command.iter().map(|word| {
         let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
-        match !word.is_empty() && word.chars().all(plain) {
-            true => word.clone(),
-            false => format!("'{}'", visible_line(word).replace('\'', "'\\''")),
+        if !word.is_empty() && word.chars().all(plain) {
+            word.clone()
+        } else {
+            format!("'{}'", visible_line(word).replace('\'', "'\\''"))
         }
     });
     words.collect::<Vec<_>>().join(" ")
@@ -79,9 +79,10 @@ fn escaped(text: &str, hides: impl Fn(char) -> bool) -> Cow<'_, str> {
     }
     let mut shown = String::with_capacity(text.len() + 16);
     for c in text.chars() {
-        match hides(c) {
-            true => shown.extend(c.escape_unicode()),
-            false => shown.push(c),
+        if hides(c) {
+            shown.extend(c.escape_unicode())
+        } else {
+            shown.push(c)
         }
     }
     Cow::Owned(shown)

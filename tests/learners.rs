@@ -244,13 +244,13 @@ fn training_in_pieces_equals_training_in_one_go_byte_for_byte() {
         let mut breaks = 0;
         while !pieces.finished() {
             let until = pieces.decisions() + 1717;
-            pieces.train(
-                &mut Corridor::new(),
-                &mut |progress| match progress.decisions < until {
-                    true => Control::Continue,
-                    false => Control::Stop,
-                },
-            );
+            pieces.train(&mut Corridor::new(), &mut |progress| {
+                if progress.decisions < until {
+                    Control::Continue
+                } else {
+                    Control::Stop
+                }
+            });
             let bytes = pieces.checkpoint().to_bytes().unwrap();
             let checkpoint = Bundle::from_bytes(&bytes).unwrap();
             pieces = config

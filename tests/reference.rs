@@ -44,9 +44,10 @@ fn motion(case: &Value, side: f64) -> Vec<LaneBody> {
             "following" => {
                 let since = t - of("t_brake");
                 let braking = -1e-9 <= since && since < of("duration") - 1e-9;
-                let ramp = match of("jerk") == 0.0 {
-                    true => f64::INFINITY,
-                    false => of("jerk") * since,
+                let ramp = if of("jerk") == 0.0 {
+                    f64::INFINITY
+                } else {
+                    of("jerk") * since
                 };
                 if braking { -of("decel").min(ramp) } else { 0.0 }
             }
@@ -205,9 +206,10 @@ fn published(case: &Value, side: f64, drives: Box<dyn DriverModel>) -> Outcome {
         if scenario == Some("cut_out") && uncovered == Some(false) {
             return (Response::Nominal, false);
         }
-        let response = match always {
-            true => driver.respond(Some(f64::INFINITY)),
-            false => driver.step(ego, &[*other]),
+        let response = if always {
+            driver.respond(Some(f64::INFINITY))
+        } else {
+            driver.step(ego, &[*other])
         };
         (response, driver.has_reacted())
     })

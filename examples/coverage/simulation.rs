@@ -246,9 +246,10 @@ fn normal_quantile(share: f64) -> f64 {
     let (mut low, mut high) = (-9.0, 9.0);
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
-        match normal_share(middle) < share {
-            true => low = middle,
-            false => high = middle,
+        if normal_share(middle) < share {
+            low = middle
+        } else {
+            high = middle
         }
     }
     0.5 * (low + high)

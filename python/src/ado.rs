@@ -103,12 +103,13 @@ impl RawPolicy {
 impl RawPolicy {
     fn checked<'a>(&self, obs: &'a PyReadonlyArray1<'_, f32>) -> PyResult<&'a [f32]> {
         let slice = obs.as_slice()?;
-        match slice.len() == self.observation {
-            true => Ok(slice),
-            false => Err(wrong(
+        if slice.len() == self.observation {
+            Ok(slice)
+        } else {
+            Err(wrong(
                 format!("an observation of {} numbers", slice.len()),
                 format!("this ado observes {}", self.observation),
-            )),
+            ))
         }
     }
 }

@@ -242,9 +242,10 @@ impl RawBench {
 }
 
 fn after(aftermath: bool) -> Aftermath {
-    match aftermath {
-        true => Aftermath::Play,
-        false => Aftermath::Skip,
+    if aftermath {
+        Aftermath::Play
+    } else {
+        Aftermath::Skip
     }
 }
 

@@ -36,9 +36,10 @@ pub(crate) struct Keeping {
 
 impl Keeping {
     fn settings(&self) -> KeepSettings {
-        let form = match self.as_found {
-            true => Form::AsFound,
-            false => Form::Shrunk,
+        let form = if self.as_found {
+            Form::AsFound
+        } else {
+            Form::Shrunk
         };
         KeepSettings::new(self.most.map_or(Choice::All, Choice::Worst), form)
     }
@@ -114,9 +115,10 @@ pub(crate) fn train_ado<'py>(
             plant,
             from: from.as_ref(),
         };
-        let mut session = match asked.resume {
-            true => TrainSession::resume(&world, &asked.output, &request)?,
-            false => TrainSession::begin(&world, &asked.output, &request)?,
+        let mut session = if asked.resume {
+            TrainSession::resume(&world, &asked.output, &request)?
+        } else {
+            TrainSession::begin(&world, &asked.output, &request)?
         };
         let trained = session.train(watch)?;
         if trained.interrupted {

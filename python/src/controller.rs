@@ -250,9 +250,12 @@ impl PythonController {
             let fork = fork.unwrap_or_else(|| py.None());
             Ok((fork, PyTuple::empty(py).unbind()))
         };
-        let copied = call(self.limit(), ask, |copy| match copy.is_none() {
-            true => Ok(None),
-            false => Instance::of(copy).map(Some),
+        let copied = call(self.limit(), ask, |copy| {
+            if copy.is_none() {
+                Ok(None)
+            } else {
+                Instance::of(copy).map(Some)
+            }
         });
         match copied {
             Ok(copy) => copy.map(Some),

@@ -59,9 +59,10 @@ pub(crate) fn replay_kept(
         .map(|recorded| asked_ego.clone().unwrap_or(recorded))
         .collect();
     let replayed = running.watched(py, move |_| {
-        let replayed = match found.is_recorded_ego() {
-            true => found.replay_recorded()?,
-            false => found.replay()?,
+        let replayed = if found.is_recorded_ego() {
+            found.replay_recorded()?
+        } else {
+            found.replay()?
         };
         found.check_faults(&replayed)?;
         Ok(replayed)
@@ -177,11 +178,10 @@ pub(crate) fn export_kept(
         Ok(export(&kept, &directory)?)
     };
     let exported = interruptible(py, write, |_| Ok(()))?.map_err(failed)?;
-    match exported.refused.is_empty() {
-        true => Ok(exported.files),
-        false => {
-            let why: Vec<String> = exported.refused.iter().map(ToString::to_string).collect();
-            Err(raised("InputError", why.join("\n")))
-        }
+    if exported.refused.is_empty() {
+        Ok(exported.files)
+    } else {
+        let why: Vec<String> = exported.refused.iter().map(ToString::to_string).collect();
+        Err(raised("InputError", why.join("\n")))
     }
 }

@@ -28,9 +28,10 @@ pub(crate) struct RawFormula {
 /// Draws a mistake as terminals show it.
 fn refused(text: &str, error: &StlError) -> PyErr {
     let place = error.formula().map_or(text, |_| "");
-    let drawn = match place.is_empty() && !text.is_empty() {
-        true => error.to_string(),
-        false => error.render(text),
+    let drawn = if place.is_empty() && !text.is_empty() {
+        error.to_string()
+    } else {
+        error.render(text)
     };
     raised("FormulaError", drawn)
 }
@@ -167,9 +168,10 @@ impl RawFormula {
         let read = self.bind(&whole)?.signals();
         let read: Vec<&Column<'_>> = read.into_iter().map(|at| &columns[at]).collect();
         // A formula that reads nothing still needs to know how many samples.
-        let read = match read.is_empty() {
-            true => columns.iter().collect(),
-            false => read,
+        let read = if read.is_empty() {
+            columns.iter().collect()
+        } else {
+            read
         };
         let schema = Arc::new(schema(read.iter().map(|column| named(column)), dt_s)?);
         let monitor = self.bind(&schema)?;
@@ -193,9 +195,12 @@ fn unknown(what: &str, given: &str, known: &str) -> PyErr {
 }
 
 fn schema(signals: impl Iterator<Item = (String, bool)>, dt_s: f64) -> PyResult<Schema> {
-    let signals = signals.map(|(name, boolean)| match boolean {
-        true => Signal::boolean(name, "from Python"),
-        false => Signal::real(name, "", "from Python"),
+    let signals = signals.map(|(name, boolean)| {
+        if boolean {
+            Signal::boolean(name, "from Python")
+        } else {
+            Signal::real(name, "", "from Python")
+        }
     });
     Schema::new(dt_s, signals).map_err(|error| {
         let help = "name every signal once, and give `dt` in seconds, above 0";

@@ -237,12 +237,13 @@ impl RawVector {
 
 impl RawVector {
     fn fits(&self, fits: bool) -> PyResult<()> {
-        match fits {
-            true => Ok(()),
-            false => Err(wrong(
+        if fits {
+            Ok(())
+        } else {
+            Err(wrong(
                 "the buffers are of another size",
                 "one entry per environment, and of observations one row",
-            )),
+            ))
         }
     }
 

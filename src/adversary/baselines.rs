@@ -76,13 +76,15 @@ impl Baselines {
         watch: &Watch<'_>,
     ) -> Result<Baselines, AdversaryError> {
         let all = asked.contains(&AdoKind::All);
-        let ados = match all {
-            true => AdoKind::all(nominal),
-            false => asked.to_vec(),
+        let ados = if all {
+            AdoKind::all(nominal)
+        } else {
+            asked.to_vec()
         };
-        let heuristic = match ados.contains(&AdoKind::Heuristic) {
-            true => tuned(run, nominal, watch)?,
-            false => None,
+        let heuristic = if ados.contains(&AdoKind::Heuristic) {
+            tuned(run, nominal, watch)?
+        } else {
+            None
         };
         // Only a training against one ego stores counterexamples.
         let stores = run.manifest().against == Against::Nominal;

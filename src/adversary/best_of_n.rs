@@ -146,12 +146,11 @@ impl Tries<'_> {
             return self.request.play(bench, index);
         }
         let other = number.is_multiple_of(2) && !self.others.is_empty();
-        let (policy, rate) = match other {
-            true => {
-                let other = (number / 2 - 1) as usize % self.others.len();
-                (&*self.others[other], 0.0)
-            }
-            false => (self.policy, RATES[(number / 2) as usize % RATES.len()]),
+        let (policy, rate) = if other {
+            let other = (number / 2 - 1) as usize % self.others.len();
+            (&*self.others[other], 0.0)
+        } else {
+            (self.policy, RATES[(number / 2) as usize % RATES.len()])
         };
         let mut actor = Exploring {
             policy,

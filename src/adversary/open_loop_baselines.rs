@@ -64,9 +64,10 @@ pub fn best_then_brake(
 }
 
 fn more_successful(best: Evaluated, other: Evaluated) -> Evaluated {
-    match best.row.successes < other.row.successes {
-        true => other,
-        false => best,
+    if best.row.successes < other.row.successes {
+        other
+    } else {
+        best
     }
 }
 

@@ -223,9 +223,10 @@ impl Cut {
         let path = dir.join(PLAN);
         // Writing the same plan again changes nothing, so the command can be repeated.
         if let Ok(there) = file_text(&path) {
-            return match there == text {
-                true => Ok(()),
-                false => Err(CampaignError::OtherPlan { dir: dir.into() }),
+            return if there == text {
+                Ok(())
+            } else {
+                Err(CampaignError::OtherPlan { dir: dir.into() })
             };
         }
         let write = |name: &str, bytes: &[u8]| -> Result<(), RunError> {

@@ -157,13 +157,14 @@ impl PlanDir {
     ) -> Result<Result<PieceText, Unusable>, RunError> {
         let question = self.plan.question(&piece.work);
         let read = piece::read(&self.dir, piece.number, &question)?;
-        Ok(
-            read.and_then(|text| match text.heading.piece == piece.number {
-                true => Ok(text),
+        Ok(read.and_then(|text| {
+            if text.heading.piece == piece.number {
+                Ok(text)
+            } else {
                 // A file may answer the same question under another piece's name.
-                false => Err(Unusable::Foreign),
-            }),
-        )
+                Err(Unusable::Foreign)
+            }
+        }))
     }
 
     /// Makes a piece unless it exists.

@@ -194,12 +194,13 @@ impl PlanDir {
             Work::Starts { starts, .. } => starts.clone(),
         };
         let is = told.iter().map(|row| row.start);
-        match is.eq(asked.clone().map(|start| start as u64)) {
-            true => Ok(told),
-            false => Err(format!(
+        if is.eq(asked.clone().map(|start| start as u64)) {
+            Ok(told)
+        } else {
+            Err(format!(
                 "damaged: it has not just the starts {} to {}",
                 asked.start, asked.end
-            )),
+            ))
         }
     }
 
@@ -253,11 +254,12 @@ impl PlanDir {
         }
         // Directory order depends on the file system, so the list is sorted.
         strangers.sort();
-        match strangers.is_empty() {
-            true => Ok(()),
-            false => Err(CampaignError::Strangers {
+        if strangers.is_empty() {
+            Ok(())
+        } else {
+            Err(CampaignError::Strangers {
                 files: listed(&strangers),
-            }),
+            })
         }
     }
 

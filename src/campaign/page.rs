@@ -61,9 +61,12 @@ impl PlanDir {
 
     fn map(&self, map: &CellMap) -> Result<StartMap, CampaignError> {
         let inside = self.inside(map)?;
-        let label = |(name, unit, _): &(String, String, Vec<f64>)| match unit.is_empty() {
-            true => name.clone(),
-            false => format!("{name} [{unit}]"),
+        let label = |(name, unit, _): &(String, String, Vec<f64>)| {
+            if unit.is_empty() {
+                name.clone()
+            } else {
+                format!("{name} [{unit}]")
+            }
         };
         let values = |(_, _, values): &(String, String, Vec<f64>)| values.clone();
         // An empty axis must not divide by zero.
@@ -135,18 +138,20 @@ fn state(map: &CellMap, nth: usize) -> CellState {
         .iter()
         .any(|of_ado| of_ado[nth] == Some(true));
     if fails {
-        return match preventable {
-            true => CellState::FailsPreventably,
-            false => CellState::Fails,
+        return if preventable {
+            CellState::FailsPreventably
+        } else {
+            CellState::Fails
         };
     }
     if outcomes().all(|outcome| outcome == RowOutcome::Trivial) {
         return CellState::Trivial;
     }
     // A cell without any valid episode is unknown and not held.
-    match outcomes().all(|outcome| outcome == RowOutcome::Invalid) {
-        true => CellState::Unknown,
-        false => CellState::Holds,
+    if outcomes().all(|outcome| outcome == RowOutcome::Invalid) {
+        CellState::Unknown
+    } else {
+        CellState::Holds
     }
 }
 
@@ -183,10 +188,7 @@ impl std::fmt::Display for GateVerdict {
         let seed = self
             .train_seed
             .map_or(String::new(), |seed| format!(" {seed}"));
-        let verdict = match self.held_up {
-            true => "HELD UP",
-            false => "passes",
-        };
+        let verdict = if self.held_up { "HELD UP" } else { "passes" };
         write!(
             f,
             "gate: {}, {}{seed}: `{}` against `{}`: {} newly failing ({} preventable), {} newly \
@@ -199,9 +201,10 @@ impl std::fmt::Display for GateVerdict {
             self.newly_preventable,
             self.newly_fixed,
             self.compared,
-            match self.p_value < 0.001 {
-                true => "p < 0.001".to_owned(),
-                false => format!("p = {:.3}", self.p_value),
+            if self.p_value < 0.001 {
+                "p < 0.001".to_owned()
+            } else {
+                format!("p = {:.3}", self.p_value)
             },
         )
     }

@@ -99,12 +99,13 @@ pub(super) fn read(
         }
         Ok(bytes) => bytes,
     };
-    Ok(
-        parsed(bytes).and_then(|piece| match piece.heading.question == question {
-            true => Ok(piece),
-            false => Err(Unusable::Foreign),
-        }),
-    )
+    Ok(parsed(bytes).and_then(|piece| {
+        if piece.heading.question == question {
+            Ok(piece)
+        } else {
+            Err(Unusable::Foreign)
+        }
+    }))
 }
 
 fn parsed(bytes: Vec<u8>) -> Result<PieceText, Unusable> {

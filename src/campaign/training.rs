@@ -32,18 +32,20 @@ pub(super) fn train(
         ..TrainRequest::default()
     };
     let begun = RunDir::open(path).is_ok();
-    let mut session = match begun {
-        true => TrainSession::resume(world, path, &request)?,
-        false => TrainSession::begin(world, path, &request)?,
+    let mut session = if begun {
+        TrainSession::resume(world, path, &request)?
+    } else {
+        TrainSession::begin(world, path, &request)?
     };
     // A training may have finished just before its piece could be written.
     if !session.run().manifest().is_finished() {
         session.train(watch)?;
     }
-    match session.run().manifest().is_finished() {
+    if session.run().manifest().is_finished() {
         // It is opened again from disk, as the pieces that depend on it do.
-        true => Ok(Some(finished(path)?)),
-        false => Ok(None),
+        Ok(Some(finished(path)?))
+    } else {
+        Ok(None)
     }
 }
 

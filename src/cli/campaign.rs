@@ -157,13 +157,15 @@ fn in_words(cost: &PlanCost) -> String {
         cpu_s,
         ..
     } = cost;
-    let by = match cost.measured {
-        true => "measured by a pilot",
-        false => "guessed from the worlds",
+    let by = if cost.measured {
+        "measured by a pilot"
+    } else {
+        "guessed from the worlds"
     };
-    let hours = match *cpu_s < 3600.0 {
-        true => format!("{cpu_s:.0} s"),
-        false => format!("{:.1} h", cpu_s / 3600.0),
+    let hours = if *cpu_s < 3600.0 {
+        format!("{cpu_s:.0} s")
+    } else {
+        format!("{:.1} h", cpu_s / 3600.0)
     };
     let megabytes = cost.bytes / 1e6;
     format!(
@@ -182,9 +184,10 @@ fn one(args: &RunArgs, number: usize) -> Result<Exit, Failure> {
         PieceDone::Now => "is done",
         PieceDone::Stopped => "was interrupted: nothing of it is kept",
     };
-    match args.common.json {
-        true => print_json(&json!({ "piece": number, "done": done != PieceDone::Stopped }))?,
-        false => talk::say(&format!("piece {number} {word}")),
+    if args.common.json {
+        print_json(&json!({ "piece": number, "done": done != PieceDone::Stopped }))?
+    } else {
+        talk::say(&format!("piece {number} {word}"))
     }
     Ok(finished(Exit::Done))
 }
@@ -275,9 +278,10 @@ fn ended(args: &MergeArgs, merged: &Merged) -> Result<Exit, Failure> {
             Some("mend the ego, or allow a share with `--allow-invalid SHARE`".to_owned()),
         ));
     }
-    Ok(match merged.summary.is_held_up() {
-        true => Exit::Counterexample,
-        false => Exit::Done,
+    Ok(if merged.summary.is_held_up() {
+        Exit::Counterexample
+    } else {
+        Exit::Done
     })
 }
 

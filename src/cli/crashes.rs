@@ -201,9 +201,10 @@ fn copied(from: &Path, to: &Path) {
     fs::create_dir_all(to).expect("a directory");
     for entry in fs::read_dir(from).expect("a directory").flatten() {
         let (path, to) = (entry.path(), to.join(entry.file_name()));
-        match path.is_dir() {
-            true => copied(&path, &to),
-            false => drop(fs::copy(&path, &to).expect("copied")),
+        if path.is_dir() {
+            copied(&path, &to)
+        } else {
+            fs::copy(&path, &to).expect("copied");
         }
     }
 }
@@ -232,9 +233,12 @@ fn whoever_is_killed_at_any_step_ends_in_the_same_files() {
     let on_a_grid = |dir: &Path| train(dir, &grid, "--decisions 1100 --seed 5");
     let on_a_road = |dir: &Path| train(dir, &acc, short);
     let from = format!("{short} --ego longer~gap --from {}", nominal.display());
-    let fine_tuned = |dir: &Path| match dir.join("run/manifest.json").exists() {
-        true => train(dir, &acc, short),
-        false => train(dir, &acc, &from),
+    let fine_tuned = |dir: &Path| {
+        if dir.join("run/manifest.json").exists() {
+            train(dir, &acc, short)
+        } else {
+            train(dir, &acc, &from)
+        }
     };
     let kept = |dir: &Path| {
         let (run, keep) = (nominal.display(), dir.join("kept"));

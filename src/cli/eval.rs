@@ -102,9 +102,10 @@ pub(super) fn is_world(path: &Path) -> bool {
 /// Refuses what only a run of an ado has.
 fn not_a_run(args: &EvalArgs, has_points: bool) -> Failure {
     let world = args.run.display();
-    let (does, keep) = match has_points {
-        true => ("--search, --keep", ""),
-        false => ("--search", "--keep, "),
+    let (does, keep) = if has_points {
+        ("--search, --keep", "")
+    } else {
+        ("--search", "--keep, ")
     };
     Failure::input(
         format!(
@@ -145,13 +146,12 @@ fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
         return interrupted_early(&args.common);
     };
     drop(bar);
-    match args.common.json {
-        true => print_json(&json!({ "rows": met.rows, "in_the_way": met.in_the_way }))?,
-        false => {
-            talk::data(&table::rows(&met.rows))?;
-            for why in &met.in_the_way {
-                talk::data(&why.to_string())?;
-            }
+    if args.common.json {
+        print_json(&json!({ "rows": met.rows, "in_the_way": met.in_the_way }))?
+    } else {
+        talk::data(&table::rows(&met.rows))?;
+        for why in &met.in_the_way {
+            talk::data(&why.to_string())?;
         }
     }
     Ok(exit_of(&met.rows, args.fail_on_counterexample))
@@ -314,12 +314,13 @@ fn keeps_something(args: &EvalArgs) -> Result<(), Failure> {
     let kept = [AdoKind::Trained, AdoKind::All, AdoKind::Optimal];
     let asked = &args.ado;
     let plays_trained = asked.is_empty() || kept.iter().any(|ado| asked.contains(ado));
-    match args.keep.dir().is_some() && !plays_trained {
-        true => Err(Failure::input(
+    if args.keep.dir().is_some() && !plays_trained {
+        Err(Failure::input(
             "`--keep` writes counterexamples of the trained ado, which is not asked for",
             "add `--ado trained`",
-        )),
-        false => Ok(()),
+        ))
+    } else {
+        Ok(())
     }
 }
 
@@ -385,8 +386,9 @@ fn ended(
             Some("this is a bug of brakecheck: please report it with the run".to_owned()),
         ));
     }
-    Ok(match compared.is_held_up(args.gate) {
-        true => Exit::Counterexample,
-        false => exit_of(&rows, args.fail_on_counterexample),
+    Ok(if compared.is_held_up(args.gate) {
+        Exit::Counterexample
+    } else {
+        exit_of(&rows, args.fail_on_counterexample)
     })
 }

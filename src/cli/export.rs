@@ -46,9 +46,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Exit, Failure> {
         false if files.is_empty() => Ok(()),
         false => talk::data(&files.join("\n")),
     }?;
-    match refused.is_empty() {
-        true => Ok(Exit::Done),
-        false => Err(refused.into()),
+    if refused.is_empty() {
+        Ok(Exit::Done)
+    } else {
+        Err(refused.into())
     }
 }
 

@@ -21,9 +21,10 @@ pub(super) fn identify(args: &GoneArgs) -> Failure {
     let run = run.map_or("RUN", String::as_str);
     let ego = given("--ego").unwrap_or_else(|| "E".to_owned());
     // What an ado was best told took hundreds of runs; learning the ego takes fewer.
-    let runs = match args.words.iter().any(|word| word.starts_with("--adapt")) {
-        true => "100".to_owned(),
-        false => given("--runs").unwrap_or_else(|| "10".to_owned()),
+    let runs = if args.words.iter().any(|word| word.starts_with("--adapt")) {
+        "100".to_owned()
+    } else {
+        given("--runs").unwrap_or_else(|| "10".to_owned())
     };
     Failure::input(
         "`identify` is a part of `eval`: an ado that may run the ego identifies it first, and \

@@ -42,9 +42,10 @@ impl KeepArgs {
             (false, Some(most)) => Choice::Worst(most),
             (false, None) => usual,
         };
-        let form = match self.as_found {
-            true => Form::AsFound,
-            false => Form::Shrunk,
+        let form = if self.as_found {
+            Form::AsFound
+        } else {
+            Form::Shrunk
         };
         KeepSettings {
             runs: self.keep_runs,

@@ -74,13 +74,14 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         .map(|(it, about)| row(it, about))
         .collect();
     let in_all = Tally::of(&replayed);
-    match args.common.json {
-        true => print_json(&json!({ "rows": rows, "in_all": in_all })),
-        false => talk::data(&format!(
+    if args.common.json {
+        print_json(&json!({ "rows": rows, "in_all": in_all }))
+    } else {
+        talk::data(&format!(
             "{}{}\n{in_all}",
             table(&replayed),
             remarks(&replayed, &known)
-        )),
+        ))
     }?;
     seal(args, &regressions, &replayed)?;
     regressions.check_faults(&replayed)?;
@@ -233,16 +234,18 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
             let [lo, hi] = wilson(failing, ran).map(|share| 100.0 * share);
             text.push_str(&format!(
                 "\n{file}: the ego fails in {failing} of {ran} runs [{lo:.0}–{hi:.0} %]{}",
-                match repeated.differs() {
-                    true => "; it does not answer alike in all of them",
-                    false => "",
+                if repeated.differs() {
+                    "; it does not answer alike in all of them"
+                } else {
+                    ""
                 }
             ));
         }
         if one.fault().is_none() {
-            let about = match *about == About::default() {
-                true => String::new(),
-                false => format!("\n{about}").replace('\n', "\n  "),
+            let about = if *about == About::default() {
+                String::new()
+            } else {
+                format!("\n{about}").replace('\n', "\n  ")
             };
             text.push_str(&format!("\n{file}: {}{about}", one.in_words()));
         }
@@ -282,12 +285,13 @@ fn table(replayed: &[Replayed]) -> String {
         let contact = contact.map_or("–".to_owned(), |touch| {
             format!("{:.3} s, {:.2} m/s", touch.time_s, touch.closing_speed_mps)
         });
-        let bits = match replayed.identical {
-            true => "identical".to_owned(),
-            false => match &replayed.first_difference {
+        let bits = if replayed.identical {
+            "identical".to_owned()
+        } else {
+            match &replayed.first_difference {
                 Some(difference) => format!("differ from {:.2} s", difference.time_s),
                 None => "differ, see below".to_owned(),
-            },
+            }
         };
         let rules = replayed.episode.rules_until_contact.as_ref();
         [

@@ -189,10 +189,11 @@ pub fn main_of(arguments: impl IntoIterator<Item = OsString>) -> Exit {
 /// What is no command line, and help; neither comes back where it may be coloured.
 fn refused(error: &clap::Error) -> Exit {
     let text = error.render().to_string();
-    match visible(&text) == text {
-        true => error.exit(),
+    if visible(&text) == text {
+        error.exit()
+    } else {
         // What was typed would be obeyed by a terminal.
-        false => talk::say(text.trim_end()),
+        talk::say(text.trim_end())
     }
     Exit::Input
 }
@@ -200,9 +201,12 @@ fn refused(error: &clap::Error) -> Exit {
 /// The command line; a negative number is a value, however wrong, and no option.
 fn read_line(arguments: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
     let line = Cli::command().mut_subcommands(|verb| {
-        verb.mut_args(|argument| match argument.get_action().takes_values() {
-            true => argument.allow_negative_numbers(true),
-            false => argument,
+        verb.mut_args(|argument| {
+            if argument.get_action().takes_values() {
+                argument.allow_negative_numbers(true)
+            } else {
+                argument
+            }
         })
     });
     Cli::from_arg_matches(&line.try_get_matches_from(arguments)?)
@@ -295,9 +299,10 @@ fn table_of<const N: usize>(
 
 /// JSON has no infinities: they are the words "inf" and "-inf".
 fn finite_or_word(value: f64) -> serde_json::Value {
-    match value.is_finite() {
-        true => value.into(),
-        false => if 0.0 < value { "inf" } else { "-inf" }.into(),
+    if value.is_finite() {
+        value.into()
+    } else {
+        if 0.0 < value { "inf" } else { "-inf" }.into()
     }
 }
 
@@ -326,17 +331,19 @@ fn exit_of(rows: &[Row], fail_on_counterexample: bool) -> Exit {
         talk::say("interrupted: the rows cover the starts that were finished");
         return Exit::Interrupted;
     }
-    match found && fail_on_counterexample {
-        true => Exit::Counterexample,
-        false => Exit::Done,
+    if found && fail_on_counterexample {
+        Exit::Counterexample
+    } else {
+        Exit::Done
     }
 }
 
 /// How a verb ends that may have been interrupted.
 fn finished(otherwise: Exit) -> Exit {
-    match talk::stopped() {
-        true => Exit::Interrupted,
-        false => otherwise,
+    if talk::stopped() {
+        Exit::Interrupted
+    } else {
+        otherwise
     }
 }
 

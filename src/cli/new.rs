@@ -71,11 +71,12 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         ));
     }
     write_file(&path, text.as_bytes())?;
-    match args.json {
-        true => print_json(&json!({ "file": file })),
-        false => talk::data(&format!(
+    if args.json {
+        print_json(&json!({ "file": file }))
+    } else {
+        talk::data(&format!(
             "wrote {file}; next: brakecheck check {file}, then brakecheck search {file} --starts 20"
-        )),
+        ))
     }?;
     Ok(Exit::Done)
 }
@@ -117,35 +118,31 @@ fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
         dropped.iter().for_each(|it| talk::say(&dropped_line(it)));
     }
     let told = files.iter().zip(&worlds);
-    match args.json {
-        true => {
-            let dropped = dropped.iter().map(|it| {
-                let file = it.file.display().to_string();
-                json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
-            });
-            let dropped: Vec<_> = dropped.collect();
-            let told =
-                told.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
-            let told: Vec<_> = told.collect();
-            print_json(&json!({ "worlds": told, "broken": broken, "dropped": dropped }))
+    if args.json {
+        let dropped = dropped.iter().map(|it| {
+            let file = it.file.display().to_string();
+            json!({ "kind": it.kind, "file": file, "line": it.line, "count": it.count })
+        });
+        let dropped: Vec<_> = dropped.collect();
+        let told = told.map(|((_, file), world)| json!({ "file": file, "points": world.points }));
+        let told: Vec<_> = told.collect();
+        print_json(&json!({ "worlds": told, "broken": broken, "dropped": dropped }))
+    } else {
+        let lines =
+            told.map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()));
+        let mut lines: Vec<String> = lines.collect();
+        if 0 < broken {
+            lines.push(format!(
+                "left out {broken} points that the file itself does not allow"
+            ));
         }
-        false => {
-            let lines = told
-                .map(|((_, file), world)| format!("wrote {file}: {} points", world.points.len()));
-            let mut lines: Vec<String> = lines.collect();
-            if 0 < broken {
-                lines.push(format!(
-                    "left out {broken} points that the file itself does not allow"
-                ));
-            }
-            if let Some((_, file)) = files.first() {
-                lines.push(format!(
-                    "next: `brakecheck eval {file} -- python3 ego.py` lets your program drive at \
+        if let Some((_, file)) = files.first() {
+            lines.push(format!(
+                "next: `brakecheck eval {file} -- python3 ego.py` lets your program drive at \
                      every point, `--ego FILE.ron` a `Change`"
-                ));
-            }
-            talk::data(&lines.join("\n"))
+            ));
         }
+        talk::data(&lines.join("\n"))
     }?;
     Ok(Exit::Done)
 }

@@ -35,9 +35,10 @@ pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
         return Ok(Exit::Interrupted);
     }
     let fails = tables.iter().any(PointsTable::fails);
-    Ok(match fails && args.fail_on_counterexample {
-        true => Exit::Counterexample,
-        false => Exit::Done,
+    Ok(if fails && args.fail_on_counterexample {
+        Exit::Counterexample
+    } else {
+        Exit::Done
     })
 }
 
@@ -136,10 +137,13 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> comfy_table::Table {
 fn outcome(point: &PointResult) -> String {
     let failure = point.failure.as_ref();
     match point.outcome {
-        PointOutcome::Passed => match point.varied.as_ref().is_some_and(|it| it.fails) {
-            true => "passed !".to_owned(),
-            false => "passed".to_owned(),
-        },
+        PointOutcome::Passed => {
+            if point.varied.as_ref().is_some_and(|it| it.fails) {
+                "passed !".to_owned()
+            } else {
+                "passed".to_owned()
+            }
+        }
         PointOutcome::Failed => match failure.and_then(|failure| failure.closing_mps) {
             Some(closing_mps) => format!("failed, {closing_mps:.1} m/s"),
             None => "failed".to_owned(),

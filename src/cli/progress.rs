@@ -132,9 +132,10 @@ impl Present {
             self.last = Instant::now();
         }
         // Several threads report; what was done stays done.
-        phase.done = match phase.total == Some(total) {
-            true => phase.done.max(done),
-            false => done,
+        phase.done = if phase.total == Some(total) {
+            phase.done.max(done)
+        } else {
+            done
         };
         phase.total = Some(total);
     }

@@ -165,12 +165,13 @@ fn write_files(args: &ReportArgs, html: &Path, texts: (String, String)) -> Resul
     let junit = html.with_extension("junit.xml");
     write_file(html, texts.0.as_bytes())?;
     write_file(&junit, texts.1.as_bytes())?;
-    match args.common.json {
-        true => print_json(&json!({
+    if args.common.json {
+        print_json(&json!({
             "report": html.display().to_string(),
             "junit": junit.display().to_string(),
-        })),
-        false => talk::data(&format!("{}\n{}", html.display(), junit.display())),
+        }))
+    } else {
+        talk::data(&format!("{}\n{}", html.display(), junit.display()))
     }
 }
 
@@ -294,9 +295,10 @@ fn this_page(args: &ReportArgs) -> String {
 /// A word as a shell takes it.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@".contains(c);
-    match !word.is_empty() && word.chars().all(plain) {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', "'\\''")),
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 

@@ -119,14 +119,15 @@ fn keep(args: &SearchArgs, searched: &SearchTable, steps: usize) -> Result<(), F
 
 fn show(args: &SearchArgs, searched: &SearchTable) -> Result<(), Failure> {
     let (rows, evens) = (&searched.rows, &searched.break_even);
-    match args.common.json {
-        true => print_json(&json!({ "rows": rows, "break_even": evens })),
-        false => talk::data(&format!(
+    if args.common.json {
+        print_json(&json!({ "rows": rows, "break_even": evens }))
+    } else {
+        talk::data(&format!(
             "{}{}{}",
             table::rows(rows),
             anytime_lines(rows),
             evens.iter().map(in_words).collect::<String>()
-        )),
+        ))
     }
 }
 
@@ -176,18 +177,19 @@ fn anytime_lines(rows: &[Row]) -> String {
 
 fn in_words(even: &BreakEven) -> String {
     let (ado, search) = (&even.ado, &even.search);
-    let reached = match even.matched {
-        true => format!(
+    let reached = if even.matched {
+        format!(
             "reaches the ado's {:.1} % with a budget of {}",
             100.0 * ado.success_rate,
             even.budget
-        ),
-        false => format!(
+        )
+    } else {
+        format!(
             "does not reach the ado's {:.1} % with {} simulations per start (it has {:.1} %)",
             100.0 * ado.success_rate,
             even.budget,
             100.0 * search.success_rate
-        ),
+        )
     };
     let spent = format!(
         "\n{}: the search {reached}; it takes {:.1} simulations per start on average, the ado {:.1}",
@@ -196,10 +198,7 @@ fn in_words(even: &BreakEven) -> String {
     if even.once.simulations == 0 {
         return format!("{spent}.\nBoth live on a training.");
     }
-    let at_most = match even.matched {
-        true => "",
-        false => "at most ",
-    };
+    let at_most = if even.matched { "" } else { "at most " };
     let from = |starts: Option<f64>| match starts {
         Some(starts) => format!("from {at_most}{:.0} starts on", starts.ceil()),
         None => "never, or unknown,".to_owned(),

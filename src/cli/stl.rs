@@ -87,13 +87,15 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
         all: args.all.then(|| monitor.robustness_all(&trace)),
         explanation: args.explain.then(|| monitor.explain(&trace)),
     };
-    match args.json {
-        true => print_json(&measured.json()),
-        false => measured.show(trace.dt_s()),
+    if args.json {
+        print_json(&measured.json())
+    } else {
+        measured.show(trace.dt_s())
     }?;
-    Ok(match args.fail_on_counterexample && !measured.satisfied {
-        true => Exit::Counterexample,
-        false => Exit::Done,
+    Ok(if args.fail_on_counterexample && !measured.satisfied {
+        Exit::Counterexample
+    } else {
+        Exit::Done
     })
 }
 
@@ -166,9 +168,10 @@ impl Measured {
             None => talk::data(&format!("{}", self.robustness))?,
             Some(all) => talk::data(&lines(all, dt_s))?,
         }
-        let word = match self.satisfied {
-            true => "satisfied",
-            false => "violated",
+        let word = if self.satisfied {
+            "satisfied"
+        } else {
+            "violated"
         };
         talk::say(&format!("{word}, ρ = {}", self.robustness));
         match &self.explanation {

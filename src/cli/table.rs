@@ -226,19 +226,21 @@ fn uncounted(rows: &[Row]) -> String {
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
     let named = rows.iter().filter_map(|row| {
         let (uncounted, starts) = (row.uncounted.filter(|count| 0 < *count)?, row.starts);
-        let name = match one_ego {
-            true => row.ado.clone(),
-            false => format!("{} on {}", row.ado, row.ego),
+        let name = if one_ego {
+            row.ado.clone()
+        } else {
+            format!("{} on {}", row.ado, row.ego)
         };
         Some(format!("{name} {uncounted} of {starts}"))
     });
     let named: Vec<String> = named.collect();
-    match named.is_empty() {
-        true => String::new(),
-        false => format!(
+    if named.is_empty() {
+        String::new()
+    } else {
+        format!(
             "\nviolated, but not as `counts` asks for (uncounted): {}",
             named.join(", ")
-        ),
+        )
     }
 }
 
@@ -248,9 +250,10 @@ fn bounds(rows: &[Row]) -> String {
     let mut by_starts: Vec<(usize, f64, Vec<String>)> = Vec::new();
     for row in rows {
         let Some(bound) = row.at_most else { continue };
-        let name = match one_ego {
-            true => row.ado.clone(),
-            false => format!("{} on {}", row.ado, row.ego),
+        let name = if one_ego {
+            row.ado.clone()
+        } else {
+            format!("{} on {}", row.ado, row.ego)
         };
         match by_starts.iter_mut().find(|line| line.0 == row.starts) {
             Some((_, _, names)) => names.push(name),
@@ -346,23 +349,25 @@ fn percent(share: f64) -> String {
 
 /// Who an ego is to a conditional ado, and how far that is to be trusted.
 pub(super) fn identified(found: &IdentifiedAs) -> String {
-    let verdict = match found.explains {
-        true => format!(
+    let verdict = if found.explains {
+        format!(
             "explained: the member stays within {:.2} m of it, {:.2} m allowed",
             found.residual_m, found.bound_m
-        ),
-        false => format!(
+        )
+    } else {
+        format!(
             "not explained: the nearest member strays by {:.2} m, {:.2} m allowed, so this ego \
              is none of the family",
             found.residual_m, found.bound_m
-        ),
+        )
     };
     let refits: Vec<String> = found.refits_m.iter().map(|r| format!("{r:.3}")).collect();
     let lines = found.parameters.iter().map(|parameter| {
         let [least, most] = parameter.range;
-        let remark = match parameter.hidden {
-            true => "does not show in these runs: nominal",
-            false => "",
+        let remark = if parameter.hidden {
+            "does not show in these runs: nominal"
+        } else {
+            ""
         };
         [
             parameter.name.clone(),

@@ -95,9 +95,10 @@ fn write_data(text: &str) -> Result<(), Failure> {
 /// Colours on a terminal, plain text elsewhere.
 pub(super) fn theme() -> GraphicalTheme {
     let plain = std::env::var_os("NO_COLOR").is_some();
-    match io::stderr().is_terminal() && !plain {
-        true => GraphicalTheme::unicode(),
-        false => super::plain_theme(),
+    if io::stderr().is_terminal() && !plain {
+        GraphicalTheme::unicode()
+    } else {
+        super::plain_theme()
     }
 }
 

@@ -263,9 +263,10 @@ fn foretold(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [String
     let bounds = forecast.quantiles.iter().map(|q| number(*q));
     let [lo, hi] = forecast.coverage_ci95.map(|share| 100.0 * share);
     let coverage = format!("{:.1} % [{lo:.1}, {hi:.1}]", 100.0 * forecast.coverage);
-    let promised = match forecast.as_promised {
-        true => coverage,
-        false => format!("{coverage}, too little"),
+    let promised = if forecast.as_promised {
+        coverage
+    } else {
+        format!("{coverage}, too little")
     };
     let share = |share: Option<f64>| share.map_or("–".to_owned(), |s| format!("{s:.3}"));
     [

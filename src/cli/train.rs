@@ -109,9 +109,10 @@ fn session(args: &TrainArgs, world: &Scenario) -> Result<TrainSession, Failure> 
         plant: args.plant,
         from: from.as_ref(),
     };
-    Ok(match args.resume {
-        true => TrainSession::resume(world, &path, &request)?,
-        false => TrainSession::begin(world, &path, &request)?,
+    Ok(if args.resume {
+        TrainSession::resume(world, &path, &request)?
+    } else {
+        TrainSession::begin(world, &path, &request)?
     })
 }
 

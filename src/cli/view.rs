@@ -113,12 +113,13 @@ fn draw(
     let svg = picture(replayed, &ego, beside)?;
     write_file(output, svg.as_bytes())?;
     let file = output.display().to_string();
-    match args.json {
-        true => print_json(&json!({ "file": file, "bytes": svg.len() })),
-        false => talk::data(&format!(
+    if args.json {
+        print_json(&json!({ "file": file, "bytes": svg.len() }))
+    } else {
+        talk::data(&format!(
             "{file}: {} kB; any browser plays it",
             svg.len().div_ceil(1000)
-        )),
+        ))
     }
 }
 
@@ -128,12 +129,13 @@ fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     let name = name.file_name().map(PathBuf::from).unwrap_or(name);
     let output = args.output.clone().unwrap_or(name);
     let (file, bytes, samples) = record(replayed, &output)?;
-    match args.json {
-        true => print_json(&json!({ "file": file, "bytes": bytes, "samples": samples })),
-        false => talk::data(&format!(
+    if args.json {
+        print_json(&json!({ "file": file, "bytes": bytes, "samples": samples }))
+    } else {
+        talk::data(&format!(
             "{file}: {samples} samples, {} kB; open it with `rerun {file}`",
             bytes.div_ceil(1000)
-        )),
+        ))
     }
 }
 

@@ -134,9 +134,10 @@ pub(super) fn examine<S: Subject>(make: impl Fn() -> S + Sync) -> Result<(), Non
     for ((episode, expected), rows) in episodes().chain(episodes()).zip(&together) {
         found.same(Promise::Parallel, (episode, 0), rows, expected);
     }
-    match found.list.is_empty() {
-        true => Ok(()),
-        false => Err(Nonconformities(found.list)),
+    if found.list.is_empty() {
+        Ok(())
+    } else {
+        Err(Nonconformities(found.list))
     }
 }
 

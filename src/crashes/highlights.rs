@@ -121,9 +121,12 @@ fn facts_of(start: usize, episode: &Episode, request: &EvalRequest<'_>, axes: &[
         .map(|rule| rule.monitor.robustness(&judged, &mut scratch))
         .reduce(f64::min);
     let values = axes.iter().zip(&episode.start.0);
-    let place = values.map(|(axis, value)| match axis.lo < axis.hi {
-        true => (value - axis.lo) / (axis.hi - axis.lo),
-        false => 0.0,
+    let place = values.map(|(axis, value)| {
+        if axis.lo < axis.hi {
+            (value - axis.lo) / (axis.hi - axis.lo)
+        } else {
+            0.0
+        }
     });
     Facts {
         start,

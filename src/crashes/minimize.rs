@@ -247,9 +247,10 @@ impl Shrinking<'_> {
             .reruns
             .played(self.scenario, from, &mut actor, Aftermath::Play);
         let holds = self.aim.is_met_by_episode(&played);
-        match holds {
-            true => self.found = Some(played),
-            false => drop(self.refuted.insert(actions.to_vec())),
+        if holds {
+            self.found = Some(played)
+        } else {
+            self.refuted.insert(actions.to_vec());
         }
         holds
     }

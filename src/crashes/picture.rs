@@ -55,9 +55,12 @@ pub fn picture(
     } = replayed;
     // What the file says holds for the run that it recorded.
     let recorded = replayed.about.clone();
-    let known = || match replayed.still_fails() {
-        true => about(scenario, episode),
-        false => replayed.known(),
+    let known = || {
+        if replayed.still_fails() {
+            about(scenario, episode)
+        } else {
+            replayed.known()
+        }
     };
     let example = Example {
         chosen_for: String::new(),

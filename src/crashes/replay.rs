@@ -355,13 +355,14 @@ impl Regressions {
             .collect();
         let cut = replayed.len() < self.kept.len();
         let allowed = self.allow_invalid * replayed.len() as f64;
-        match !cut && invalid.len() as f64 <= allowed {
-            true => Ok(()),
-            false => Err(RegressionError::Invalid {
+        if !cut && invalid.len() as f64 <= allowed {
+            Ok(())
+        } else {
+            Err(RegressionError::Invalid {
                 invalid,
                 replayed: replayed.len(),
                 total: self.kept.len(),
-            }),
+            })
         }
     }
 
@@ -437,12 +438,13 @@ impl Regressions {
                 format!("  {}: {place}", replayed.path.display())
             })
             .collect();
-        match differ.is_empty() {
-            true => Ok(()),
-            false => Err(RegressionError::Differ {
+        if differ.is_empty() {
+            Ok(())
+        } else {
+            Err(RegressionError::Differ {
                 differ,
                 total: replayed.len(),
-            }),
+            })
         }
     }
 
@@ -461,12 +463,13 @@ impl Regressions {
                 format!("  {}: ρ = {robustness:.4}", replayed.path.display())
             })
             .collect();
-        match failing.is_empty() {
-            true => Ok(()),
-            false => Err(RegressionError::StillFails {
+        if failing.is_empty() {
+            Ok(())
+        } else {
+            Err(RegressionError::StillFails {
                 failing,
                 total: replayed.len(),
-            }),
+            })
         }
     }
 

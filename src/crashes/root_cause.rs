@@ -114,12 +114,11 @@ fn decisive_within(reruns: &Reruns<'_>, episode: &Episode) -> Result<Option<Deci
     }
     reruns.ask(0, 0)?;
     for spans in spans(scenario, actions) {
-        let found = match reruns.copies() {
-            true => {
-                let counted = spans.iter().inspect(|_| reruns.count(1));
-                earliest(scenario, episode, counted.copied())
-            }
-            false => earliest_of_whole_runs(reruns, episode, &spans)?,
+        let found = if reruns.copies() {
+            let counted = spans.iter().inspect(|_| reruns.count(1));
+            earliest(scenario, episode, counted.copied())
+        } else {
+            earliest_of_whole_runs(reruns, episode, &spans)?
         };
         let Some((from, to)) = found else {
             continue;
@@ -231,10 +230,11 @@ fn is_avoided(scenario: &Scenario, episode: &Episode, driver: &Driver, after: us
     let (own, commands) = (spec.ego.controller.clone(), episode.commands.clone());
     let second = driver.factory.clone();
     let factory = move || -> Box<dyn Controller> {
-        let first: Box<dyn Controller> = match commands.is_empty() {
-            true => own.build(),
+        let first: Box<dyn Controller> = if commands.is_empty() {
+            own.build()
+        } else {
             // One that nobody here wrote repeats what it commanded.
-            false => Box::new(RecordedCommands::new(commands.clone().into())),
+            Box::new(RecordedCommands::new(commands.clone().into()))
         };
         Box::new(Takeover::new(first, second(), after))
     };

@@ -56,10 +56,11 @@ impl Controller for FilteredAcc {
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
         let follow_mps2 = acc_in!(self).accel_mps2(percept);
-        let wish_mps2 = match self.must_brake(percept) {
+        let wish_mps2 = if self.must_brake(percept) {
             // The filter never weakens the follower: the harder braking counts.
-            true => follow_mps2.min(-self.filter_brake_mps2),
-            false => follow_mps2,
+            follow_mps2.min(-self.filter_brake_mps2)
+        } else {
+            follow_mps2
         };
         Ok(Command::accelerate(wish_mps2))
     }

@@ -35,9 +35,10 @@ const ROLLS_BACK_MPS: f64 = 1.0;
 ///
 /// An oncoming leader leaves no additional room by braking.
 pub(super) fn away_mps(leader_mps: f64) -> f64 {
-    match leader_mps < -ROLLS_BACK_MPS {
-        true => 0.0,
-        false => leader_mps,
+    if leader_mps < -ROLLS_BACK_MPS {
+        0.0
+    } else {
+        leader_mps
     }
 }
 

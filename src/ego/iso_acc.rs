@@ -81,9 +81,10 @@ impl Following {
         };
         let closing_mps = percept.own.speed_mps - lead.speed_mps;
         let clearance_m = lead.clearance_m();
-        let needed_mps2 = match 0.0 < clearance_m {
-            true => closing_mps * closing_mps / (2.0 * clearance_m),
-            false => f64::INFINITY,
+        let needed_mps2 = if 0.0 < clearance_m {
+            closing_mps * closing_mps / (2.0 * clearance_m)
+        } else {
+            f64::INFINITY
         };
         0.0 < closing_mps && (self.is_emergency || self.spec.aeb_trigger_mps2 <= needed_mps2)
     }
@@ -97,9 +98,10 @@ impl Controller for Following {
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
         self.is_emergency = 0.0 < self.spec.aeb_brake_mps2 && self.brakes_hard(percept);
         let follow_mps2 = self.spec.follow_mps2(percept, self.last_mps2);
-        self.last_mps2 = match self.is_emergency {
-            true => follow_mps2.min(-self.spec.aeb_brake_mps2),
-            false => follow_mps2,
+        self.last_mps2 = if self.is_emergency {
+            follow_mps2.min(-self.spec.aeb_brake_mps2)
+        } else {
+            follow_mps2
         };
         Ok(Command::accelerate(self.last_mps2))
     }

@@ -44,10 +44,11 @@ impl Controller for PoliteAcc {
     fn reset(&mut self, _seed: u64) {}
 
     fn control(&mut self, percept: &Percept) -> Result<Command, Fault> {
-        let max_brake_mps2 = match self.is_tailgated(percept) {
+        let max_brake_mps2 = if self.is_tailgated(percept) {
             // A soft limit above the hard limit must not strengthen the brakes.
-            true => self.soft_brake_mps2.min(self.max_brake_mps2),
-            false => self.max_brake_mps2,
+            self.soft_brake_mps2.min(self.max_brake_mps2)
+        } else {
+            self.max_brake_mps2
         };
         let follow = Acc {
             max_brake_mps2,

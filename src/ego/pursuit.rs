@@ -151,9 +151,10 @@ impl Pursuing {
         if let Some(evades_to_m) = self.evades_to_m {
             let aside_m = self.home_m - own.lateral_m;
             let mut others = percept.others.iter();
-            match others.all(|seen| self.is_free(own, seen, aside_m)) {
-                true => self.evades_to_m = None,
-                false => return evades_to_m,
+            if others.all(|seen| self.is_free(own, seen, aside_m)) {
+                self.evades_to_m = None
+            } else {
+                return evades_to_m;
             }
         }
         let needed = percept.others.iter();

@@ -68,9 +68,10 @@ impl Room {
             true if self.is_within(half_m) => (0.0, f64::INFINITY),
             true => (0.0, -1.0),
             false => {
-                let (enters_m, leaves_m) = match 0.0 < lateral_mps {
-                    true => (-half_m - self.left_m, half_m - self.right_m),
-                    false => (half_m - self.right_m, -half_m - self.left_m),
+                let (enters_m, leaves_m) = if 0.0 < lateral_mps {
+                    (-half_m - self.left_m, half_m - self.right_m)
+                } else {
+                    (half_m - self.right_m, -half_m - self.left_m)
                 };
                 (enters_m / lateral_mps, leaves_m / lateral_mps)
             }
@@ -94,18 +95,19 @@ impl Seen {
     pub fn room(&self) -> Room {
         // Headings near the road's count as 0, so leaders have the same
         // clearance as in the car-following models.
-        match self.is_along() {
-            true => Room {
+        if self.is_along() {
+            Room {
                 near_m: self.headway_m - self.length_m,
                 far_m: self.headway_m,
                 right_m: self.lateral_m - 0.5 * self.width_m,
                 left_m: self.lateral_m + 0.5 * self.width_m,
-            },
-            false => Room::of(
+            }
+        } else {
+            Room::of(
                 (self.headway_m, self.lateral_m),
                 self.road_heading_rad,
                 (self.length_m, self.width_m),
-            ),
+            )
         }
     }
 
@@ -116,9 +118,10 @@ impl Seen {
 
     /// Returns the headway of a leader with the same length and clearance.
     pub fn following_headway_m(&self) -> f64 {
-        match self.is_along() {
-            true => self.headway_m,
-            false => self.clearance_m() + self.length_m,
+        if self.is_along() {
+            self.headway_m
+        } else {
+            self.clearance_m() + self.length_m
         }
     }
 
@@ -150,11 +153,10 @@ impl Seen {
 
     /// Returns whether it is ahead of a follower: in its path or about to cross.
     pub(crate) fn is_ahead_of(&self, own: &Own) -> bool {
-        match self.is_along() {
-            true => {
-                0.0 < self.headway_m && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0
-            }
-            false => self.crosses_path(own, 0.0, EXPECTED_S),
+        if self.is_along() {
+            0.0 < self.headway_m && self.lateral_m.abs() < (self.width_m + own.width_m) / 2.0
+        } else {
+            self.crosses_path(own, 0.0, EXPECTED_S)
         }
     }
 }

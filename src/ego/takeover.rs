@@ -44,9 +44,10 @@ impl Controller for Takeover {
         let second = self.second.control(percept)?;
         let own = self.next < self.after;
         self.next += 1;
-        match own {
-            true => self.first.control(percept),
-            false => Ok(second),
+        if own {
+            self.first.control(percept)
+        } else {
+            Ok(second)
         }
     }
 

@@ -75,9 +75,10 @@ pub fn break_even(
     }
     let reached = |budget| trained.successes <= anytime(&searched.found, budget).successes;
     let matched = reached(budget);
-    let enough = match matched {
-        true => least(budget, reached),
-        false => budget,
+    let enough = if matched {
+        least(budget, reached)
+    } else {
+        budget
     };
     let per_start = |sum: f64| sum / trained.starts as f64;
     let ado = PerStart {
@@ -122,9 +123,10 @@ fn least(most: u64, passes: impl Fn(u64) -> bool) -> u64 {
     let (mut fails, mut passing) = (0, most);
     while 1 < passing - fails {
         let middle = fails + (passing - fails) / 2;
-        match passes(middle) {
-            true => passing = middle,
-            false => fails = middle,
+        if passes(middle) {
+            passing = middle
+        } else {
+            fails = middle
         }
     }
     passing

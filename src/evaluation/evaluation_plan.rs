@@ -50,9 +50,10 @@ impl Evaluation<'_> {
     /// Checks that the remaining runs are enough for learning.
     pub(super) fn can_learn(&self) -> Result<(), EvaluationError> {
         // Runs for identification are not recorded for the surrogate.
-        match self.learns() && self.runs < LEAST_RUNS + self.identified_from() {
-            false => Ok(()),
-            true => Err(EvaluationError::TooFewRuns { runs: self.runs }),
+        if self.learns() && self.runs < LEAST_RUNS + self.identified_from() {
+            Err(EvaluationError::TooFewRuns { runs: self.runs })
+        } else {
+            Ok(())
         }
     }
 

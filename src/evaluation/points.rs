@@ -243,9 +243,10 @@ pub fn points(request: &PointsRequest<'_>, watch: &Watch<'_>) -> Option<PointsTa
 
 fn usual_switches(met: &Met) -> usize {
     let (start, noise) = &met.starts.starts[0];
-    match copies(met.scenario(), start, *noise) {
-        true => SWITCHES,
-        false => SWITCHES_OF_PROGRAMS,
+    if copies(met.scenario(), start, *noise) {
+        SWITCHES
+    } else {
+        SWITCHES_OF_PROGRAMS
     }
 }
 
@@ -473,9 +474,10 @@ impl PointsTable {
         let closing = |(point, strays): &(usize, bool)| {
             let result = &self.points[*point];
             let (failure, varied) = (result.failure.as_ref(), result.varied.as_ref());
-            let closing = match strays {
-                true => varied.and_then(|varied| varied.closing_mps),
-                false => failure.and_then(|failure| failure.closing_mps),
+            let closing = if *strays {
+                varied.and_then(|varied| varied.closing_mps)
+            } else {
+                failure.and_then(|failure| failure.closing_mps)
             };
             closing.unwrap_or(-1.0)
         };
@@ -486,14 +488,16 @@ impl PointsTable {
             &chosen,
             || scenario.bench(),
             |bench, (point, strays), _| {
-                let episode = match strays {
-                    true => self.met.strayed_again(bench, *point),
-                    false => self.met.failed_again(bench, *point),
+                let episode = if *strays {
+                    self.met.strayed_again(bench, *point)
+                } else {
+                    self.met.failed_again(bench, *point)
                 };
                 Some(Example {
-                    chosen_for: match strays {
-                        true => "A lawful variation".to_owned(),
-                        false => "The point as it is".to_owned(),
+                    chosen_for: if *strays {
+                        "A lawful variation".to_owned()
+                    } else {
+                        "The point as it is".to_owned()
                     },
                     start: *point,
                     frames: film(&mut scenario.repeating(&episode).bench(), &episode),

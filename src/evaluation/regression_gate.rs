@@ -174,18 +174,19 @@ impl EvaluationTable<'_> {
             .iter()
             .filter(|found| found.ego.name() != baseline);
         others
-            .map(
-                |new| match self.starts_of(new).starts == self.starts_of(old).starts {
-                    true => Ok(Gate::of(
+            .map(|new| {
+                if self.starts_of(new).starts == self.starts_of(old).starts {
+                    Ok(Gate::of(
                         (new.ego.name(), new.by.evaluated()),
                         (baseline, old.by.evaluated()),
-                    )),
-                    false => Err(EvaluationError::StartsDiffer {
+                    ))
+                } else {
+                    Err(EvaluationError::StartsDiffer {
                         ego: new.ego.name().to_owned(),
                         baseline: baseline.to_owned(),
-                    }),
-                },
-            )
+                    })
+                }
+            })
             .collect()
     }
 }

@@ -51,9 +51,10 @@ impl EgoUnderTest {
         let trained = run.manifest().ego.as_ref();
         if self.is_own() || trained.is_some_and(ChangedEgo::is_own) {
             // Of such an ego nothing is known but its name.
-            return match self.is_own() && trained.is_some_and(|ego| ego.name == self.name()) {
-                true => Relation::Trained,
-                false => Relation::ZeroShot,
+            return if self.is_own() && trained.is_some_and(|ego| ego.name == self.name()) {
+                Relation::Trained
+            } else {
+                Relation::ZeroShot
             };
         }
         let trained = trained.map(|ego| &ego.change);

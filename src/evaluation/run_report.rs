@@ -134,9 +134,10 @@ impl<'a> ReportRequest<'a> {
         report: &mut Report<'_>,
         watch: &Watch<'_>,
     ) -> Result<Option<()>, EvaluationError> {
-        let egos = match self.given.rows.is_empty() {
-            true => EgoUnderTest::find(self.scenario, "all")?,
-            false => Vec::new(),
+        let egos = if self.given.rows.is_empty() {
+            EgoUnderTest::find(self.scenario, "all")?
+        } else {
+            Vec::new()
         };
         consent(self.scenario, &egos)?;
         let (count, seed) = self.starts;
@@ -212,12 +213,13 @@ impl<'a> ReportRequest<'a> {
         });
         let few = first(starts, count);
         for ego in egos {
-            let own = match ego.scenario().axes() == self.scenario.axes() {
-                true => few.clone(),
-                false => match test_starts(ego.scenario(), seed, count, watch) {
+            let own = if ego.scenario().axes() == self.scenario.axes() {
+                few.clone()
+            } else {
+                match test_starts(ego.scenario(), seed, count, watch) {
                     Some(own) => own,
                     None => return Ok(None),
-                },
+                }
             };
             let told = conditioned(self.run, self.context(), ego, seed, watch)?;
             let trained = Ado::Trained(&*told.policy, self.run.manifest().seed);

@@ -212,10 +212,11 @@ impl Trained<'_> {
         if watch.interrupted() || !method.takes(MethodOption::Budget) {
             return None;
         }
-        let once = match method.takes(MethodOption::From) {
+        let once = if method.takes(MethodOption::From) {
             // It lives on a training as well: neither is charged for one.
-            true => Cost::default(),
-            false => Cost::of_training(manifest),
+            Cost::default()
+        } else {
+            Cost::of_training(manifest)
         };
         if manifest.physics_steps == 0 {
             watch.note("an earlier version trained this run: it counted no physics steps");

@@ -220,9 +220,10 @@ impl<'a> EvaluationTable<'a> {
         let ado = conditioned(run, context, &own, seed, watch)?;
         let policy = &*ado.policy;
         let is_nominal = |ego: &EgoUnderTest| ego.name() == own.name();
-        let all = match egos.iter().all(is_nominal) {
-            true => EgoUnderTest::find(nominal, "all")?,
-            false => egos.to_vec(),
+        let all = if egos.iter().all(is_nominal) {
+            EgoUnderTest::find(nominal, "all")?
+        } else {
+            egos.to_vec()
         };
         let changed = all.iter().filter(|ego| !is_nominal(ego));
         let changed = changed.map(|ego| (ego.name().to_owned(), ego.scenario().clone()));

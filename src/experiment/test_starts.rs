@@ -159,9 +159,10 @@ impl TestStarts {
         };
         let starts = own.trivial.iter().filter(|trivial| **trivial).count();
         let alone = Some(FailsAlone { starts, left_out });
-        match left_out {
-            true => Some((own, alone)),
-            false => Some((self.clone(), alone)),
+        if left_out {
+            Some((own, alone))
+        } else {
+            Some((self.clone(), alone))
         }
     }
 
@@ -189,9 +190,10 @@ impl TestStarts {
     ) -> Vec<Option<R>> {
         let all = EpisodeLoop::counted(watch, self.starts.len());
         all.run(&self.starts, worker, |kept, start, turn| {
-            match self.trivial[turn.index] {
-                true => None,
-                false => work(kept, start, turn),
+            if self.trivial[turn.index] {
+                None
+            } else {
+                work(kept, start, turn)
             }
         })
     }

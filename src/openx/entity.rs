@@ -103,9 +103,10 @@ fn axles(vehicle: &Vehicle) -> Element {
 fn category(body: &Body, vehicle: &Vehicle) -> &'static str {
     // Width decides first: a heavy motorcycle is still no car.
     if body.width_m <= TWO_WHEELED_M {
-        return match vehicle.power_w <= PEDALLED_W {
-            true => "bicycle",
-            false => "motorbike",
+        return if vehicle.power_w <= PEDALLED_W {
+            "bicycle"
+        } else {
+            "motorbike"
         };
     }
     match body.mass_kg {

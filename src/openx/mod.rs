@@ -230,9 +230,10 @@ fn ways(world: &DriveWorld, passage: &Passage) -> Result<Vec<Vec<Vertex>>, OpenX
     let ways: Vec<Vec<Vertex>> = ways.collect();
     // Agents share their samples, so one short trajectory means that all are
     // short.
-    match ways.iter().all(|way| 2 <= way.len()) {
-        true => Ok(ways),
-        false => Err(OpenXError::NobodyMoves),
+    if ways.iter().all(|way| 2 <= way.len()) {
+        Ok(ways)
+    } else {
+        Err(OpenXError::NobodyMoves)
     }
 }
 

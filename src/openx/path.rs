@@ -40,9 +40,10 @@ pub(super) fn vertices(motion: &Motion, agent: usize, body: &Body, sample_s: f64
     let mut vertices: Vec<Vertex> = Vec::with_capacity(motion.len());
     for sample in 0..motion.len() {
         let is_end = sample + 1 == motion.len() && motion.contact.is_some();
-        let time_s = match is_end {
-            true => motion.end_s,
-            false => sample_time_s(sample, sample_s),
+        let time_s = if is_end {
+            motion.end_s
+        } else {
+            sample_time_s(sample, sample_s)
         };
         // A contact right after a sample replaces the vertex of that sample.
         if vertices

@@ -36,9 +36,10 @@ pub(super) fn document(
     let roads = roads.map(|(number, ((name, road), course))| {
         let laid = element((number, name), road, course, stretch(number));
         // Only the world's own road has lights.
-        match number == 0 && !spec.lights.is_empty() {
-            true => laid.child(lights::signals(spec, stretch(number))),
-            false => laid,
+        if number == 0 && !spec.lights.is_empty() {
+            laid.child(lights::signals(spec, stretch(number)))
+        } else {
+            laid
         }
     });
     Element::new("OpenDRIVE").child(header).children(roads)
@@ -80,9 +81,10 @@ fn plan_view(course: &Course, stretch: Stretch) -> Element {
         // Every geometry states its own start, computed from the course, so
         // errors do not add up along the road.
         let begin = course.pose(piece.from_s_m, 0.0);
-        let shape = match piece.curvature_per_m == 0.0 {
-            true => Element::new("line"),
-            false => Element::new("arc").number("curvature", piece.curvature_per_m),
+        let shape = if piece.curvature_per_m == 0.0 {
+            Element::new("line")
+        } else {
+            Element::new("arc").number("curvature", piece.curvature_per_m)
         };
         Element::new("geometry")
             .number("s", stretch.s_m(piece.from_s_m))
@@ -139,10 +141,7 @@ fn lanes(road: &Road) -> Element {
     });
     let centre = lane(0, "none").child(road_mark("solid"));
     let right = (1..=count).map(|number| {
-        let border = match number == count {
-            true => "solid",
-            false => "broken",
-        };
+        let border = if number == count { "solid" } else { "broken" };
         let width = polynomial(Element::new("width").number("sOffset", 0.0), width_m);
         let lane = lane(-(number as i64), "driving");
         lane.child(width).child(road_mark(border))

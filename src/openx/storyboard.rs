@@ -182,8 +182,9 @@ fn trigger(kind: &'static str, name: &str, time_s: f64, rule: &str) -> Element {
 
 /// Driver of an agent beside an external ego.
 pub(super) fn driver_beside_an_own_ego(agent: &Agent) -> Driver {
-    match is_ego(agent) {
-        true => Driver::External,
-        false => Driver::Trajectory,
+    if is_ego(agent) {
+        Driver::External
+    } else {
+        Driver::Trajectory
     }
 }

@@ -89,10 +89,7 @@ impl Lanes {
     /// Whether the other is off its lane's middle, towards the ego.
     fn leaves_lane(&self, ego: &LaneBody, other: &LaneBody) -> bool {
         let off_m = other.y_m - self.middle_m(other.y_m);
-        let towards_m = match other.y_m < ego.y_m {
-            true => off_m,
-            false => -off_m,
-        };
+        let towards_m = if other.y_m < ego.y_m { off_m } else { -off_m };
         WANDER_M < towards_m
     }
 

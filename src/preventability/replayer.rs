@@ -312,10 +312,8 @@ impl Replayer {
                 let gap_m = encounter.gap_m();
                 *least_m = Some(least_m.map_or(gap_m, |least| least.min(gap_m)));
             }
-            self.others.push(match seen[i] {
-                true => other,
-                false => LaneBody::unseen(),
-            });
+            self.others
+                .push(if seen[i] { other } else { LaneBody::unseen() });
         }
         ego
     }

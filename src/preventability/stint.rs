@@ -25,9 +25,10 @@ impl AtWheel {
             _ => None,
         };
         // Braking that builds up by itself holds the actuator's lag already.
-        let lag_s = match driver.is_some_and(ReferenceDriver::has_build_up) {
-            true => 0.0,
-            false => replayer.lag_s,
+        let lag_s = if driver.is_some_and(ReferenceDriver::has_build_up) {
+            0.0
+        } else {
+            replayer.lag_s
         };
         let arriving_mps2 = case.whole.at(from)[replayer.world.ego()].state.accel_mps2;
         let (sample_s, lane_width_m) = (replayer.sample_s, replayer.lane_width_m);

@@ -186,9 +186,10 @@ fn watched(scenario: &Scenario, episode: &Episode) -> Option<Chart> {
     Some(Chart {
         title: names.join(", "),
         x_label: "time [s]".to_owned(),
-        y_label: match first.unit.is_empty() {
-            true => names.join(", "),
-            false => format!("{} [{}]", names.join(", "), first.unit),
+        y_label: if first.unit.is_empty() {
+            names.join(", ")
+        } else {
+            format!("{} [{}]", names.join(", "), first.unit)
         },
         curves: curves.collect(),
         at_x: instants(episode),

@@ -75,9 +75,10 @@ fn by_lane(world: &DriveWorld, example: &Example, (ego, met): (&str, &str)) -> O
     // The ego's own lane is that of its start.
     let lane = road.lane_at(agents[own].lateral_m.lo);
     let off_m = (at.lateral_m - road.lane_middle_m(lane)).abs();
-    Some(match off_m < 0.5 * road.lane_width_m() {
-        true => (format!("{met} was in {ego}'s lane"), "b-not"),
-        false => (format!("{ego} had left its lane"), "b-ego"),
+    Some(if off_m < 0.5 * road.lane_width_m() {
+        (format!("{met} was in {ego}'s lane"), "b-not")
+    } else {
+        (format!("{ego} had left its lane"), "b-ego")
     })
 }
 

@@ -152,9 +152,12 @@ fn by_start(nominal: &Nominal, axes: &[Axis], x: usize, y: usize) -> HeatMap {
         cell[1] += usize::from(verdict.is_success());
         cell[2] += usize::from(matches!(verdict, Verdict::Foul { .. }));
     }
-    let named = |axis: &Axis| match axis.unit.is_empty() {
-        true => (axis.name.clone(), axis.lo, axis.hi),
-        false => (format!("{} [{}]", axis.name, axis.unit), axis.lo, axis.hi),
+    let named = |axis: &Axis| {
+        if axis.unit.is_empty() {
+            (axis.name.clone(), axis.lo, axis.hi)
+        } else {
+            (format!("{} [{}]", axis.name, axis.unit), axis.lo, axis.hi)
+        }
     };
     let filled = counts.iter().enumerate().filter(|(_, c)| 0 < c[0]);
     let cells = filled.map(|(i, [all, solved, fouls])| Cell {

@@ -222,9 +222,10 @@ fn care(example: &Example) -> Option<String> {
     let Some(words) = known.who_avoids() else {
         return chance.map(by_braking);
     };
-    let own = match known.self_inflicted {
-        true => ", and the ego had brought itself there",
-        false => "",
+    let own = if known.self_inflicted {
+        ", and the ego had brought itself there"
+    } else {
+        ""
     };
     Some(format!("{words}{own}"))
 }

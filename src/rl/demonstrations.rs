@@ -91,9 +91,10 @@ impl Demonstrations {
 
     /// Returns the number of transitions per batch that are drawn from here.
     pub fn drawn_of(&self, batch: usize) -> usize {
-        match self.replay.is_empty() {
-            true => 0,
-            false => (self.imitation.share * batch as f64) as usize,
+        if self.replay.is_empty() {
+            0
+        } else {
+            (self.imitation.share * batch as f64) as usize
         }
     }
 
@@ -155,10 +156,10 @@ impl Demonstrations {
         let margin = self.imitation.margin as f32;
         // The demonstrated action wins ties, which gives no gradient at a tie.
         let rival = |a: usize| values[a] + if a == shown { 0.0 } else { margin };
-        let best = (0..values.len()).fold(shown, |best, a| match rival(best) < rival(a) {
-            true => a,
-            false => best,
-        });
+        let best = (0..values.len()).fold(
+            shown,
+            |best, a| if rival(best) < rival(a) { a } else { best },
+        );
         let weight = self.imitation.weight as f32 * scale;
         if best != shown {
             gradient[best] += weight;

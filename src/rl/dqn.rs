@@ -574,9 +574,10 @@ impl Learner for Dqn {
                 }
                 // No verdict reaches a learner: a return of at most 0 counts as a failure,
                 // which under the default reward is exactly "no success".
-                match total <= 0.0 {
-                    true => self.starts.failed(start),
-                    false => self.succeeded(start.index, &lived),
+                if total <= 0.0 {
+                    self.starts.failed(start)
+                } else {
+                    self.succeeded(start.index, &lived)
                 }
             }
         }

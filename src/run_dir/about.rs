@@ -215,9 +215,10 @@ pub struct Shrunk {
 impl Display for Shrunk {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Shrunk { before, after } = self;
-        match before == after {
-            true => write!(f, "not shrunk: {after}"),
-            false => write!(f, "shrunk from {before} to {after}"),
+        if before == after {
+            write!(f, "not shrunk: {after}")
+        } else {
+            write!(f, "shrunk from {before} to {after}")
         }
     }
 }
@@ -342,9 +343,10 @@ impl Display for Persistence {
         // confirmed in them.
         let gone = self.variations.iter().filter(|one| one.fails != Some(true));
         let gone: Vec<&str> = gone.map(|one| one.name.as_str()).collect();
-        match gone.is_empty() {
-            true => Ok(()),
-            false => write!(f, ", not with {}", gone.join(", ")),
+        if gone.is_empty() {
+            Ok(())
+        } else {
+            write!(f, ", not with {}", gone.join(", "))
         }
     }
 }

@@ -142,9 +142,12 @@ impl RunDir {
             let (line, begun, now) = first_line(&kept, &scenario.text);
             note(format!("world file, line {line}"), begun, now);
         }
-        let goals = |goals: &[TrainingGoal]| match goals.is_empty() {
-            true => "none".to_owned(),
-            false => format!("{goals:?}"),
+        let goals = |goals: &[TrainingGoal]| {
+            if goals.is_empty() {
+                "none".to_owned()
+            } else {
+                format!("{goals:?}")
+            }
         };
         if begun.goals != scenario.goals {
             let (begun, now) = (goals(&begun.goals), goals(&scenario.goals));
@@ -172,12 +175,13 @@ impl RunDir {
 
     /// Returns an error for a list of differences, unless it is empty.
     pub(crate) fn refuse(&self, differences: Vec<RunDifference>) -> Result<(), RunError> {
-        match differences.is_empty() {
-            true => Ok(()),
-            false => Err(RunError::Differs {
+        if differences.is_empty() {
+            Ok(())
+        } else {
+            Err(RunError::Differs {
                 path: self.path().into(),
                 differences,
-            }),
+            })
         }
     }
 }

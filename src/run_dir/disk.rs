@@ -219,9 +219,10 @@ pub(super) fn append(path: &Path, bytes: &[u8]) -> Result<(), RunError> {
     step(path).map_err(&failed)?;
     file.sync_all().map_err(&failed)?;
     // A new file needs its name flushed as well.
-    match is_new {
-        true => flush_dir(parent(path)).map_err(&failed),
-        false => Ok(()),
+    if is_new {
+        flush_dir(parent(path)).map_err(&failed)
+    } else {
+        Ok(())
     }
 }
 
@@ -361,9 +362,6 @@ pub(super) fn settings_of(scenario: &Scenario) -> String {
 
 /// Returns a name as a file name, with `-` for all special characters.
 pub fn file_name(name: &str) -> String {
-    let plain = |c: char| match c.is_ascii_alphanumeric() {
-        true => c,
-        false => '-',
-    };
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
     name.chars().map(plain).collect()
 }

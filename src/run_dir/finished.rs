@@ -121,9 +121,10 @@ fn forget_times(value: &mut Value) {
     match value {
         Value::Object(map) => {
             for (name, value) in map {
-                match name.ends_with("cpu_s") {
-                    true => *value = Value::Null,
-                    false => forget_times(value),
+                if name.ends_with("cpu_s") {
+                    *value = Value::Null
+                } else {
+                    forget_times(value)
                 }
             }
         }

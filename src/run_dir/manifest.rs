@@ -40,12 +40,13 @@ fn read_timing(run: &Path, manifest: &Manifest) -> Result<f64, RunError> {
     if !path.is_file() {
         // It is written before every checkpoint and before the policy.
         let is_due = manifest.checkpoint.is_some() || manifest.is_finished();
-        return match is_due && 3 <= format {
-            true => Err(RunError::NotARun {
+        return if is_due && 3 <= format {
+            Err(RunError::NotARun {
                 path: run.into(),
                 why: format!("`{TIMING}` is missing"),
-            }),
-            false => Ok(0.0),
+            })
+        } else {
+            Ok(0.0)
         };
     }
     let text = read_text(path)?;
@@ -239,9 +240,10 @@ impl Manifest {
             why,
         };
         if !run.is_dir() {
-            let why = match run.exists() {
-                true => "it is a file",
-                false => "there is no such directory",
+            let why = if run.exists() {
+                "it is a file"
+            } else {
+                "there is no such directory"
             };
             return Err(not_a_run(why.to_owned()));
         }

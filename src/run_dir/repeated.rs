@@ -71,9 +71,10 @@ impl StartRepeated {
         let verdicts = episodes.iter().map(|episode| &episode.verdict);
         let outcomes: Outcomes = verdicts.map(StartOutcome::of).collect();
         let first = |wanted| outcomes.iter().position(|outcome| *outcome == wanted);
-        let standing = match gate.max(1) as usize <= outcomes.count(Solved) {
-            true => first(Solved),
-            false => first(Invalid).or(first(Unsolved)),
+        let standing = if gate.max(1) as usize <= outcomes.count(Solved) {
+            first(Solved)
+        } else {
+            first(Invalid).or(first(Unsolved))
         };
         let differs = episodes.windows(2).any(|pair| {
             let same = pair[0].commands == pair[1].commands && pair[0].trace == pair[1].trace;

@@ -223,9 +223,10 @@ impl Table {
             return Err(SamplesError::NoSample);
         }
         let timed = self.timed;
-        let column_s = match timed && 1 < self.rows.len() {
-            true => Some(self.period()?),
-            false => None,
+        let column_s = if timed && 1 < self.rows.len() {
+            Some(self.period()?)
+        } else {
+            None
         };
         if let (Some(given_s), Some(column_s)) = (dt_s, column_s)
             && UNEVEN * column_s < (given_s - column_s).abs()

@@ -220,9 +220,10 @@ fn listed(
     let published = offers.map(|(signal, always)| {
         // `extra` lists the signals that formulas, plans or observations
         // mention.
-        let held = match always || extra.contains(&signal.name) {
-            true => Availability::Recorded,
-            false => Availability::OnDemand,
+        let held = if always || extra.contains(&signal.name) {
+            Availability::Recorded
+        } else {
+            Availability::OnDemand
         };
         (signal, held)
     });

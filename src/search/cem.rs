@@ -77,10 +77,13 @@ fn solve(trials: &mut Trials<'_>, cem: Cem) {
     loop {
         let mut tried: Vec<(f64, Vec<usize>)> = Vec::with_capacity(cem.population);
         for _ in 0..cem.population.max(1) {
-            let mut draw = |share: &Vec<f64>| match rng.random::<f64>() < cem.exploration {
-                // Without uniform draws an action with a share of 0 could never return.
-                true => rng.random_range(0..actions),
-                false => pick(share, &mut rng),
+            let mut draw = |share: &Vec<f64>| {
+                if rng.random::<f64>() < cem.exploration {
+                    // Without uniform draws an action with a share of 0 could never return.
+                    rng.random_range(0..actions)
+                } else {
+                    pick(share, &mut rng)
+                }
             };
             let drawn: Vec<usize> = shares.iter().map(&mut draw).collect();
             let held = drawn.iter().flat_map(|&a| std::iter::repeat_n(a, cem.hold));

@@ -118,12 +118,13 @@ impl Confirmer<'_> {
             bench.begin(self.start, self.noise, Aftermath::Play);
             self.note(episode.fault);
         }
-        match gate.max(1) <= failures {
-            true => Confirmed {
+        if gate.max(1) <= failures {
+            Confirmed {
                 success: true,
                 ..shown
-            },
-            false => Confirmed::default(),
+            }
+        } else {
+            Confirmed::default()
         }
     }
 

@@ -132,9 +132,10 @@ impl SearchError {
                 takes,
             } => {
                 let own: Vec<String> = takes.iter().map(|o| quoted(o.usage())).collect();
-                let takes = match own.is_empty() {
-                    true => "no option".to_owned(),
-                    false => own.join(" and "),
+                let takes = if own.is_empty() {
+                    "no option".to_owned()
+                } else {
+                    own.join(" and ")
                 };
                 let others = takers(*option, quoted);
                 format!("it is for {others}; `{method}` takes {takes}")

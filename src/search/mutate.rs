@@ -111,9 +111,10 @@ pub(crate) fn mutate(sequence: &mut [usize], actions: usize, rng: &mut ChaCha8Rn
             let by = rng.random_range(1..=REACH);
             let (before, after) = (sequence[at - 1], sequence[at]);
             // The switch moves earlier or later with equal probability.
-            match rng.random::<bool>() {
-                true => sequence[at.saturating_sub(by)..at].fill(after),
-                false => sequence[at..(at + by).min(len)].fill(before),
+            if rng.random::<bool>() {
+                sequence[at.saturating_sub(by)..at].fill(after)
+            } else {
+                sequence[at..(at + by).min(len)].fill(before)
             }
         }
         1 => {

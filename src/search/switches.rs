@@ -78,9 +78,10 @@ fn solve(one: &StartSearch<'_>, most: usize) -> Option<Found> {
             found.failure = confirmer.failure();
             found.actions = Some(actions.to_vec());
         }
-        match played.success || MAX_CONFIRMATIONS <= found.simulations {
-            true => Next::Stop,
-            false => Next::Continue,
+        if played.success || MAX_CONFIRMATIONS <= found.simulations {
+            Next::Stop
+        } else {
+            Next::Continue
         }
     };
     let mut root = scenario.bench();

@@ -109,9 +109,10 @@ impl<'a> Tree<'a> {
     /// Continues with `action` and exactly `switches` later changes of it.
     fn explore(&mut self, bench: &mut Testbench, action: usize, switches: usize) -> Next {
         let depth = self.prefix.len();
-        let next = match self.forks {
-            true => self.walk(bench, action, switches),
-            false => self.walk_anew(bench, action, switches),
+        let next = if self.forks {
+            self.walk(bench, action, switches)
+        } else {
+            self.walk_anew(bench, action, switches)
         };
         self.prefix.truncate(depth);
         next
@@ -154,9 +155,10 @@ impl<'a> Tree<'a> {
     fn leaf(&mut self, bench: &Testbench, switches: usize) -> Next {
         let success = bench.verdict().is_some_and(|verdict| verdict.is_success());
         // A prefix that ends early has fewer switches and was visited before.
-        match switches == 0 && success {
-            true => (self.accept)(&self.prefix, bench),
-            false => Next::Continue,
+        if switches == 0 && success {
+            (self.accept)(&self.prefix, bench)
+        } else {
+            Next::Continue
         }
     }
 

@@ -87,10 +87,7 @@ fn first(measured: Vec<Deviations>) -> Deviations {
 /// Returns a point near `here` along a dimension, inside the box.
 fn beside(here: &[f64], d: usize) -> Vec<f64> {
     let mut there = here.to_vec();
-    there[d] += match here[d] + NEAR <= 1.0 {
-        true => NEAR,
-        false => -NEAR,
-    };
+    there[d] += if here[d] + NEAR <= 1.0 { NEAR } else { -NEAR };
     there
 }
 

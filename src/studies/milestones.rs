@@ -58,9 +58,10 @@ pub fn milestones(
             // The last report before a stop gives the number of finished episodes.
             played = progress.episodes;
             (watch.progress)(progress.decisions.min(asked), asked);
-            match watch.stopped() || target.is_some_and(|target| target <= played) {
-                true => Control::Stop,
-                false => Control::Continue,
+            if watch.stopped() || target.is_some_and(|target| target <= played) {
+                Control::Stop
+            } else {
+                Control::Continue
             }
         });
         // Only the training is timed, and the evaluation below is not.

@@ -284,9 +284,10 @@ pub fn structures_markdown(world: &str, rows: &[StructureRow]) -> String {
         let recalls: Vec<f64> = telling.iter().filter_map(|row| of(row).recall).collect();
         let mean = recalls.iter().sum::<f64>() / recalls.len().max(1) as f64;
         let worst = recalls.iter().copied().fold(f64::INFINITY, f64::min);
-        match recalls.is_empty() {
-            true => "–".to_owned(),
-            false => format!("{mean:.2} ({worst:.2})"),
+        if recalls.is_empty() {
+            "–".to_owned()
+        } else {
+            format!("{mean:.2} ({worst:.2})")
         }
     };
     text.push_str(&format!(

@@ -218,9 +218,10 @@ impl Features {
         let slot = self.samples % depth;
         self.samples += 1;
         self.hardest_mps2 = self.hardest_mps2.max(-percept.own.accel_mps2);
-        self.braking_s = match percept.own.accel_mps2 < -BRAKES_MPS2 {
-            true => self.braking_s + percept.sample_s,
-            false => 0.0,
+        self.braking_s = if percept.own.accel_mps2 < -BRAKES_MPS2 {
+            self.braking_s + percept.sample_s
+        } else {
+            0.0
         };
         let own = &percept.own;
         for (way, seen) in self.ways.iter_mut().zip(&percept.others) {
@@ -230,9 +231,10 @@ impl Features {
         for ((worst, way), seen) in dangers.zip(&percept.others) {
             // A vehicle outside the way endangers the ego only while it approaches the path.
             let (gap_m, closing_mps) = approach(own, seen);
-            let [brake_mps2, closing_per_s] = match 0.0 < way.coming_s {
-                true => danger(gap_m, closing_mps),
-                false => [0.0; 2],
+            let [brake_mps2, closing_per_s] = if 0.0 < way.coming_s {
+                danger(gap_m, closing_mps)
+            } else {
+                [0.0; 2]
             };
             worst.grow(brake_mps2, closing_per_s, percept.sample_s);
         }
@@ -269,9 +271,10 @@ fn danger(gap_m: f64, closing_mps: f64) -> [f64; 2] {
 
 /// Returns the gap between bumpers, negative behind, and the rate at which it shrinks.
 fn approach(own: &Own, seen: &Seen) -> (f64, f64) {
-    let gap_m = match 0.0 <= seen.headway_m {
-        true => seen.headway_m - seen.length_m,
-        false => seen.headway_m + own.length_m,
+    let gap_m = if 0.0 <= seen.headway_m {
+        seen.headway_m - seen.length_m
+    } else {
+        seen.headway_m + own.length_m
     };
     (gap_m.clamp(-FAR_M, FAR_M), own.speed_mps - seen.speed_mps)
 }

@@ -64,9 +64,12 @@ pub(super) fn trained_on(
         casting,
         surrogate: Arc::clone(surrogate),
     };
-    learner.train(&mut inside, &mut |_| match watch.stopped() {
-        true => Control::Stop,
-        false => Control::Continue,
+    learner.train(&mut inside, &mut |_| {
+        if watch.stopped() {
+            Control::Stop
+        } else {
+            Control::Continue
+        }
     });
     // A policy from a stopped training would depend on the time of the stop.
     learner.finished().then(|| learner.policy_bundle())

@@ -223,9 +223,10 @@ impl<'a> Lesson<'a> {
 
     /// Draws a sample, every second time from the critical ones.
     fn draw(&mut self, i: usize) -> usize {
-        match i.is_multiple_of(2) && !self.critical.is_empty() {
-            true => self.critical[self.dice.below(self.critical.len())],
-            false => self.dice.below(self.targets.len()),
+        if i.is_multiple_of(2) && !self.critical.is_empty() {
+            self.critical[self.dice.below(self.critical.len())]
+        } else {
+            self.dice.below(self.targets.len())
         }
     }
 
@@ -237,9 +238,10 @@ impl<'a> Lesson<'a> {
             let said = net.evaluate(row, |out| said(out).0[0]);
             // The brake limits the prediction here as it does in `ModelDriver::command`.
             let off = said.min(self.limits[sample]) - self.targets[sample][0];
-            f64::from(match off.abs() < 1.0 {
-                true => 0.5 * off * off,
-                false => off.abs() - 0.5,
+            f64::from(if off.abs() < 1.0 {
+                0.5 * off * off
+            } else {
+                off.abs() - 0.5
             })
         };
         let mean = |samples: &mut dyn Iterator<Item = usize>| {

@@ -151,17 +151,19 @@ impl LearnedFrom {
         let interval = |(successes, runs): (u64, u64)| wilson(successes as usize, runs as usize);
         let (planned, alike) = (self.by_plans(), self.alike_everywhere());
         let [_, most] = interval(planned);
-        let (best, acts) = match most < rate(alike) {
-            true => (alike, Acts::Alike),
-            false => (planned, Acts::Planned),
+        let (best, acts) = if most < rate(alike) {
+            (alike, Acts::Alike)
+        } else {
+            (planned, Acts::Planned)
         };
         let ([as_trained, _], [_, most]) = (
             interval((self.as_trained_successes, self.as_trained)),
             interval(best),
         );
-        match most < as_trained {
-            true => Acts::AsTrained,
-            false => acts,
+        if most < as_trained {
+            Acts::AsTrained
+        } else {
+            acts
         }
     }
 
@@ -247,9 +249,10 @@ pub fn learn_ego(request: &LearnEgoRequest<'_>, watch: &Watch<'_>) -> Option<Lea
         let planner = || Planner::new(ego, model, (policies, Care::BRIEF), watch);
         // Half of the last round tests fixed actions if the surrogate does not predict the ego.
         let doubts = is_last && from.error.is_some_and(|error| !error.is_telling());
-        let [to_plan, to_compare] = match doubts {
-            true => in_turn(starts),
-            false => [starts.to_vec(), Vec::new()],
+        let [to_plan, to_compare] = if doubts {
+            in_turn(starts)
+        } else {
+            [starts.to_vec(), Vec::new()]
         };
         let found = planned(ego, planner, &to_plan, watch);
         if doubts && let Some(actions) = best_fixed(ego, &surrogate, &all) {

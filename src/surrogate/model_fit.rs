@@ -177,9 +177,10 @@ impl<'a> Fitting<'a> {
                 let off = (model(percept, sample) - change_mps2) / self.unit_mps2;
                 let weight = self.weights[usize::from(!self.is_critical(percept, change_mps2))];
                 // Gauss-Newton minimizes squares, so the Huber loss is written as a square.
-                let twice_huber = match off.abs() < 1.0 {
-                    true => off * off,
-                    false => 2.0 * off.abs() - 1.0,
+                let twice_huber = if off.abs() < 1.0 {
+                    off * off
+                } else {
+                    2.0 * off.abs() - 1.0
                 };
                 deviations.push(off.signum() * (weight * twice_huber).sqrt());
             }

@@ -21,13 +21,12 @@ impl Reading {
     pub fn begin(&mut self, alike: &Arc<[Likeness]>, briefing: &Briefing, percept: &Percept) {
         self.features = Features::begin(percept);
         // Building controllers is slow, so the same surrogate reuses those of the last episode.
-        match Arc::ptr_eq(&self.of, alike) {
-            true => self.models.iter_mut().for_each(StockModel::reset),
-            false => {
-                let models = alike.iter().map(|like| like.model(briefing));
-                self.models = models.collect();
-                self.of = Arc::clone(alike);
-            }
+        if Arc::ptr_eq(&self.of, alike) {
+            self.models.iter_mut().for_each(StockModel::reset)
+        } else {
+            let models = alike.iter().map(|like| like.model(briefing));
+            self.models = models.collect();
+            self.of = Arc::clone(alike);
         }
     }
 

@@ -250,9 +250,10 @@ impl<'a> Planner<'a> {
                     lead: rank,
                 };
             }
-            match best.score == VARIATIONS.len() || TRIED <= tried {
-                true => Next::Stop,
-                false => Next::Continue,
+            if best.score == VARIATIONS.len() || TRIED <= tried {
+                Next::Stop
+            } else {
+                Next::Continue
             }
         };
         let root = &mut tree.bench;

@@ -34,9 +34,10 @@ pub(super) fn judged_on(world: &Scenario, runs: &[Run]) -> Option<PlantKind> {
         })
     };
     let is_own = own == PlantKind::Kinematic;
-    Some(match is_own || runs.iter().all(alike) {
-        true => PlantKind::Kinematic,
-        false => own,
+    Some(if is_own || runs.iter().all(alike) {
+        PlantKind::Kinematic
+    } else {
+        own
     })
 }
 

@@ -30,14 +30,18 @@ pub(super) fn logistic(rows: &[Vec<f64>], worths: &[f64]) -> Option<Vec<f64>> {
     let width = rows.first()?.len();
     let constant = width - 2;
     let count = rows.len() as f64;
-    let mean = |i: usize| match i == constant {
-        true => 0.0,
-        false => rows.iter().map(|row| row[i]).sum::<f64>() / count,
+    let mean = |i: usize| {
+        if i == constant {
+            0.0
+        } else {
+            rows.iter().map(|row| row[i]).sum::<f64>() / count
+        }
     };
     let means: Vec<f64> = (0..width).map(mean).collect();
-    let sd = |i: usize| match i == constant {
-        true => 1.0,
-        false => {
+    let sd = |i: usize| {
+        if i == constant {
+            1.0
+        } else {
             let squares = rows.iter().map(|row| (row[i] - means[i]).powi(2));
             // A constant column is not amplified.
             let sd = (squares.sum::<f64>() / count).sqrt();

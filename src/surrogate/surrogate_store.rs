@@ -100,13 +100,14 @@ fn unsealed(bytes: &[u8]) -> Result<Bundle, BundleError> {
     let says = sealed.rows::<u8>(SEAL, &[])?.to_vec();
     let bundle = sealed.without(SEAL);
     let found = sha256(&bundle.to_bytes()?);
-    match found.as_bytes() == says {
-        true => Ok(bundle),
-        false => Err(BundleError::Mismatch {
+    if found.as_bytes() == says {
+        Ok(bundle)
+    } else {
+        Err(BundleError::Mismatch {
             what: "its SHA-256",
             expected: String::from_utf8_lossy(&says).into_owned(),
             found,
-        }),
+        })
     }
 }
 

@@ -70,9 +70,10 @@ impl Identified {
     /// They are those of the member, or nominal if the member does not describe the ego
     /// ([`is_telling`]).
     pub fn told(&self, family: &Family) -> (Member, &'static str) {
-        match is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
-            true => (self.member.clone(), "identified"),
-            false => (family.nominal(self.member.plant), "nominal"),
+        if is_telling(self.explains(), self.residual_m, self.nominal_residual_m) {
+            (self.member.clone(), "identified")
+        } else {
+            (family.nominal(self.member.plant), "nominal")
         }
     }
 
@@ -182,9 +183,10 @@ fn free(family: &Family, fixed: &[String]) -> Result<Vec<usize>, IdentifyError> 
     let free = quantities
         .filter(|(_, q)| !q.varied.is_noise() && !fixed.iter().any(|name| name == q.varied.name()));
     let free: Vec<usize> = free.map(|(i, _)| i).collect();
-    match free.is_empty() {
-        true => Err(IdentifyError::NothingToFit),
-        false => Ok(free),
+    if free.is_empty() {
+        Err(IdentifyError::NothingToFit)
+    } else {
+        Ok(free)
     }
 }
 
@@ -248,10 +250,7 @@ impl Lab<'_> {
         };
         let near = Search::NEAR.run(centre, &mut dice, &costs);
         let near = descend(near.point, &smooth, &fine);
-        match near.cost < found.cost {
-            true => near,
-            false => found,
-        }
+        if near.cost < found.cost { near } else { found }
     }
 
     fn bound_m(&self) -> f64 {
@@ -333,9 +332,10 @@ impl Lab<'_> {
         let bound_m = self.bound_m();
         let allowed_m = cost_m + SHOWS_M.max(SHOWS_SHARE * cost_m);
         // A member that explains the ego must still do so afterwards.
-        let allowed_m = match cost_m <= bound_m {
-            true => allowed_m.min(bound_m),
-            false => allowed_m,
+        let allowed_m = if cost_m <= bound_m {
+            allowed_m.min(bound_m)
+        } else {
+            allowed_m
         };
         let mut other = member.clone();
         // The nominal value comes last, because the last value is kept.

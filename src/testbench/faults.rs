@@ -176,9 +176,10 @@ fn merged(mut counts: Vec<FaultCount>, more: Vec<FaultCount>) -> Vec<FaultCount>
     for new in more {
         match counts.iter_mut().find(|known| known.kind == new.kind) {
             Some(known) => {
-                let first = match new.first_start < known.first_start {
-                    true => new.clone(),
-                    false => known.clone(),
+                let first = if new.first_start < known.first_start {
+                    new.clone()
+                } else {
+                    known.clone()
                 };
                 let count = known.count + new.count;
                 *known = FaultCount { count, ..first };

@@ -201,10 +201,11 @@ fn slack(rulebook: &Rulebook, prefix: &Trace, horizon: usize, scratch: &mut Scra
 /// The judge reports a violation only when no later sample can repair it.
 fn lost_by(spec: &Monitor, prefix: &Trace, horizon: usize, scratch: &mut Scratch) -> f64 {
     let rho = spec.robustness(prefix, scratch);
-    match horizon <= prefix.len() {
-        true => rho,
+    if horizon <= prefix.len() {
+        rho
+    } else {
         // The upper bound covers all continuations of the prefix.
-        false => rho.max(spec.interval(prefix, scratch).hi),
+        rho.max(spec.interval(prefix, scratch).hi)
     }
 }
 

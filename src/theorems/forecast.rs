@@ -156,9 +156,10 @@ fn numbers_or_words<S: Serializer>(values: &[f64], serializer: S) -> Result<S::O
 }
 
 pub(super) fn word(value: f64) -> serde_json::Value {
-    match value.is_finite() {
-        true => value.into(),
-        false => if 0.0 < value { "inf" } else { "-inf" }.into(),
+    if value.is_finite() {
+        value.into()
+    } else {
+        if 0.0 < value { "inf" } else { "-inf" }.into()
     }
 }
 

@@ -250,9 +250,10 @@ impl Theorem1 {
                 ),
             };
         }
-        match row.learned.holds == row.pairs {
-            true => TheoremOutcome::Holds,
-            false => TheoremOutcome::Fails,
+        if row.learned.holds == row.pairs {
+            TheoremOutcome::Holds
+        } else {
+            TheoremOutcome::Fails
         }
     }
 

@@ -67,9 +67,10 @@ impl<'a> Patience<'a> {
     /// After which decision to look at it next.
     pub fn next_look(&self, decisions: u64) -> u64 {
         let look = self.first_look();
-        match self.adapts() && decisions < look {
-            true => look,
-            false => u64::MAX,
+        if self.adapts() && decisions < look {
+            look
+        } else {
+            u64::MAX
         }
     }
 

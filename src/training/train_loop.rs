@@ -133,9 +133,10 @@ pub fn train(
                 }
                 (watch.progress)(progress.decisions.min(total), total);
                 let pause = until <= progress.decisions || watch.stopped();
-                match pause {
-                    true => Control::Stop,
-                    false => Control::Continue,
+                if pause {
+                    Control::Stop
+                } else {
+                    Control::Continue
                 }
             });
             run.append_progress(&std::mem::take(&mut ledger.lines))?;

@@ -206,9 +206,10 @@ impl Worker<'_> {
         switches: usize,
         simulations: u64,
     ) -> Scouted {
-        let strides = match self.sequences(switches) <= simulations {
-            true => &STRIDES[STRIDES.len() - 1..],
-            false => &STRIDES,
+        let strides = if self.sequences(switches) <= simulations {
+            &STRIDES[STRIDES.len() - 1..]
+        } else {
+            &STRIDES
         };
         let mut scouted = Scouted::default();
         let mut confirmations = 0;
@@ -224,9 +225,10 @@ impl Worker<'_> {
             if confirmed {
                 scouted.actions = Some(actions.to_vec());
             }
-            match confirmed || MAX_CONFIRMATIONS <= confirmations {
-                true => Next::Stop,
-                false => Next::Continue,
+            if confirmed || MAX_CONFIRMATIONS <= confirmations {
+                Next::Stop
+            } else {
+                Next::Continue
             }
         };
         let from = (from, index as usize);

@@ -115,10 +115,11 @@ impl Around {
         // The view shows about 4.8 times the camera's height along the road,
         // and once across it.
         let height_m = ((front_m - rear_m + 16.0) / 4.8).max(left_m - right_m + 4.0);
-        let ahead_m = match height_m <= 9.0 {
+        let ahead_m = if height_m <= 9.0 {
             // Most events happen ahead of the ego.
-            true => 3.0_f32.min(9.0 + rear_m).max(front_m - 12.0),
-            false => 0.5 * (rear_m + front_m),
+            3.0_f32.min(9.0 + rear_m).max(front_m - 12.0)
+        } else {
+            0.5 * (rear_m + front_m)
         };
         let aside_m = 0.5 * (right_m + left_m);
         // A small lateral offset: a camera exactly above its target has no

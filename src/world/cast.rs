@@ -215,9 +215,10 @@ impl Cast<'_> {
         let on_foot = matches!(entry, AgentFile::Pedestrian { .. });
         let acts_as = ActsAs::from(body.control());
         if on_foot != (acts_as == ActsAs::Walker) {
-            let what = match on_foot {
-                true => format!("`{}` is no body on foot", body.name),
-                false => format!("`{}` is no vehicle", body.name),
+            let what = if on_foot {
+                format!("`{}` is no body on foot", body.name)
+            } else {
+                format!("`{}` is no vehicle", body.name)
             };
             let help = "vehicles are `Vehicle(…)`, those on foot `Pedestrian(…)`".to_owned();
             problems.add(&path.to("body"), what, "here", Some(help));
@@ -258,11 +259,10 @@ impl Cast<'_> {
             DriveFile::Scripted(script) => {
                 let walks = acts_as == ActsAs::Walker;
                 if script.is_on_foot() != walks {
-                    let help = match walks {
-                        true => {
-                            "write `Scripted(Walk([(0.0, 0.0, 1.4)]))`: from 0 s on, to the left"
-                        }
-                        false => "write `ConstantSpeed`, `Profile([(0.0, -1.0)])` or `Idm(…)`",
+                    let help = if walks {
+                        "write `Scripted(Walk([(0.0, 0.0, 1.4)]))`: from 0 s on, to the left"
+                    } else {
+                        "write `ConstantSpeed`, `Profile([(0.0, -1.0)])` or `Idm(…)`"
                     };
                     let what = "this script is for another kind of body".to_owned();
                     problems.add(&path.at(0), what, "here", Some(help.to_owned()));
@@ -434,12 +434,13 @@ fn beside(
     for value in [offset.lo, offset.hi] {
         check::within(problems, &place, value, -MAX_OFFSET_M, MAX_OFFSET_M);
     }
-    match offset.is_fixed() && offset.lo == 0.0 {
-        true => Range::fixed(middle_m),
-        false => Range {
+    if offset.is_fixed() && offset.lo == 0.0 {
+        Range::fixed(middle_m)
+    } else {
+        Range {
             lo: middle_m + offset.lo,
             hi: middle_m + offset.hi,
-        },
+        }
     }
 }
 

@@ -105,11 +105,12 @@ fn ego_body(spec: &DriveSpec, name: &str) -> Result<Body, ChangeError> {
         };
         return Err(fail(format!("no body `{name}`"), help));
     };
-    match body.is_on_foot() {
-        false => Ok(body),
-        true => Err(fail(
+    if body.is_on_foot() {
+        Err(fail(
             format!("`{name}` is no vehicle"),
             "controllers drive vehicles".to_owned(),
-        )),
+        ))
+    } else {
+        Ok(body)
     }
 }

@@ -202,9 +202,10 @@ fn in_words(scenario: &Scenario, start: &Start) -> String {
     let list: Vec<String> = values
         .map(|(axis, value)| format!("{} = {value:.3} {}", axis.name, axis.unit))
         .collect();
-    match list.is_empty() {
-        true => "for the only start there is".to_owned(),
-        false => format!("for example at {}", list.join(", ")),
+    if list.is_empty() {
+        "for the only start there is".to_owned()
+    } else {
+        format!("for example at {}", list.join(", "))
     }
 }
 

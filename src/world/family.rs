@@ -186,9 +186,10 @@ impl Family {
             // Both are always drawn, so that each quantity takes the same
             // number of draws whether it is nominal or not.
             let (dice, value) = (rng.random::<f64>(), quantity.draw(&mut rng));
-            match dice < self.nominal_share {
-                true => quantity.nominal,
-                false => value,
+            if dice < self.nominal_share {
+                quantity.nominal
+            } else {
+                value
             }
         });
         Member {
@@ -333,14 +334,15 @@ impl Family {
                 name: name.to_owned(),
                 known: known(),
             })?;
-            match quantity.contains(value) {
-                true => Ok(value),
-                false => Err(MisfitMember::Outside {
+            if quantity.contains(value) {
+                Ok(value)
+            } else {
+                Err(MisfitMember::Outside {
                     name: name.to_owned(),
                     value,
                     lo: quantity.lo,
                     hi: quantity.hi,
-                }),
+                })
             }
         });
         Ok(Member {

@@ -388,9 +388,10 @@ fn fits(spec: &GridSpec) -> Result<(), Misfit> {
             let both = position(*pair);
             let outside = !(spec.arena.holds(both.ego) && spec.arena.holds(both.ado));
             if outside || spec.arena.touching(both) {
-                let what = match outside {
-                    true => format!("the start {pair:?} is not on the map"),
-                    false => format!("at the start {pair:?} the ego is captured already"),
+                let what = if outside {
+                    format!("the start {pair:?} is not on the map")
+                } else {
+                    format!("at the start {pair:?} the ego is captured already")
                 };
                 let last = spec.arena.side() - 1;
                 let help = format!("cells count from 0 to {last}, and the two are a cell apart");

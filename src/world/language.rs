@@ -85,9 +85,10 @@ impl Language {
     ) -> Option<Derived> {
         let (name, later) = names.split_first()?;
         let name = *name;
-        let place = match signal.long {
-            true => key.to("expr"),
-            false => key.clone(),
+        let place = if signal.long {
+            key.to("expr")
+        } else {
+            key.clone()
         };
         check::signal_name(problems, key, name, self.ranges.contains_key(name));
         let expr: Expr = match signal.expr.parse() {
@@ -102,9 +103,10 @@ impl Language {
             let refused = signal.expr.get(error.span()).unwrap_or_default();
             // The error may quote the name, which the list below does not.
             let refused = refused.trim_matches(['"', '`', '\'']);
-            match later.contains(&refused) || refused == name {
-                true => problems.too_early(&place, &error, refused, name),
-                false => problems.stl(&place, &error),
+            if later.contains(&refused) || refused == name {
+                problems.too_early(&place, &error, refused, name)
+            } else {
+                problems.stl(&place, &error)
             }
             return None;
         }

@@ -71,9 +71,10 @@ fn read_step(
         let laws = step.does.iter().enumerate();
         let second = laws.filter(|(_, law)| law.is_across() == across).nth(1);
         if let Some((i, _)) = second {
-            let what = match across {
-                true => "two laws across the way in one step",
-                false => "two laws along the way in one step",
+            let what = if across {
+                "two laws across the way in one step"
+            } else {
+                "two laws along the way in one step"
             };
             let help = "one of them goes into a step of its own".to_owned();
             problems.add(&list.at(i), what, "second one", Some(help));
@@ -129,9 +130,10 @@ fn read_law(problems: &mut Problems, path: &Path, law: &MotionLaw<NumberOrRange>
     // kind.
     if law.is_across() && walks || !on_wheels && !walks {
         let what = format!("{} does not move by this law", acts_as.words());
-        let help = match walks {
-            true => "on foot there are `Walk`, `Speed` and `Brake`, the way one faces",
-            false => "on wheels there are `Speed`, `Brake`, `LaneChange` and `LaneOffset`",
+        let help = if walks {
+            "on foot there are `Walk`, `Speed` and `Brake`, the way one faces"
+        } else {
+            "on wheels there are `Speed`, `Brake`, `LaneChange` and `LaneOffset`"
         };
         problems.add(path, what, "another body's", Some(help.to_owned()));
     }

@@ -52,17 +52,18 @@ impl<'a> Problems<'a> {
 
     /// Reports that the signal `name` uses a signal that is not declared before it.
     pub(super) fn too_early(&mut self, path: &Path, error: &StlError, used: &str, name: &str) {
-        let (what, label, help) = match used == name {
-            true => (
+        let (what, label, help) = if used == name {
+            (
                 format!("the signal `{name}` is defined by itself"),
                 "not known yet",
                 "say what it is by other signals".to_owned(),
-            ),
-            false => (
+            )
+        } else {
+            (
                 format!("the signal `{used}` is declared later"),
                 "not known yet",
                 format!("move `{used}` up, above `{name}`: signals use those above them"),
-            ),
+            )
         };
         self.list.push(Problem {
             what,
@@ -84,9 +85,10 @@ impl<'a> Problems<'a> {
         let open = quoted.find('"').map_or(0, |quote| quote + 1);
         // Escapes shift the positions, so the complete string is underlined.
         let shifted = quoted.starts_with('"') && quoted.contains('\\');
-        match shifted || quoted.len() < open + inner.end {
-            true => value,
-            false => value.start + open + inner.start..value.start + open + inner.end,
+        if shifted || quoted.len() < open + inner.end {
+            value
+        } else {
+            value.start + open + inner.start..value.start + open + inner.end
         }
     }
 
@@ -97,9 +99,10 @@ impl<'a> Problems<'a> {
 
     /// Returns the mistakes as an error, if there are any.
     pub(super) fn done(&mut self) -> Result<(), Vec<Problem>> {
-        match self.list.is_empty() {
-            true => Ok(()),
-            false => Err(std::mem::take(&mut self.list)),
+        if self.list.is_empty() {
+            Ok(())
+        } else {
+            Err(std::mem::take(&mut self.list))
         }
     }
 

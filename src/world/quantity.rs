@@ -89,10 +89,11 @@ impl Quantity {
     /// Returns the nearest value that a member can have.
     pub fn fit(&self, value: f64) -> f64 {
         let value = value.clamp(self.lo, self.hi);
-        match self.step == 0.0 {
-            true => value,
+        if self.step == 0.0 {
+            value
+        } else {
             // Clamped again: 6 · 0.05 exceeds 0.3 by rounding.
-            false => ((value / self.step).round() * self.step).clamp(self.lo, self.hi),
+            ((value / self.step).round() * self.step).clamp(self.lo, self.hi)
         }
     }
 
@@ -113,24 +114,22 @@ impl Quantity {
 
     /// Returns all values on that scale, if there are finitely many.
     pub fn steps(&self) -> Vec<f64> {
-        match self.step == 0.0 {
-            true => Vec::new(),
-            false => {
-                let count = ((self.hi - self.lo) / self.step).round() as u64;
-                let values = (0..=count).map(|i| self.lo + self.step * i as f64);
-                values.map(|value| self.scaled(value)).collect()
-            }
+        if self.step == 0.0 {
+            Vec::new()
+        } else {
+            let count = ((self.hi - self.lo) / self.step).round() as u64;
+            let values = (0..=count).map(|i| self.lo + self.step * i as f64);
+            values.map(|value| self.scaled(value)).collect()
         }
     }
 
     pub(super) fn draw(&self, rng: &mut impl Rng) -> f64 {
-        self.fit(match self.step == 0.0 {
-            true => self.lo + (self.hi - self.lo) * rng.random::<f64>(),
+        self.fit(if self.step == 0.0 {
+            self.lo + (self.hi - self.lo) * rng.random::<f64>()
+        } else {
             // Every multiple in the range is equally likely.
-            false => {
-                let count = ((self.hi - self.lo) / self.step).round() as u64 + 1;
-                self.lo + self.step * rng.random_range(0..count) as f64
-            }
+            let count = ((self.hi - self.lo) / self.step).round() as u64 + 1;
+            self.lo + self.step * rng.random_range(0..count) as f64
         })
     }
 }

@@ -321,8 +321,9 @@ fn token(text: &str, start: usize, end: usize) -> std::ops::Range<usize> {
     // Without visible text in the span, the last character before it is marked.
     let before = text[..start].trim_end();
     let from = before.char_indices().next_back().map_or(0, |(i, _)| i);
-    match before.is_empty() {
-        true => 0..text.len().min(1),
-        false => from..before.len(),
+    if before.is_empty() {
+        0..text.len().min(1)
+    } else {
+        from..before.len()
     }
 }

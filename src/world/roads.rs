@@ -75,14 +75,13 @@ pub(super) fn number(
     let number = file.roads.0.get_index_of(name);
     if number.is_none() {
         let known: Vec<&str> = file.roads.0.keys().map(String::as_str).collect();
-        match known.is_empty() {
-            true => {
-                let what = format!("no road `{name}`: this world has only its own");
-                let help = "leave `road` out, or place one: \
+        if known.is_empty() {
+            let what = format!("no road `{name}`: this world has only its own");
+            let help = "leave `road` out, or place one: \
                             roads: { \"side\": (at: (x_m: 60.0, y_m: 0.0, heading_rad: 1.5708)) }";
-                problems.add(&path.to("road"), what, "unknown", Some(help.to_owned()));
-            }
-            false => problems.unknown(&path.to("road"), "road", name, &known),
+            problems.add(&path.to("road"), what, "unknown", Some(help.to_owned()));
+        } else {
+            problems.unknown(&path.to("road"), "road", name, &known)
         }
     }
     number.map(|number| number + 1)

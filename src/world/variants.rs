@@ -276,9 +276,10 @@ impl Scenario {
     /// An ego that is not deterministic repeats its commands, so no program is
     /// started.
     pub fn repeating(&self, episode: &Episode) -> Scenario {
-        match episode.commands.is_empty() {
-            true => self.clone(),
-            false => self.with_commands(&episode.commands.clone().into()),
+        if episode.commands.is_empty() {
+            self.clone()
+        } else {
+            self.with_commands(&episode.commands.clone().into())
         }
     }
 

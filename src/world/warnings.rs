@@ -157,9 +157,10 @@ impl Warnings {
                 rules[*i].name == rule.name || formulas[j].is_some() && formulas[*i] == formulas[j]
             };
             if let Some(i) = (0..j).find(same) {
-                let what = match rules[i].name == rule.name {
-                    true => format!("two rules are called `{}`", rule.name),
-                    false => format!("`{}` asks what `{}` does", rule.name, rules[i].name),
+                let what = if rules[i].name == rule.name {
+                    format!("two rules are called `{}`", rule.name)
+                } else {
+                    format!("`{}` asks what `{}` does", rule.name, rules[i].name)
                 };
                 let words = ("second one", "leave one of them out, or name them apart");
                 self.note(

@@ -326,9 +326,10 @@ impl Reader<'_> {
         if span != "self" || path.is_empty() {
             path.push(span.to_string());
         }
-        let name = match name == "self" {
-            true => path.last().cloned().unwrap_or_default(),
-            false => name.to_string(),
+        let name = if name == "self" {
+            path.last().cloned().unwrap_or_default()
+        } else {
+            name.to_string()
         };
         self.enter().brought.insert(name, path.clone());
         self.mention(path, span.span(), passes_on);

@@ -185,9 +185,10 @@ fn no_verb_takes_a_broken_ego_for_one_that_held_or_failed() {
     // They wait more than they compute.
     let meet = |(nth, (what, script, kinds)): &(usize, Broken)| {
         let (nth, what) = (*nth, *what);
-        let timeout_s = match kinds.contains(&"timeout") {
-            true => HASTY_S,
-            false => PATIENT_S,
+        let timeout_s = if kinds.contains(&"timeout") {
+            HASTY_S
+        } else {
+            PATIENT_S
         };
         let ego = timed_change(&dir, nth, (script, timeout_s), &mark);
         let named = |output: &std::process::Output, verb: &str| {

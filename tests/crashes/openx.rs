@@ -236,12 +236,13 @@ fn on_reference_line(road: &Node, s_m: f64) -> [f64; 3] {
         .first()
         .map_or(0.0, |arc| arc.number("curvature"));
     let turned_rad = along_m * curvature;
-    let (ahead_m, left_m) = match curvature == 0.0 {
-        true => (along_m, 0.0),
-        false => (
+    let (ahead_m, left_m) = if curvature == 0.0 {
+        (along_m, 0.0)
+    } else {
+        (
             turned_rad.sin() / curvature,
             (1.0 - turned_rad.cos()) / curvature,
-        ),
+        )
     };
     let (sin, cos) = heading_rad.sin_cos();
     [

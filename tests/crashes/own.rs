@@ -44,9 +44,10 @@ fn own(copies: bool, shakes: bool) -> Scenario {
     static MADE: AtomicU64 = AtomicU64::new(0);
     let stock = acc().controller().expect("a stock ego").controller;
     let factory: ControllerFactory = Arc::new(move || {
-        let nth = match shakes {
-            true => MADE.fetch_add(1, Ordering::Relaxed),
-            false => 0,
+        let nth = if shakes {
+            MADE.fetch_add(1, Ordering::Relaxed)
+        } else {
+            0
         };
         Box::new(Own {
             inner: stock.build(),

@@ -307,9 +307,12 @@ fn any_text_is_a_formula_that_reads_back_or_an_error_with_a_place() {
 #[test]
 fn every_spelling_is_the_same_formula() {
     for (word, others) in SPELLINGS.iter().filter(|(word, _)| *word != "true") {
-        let form = |word: &str| match word.chars().all(|c| c.is_alphabetic() || c == '_') {
-            _ if ["==", "!=", ">=", "<="].contains(&word) => format!("x {word} 1"),
-            _ => format!("(x > 1) {word} (x < 2)"),
+        let form = |word: &str| {
+            if ["==", "!=", ">=", "<="].contains(&word) {
+                format!("x {word} 1")
+            } else {
+                format!("(x > 1) {word} (x < 2)")
+            }
         };
         for other in *others {
             let (plain, spelt) = (
@@ -317,9 +320,10 @@ fn every_spelling_is_the_same_formula() {
                 form(word).replace(&format!(" {word} "), &format!(" {other} ")),
             );
             let prefix = plain.parse::<Formula>().is_err();
-            let (plain, spelt) = match prefix {
-                true => (format!("{word} (x > 1)"), format!("{other} (x > 1)")),
-                false => (plain, spelt),
+            let (plain, spelt) = if prefix {
+                (format!("{word} (x > 1)"), format!("{other} (x > 1)"))
+            } else {
+                (plain, spelt)
             };
             assert_eq!(
                 plain.parse::<Formula>(),

@@ -105,9 +105,10 @@ fn any_kept_file_is_refused_or_replays_alike_each_time() {
 fn recorded_alike(kept: &Counterexample, trace: &Trace) -> bool {
     let schema = trace.schema();
     let named = kept.signals.iter().map(|name| schema.position(name));
-    let columns: Option<Vec<usize>> = match kept.signals.is_empty() {
-        true => Some((0..schema.len()).collect()),
-        false => named.collect(),
+    let columns: Option<Vec<usize>> = if kept.signals.is_empty() {
+        Some((0..schema.len()).collect())
+    } else {
+        named.collect()
     };
     columns.is_some_and(|columns| digests_of(trace, &columns) == kept.digests)
 }

@@ -107,9 +107,10 @@ fn goods(checkpoints: bool) -> Vec<Good> {
         while learner.decisions() < 40 {
             learner.episode(&mut walk);
         }
-        let bundle = match checkpoints {
-            true => learner.checkpoint(),
-            false => learner.policy_bundle(),
+        let bundle = if checkpoints {
+            learner.checkpoint()
+        } else {
+            learner.policy_bundle()
         };
         let bytes = bundle.to_bytes().expect("bytes");
         let (length, rest) = bytes.split_at(8);

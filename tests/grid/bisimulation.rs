@@ -33,9 +33,12 @@ fn refined_world(scenario: &Scenario, refine: u32) -> Scenario {
 
 /// Both states after an action, a captured one staying.
 fn next(games: [&Game; 2], states: [Position; 2], action: usize) -> [Position; 2] {
-    let step = |i: usize| match games[i].arena.touching(states[i]) {
-        true => states[i],
-        false => games[i].arena.next(states[i], games[i].moves[action]),
+    let step = |i: usize| {
+        if games[i].arena.touching(states[i]) {
+            states[i]
+        } else {
+            games[i].arena.next(states[i], games[i].moves[action])
+        }
     };
     [step(0), step(1)]
 }

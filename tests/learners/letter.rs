@@ -39,9 +39,12 @@ fn the_gradient_of_each_loss_is_its_central_difference() {
     // δ = 0.5 − 3 lies beyond every threshold here but the last.
     let squared = |error: f64| 0.5 * error * error;
     let huber = |threshold: f64| {
-        move |error: f64| match error.abs() <= threshold {
-            true => squared(error),
-            false => threshold * (error.abs() - 0.5 * threshold),
+        move |error: f64| {
+            if error.abs() <= threshold {
+                squared(error)
+            } else {
+                threshold * (error.abs() - 0.5 * threshold)
+            }
         }
     };
     let slope = |loss: &dyn Fn(f64) -> f64| (loss(-2.5 + 1e-6) - loss(-2.5 - 1e-6)) / 2e-6;

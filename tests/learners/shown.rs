@@ -179,9 +179,12 @@ fn demonstrations_are_part_of_a_checkpoint() {
     let mut cut = config.build(&spaces, 3);
     cut.demonstrate(&mut lock, &shown(20));
     go_on(&mut *whole, &mut lock);
-    cut.train(&mut lock, &mut |progress| match 2500 < progress.decisions {
-        true => Control::Stop,
-        false => Control::Continue,
+    cut.train(&mut lock, &mut |progress| {
+        if 2500 < progress.decisions {
+            Control::Stop
+        } else {
+            Control::Continue
+        }
     });
     let mut resumed = config.restore(&spaces, &cut.checkpoint()).unwrap();
     go_on(&mut *resumed, &mut lock);

@@ -72,12 +72,13 @@ fn a_failed_start_is_played_again_until_it_succeeds_or_had_its_tries() {
             let rewards = script.iter().find(|(start, _)| *start == index);
             let reward = rewards.map_or(1.0, |(_, r)| r[(*turn).min(r.len() - 1)]);
             *turn += 1;
-            match reward.is_nan() {
-                true => Episode {
+            if reward.is_nan() {
+                Episode {
                     end: End::Aborted,
                     ..Episode::paying(-1.0)
-                },
-                false => Episode::paying(reward),
+                }
+            } else {
+                Episode::paying(reward)
             }
         });
         let mut learner = config(&learner(restart)).build(&spaces(), 3);

@@ -68,9 +68,10 @@ fn uncovered(
 /// The world with a driver as its ego, behind brakes that build up once: in the
 /// model, or else in the car.
 fn driven_by(world: &Scenario, driver: ReferenceDriver, name: &str) -> Scenario {
-    let lag_s = match driver.has_build_up() {
-        true => 0.0,
-        false => world.drive().expect("a driving world").ego.lag_s,
+    let lag_s = if driver.has_build_up() {
+        0.0
+    } else {
+        world.drive().expect("a driving world").ego.lag_s
     };
     let change = format!("Change(controller: {name}(lag_s: {lag_s:?}))");
     let extensions = Extensions::IMPLICIT_SOME | Extensions::UNWRAP_VARIANT_NEWTYPES;

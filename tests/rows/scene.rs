@@ -207,11 +207,12 @@ fn contact_s(gap_m: f64, speed_mps: f64, a: f64) -> Option<f64> {
     let closing_mps = EGO_MPS - speed_mps;
     let stop_s = standstill_s(speed_mps, a);
     let root = closing_mps * closing_mps - 2.0 * a * gap_m;
-    let moving = match a == 0.0 {
-        true => (0.0 < closing_mps).then(|| gap_m / closing_mps),
+    let moving = if a == 0.0 {
+        (0.0 < closing_mps).then(|| gap_m / closing_mps)
+    } else {
         // The smaller root, in the form that loses no digits.
-        false => (0.0 <= root && 0.0 < closing_mps + root.sqrt())
-            .then(|| 2.0 * gap_m / (closing_mps + root.sqrt())),
+        (0.0 <= root && 0.0 < closing_mps + root.sqrt())
+            .then(|| 2.0 * gap_m / (closing_mps + root.sqrt()))
     };
     let moving = moving.filter(|at| *at <= stop_s);
     let standing = || {

@@ -70,9 +70,10 @@ fn members_are_drawn_as_documented_and_depend_on_their_key_alone() {
             .filter(|v| *v != quantity.nominal)
             .collect();
         let mean = others.iter().sum::<f64>() / others.len() as f64;
-        let middle = match quantity.step == 0.0 {
-            true => 0.5 * (quantity.lo + quantity.hi),
-            false => 0.125,
+        let middle = if quantity.step == 0.0 {
+            0.5 * (quantity.lo + quantity.hi)
+        } else {
+            0.125
         };
         let width = quantity.hi - quantity.lo;
         assert!((mean - middle).abs() < 0.02 * width, "{quantity:?}: {mean}");

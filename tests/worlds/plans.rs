@@ -92,9 +92,12 @@ fn scripts_follow_their_laws_to_a_tenth_of_a_millimetre_on_both_plants() {
         .expect("a body");
     let lever_m = van.lever_m();
     let share = |t: f64| ((t - 1.02) / swing_s).clamp(0.0, 1.0);
-    let slope = |t: f64| match (0.0..1.0).contains(&share(t)) && 0.0 < share(t) {
-        true => (0.3 * PI / swing_s * (PI * share(t)).sin()).atan2(8.0),
-        false => 0.0,
+    let slope = |t: f64| {
+        if (0.0..1.0).contains(&share(t)) && 0.0 < share(t) {
+            (0.3 * PI / swing_s * (PI * share(t)).sin()).atan2(8.0)
+        } else {
+            0.0
+        }
     };
     let way_m = |t: f64| {
         let braking_s = (t - brake_s).clamp(0.0, 2.0);

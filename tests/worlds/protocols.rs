@@ -228,13 +228,12 @@ fn moved(id: &str, vector: &Value, episode: &Episode) -> Vec<String> {
     let bends = vector["point"]["Road"]
         .as_str()
         .is_some_and(|road| road.contains("radius"));
-    let (dx, dy) = match bends {
+    let (dx, dy) = if bends {
         // The outermost lane of these roads.
-        true => (0.0, 11.5),
-        false => {
-            let (x, y) = at("Ego", 0);
-            (x - rows[0][column("Ego.x")], y - rows[0][column("Ego.y")])
-        }
+        (0.0, 11.5)
+    } else {
+        let (x, y) = at("Ego", 0);
+        (x - rows[0][column("Ego.x")], y - rows[0][column("Ego.y")])
     };
     let mut wrong = Vec::new();
     for name in &moving {
@@ -268,9 +267,10 @@ fn moved(id: &str, vector: &Value, episode: &Episode) -> Vec<String> {
                 .iter()
                 .find(stood)
                 .is_some_and(|before| before[speed] == 0.0);
-            let unseen_m = match begins && id.contains(WAITS) {
-                true => 0.05 * row[speed],
-                false => 0.0,
+            let unseen_m = if begins && id.contains(WAITS) {
+                0.05 * row[speed]
+            } else {
+                0.0
             };
             let over_m = off_m - 0.02 - 0.01 * row[speed] - unseen_m;
             if worst.1 < over_m {
@@ -350,9 +350,10 @@ fn every_variation_file_has_as_many_points_as_esmini_finds() {
     fn below(directory: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(directory).expect("a directory") {
             let path = entry.expect("an entry").path();
-            match path.is_dir() {
-                true => below(&path, found),
-                false => found.push(path),
+            if path.is_dir() {
+                below(&path, found)
+            } else {
+                found.push(path)
             }
         }
     }
@@ -474,15 +475,15 @@ fn what_is_not_understood_is_refused_where_it_stands() {
         let path = ncap.join(name);
         let changed = |asked: &Path| {
             let text = files(asked)?;
-            Ok(match asked == path {
+            Ok(if asked == path {
                 // Where nothing brakes a condition is not looked at.
-                true => text
-                    .replace(
-                        "name=\"isTargetbraking\" parameterType=\"boolean\" value=\"false\"",
-                        "name=\"isTargetbraking\" parameterType=\"boolean\" value=\"true\"",
-                    )
-                    .replace(from, to),
-                false => text,
+                text.replace(
+                    "name=\"isTargetbraking\" parameterType=\"boolean\" value=\"false\"",
+                    "name=\"isTargetbraking\" parameterType=\"boolean\" value=\"true\"",
+                )
+                .replace(from, to)
+            } else {
+                text
             })
         };
         let import = Import {
@@ -531,9 +532,10 @@ fn ways_and_roads_that_worlds_do_not_have_are_refused() {
     for (scenario, file, from, to, expected) in cases {
         let changed = |asked: &Path| {
             let text = files(asked)?;
-            Ok(match asked.ends_with(file) {
-                true => text.replace(from, to),
-                false => text,
+            Ok(if asked.ends_with(file) {
+                text.replace(from, to)
+            } else {
+                text
             })
         };
         let import = Import {

@@ -160,9 +160,10 @@ fn who_drives_against_the_road_keeps_its_lane_and_meets_the_ego_exactly() {
 
 /// A world with a road that crosses the ego's at x = 50, from the right or left.
 fn crossing(from_right: bool, priority: &str) -> Scenario {
-    let (y_m, heading_rad) = match from_right {
-        true => (-40.0, FRAC_PI_2),
-        false => (40.0, -FRAC_PI_2),
+    let (y_m, heading_rad) = if from_right {
+        (-40.0, FRAC_PI_2)
+    } else {
+        (40.0, -FRAC_PI_2)
     };
     let roads = format!(
         "\"side\": (at: (x_m: 50.0, y_m: {y_m:?}, heading_rad: {heading_rad:?}), priority: {priority})"

@@ -180,10 +180,7 @@ pub(crate) fn apply(
                 Edge::Rise => (a_here, a_there),
                 Edge::Fall => (a_there, a_here),
             };
-            let flip = |value: f64, at: Edge| match edge == at {
-                true => opposite(value),
-                false => value,
-            };
+            let flip = |value: f64, at: Edge| if edge == at { opposite(value) } else { value };
             for (t, out) in (from..).zip(out) {
                 let earlier = t.checked_sub(1).and_then(|t| before.at(t));
                 // `prev` is weak, so before the first sample it holds.

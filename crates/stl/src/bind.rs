@@ -170,9 +170,10 @@ impl<'a> Scope<'a> {
             };
         }
         if let Some(value) = self.names.constants.get(name) {
-            return match value.is_finite() {
-                true => Ok(Value::Number(*value)),
-                false => Err(not_finite(name, *value, span)),
+            return if value.is_finite() {
+                Ok(Value::Number(*value))
+            } else {
+                Err(not_finite(name, *value, span))
             };
         }
         if self.names.formulas.contains_key(name) {
@@ -233,13 +234,14 @@ fn fold_constant(value: Value, term: &Term) -> Result<Value, StlError> {
     }
     // Without signals no row is read.
     let number = value.at(&[]);
-    match number.is_finite() {
-        true => Ok(Value::Number(number)),
-        false => Err(StlError::new(
+    if number.is_finite() {
+        Ok(Value::Number(number))
+    } else {
+        Err(StlError::new(
             format!("`{term}` is {number}"),
             term.span.0.clone(),
             "not a finite number",
-        )),
+        ))
     }
 }
 

@@ -169,9 +169,10 @@ pub(crate) fn suggest<'a>(
 /// Returns a name as written in a formula, in double quotes where required.
 fn as_typed(name: &str) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '$' | '.');
-    match name.chars().all(is_plain) {
-        true => format!("`{name}`"),
-        false => format!("`\"{name}\"`"),
+    if name.chars().all(is_plain) {
+        format!("`{name}`")
+    } else {
+        format!("`\"{name}\"`")
     }
 }
 

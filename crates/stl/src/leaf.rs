@@ -367,9 +367,10 @@ impl Leaf {
             }
         }
         let margin = self.shape.margin(self.difference.at(row));
-        match margin.is_nan() {
-            true => self.undefined.answer(Question::Margin),
-            false => margin,
+        if margin.is_nan() {
+            self.undefined.answer(Question::Margin)
+        } else {
+            margin
         }
     }
 

@@ -47,9 +47,10 @@ impl Decimal {
     pub(crate) fn ratio(self) -> Option<Ratio> {
         let power = 10i128.checked_pow(self.exponent.unsigned_abs())?;
         let mantissa = i128::from(self.mantissa);
-        match 0 <= self.exponent {
-            true => Ratio::new(mantissa.checked_mul(power)?, 1),
-            false => Ratio::new(mantissa, power),
+        if 0 <= self.exponent {
+            Ratio::new(mantissa.checked_mul(power)?, 1)
+        } else {
+            Ratio::new(mantissa, power)
         }
     }
 }

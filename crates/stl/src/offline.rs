@@ -70,9 +70,10 @@ impl<C: Columns> Evaluation<'_, C> {
     /// Computes the bounds of `id` at the samples `from .. to`, at least one sample.
     pub(crate) fn run(&mut self, id: Id, from: usize, to: usize) -> Stretch {
         // A tree returns buffers on the way up, so it needs little memory at a time.
-        match self.program.is_tree() {
-            true => self.descend(id, from, to),
-            false => self.ascend(id, from, to),
+        if self.program.is_tree() {
+            self.descend(id, from, to)
+        } else {
+            self.ascend(id, from, to)
         }
     }
 

@@ -122,9 +122,12 @@ impl<'a> Parser<'a> {
         operator: Spanned<'a>,
     ) -> Result<Parsed, StlError> {
         let equality = matches!(op, Comparison::Equal | Comparison::NotEqual);
-        let hint = |error: StlError| match equality {
-            true => error.with_help("two formulas are compared with `iff` or `xor`"),
-            false => error,
+        let hint = |error: StlError| {
+            if equality {
+                error.with_help("two formulas are compared with `iff` or `xor`")
+            } else {
+                error
+            }
         };
         let what = format!("{} compares numbers", describe(&operator.token));
         let first = left.into_term(&what).map_err(hint)?;

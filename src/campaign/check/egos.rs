@@ -105,14 +105,13 @@ impl Checker {
         ego: &EgoUnderTest,
     ) -> Result<(), CampaignError> {
         let (played, _) = &self.worlds[world];
-        match ego.scenario().axes() == played.axes() {
-            true => Ok(()),
-            false => {
-                let (name, world) = (ego.name(), played.name());
-                let what = format!("`{name}` starts elsewhere than `{world}`");
-                let help = "write a world file of that map, and name it under `worlds`";
-                Err(self.source.wrong(at, what, Some(help.to_owned())))
-            }
+        if ego.scenario().axes() == played.axes() {
+            Ok(())
+        } else {
+            let (name, world) = (ego.name(), played.name());
+            let what = format!("`{name}` starts elsewhere than `{world}`");
+            let help = "write a world file of that map, and name it under `worlds`";
+            Err(self.source.wrong(at, what, Some(help.to_owned())))
         }
     }
 }

@@ -226,14 +226,15 @@ impl Checker {
         let path = self.dir.join(&entry.file);
         let shipped = || Scenario::shipped(&entry.file).and_then(Result::ok);
         // A file takes precedence over a shipped world of the same name.
-        let as_filed = match path.is_file() {
-            true => Scenario::load(&path)?,
-            false => shipped().ok_or_else(|| {
+        let as_filed = if path.is_file() {
+            Scenario::load(&path)?
+        } else {
+            shipped().ok_or_else(|| {
                 let what = format!("there is no world `{}`", path.display());
                 let known = guessed(&entry.file, "shipped worlds", known_worlds());
                 let help = format!("name a file beside the campaign's; {known}");
                 self.source.wrong(&at.to("file"), what, Some(help))
-            })?,
+            })?
         };
         let played = match entry.plant {
             Some(plant) => on_plant(&as_filed, plant).map_err(self.source.at(&at.to("plant")))?,

@@ -37,9 +37,10 @@ impl Checker {
             let sane = (1..=MAX_VALUES).contains(&steps) && (lo < hi || (lo == hi && steps == 1));
             if !sane {
                 let what = format!("{steps} values from {lo} to {hi} are no axis");
-                let help = match MAX_VALUES < steps {
-                    true => format!("at most {MAX_VALUES} values are possible along an axis"),
-                    false => "write `(least, greatest, how many)`".to_owned(),
+                let help = if MAX_VALUES < steps {
+                    format!("at most {MAX_VALUES} values are possible along an axis")
+                } else {
+                    "write `(least, greatest, how many)`".to_owned()
                 };
                 return Err(self.source.wrong(&place, what, Some(help)));
             }
@@ -82,19 +83,18 @@ impl Checker {
             );
             return Err(self.source.wrong(place, what, Some(help)));
         };
-        match axis.lo <= lo && hi <= axis.hi {
-            true => Ok(()),
-            false => {
-                let what = format!(
-                    "`{name}` ranges over {} to {} {} in `{}`",
-                    axis.lo,
-                    axis.hi,
-                    axis.unit,
-                    world.name()
-                );
-                let help = "stay within it, or widen it in the world".to_owned();
-                Err(self.source.wrong(place, what, Some(help)))
-            }
+        if axis.lo <= lo && hi <= axis.hi {
+            Ok(())
+        } else {
+            let what = format!(
+                "`{name}` ranges over {} to {} {} in `{}`",
+                axis.lo,
+                axis.hi,
+                axis.unit,
+                world.name()
+            );
+            let help = "stay within it, or widen it in the world".to_owned();
+            Err(self.source.wrong(place, what, Some(help)))
         }
     }
 }

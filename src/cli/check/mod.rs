@@ -42,9 +42,10 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
         Some(world) => check_world(args, world)?,
         None => Exit::Done,
     };
-    match args.program.is_empty() {
-        true => Ok(exit),
-        false => programs::try_out(args.json, &args.program),
+    if args.program.is_empty() {
+        Ok(exit)
+    } else {
+        programs::try_out(args.json, &args.program)
     }
 }
 
@@ -182,9 +183,10 @@ fn text(scenario: &Scenario) -> String {
     let actions: Vec<String> = actions
         .map(|action| {
             let label = scenario.action_label(action);
-            match action == neutral {
-                true => format!("{label} (neutral)"),
-                false => label,
+            if action == neutral {
+                format!("{label} (neutral)")
+            } else {
+                label
             }
         })
         .collect();

@@ -59,13 +59,15 @@ pub(super) fn text(named: &[Named]) -> String {
 }
 
 fn said(hello: &Hello) -> String {
-    let name = match hello.name.is_empty() {
-        true => "it",
-        false => &hello.name,
+    let name = if hello.name.is_empty() {
+        "it"
+    } else {
+        &hello.name
     };
-    let can = match hello.capabilities.is_empty() {
-        true => String::new(),
-        false => format!(", capabilities: {}", hello.capabilities.join(", ")),
+    let can = if hello.capabilities.is_empty() {
+        String::new()
+    } else {
+        format!(", capabilities: {}", hello.capabilities.join(", "))
     };
     format!("{name} speaks ego protocol {}{can}", hello.protocol)
 }
@@ -80,9 +82,10 @@ pub(super) fn first_fault(named: &[Named]) -> Option<Failure> {
 }
 
 fn failure(command: &[String], fault: &Fault) -> Failure {
-    let stderr = match fault.stderr.is_empty() {
-        true => String::new(),
-        false => format!("its stderr ends:\n{}\n", fault.stderr),
+    let stderr = if fault.stderr.is_empty() {
+        String::new()
+    } else {
+        format!("its stderr ends:\n{}\n", fault.stderr)
     };
     Failure::fault(
         format!(
@@ -104,16 +107,17 @@ pub(super) fn try_out(as_json: bool, command: &[String]) -> Result<Exit, Failure
     let mut process = Process::new(command);
     process.allow(true);
     let done = exercise(&process);
-    match as_json {
-        true => print_json(&json!({
+    if as_json {
+        print_json(&json!({
             "ok": done.passed(),
             "hello": done.hello,
             "findings": done.findings,
             "deterministic": done.deterministic,
             "steps_per_s": done.steps_per_s,
             "fault": done.fault,
-        })),
-        false => talk::data(&findings(&done)),
+        }))
+    } else {
+        talk::data(&findings(&done))
     }?;
     let wrong = done.findings.iter().find(|found| !found.passed);
     match (&done.fault, wrong) {

@@ -16,9 +16,10 @@ pub(super) fn table(scenario: &Scenario) -> String {
     let many = FEW_AGENTS < agents.len();
     let mut lines: IndexMap<Pattern, Vec<&'static str>> = IndexMap::new();
     for (signal, held) in scenario.signals() {
-        let (name, about) = match many {
-            true => pattern(&agents, &signal.name, &signal.about),
-            false => (signal.name, signal.about),
+        let (name, about) = if many {
+            pattern(&agents, &signal.name, &signal.about)
+        } else {
+            (signal.name, signal.about)
         };
         let line = (name, signal.unit.into_owned(), about);
         lines.entry(line).or_default().push(held.word());
@@ -26,19 +27,21 @@ pub(super) fn table(scenario: &Scenario) -> String {
     let lines = lines.into_iter().map(|((name, unit, about), held)| {
         let first = held[0];
         let same = held.iter().filter(|word| **word == first).count();
-        let held = match same == held.len() {
-            true => first.to_owned(),
-            false => format!("{first}: {same} of {}", held.len()),
+        let held = if same == held.len() {
+            first.to_owned()
+        } else {
+            format!("{first}: {same} of {}", held.len())
         };
         [name, unit, about, held]
     });
     let table = table_of(["signal", "unit", "meaning", "in traces"], lines);
-    let named = match many {
-        true => format!(
+    let named = if many {
+        format!(
             "\nA, B: each of {}; `--json` lists every signal",
             agents.join(", ")
-        ),
-        false => String::new(),
+        )
+    } else {
+        String::new()
     };
     format!(
         "{table}\nin traces: recorded always, or on demand: only where a formula or an ado mentions it{named}\n"

@@ -14,9 +14,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
         starts: args.starts,
         runs: &args.output.join("runs"),
     };
-    let names = match args.world.is_empty() {
-        true => WORLDS.map(str::to_owned).to_vec(),
-        false => args.world.clone(),
+    let names = if args.world.is_empty() {
+        WORLDS.map(str::to_owned).to_vec()
+    } else {
+        args.world.clone()
     };
     let mut studies = Vec::new();
     for name in &names {

@@ -27,9 +27,10 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     };
     let mut studies = Vec::new();
     let all = WORLDS.map(str::to_owned).to_vec();
-    let names = match args.world.is_empty() {
-        true => all,
-        false => args.world.clone(),
+    let names = if args.world.is_empty() {
+        all
+    } else {
+        args.world.clone()
     };
     for name in &names {
         let scenario = world(args, name)?;

@@ -20,12 +20,13 @@ pub(super) fn r157(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
 /// asked for; `None`: stopped.
 fn made(args: &ReproduceArgs, protocol: &'static str) -> Result<Option<Made>, Failure> {
     let own = |name: &&str| name.split('/').next() == Some(protocol);
-    let names: Vec<String> = match args.world.is_empty() {
-        true => Scenario::protocol_names()
+    let names: Vec<String> = if args.world.is_empty() {
+        Scenario::protocol_names()
             .filter(own)
             .map(str::to_owned)
-            .collect(),
-        false => args.world.clone(),
+            .collect()
+    } else {
+        args.world.clone()
     };
     let mut rows: Vec<ProtocolRow> = Vec::new();
     for name in &names {

@@ -21,9 +21,10 @@ const MOST_STARTS: usize = 100;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     let seeds = args.asked_seeds(MOST_TRAININGS);
-    let names = match args.world.is_empty() {
-        true => WORLDS.map(str::to_owned).to_vec(),
-        false => args.world.clone(),
+    let names = if args.world.is_empty() {
+        WORLDS.map(str::to_owned).to_vec()
+    } else {
+        args.world.clone()
     };
     let (mut tables, mut studies) = (String::new(), serde_json::Map::new());
     for name in &names {
@@ -85,8 +86,9 @@ fn trained(
     watch: &Watch<'_>,
 ) -> Result<Option<RunDir>, Failure> {
     let (path, _) = trained_run(scenario, seed, &args.output.join("runs"), watch)?;
-    match watch.stopped() {
-        true => Ok(None),
-        false => Ok(Some(RunDir::open(&path)?)),
+    if watch.stopped() {
+        Ok(None)
+    } else {
+        Ok(Some(RunDir::open(&path)?))
     }
 }

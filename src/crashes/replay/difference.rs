@@ -53,9 +53,10 @@ pub(super) fn first_difference(
     let recorded = &kept.counterexample;
     // Damage is detected in any case, while the numbers are read only where needed.
     recorded.samples_text(&kept.path)?;
-    let names = match recorded.signals.is_empty() {
-        true => names_of_old(recorded.samples(&kept.path)?, episode.trace.schema()),
-        false => recorded.signals.clone(),
+    let names = if recorded.signals.is_empty() {
+        names_of_old(recorded.samples(&kept.path)?, episode.trace.schema())
+    } else {
+        recorded.signals.clone()
     };
     let columns = match placed(names, episode.trace.schema()) {
         Ok(columns) => columns,

@@ -65,9 +65,10 @@ impl FindError {
             FindError::NoEpisode { count, .. } => format!("it holds {count}, counted from 0"),
             FindError::World { world, has_points } => {
                 let world = world.display();
-                let keep = match has_points {
-                    true => format!("brakecheck eval {world} --keep kept -- COMMAND"),
-                    false => format!("brakecheck search {world} --keep kept"),
+                let keep = if *has_points {
+                    format!("brakecheck eval {world} --keep kept -- COMMAND")
+                } else {
+                    format!("brakecheck search {world} --keep kept")
                 };
                 format!("keep what fails in it first: `{keep}`; then name the directory `kept`")
             }
@@ -90,9 +91,10 @@ impl Regressions {
     pub fn find(what: &Path, episode: Option<&str>) -> Result<Regressions, FindError> {
         let inside = what.join("episodes");
         // A run keeps its counterexamples in a directory of their own.
-        let dir = match what.join("manifest.json").is_file() {
-            true => inside.as_path(),
-            false => what,
+        let dir = if what.join("manifest.json").is_file() {
+            inside.as_path()
+        } else {
+            what
         };
         // A world is a frequent mistake, so it gets a help text of its own.
         if is_world(what) {
@@ -118,14 +120,16 @@ impl Regressions {
             };
         }
         let file = dir.join(episode);
-        let file = match file.exists() {
+        let file = if file.exists() {
             // The file may be named without its extension.
-            true => file,
-            false => dir.join(format!("{episode}.ron")),
+            file
+        } else {
+            dir.join(format!("{episode}.ron"))
         };
-        match file.is_file() {
-            true => Ok(Regressions::load(&file)?),
-            false => Err(wrong_kind(&file, "kept counterexample")),
+        if file.is_file() {
+            Ok(Regressions::load(&file)?)
+        } else {
+            Err(wrong_kind(&file, "kept counterexample"))
         }
     }
 
@@ -137,12 +141,11 @@ impl Regressions {
     /// Returns an error if both are given or if the file holds no change that fits.
     pub fn against(self, ego: Option<&str>, program: &[String]) -> Result<Regressions, FindError> {
         let Some(ego) = ego else {
-            return Ok(match program.is_empty() {
-                true => self,
-                false => {
-                    let change = EgoUnderTest::change_to(program);
-                    self.with_change(change).allow_programs(true)
-                }
+            return Ok(if program.is_empty() {
+                self
+            } else {
+                let change = EgoUnderTest::change_to(program);
+                self.with_change(change).allow_programs(true)
             });
         };
         if !program.is_empty() {

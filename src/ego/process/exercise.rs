@@ -119,15 +119,17 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
         1e3 * slowest.as_secs_f64(),
         done.steps_per_s.unwrap_or(0.0)
     );
-    let note = match slowest < SLOW {
-        true => note,
-        false => format!("{note}: campaigns will be slow"),
+    let note = if slowest < SLOW {
+        note
+    } else {
+        format!("{note}: campaigns will be slow")
     };
     done.find("answers in time", true, note);
     let silent = talk.is_silent(SILENCE);
-    let note = match silent {
-        true => "",
-        false => "one answer to each question, and prints for debugging go to stderr",
+    let note = if silent {
+        ""
+    } else {
+        "one answer to each question, and prints for debugging go to stderr"
     };
     done.find("says nothing that it is not asked", silent, note);
     // A second start finds state that survives `reset`, such as files or
@@ -137,9 +139,10 @@ fn run(process: &Process, done: &mut Exercise) -> Result<(), Fault> {
     drop(anew);
     is_deterministic(done, &first, [&again, &fresh]);
     let ended = talk.close(GRACE);
-    let note = match ended {
-        true => "",
-        false => "it was still running 2 s later, and killed: end when stdin does, or at `close`",
+    let note = if ended {
+        ""
+    } else {
+        "it was still running 2 s later, and killed: end when stdin does, or at `close`"
     };
     done.find("ends when it is told to", ended, note);
     Ok(())
@@ -180,9 +183,10 @@ fn episode(
         let command = talk.step(&percept, timeout)?;
         commands.push((command, clock.elapsed()));
         // A crude integration suffices: the test only needs time to advance.
-        let accel_mps2 = match command.accel_mps2.is_finite() {
-            true => command.accel_mps2.clamp(-10.0, 10.0),
-            false => 0.0,
+        let accel_mps2 = if command.accel_mps2.is_finite() {
+            command.accel_mps2.clamp(-10.0, 10.0)
+        } else {
+            0.0
         };
         own.accel_mps2 = accel_mps2;
         own.speed_mps = (own.speed_mps + accel_mps2 * SAMPLE_S).max(0.0);

@@ -103,9 +103,12 @@ impl Talk {
 
     /// Adds the program's stderr to a fault, wherever it was detected.
     fn noting_stderr<T>(&mut self, result: Result<T, Fault>) -> Result<T, Fault> {
-        result.map_err(|fault| match fault.stderr.is_empty() {
-            true => fault.with_stderr(self.program.stderr()),
-            false => fault,
+        result.map_err(|fault| {
+            if fault.stderr.is_empty() {
+                fault.with_stderr(self.program.stderr())
+            } else {
+                fault
+            }
         })
     }
 

@@ -299,9 +299,10 @@ impl Program {
             Ok(0) => {
                 // Silence: check for an exit, since a child may still hold the pipe.
                 let ended = matches!(self.child.try_wait(), Ok(Some(_)));
-                match ended && !self.receive_more()? {
-                    true => Err(self.ended(&|| "it was asked".to_owned())),
-                    false => Ok(()),
+                if ended && !self.receive_more()? {
+                    Err(self.ended(&|| "it was asked".to_owned()))
+                } else {
+                    Ok(())
                 }
             }
             Ok(_) => {
@@ -328,9 +329,10 @@ impl Program {
 
     fn late(&self, read_it: bool, timeout: Duration, asked: &dyn Fn() -> String) -> Fault {
         let seconds = timeout.as_secs_f64();
-        let what = match read_it {
-            true => format!("gave no answer within {seconds} s"),
-            false => format!("read nothing for {seconds} s"),
+        let what = if read_it {
+            format!("gave no answer within {seconds} s")
+        } else {
+            format!("read nothing for {seconds} s")
         };
         let what = format!("`{}` {what} when {}", self.name, asked());
         Fault::new(FaultKind::Timeout, what)

@@ -40,9 +40,10 @@ impl<M> AtTheWheel<M> {
         for (at, seen) in percept.others.iter().enumerate() {
             // Usually no agent is hidden, and the places do not change.
             let is_here = self.names.get(at) == Some(&seen.name);
-            let place = match is_here {
-                true => Some(at),
-                false => self.names.iter().position(|name| *name == seen.name),
+            let place = if is_here {
+                Some(at)
+            } else {
+                self.names.iter().position(|name| *name == seen.name)
             };
             let body = LaneBody::of_seen(seen);
             match place {

@@ -68,9 +68,10 @@ impl FsmDriver {
         // Until the ego's rear is past the other's front. An opening gap gives a
         // negative time: an agent from the side then arrives too late.
         let way_m = encounter.gap_m() + 2.0 * encounter.mean_length_m();
-        let past_s = match encounter.closing_mps() == 0.0 {
-            true => f64::INFINITY,
-            false => way_m / encounter.closing_mps(),
+        let past_s = if encounter.closing_mps() == 0.0 {
+            f64::INFINITY
+        } else {
+            way_m / encounter.closing_mps()
         };
         past_s + self.passing_margin_s < clearance_m / approach_mps
     }
@@ -154,9 +155,10 @@ impl DriverModel for FsmDriver {
             critical,
         } = self.satisfaction(encounter);
         let harder_mps2 = self.hard_brake_mps2 - self.comfort_brake_mps2;
-        let asked_mps2 = match 0.0 < critical {
-            true => self.comfort_brake_mps2 + critical * harder_mps2,
-            false => proactive * self.comfort_brake_mps2,
+        let asked_mps2 = if 0.0 < critical {
+            self.comfort_brake_mps2 + critical * harder_mps2
+        } else {
+            proactive * self.comfort_brake_mps2
         };
         (0.0 < proactive + critical).then_some(asked_mps2)
     }

@@ -56,9 +56,10 @@ impl IdealDriver {
 fn window(at_m: f64, speed_mps: f64, reach_m: f64) -> (f64, f64) {
     if speed_mps == 0.0 {
         // Without relative motion a body is inside for ever or never.
-        return match at_m.abs() < reach_m {
-            true => (f64::NEG_INFINITY, f64::INFINITY),
-            false => (f64::INFINITY, f64::NEG_INFINITY),
+        return if at_m.abs() < reach_m {
+            (f64::NEG_INFINITY, f64::INFINITY)
+        } else {
+            (f64::INFINITY, f64::NEG_INFINITY)
         };
     }
     let (a_s, b_s) = ((-reach_m - at_m) / speed_mps, (reach_m - at_m) / speed_mps);

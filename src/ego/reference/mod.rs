@@ -109,9 +109,10 @@ impl Encounter {
     /// Returns s, the lateral closing speed.
     pub fn approach_mps(&self) -> f64 {
         let apart_mps = self.other.lateral_mps - self.ego.lateral_mps;
-        match self.ego.y_m < self.other.y_m {
-            true => -apart_mps,
-            false => apart_mps,
+        if self.ego.y_m < self.other.y_m {
+            -apart_mps
+        } else {
+            apart_mps
         }
     }
 
@@ -119,9 +120,10 @@ impl Encounter {
     pub fn ttc_s(&self) -> f64 {
         let closing_mps = self.closing_mps();
         let opens = closing_mps < 0.0 && self.ttc == TtcReading::Closing;
-        match closing_mps == 0.0 || opens {
-            true => f64::INFINITY,
-            false => (self.gap_m() / closing_mps).abs(),
+        if closing_mps == 0.0 || opens {
+            f64::INFINITY
+        } else {
+            (self.gap_m() / closing_mps).abs()
         }
     }
 
@@ -312,9 +314,10 @@ impl<M: DriverModel> Reflexes<M> {
     /// The reaction time runs only in samples with danger and is never reset.
     pub fn respond(&mut self, danger: Option<f64>) -> Response {
         let Some(asked_mps2) = danger else {
-            return match self.reacted {
-                true => Response::Hold,
-                false => Response::Nominal,
+            return if self.reacted {
+                Response::Hold
+            } else {
+                Response::Nominal
             };
         };
         self.reacted = true;
@@ -337,8 +340,9 @@ impl<M: DriverModel> Reflexes<M> {
 fn whole_samples(time_s: f64, sample_s: f64) -> u32 {
     let samples = time_s / sample_s;
     let nearest = libm::round(samples);
-    match (samples - nearest).abs() <= 1e-9 {
-        true => nearest as u32,
-        false => libm::ceil(samples) as u32,
+    if (samples - nearest).abs() <= 1e-9 {
+        nearest as u32
+    } else {
+        libm::ceil(samples) as u32
     }
 }

@@ -141,9 +141,10 @@ pub(super) fn worlds(name: &str, source: &str, drafts: Vec<(usize, Draft)>) -> V
     }
     let several = 1 < groups.len();
     let worlds = groups.iter().zip(1..).map(|(group, number)| {
-        let name = match several {
-            true => format!("{name}_{number}"),
-            false => name.to_owned(),
+        let name = if several {
+            format!("{name}_{number}")
+        } else {
+            name.to_owned()
         };
         ImportedWorld {
             text: written(&name, source, group),

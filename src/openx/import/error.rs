@@ -29,9 +29,12 @@ impl ImportError {
 
     fn point(&self) -> String {
         let point = self.point.as_deref();
-        let point = point.map(|(index, set)| match set.is_empty() {
-            true => format!(", point {index}"),
-            false => format!(", point {index} ({set})"),
+        let point = point.map(|(index, set)| {
+            if set.is_empty() {
+                format!(", point {index}")
+            } else {
+                format!(", point {index} ({set})")
+            }
         });
         point.unwrap_or_default()
     }

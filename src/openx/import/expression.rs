@@ -96,9 +96,10 @@ impl<'a> Cursor<'a> {
         }
         if self.take('(') {
             let value = self.sum()?;
-            return match self.take(')') {
-                true => Ok(value),
-                false => Err("a bracket is not closed".to_owned()),
+            return if self.take(')') {
+                Ok(value)
+            } else {
+                Err("a bracket is not closed".to_owned())
             };
         }
         if self.take('$') {
@@ -137,9 +138,10 @@ impl<'a> Cursor<'a> {
             return Ok(PI);
         }
         if !self.take('(') {
-            return Err(match name.is_empty() {
-                true => format!("`{}` is not understood", self.rest),
-                false => format!("`{name}` is not understood"),
+            return Err(if name.is_empty() {
+                format!("`{}` is not understood", self.rest)
+            } else {
+                format!("`{name}` is not understood")
             });
         }
         let first = self.sum()?;
@@ -163,10 +165,7 @@ impl<'a> Cursor<'a> {
             ("atan", [a]) => Ok(libm::atan(*a)),
             ("abs", [a]) => Ok(a.abs()),
             // `signum` of 0 is 1, but OpenSCENARIO's `sign` of 0 is 0.
-            ("sign", [a]) => Ok(match *a == 0.0 {
-                true => 0.0,
-                false => a.signum(),
-            }),
+            ("sign", [a]) => Ok(if *a == 0.0 { 0.0 } else { a.signum() }),
             _ => Err(format!(
                 "`{name}` of {} values is not understood",
                 all.len()

@@ -132,12 +132,11 @@ fn keeps_place(dynamics: &Node) -> Result<(), ImportError> {
 /// Refuses a relative speed other than a sum that is taken once.
 pub(super) fn is_delta(target: &Node) -> Result<(), ImportError> {
     let is = |name: &str, value: &str| target.raw(name).is_none_or(|it| it == value);
-    match is("continuous", "false") && is("speedTargetValueType", "delta") {
-        true => Ok(()),
-        false => {
-            let help = "use continuous=\"false\" and speedTargetValueType=\"delta\"";
-            Err(target.refused("a target speed of this kind is not read", help))
-        }
+    if is("continuous", "false") && is("speedTargetValueType", "delta") {
+        Ok(())
+    } else {
+        let help = "use continuous=\"false\" and speedTargetValueType=\"delta\"";
+        Err(target.refused("a target speed of this kind is not read", help))
     }
 }
 
@@ -146,9 +145,10 @@ pub(super) fn dynamics(it: &Node, scope: &Scope, dimension: &str) -> Result<f64,
     keeps_place(it)?;
     let fits = it.raw("dynamicsShape") == Some("sinusoidal")
         && it.raw("dynamicsDimension") == Some(dimension);
-    match fits {
-        true => scope.number(it, "value"),
-        false => Err(it.error(format!("only sinusoidal changes by {dimension} are read"))),
+    if fits {
+        scope.number(it, "value")
+    } else {
+        Err(it.error(format!("only sinusoidal changes by {dimension} are read")))
     }
 }
 

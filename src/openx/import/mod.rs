@@ -113,9 +113,10 @@ impl Import<'_> {
             let at = |error: ImportError| error.at_point(index, &point.0);
             let scope = protocol.scope(point).map_err(at)?;
             if let Some(error) = protocol.broken(&scope).map_err(at)? {
-                match self.skips_broken {
-                    true => broken += 1,
-                    false => return Err(at(error)),
+                if self.skips_broken {
+                    broken += 1
+                } else {
+                    return Err(at(error));
                 }
                 continue;
             }

@@ -154,9 +154,10 @@ pub(super) fn first_speed_mps(
             }
         };
     }
-    match 0.0 <= speed_mps {
-        true => Ok(speed_mps),
-        false => Err(private.error(format!("it starts at {speed_mps} m/s: nobody reverses"))),
+    if 0.0 <= speed_mps {
+        Ok(speed_mps)
+    } else {
+        Err(private.error(format!("it starts at {speed_mps} m/s: nobody reverses")))
     }
 }
 

@@ -246,12 +246,13 @@ impl Ground<'_> {
         within(it, s_m, line.length_m, &format!("road `{road}`"))?;
         let on = line.at(s_m, t_m);
         // Lanes left of the reference line are driven against its direction.
-        let driven = match 0 < lane {
-            true => Spot {
+        let driven = if 0 < lane {
+            Spot {
                 heading_rad: wrapped(on.heading_rad + core::f64::consts::PI),
                 ..on
-            },
-            false => on,
+            }
+        } else {
+            on
         };
         Ok(Placed {
             spot: turned(it, scope, driven)?,
@@ -348,27 +349,25 @@ impl Ground<'_> {
             let seen = from.sees(&stop.spot);
             seen.y_m.abs() < ASIDE_M && is_along(seen.heading_rad, 0.0)
         };
-        match same_road || stops.iter().all(is_ahead) {
-            true => Ok(()),
-            false => {
-                let help = "give the way as a FollowTrajectoryAction in Init, of lines, arcs \
+        if same_road || stops.iter().all(is_ahead) {
+            Ok(())
+        } else {
+            let help = "give the way as a FollowTrajectoryAction in Init, of lines, arcs \
                             and spirals";
-                Err(assigned.refused("a route that turns off is not read", help))
-            }
+            Err(assigned.refused("a route that turns off is not read", help))
         }
     }
 }
 
 /// Refuses a place before the start or after the end of its road or path.
 fn within(it: &Node, s_m: f64, length_m: f64, what: &str) -> Result<(), ImportError> {
-    match (-SAME_M..=length_m + SAME_M).contains(&s_m) {
-        true => Ok(()),
-        false => {
-            let what = format!("it is {s_m} m along {what}, which has {length_m} m");
-            let help = "place it on the road on which it is, or leave the point out with \
+    if (-SAME_M..=length_m + SAME_M).contains(&s_m) {
+        Ok(())
+    } else {
+        let what = format!("it is {s_m} m along {what}, which has {length_m} m");
+        let help = "place it on the road on which it is, or leave the point out with \
                         --skip-broken";
-            Err(it.refused(what, help).of_point())
-        }
+        Err(it.refused(what, help).of_point())
     }
 }
 

@@ -55,9 +55,10 @@ pub(super) fn plan(
     for (step, number) in it.entity.steps.iter().zip(1..) {
         step_of(draft, concrete, all, it, (step, number), trigger)?;
     }
-    draft.text(match it.entity.steps.is_empty() {
-        true => "])",
-        false => "\n            ])",
+    draft.text(if it.entity.steps.is_empty() {
+        "])"
+    } else {
+        "\n            ])"
     });
     Ok(())
 }
@@ -181,9 +182,10 @@ fn formula(
     let who = watch.who.iter().map(|name| find(name));
     let who = who.collect::<Result<Vec<&Seen>, ImportError>>()?;
     let mut holding = who.iter().map(|it| holds_at_start(watch, it, whom));
-    let holds = match watch.needs_all {
-        true => holding.all(|holds| holds),
-        false => holding.any(|holds| holds),
+    let holds = if watch.needs_all {
+        holding.all(|holds| holds)
+    } else {
+        holding.any(|holds| holds)
     };
     // An edge from false to true requires a false start.
     if watch.rises && holds {
@@ -209,13 +211,15 @@ fn holds_at_start(watch: &Watch, who: &Seen, whom: &Seen) -> bool {
     // The pair is clear by the gap on either side. The gap is negative while
     // they overlap.
     let clear_m = (ahead_m - whom.rear_m()).max(-ahead_m - who.rear_m());
-    let bound_m = match watch.is_time {
-        true => watch.value * who.entity.speed_mps,
-        false => watch.value,
+    let bound_m = if watch.is_time {
+        watch.value * who.entity.speed_mps
+    } else {
+        watch.value
     };
-    match watch.is_below {
-        true => clear_m.max(0.0) < bound_m,
-        false => clear_m.max(0.0) > bound_m,
+    if watch.is_below {
+        clear_m.max(0.0) < bound_m
+    } else {
+        clear_m.max(0.0) > bound_m
     }
 }
 
@@ -231,15 +235,17 @@ fn waits(watch: &Watch, who: &Seen, whom: &Seen, parameter: &str, is_first: bool
         (true, false) => behind,
         (false, _) => format!("max({ahead}, {behind})"),
     };
-    let bound = match watch.is_time {
-        true => format!("{parameter} * {}.speed", who.name),
-        false => parameter.to_owned(),
+    let bound = if watch.is_time {
+        format!("{parameter} * {}.speed", who.name)
+    } else {
+        parameter.to_owned()
     };
     // The comparison is strict: a touching entity has a clearance of 0 m, not
     // less.
-    match watch.is_below {
+    if watch.is_below {
         // A formula has no strict comparison, so 1 µm separates the two.
-        true => format!("max({clearance}, 0) + 0.000001 <= {bound}"),
-        false => format!("{clearance} >= {bound} + 0.000001"),
+        format!("max({clearance}, 0) + 0.000001 <= {bound}")
+    } else {
+        format!("{clearance} >= {bound} + 0.000001")
     }
 }

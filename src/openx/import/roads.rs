@@ -357,16 +357,15 @@ fn meets(
     let off_m = libm::hypot(start.x_m - end.x_m, start.y_m - end.y_m);
     let turned_rad = wrapped(start.heading_rad - end.heading_rad).abs();
     let fits = (s_m - ends_m).abs() <= MEET_M && off_m <= MEET_M && turned_rad <= MEET_RAD;
-    match fits {
-        true => Ok(()),
-        false => {
-            let what = format!(
-                "it begins {off_m:.3} m and {turned_rad:.4} rad off the end of the piece before \
+    if fits {
+        Ok(())
+    } else {
+        let what = format!(
+            "it begins {off_m:.3} m and {turned_rad:.4} rad off the end of the piece before \
                  it, at s = {s_m} m instead of {ends_m} m"
-            );
-            let help = "make the pieces of the planView meet";
-            Err(geometry.refused(what, help))
-        }
+        );
+        let help = "make the pieces of the planView meet";
+        Err(geometry.refused(what, help))
     }
 }
 

@@ -385,18 +385,20 @@ fn frame(
 ) -> Result<(Frame, f64, usize, f64), ImportError> {
     if let Some(OnWay { way, .. }) = &ego.placed.way {
         // A path has no lanes of its own, so two of a usual width are drawn.
-        let frame = match way.pieces.is_empty() {
-            true => Frame::Straight(way.begins),
-            false => Frame::Along(way.clone()),
+        let frame = if way.pieces.is_empty() {
+            Frame::Straight(way.begins)
+        } else {
+            Frame::Along(way.clone())
         };
         return Ok((frame, 0.0, 2, 3.5));
     }
     let lane = ego.placed.lane.as_ref().filter(|at| at.lane != 0);
     let at = lane.ok_or_else(|| asks.error("the ego is on no lane and on no way"))?;
     let line = roads.road(asks, &at.road)?;
-    let ahead_m = match 0 < at.lane {
-        true => at.s_m,
-        false => line.length_m - at.s_m,
+    let ahead_m = if 0 < at.lane {
+        at.s_m
+    } else {
+        line.length_m - at.s_m
     };
     if ahead_m < LEAST_AHEAD_M {
         let what = format!(
@@ -420,12 +422,13 @@ fn frame(
         (true, lanes) => (beside[0].0, lanes),
     };
     let t_m = line.middle_m(asks, outer)?;
-    let frame = match line.is_straight() {
-        true => Frame::Straight(line.at(0.0, t_m)),
-        false => Frame::Beside {
+    let frame = if line.is_straight() {
+        Frame::Straight(line.at(0.0, t_m))
+    } else {
+        Frame::Beside {
             road: at.road.clone(),
             t_m,
-        },
+        }
     };
     // Lanes wider than the limit of a world are proving grounds, not lanes.
     Ok((frame, t_m, lanes, width_m.min(20.0)))

@@ -23,12 +23,13 @@ impl Spot {
     pub fn bent(&self, along_m: f64, per_m: f64) -> Spot {
         let turn_rad = per_m * along_m;
         // A line is the limit of an arc, where the division by 0 fails.
-        let (ahead_m, left_m) = match per_m == 0.0 {
-            true => (along_m, 0.0),
-            false => (
+        let (ahead_m, left_m) = if per_m == 0.0 {
+            (along_m, 0.0)
+        } else {
+            (
                 libm::sin(turn_rad) / per_m,
                 (1.0 - libm::cos(turn_rad)) / per_m,
-            ),
+            )
         };
         Spot {
             heading_rad: wrapped(self.heading_rad + turn_rad),

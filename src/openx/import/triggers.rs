@@ -189,9 +189,10 @@ fn parameter(by: &Node, scope: &Scope, rises: bool, at_s: f64) -> Result<Starts,
         let what = format!("an edge of `{name}` never comes: a parameter does not change");
         return Err(by.refused(what, "write conditionEdge=\"none\""));
     }
-    Ok(match holds {
-        true => Starts::At(at_s),
-        false => Starts::Never,
+    Ok(if holds {
+        Starts::At(at_s)
+    } else {
+        Starts::Never
     })
 }
 

@@ -63,9 +63,10 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
     // A run lasts at least one second, even if the file ends it earlier.
     let asked_s = known_s.unwrap_or(USUAL_S).max(1.0);
     // Whole samples: rounded up if there is road left, otherwise down.
-    let until_s = match asked_s <= leaves_s {
-        true => (asked_s / SAMPLE_S).ceil() * SAMPLE_S,
-        false => (leaves_s / SAMPLE_S).floor() * SAMPLE_S,
+    let until_s = if asked_s <= leaves_s {
+        (asked_s / SAMPLE_S).ceil() * SAMPLE_S
+    } else {
+        (leaves_s / SAMPLE_S).floor() * SAMPLE_S
     };
     // With an unknown end, the run ends at the earliest departure of all
     // points. Such points can share a world whatever their durations.
@@ -120,9 +121,10 @@ pub(super) fn draft(concrete: &Concrete, ado: Option<&str>) -> Result<Draft, Imp
         // 1 cm separates a contact from a near miss despite rounding.
         .map(|it| format!("{}.{}.gap >= 0.01", all[ego].name, it.name))
         .collect();
-    let passed = match clear.is_empty() {
-        true => within_lane(concrete, &all[ego]),
-        false => clear.join(" and "),
+    let passed = if clear.is_empty() {
+        within_lane(concrete, &all[ego])
+    } else {
+        clear.join(" and ")
     };
     draft.text(&format!("    ego_spec: \"always ({passed})\",\n"));
     Ok(draft)
@@ -226,9 +228,10 @@ fn laid_m(concrete: &Concrete, all: &[Seen], until_s: f64) -> f64 {
     let reach_m = farthest_m + fastest_mps * until_s + AHEAD_M;
     let least_m = LEAST_TURN_RAD / concrete.bend_per_m().abs();
     // Equal lengths for all points keep the texts equal, so they share a world.
-    match reach_m <= least_m {
-        true => least_m,
-        false => (reach_m / STEP_M).ceil() * STEP_M,
+    if reach_m <= least_m {
+        least_m
+    } else {
+        (reach_m / STEP_M).ceil() * STEP_M
     }
 }
 
@@ -245,14 +248,13 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
     if let Some(limit_mps) = concrete.limit_mps {
         lanes += &format!(", speed_limit_mps: {:?}", tidy(limit_mps));
     }
-    match pieces.is_empty() {
-        true => draft.text(&format!("    road: Straight({lanes}),\n")),
-        false => {
-            draft.text(&format!(
-                "    road: Curved({lanes}, pieces: [{}]),\n",
-                bends(&pieces)
-            ));
-        }
+    if pieces.is_empty() {
+        draft.text(&format!("    road: Straight({lanes}),\n"))
+    } else {
+        draft.text(&format!(
+            "    road: Curved({lanes}, pieces: [{}]),\n",
+            bends(&pieces)
+        ));
     }
     let ways = all.iter().filter_map(|it| match it.path {
         Path::Own(begins, on) => Some((it, begins, on)),
@@ -261,9 +263,10 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
     let ways: Vec<String> = ways
         .map(|(it, begins, on)| {
             // A path without pieces is a straight road.
-            let pieces = match on.way.pieces.is_empty() {
-                true => String::new(),
-                false => format!(", pieces: [{}]", bends(&on.way.pieces)),
+            let pieces = if on.way.pieces.is_empty() {
+                String::new()
+            } else {
+                format!(", pieces: [{}]", bends(&on.way.pieces))
             };
             format!(
                 "        \"{}_way\": (at: (x_m: {}, y_m: {}, heading_rad: {}){pieces}),\n",
@@ -282,13 +285,16 @@ fn road(draft: &mut Draft, concrete: &Concrete, all: &[Seen], until_s: f64) {
 /// Pieces in the form of a world file.
 fn bends(pieces: &[Bend]) -> String {
     let pieces = pieces.iter().copied().flat_map(laid);
-    let pieces = pieces.map(|piece| match piece.per_m == 0.0 {
-        true => format!("Line(length_m: {})", tidy(piece.length_m)),
-        false => format!(
-            "Arc(length_m: {}, radius_m: {})",
-            tidy(piece.length_m),
-            tidy(1.0 / piece.per_m)
-        ),
+    let pieces = pieces.map(|piece| {
+        if piece.per_m == 0.0 {
+            format!("Line(length_m: {})", tidy(piece.length_m))
+        } else {
+            format!(
+                "Arc(length_m: {}, radius_m: {})",
+                tidy(piece.length_m),
+                tidy(1.0 / piece.per_m)
+            )
+        }
     });
     pieces.collect::<Vec<_>>().join(", ")
 }
@@ -331,44 +337,41 @@ fn agent(
     if let Path::Turned = it.path {
         return obstacle(draft, concrete, all, it);
     }
-    match body.on_foot {
-        true => {
-            let facing = match it.path {
-                Path::Left => "Left",
-                Path::Right => "Right",
-                Path::Against => "Back",
-                _ => "Ahead",
-            };
-            draft.text(&format!(
-                "        Pedestrian(\n            name: \"{name}\", body: \"{}\", facing: {facing}, \
+    if body.on_foot {
+        let facing = match it.path {
+            Path::Left => "Left",
+            Path::Right => "Right",
+            Path::Against => "Back",
+            _ => "Ahead",
+        };
+        draft.text(&format!(
+            "        Pedestrian(\n            name: \"{name}\", body: \"{}\", facing: {facing}, \
                  lateral_m: ",
-                body.name
-            ));
-            draft.hole(&lateral, left_m);
-        }
-        false => {
-            draft.text(&format!(
-                "        Vehicle(\n            name: \"{name}\", body: \"{}\"",
-                body.name
-            ));
-            match it.path {
-                Path::Own(..) => draft.text(&format!(", road: \"{name}_way\"")),
-                _ => {
-                    let width_m = concrete.lane_width_m;
-                    let lane = concrete.lane_at(left_m);
-                    draft.text(&format!(", lane: {lane}"));
-                    // In bends, the rear axle of a protocol's vehicle keeps the
-                    // line.
-                    if it.entity.is_ego && concrete.bends() {
-                        draft.text(", lane_keeping: RearAxle");
-                    }
-                    if let Path::Against = it.path {
-                        draft.text(", direction: Against");
-                    }
-                    draft.text(", offset_m: ");
-                    let middle_m = lane * width_m;
-                    draft.beside(&lateral, left_m - middle_m, middle_m);
+            body.name
+        ));
+        draft.hole(&lateral, left_m);
+    } else {
+        draft.text(&format!(
+            "        Vehicle(\n            name: \"{name}\", body: \"{}\"",
+            body.name
+        ));
+        match it.path {
+            Path::Own(..) => draft.text(&format!(", road: \"{name}_way\"")),
+            _ => {
+                let width_m = concrete.lane_width_m;
+                let lane = concrete.lane_at(left_m);
+                draft.text(&format!(", lane: {lane}"));
+                // In bends, the rear axle of a protocol's vehicle keeps the
+                // line.
+                if it.entity.is_ego && concrete.bends() {
+                    draft.text(", lane_keeping: RearAxle");
                 }
+                if let Path::Against = it.path {
+                    draft.text(", direction: Against");
+                }
+                draft.text(", offset_m: ");
+                let middle_m = lane * width_m;
+                draft.beside(&lateral, left_m - middle_m, middle_m);
             }
         }
     }

@@ -120,9 +120,10 @@ impl Film {
         // agent.
         film.turn_rad = film.turn(stage, course);
         film.met = film.met(stage, course);
-        film.focus = match is_on_cells(stage) {
-            true => film.whole_map(stage),
-            false => film.steady(film.looked_at(stage)),
+        film.focus = if is_on_cells(stage) {
+            film.whole_map(stage)
+        } else {
+            film.steady(film.looked_at(stage))
         };
         film
     }
@@ -326,9 +327,10 @@ fn slopes(times_s: &[f64], values: &[f64]) -> Vec<f64> {
         let to = (i + 1..values.len()).take_while(near).last();
         let to = to.unwrap_or((i + 1).min(values.len() - 1));
         // A contact right after a sample leaves two equal times.
-        match times_s[from] < times_s[to] {
-            true => (values[to] - values[from]) / (times_s[to] - times_s[from]),
-            false => 0.0,
+        if times_s[from] < times_s[to] {
+            (values[to] - values[from]) / (times_s[to] - times_s[from])
+        } else {
+            0.0
         }
     };
     (0..values.len()).map(slope).collect()

@@ -116,9 +116,10 @@ fn placed(
     let (above, below) = ([x, body[1] - h - ROOM_PX], [x, body[3] + ROOM_PX]);
     let beside = 0.5 * (body[1] + body[3] - h);
     let (behind, ahead) = ([body[0] - w - ROOM_PX, beside], [body[2] + ROOM_PX, beside]);
-    let wanted = match is_ego {
-        true => [below, above, behind, ahead],
-        false => [above, below, ahead, behind],
+    let wanted = if is_ego {
+        [below, above, behind, ahead]
+    } else {
+        [above, below, ahead, behind]
     };
     // The second ring of positions lies one label further out.
     let far = wanted.map(|[x, y]| [x, y + (y - beside).signum() * (h + ROOM_PX)]);

@@ -84,9 +84,12 @@ pub(super) fn moves(
     let Some(spec) = scenario.drive() else {
         // A grid has a single ado, whose actions are the joint actions.
         let neutral = scenario.world().spaces().neutral;
-        let told = |action| match action == neutral {
-            true => (scenario.action_label(action), Kind::Neutral),
-            false => (scenario.action_label(action), Kind::Goes),
+        let told = |action| {
+            if action == neutral {
+                (scenario.action_label(action), Kind::Neutral)
+            } else {
+                (scenario.action_label(action), Kind::Goes)
+            }
         };
         return vec![("ado".to_owned(), stretched(joint, &told))];
     };
@@ -171,9 +174,10 @@ fn on_foot((along_mps, left_mps): (f64, f64)) -> (String, Kind) {
 
 /// Number with a plus or a true minus sign.
 pub(super) fn signed(value: f64) -> String {
-    match value < 0.0 {
-        true => format!("−{}", -value),
-        false => format!("+{value}"),
+    if value < 0.0 {
+        format!("−{}", -value)
+    } else {
+        format!("+{value}")
     }
 }
 

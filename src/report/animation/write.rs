@@ -3,9 +3,10 @@
 /// Number with at most `places` decimals, without trailing zeros.
 pub(super) fn n(value: f64, places: usize) -> String {
     let text = format!("{value:.places$}");
-    let text = match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.'),
-        false => &text,
+    let text = if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        &text
     };
     match text {
         "-0" => "0".to_owned(),

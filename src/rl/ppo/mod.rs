@@ -272,9 +272,10 @@ impl Ppo {
             let clip = self.config.clip as f32;
             // The clipped branch is flat: no gradient once the ratio has moved beyond the
             // clip in the direction of the advantage.
-            let flat = match 0.0 < advantage {
-                true => 1.0 + clip < ratio,
-                false => ratio < 1.0 - clip,
+            let flat = if 0.0 < advantage {
+                1.0 + clip < ratio
+            } else {
+                ratio < 1.0 - clip
             };
             let pull = if flat { 0.0 } else { -advantage * ratio };
             let entropy: f32 = probabilities.iter().map(|p| -p * libm::logf(*p)).sum();

@@ -272,10 +272,7 @@ impl Actions {
 
 /// Returns the ratio of a part to a whole, 0 for an empty whole.
 fn share(part: f64, whole: f64) -> f64 {
-    match 0.0 < whole {
-        true => part / whole,
-        false => 0.0,
-    }
+    if 0.0 < whole { part / whole } else { 0.0 }
 }
 
 impl Lateral {

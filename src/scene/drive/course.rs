@@ -259,13 +259,12 @@ impl Course {
     /// Returns the road coordinates of a pose, at the nearest point of the course.
     pub fn locate(&self, pose: &Pose) -> OnRoad {
         let mut nearest: Option<(f64, OnRoad)> = None;
-        let within_m = match self.legs.len() <= FEW_LEGS {
-            true => f64::INFINITY,
+        let within_m = if self.legs.len() <= FEW_LEGS {
+            f64::INFINITY
+        } else {
             // A leg is at least as far as its start minus its length.
-            false => {
-                let starts_m = self.legs.iter().map(|leg| leg.start_away_m(pose));
-                starts_m.fold(f64::INFINITY, f64::min) + SAME_M
-            }
+            let starts_m = self.legs.iter().map(|leg| leg.start_away_m(pose));
+            starts_m.fold(f64::INFINITY, f64::min) + SAME_M
         };
         for leg in &self.legs {
             if within_m < leg.start_away_m(pose) - leg.length_m {
@@ -336,9 +335,10 @@ impl Course {
         let mut stations_m = vec![from_m.min(0.0) - DRAWN_BEYOND_M];
         // The run-in has negative s and is covered by the first station.
         for leg in self.legs.iter().filter(|leg| 0.0 <= leg.from_s_m) {
-            let points = match leg.curvature_per_m == 0.0 {
-                true => 1,
-                false => (leg.length_m / DRAWN_M).ceil() as usize,
+            let points = if leg.curvature_per_m == 0.0 {
+                1
+            } else {
+                (leg.length_m / DRAWN_M).ceil() as usize
             };
             let step_m = leg.length_m / points as f64;
             stations_m.extend((0..points).map(|i| leg.from_s_m + i as f64 * step_m));
@@ -359,13 +359,14 @@ impl Leg {
         let k = self.curvature_per_m;
         let turn_rad = k * along_m;
         let (turn_sin, turn_cos) = libm::sincos(turn_rad);
-        let (ahead_m, left_m) = match k == 0.0 {
+        let (ahead_m, left_m) = if k == 0.0 {
             // A branch and not a limit: k = 0 would divide by zero.
-            true => (along_m, lateral_m),
-            false => (
+            (along_m, lateral_m)
+        } else {
+            (
                 turn_sin / k - lateral_m * turn_sin,
                 (1.0 - turn_cos) / k + lateral_m * turn_cos,
-            ),
+            )
         };
         Pose {
             x_m: self.x_m + ahead_m * self.cos - left_m * self.sin,
@@ -380,24 +381,24 @@ impl Leg {
         let ahead_m = dx * self.cos + dy * self.sin;
         let left_m = dy * self.cos - dx * self.sin;
         let k = self.curvature_per_m;
-        let (along_m, lateral_m) = match k == 0.0 {
-            true => (ahead_m, left_m),
-            false => {
-                let (across, towards) = (k * ahead_m, 1.0 - k * left_m);
-                let radii = (across * across + towards * towards).sqrt();
-                // Coordinates from the circle's centre, scaled by k. The centre
-                // itself is far away on slight bends and is never computed.
-                (libm::atan2(across, towards) / k, (1.0 - radii) / k)
-            }
+        let (along_m, lateral_m) = if k == 0.0 {
+            (ahead_m, left_m)
+        } else {
+            let (across, towards) = (k * ahead_m, 1.0 - k * left_m);
+            let radii = (across * across + towards * towards).sqrt();
+            // Coordinates from the circle's centre, scaled by k. The centre
+            // itself is far away on slight bends and is never computed.
+            (libm::atan2(across, towards) / k, (1.0 - radii) / k)
         };
         let on_m = along_m.clamp(0.0, self.length_m);
         let end = self.pose(on_m, 0.0);
         let (off_x, off_y) = (pose.x_m - end.x_m, pose.y_m - end.y_m);
-        let away_m = match on_m == along_m {
+        let away_m = if on_m == along_m {
             // Beside the leg the lateral offset is the distance, without
             // rounding.
-            true => lateral_m.abs(),
-            false => (off_x * off_x + off_y * off_y).sqrt(),
+            lateral_m.abs()
+        } else {
+            (off_x * off_x + off_y * off_y).sqrt()
         };
         let at = OnRoad {
             s_m: self.from_s_m + on_m,

@@ -29,9 +29,12 @@ impl DriveSpec {
         let mut drawn = start.0[start.0.len().saturating_sub(drawn)..]
             .iter()
             .copied();
-        let value = |range: &Range| match range.is_fixed() {
-            true => range.lo,
-            false => drawn.next().unwrap_or(range.lo),
+        let value = |range: &Range| {
+            if range.is_fixed() {
+                range.lo
+            } else {
+                drawn.next().unwrap_or(range.lo)
+            }
         };
         ranges.map(value).collect()
     }
@@ -41,9 +44,12 @@ impl DriveSpec {
         // The order of these reads is that of `axes`, so a start is read as it
         // was drawn.
         let mut drawn = start.0.iter().copied();
-        let mut value = |range: Range| match range.is_fixed() {
-            true => range.lo,
-            false => drawn.next().unwrap_or(range.lo),
+        let mut value = |range: Range| {
+            if range.is_fixed() {
+                range.lo
+            } else {
+                drawn.next().unwrap_or(range.lo)
+            }
         };
         let mut all: Vec<Drawn> = Vec::with_capacity(self.agents.len());
         for agent in &self.agents {

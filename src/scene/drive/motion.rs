@@ -91,9 +91,10 @@ impl DriveScene {
         let pose = keeps.begun(&agent.body, (course, agent.direction), place);
         let heading_rad = pose.heading_rad + agent.facing_rad;
         let pose = Pose {
-            heading_rad: match agent.is_with_road() {
-                true => heading_rad,
-                false => wrapped(heading_rad),
+            heading_rad: if agent.is_with_road() {
+                heading_rad
+            } else {
+                wrapped(heading_rad)
             },
             ..pose
         };
@@ -180,15 +181,14 @@ impl DriveScene {
                 Drive::Planned(_) | Drive::Ado { base: Some(_), .. } => continue,
                 Drive::Ego => asked,
                 Drive::Ado { .. } | Drive::Trained(_) => self.chosen[i],
-                Drive::Scripted(script) => match agent.body.is_on_foot() {
-                    true => {
+                Drive::Scripted(script) => {
+                    if agent.body.is_on_foot() {
                         let (along_mps, left_mps) = script.walk_mps(self.state.time_s());
                         Choice::Walk {
                             along_mps,
                             left_mps,
                         }
-                    }
-                    false => {
+                    } else {
                         let speed_mps = self.state.states[i].speed_mps;
                         let leader = || self.state.leader_of(i);
                         Choice::Drive {
@@ -196,7 +196,7 @@ impl DriveScene {
                             lateral_mps: 0.0,
                         }
                     }
-                },
+                }
             };
             self.command(i, wish);
         }

@@ -49,16 +49,20 @@ impl RoadNetwork {
             direction: agent.direction,
         };
         let crossings = |a: &Agent| {
-            let others = spec.agents.iter().map(|b| match a.road == b.road {
-                true => Vec::new(),
-                false => way(a).crossed_by(&way(b)),
+            let others = spec.agents.iter().map(|b| {
+                if a.road == b.road {
+                    Vec::new()
+                } else {
+                    way(a).crossed_by(&way(b))
+                }
             });
             others.collect()
         };
         Ok(RoadNetwork {
-            crossings: match spec.roads.is_empty() {
-                true => Vec::new(),
-                false => spec.agents.iter().map(crossings).collect(),
+            crossings: if spec.roads.is_empty() {
+                Vec::new()
+            } else {
+                spec.agents.iter().map(crossings).collect()
             },
             road_of: spec.agents.iter().map(|agent| agent.road).collect(),
             courses,
@@ -146,9 +150,10 @@ impl Way {
         // needs no tolerance.
         for _ in 0..60 {
             let middle_m = 0.5 * (from_m + to_m);
-            match (self.offset_m(other, middle_m) < 0.0) == from_right {
-                true => from_m = middle_m,
-                false => to_m = middle_m,
+            if (self.offset_m(other, middle_m) < 0.0) == from_right {
+                from_m = middle_m
+            } else {
+                to_m = middle_m
             }
         }
         let there = other.course.pose(from_m, other.lateral_m);

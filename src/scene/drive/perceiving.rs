@@ -92,9 +92,10 @@ fn in_ego_frame(seen: &mut Seen, ego: &BodyState, other: &BodyState) {
     seen.x_m = dx_m * cos + dy_m * sin;
     seen.y_m = dy_m * cos - dx_m * sin;
     let turned_rad = other.pose.heading_rad - ego.pose.heading_rad;
-    seen.heading_rad = match turned_rad.abs() <= PI {
-        true => turned_rad,
-        false => libm::remainder(turned_rad, TAU),
+    seen.heading_rad = if turned_rad.abs() <= PI {
+        turned_rad
+    } else {
+        libm::remainder(turned_rad, TAU)
     };
     let (sin, cos) = libm::sincos(turned_rad);
     seen.vx_mps = other.speed_mps * cos - other.lateral_mps * sin;

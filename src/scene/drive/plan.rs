@@ -301,17 +301,19 @@ impl MeetEgo<f64> {
             ));
         }
         let ramp_s = 2.0 * ramp_m / self.speed_mps;
-        let (from_mps, begins_s) = match ramp_s <= left_s {
-            true => (0.0, left_s - ramp_s),
-            false => (2.0 * ramp_m / left_s - self.speed_mps, 0.0),
+        let (from_mps, begins_s) = if ramp_s <= left_s {
+            (0.0, left_s - ramp_s)
+        } else {
+            (2.0 * ramp_m / left_s - self.speed_mps, 0.0)
         };
         Ok(Approach {
             from_mps,
             begins_s,
             // No ramp: the agent starts to move at its final speed.
-            accel_mps2: match ramp_m == 0.0 {
-                true => f64::INFINITY,
-                false => (self.speed_mps - from_mps) / (left_s - begins_s),
+            accel_mps2: if ramp_m == 0.0 {
+                f64::INFINITY
+            } else {
+                (self.speed_mps - from_mps) / (left_s - begins_s)
             },
             to_mps: self.speed_mps,
         })

@@ -134,9 +134,10 @@ impl Ramp {
     }
 
     fn lasts_s(&self) -> f64 {
-        match self.from_mps == self.to_mps {
-            true => 0.0,
-            false => (self.to_mps - self.from_mps).abs() / self.rate_mps2,
+        if self.from_mps == self.to_mps {
+            0.0
+        } else {
+            (self.to_mps - self.from_mps).abs() / self.rate_mps2
         }
     }
 
@@ -171,9 +172,10 @@ impl Swing {
 
     fn speed_mps(&self, time_s: f64) -> f64 {
         let share = (time_s - self.begins_s) / self.lasts_s;
-        match 0.0 < self.lasts_s && (0.0..1.0).contains(&share) {
-            true => 0.5 * self.by_m * PI / self.lasts_s * libm::sin(PI * share),
-            false => 0.0,
+        if 0.0 < self.lasts_s && (0.0..1.0).contains(&share) {
+            0.5 * self.by_m * PI / self.lasts_s * libm::sin(PI * share)
+        } else {
+            0.0
         }
     }
 }
@@ -207,9 +209,10 @@ impl PlanRun {
             MotionPlan::Meet(meet) => {
                 // Agents that face across the road measure the distance
                 // laterally.
-                let way_m = match cos.abs() < sin.abs() {
-                    true => sin.signum() * (meet.here_at_m - lateral_m),
-                    false => cos.signum() * (meet.here_at_m - front_m),
+                let way_m = if cos.abs() < sin.abs() {
+                    sin.signum() * (meet.here_at_m - lateral_m)
+                } else {
+                    cos.signum() * (meet.here_at_m - front_m)
                 };
                 let approach = meet.approach(ego, way_m)?;
                 (approach.from_mps, vec![approach_step(approach)])
@@ -470,10 +473,11 @@ impl PlanRun {
             Some(swing) => (swing.way_m(to_s) - swing.way_m(from_s), swing.is_slanted),
             None => (0.0, false),
         };
-        let ahead_m = match is_slanted {
+        let ahead_m = if is_slanted {
             // The guard covers rounding where the motion is purely lateral.
-            true => (way_m * way_m - aside_m * aside_m).max(0.0).sqrt(),
-            false => way_m,
+            (way_m * way_m - aside_m * aside_m).max(0.0).sqrt()
+        } else {
+            way_m
         };
         let (cos, sin) = self.carried.direction();
         // Beside a bend the same distance covers a different length of course.
@@ -488,9 +492,10 @@ impl PlanRun {
         let before_mps = self.stray.ahead_mps;
         // Agents never reverse.
         let ahead_mps = (before_mps + accel_mps2 * sample_s).max(-planned_mps);
-        let most_mps = match self.carried.on_foot {
-            true => f64::INFINITY,
-            false => MAX_SLIP * (planned_mps + ahead_mps),
+        let most_mps = if self.carried.on_foot {
+            f64::INFINITY
+        } else {
+            MAX_SLIP * (planned_mps + ahead_mps)
         };
         let left_mps = left_mps.clamp(-most_mps, most_mps);
         // Trapezoidal rule, exact for the even acceleration within a sample.
@@ -510,11 +515,14 @@ impl PlanRun {
     ) -> Arrival {
         let (cos, sin) = self.carried.direction();
         let is_slanted = self.swing.is_some_and(|swing| swing.is_slanted);
-        let ahead = |along_mps: f64| match is_slanted {
-            true => (along_mps * along_mps - sideways_mps * sideways_mps)
-                .max(0.0)
-                .sqrt(),
-            false => along_mps,
+        let ahead = |along_mps: f64| {
+            if is_slanted {
+                (along_mps * along_mps - sideways_mps * sideways_mps)
+                    .max(0.0)
+                    .sqrt()
+            } else {
+                along_mps
+            }
         };
         let along_mps = speed_mps + self.stray.ahead_mps;
         let ahead_mps = ahead(along_mps);
@@ -541,13 +549,15 @@ impl PlanRun {
         let (facing_sin, facing_cos) = libm::sincos(self.heading_rad);
         let arrival = Arrival {
             pose,
-            speed_mps: match self.carried.on_foot {
-                true => velocity.0 * facing_cos + velocity.1 * facing_sin,
-                false => along_mps,
+            speed_mps: if self.carried.on_foot {
+                velocity.0 * facing_cos + velocity.1 * facing_sin
+            } else {
+                along_mps
             },
-            lateral_mps: match self.carried.on_foot {
-                true => velocity.1 * facing_cos - velocity.0 * facing_sin,
-                false => yaw_rate_rad_per_s * self.carried.lever_m,
+            lateral_mps: if self.carried.on_foot {
+                velocity.1 * facing_cos - velocity.0 * facing_sin
+            } else {
+                yaw_rate_rad_per_s * self.carried.lever_m
             },
             yaw_rate_rad_per_s,
             accel_mps2: 0.0,
@@ -568,12 +578,11 @@ impl PlanRun {
 impl Carried {
     /// Returns cosine and sine of the facing. Vehicles face along the road.
     fn direction(&self) -> (f64, f64) {
-        match self.on_foot {
-            true => {
-                let (sin, cos) = libm::sincos(self.facing_rad);
-                (cos, sin)
-            }
-            false => (libm::cos(self.facing_rad).signum(), 0.0),
+        if self.on_foot {
+            let (sin, cos) = libm::sincos(self.facing_rad);
+            (cos, sin)
+        } else {
+            (libm::cos(self.facing_rad).signum(), 0.0)
         }
     }
 }

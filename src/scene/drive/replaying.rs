@@ -44,9 +44,10 @@ impl DriveWorld {
     /// world has a line of sight.
     pub fn seen(&self, sample: &[BodySample]) -> Vec<bool> {
         let spec = &self.0.spec;
-        match spec.sensors.line_of_sight {
-            true => sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego),
-            false => vec![true; sample.len()],
+        if spec.sensors.line_of_sight {
+            sight::visible(spec, sample.iter().map(|body| &body.state), self.0.ego)
+        } else {
+            vec![true; sample.len()]
         }
     }
 
@@ -96,15 +97,17 @@ impl DriveWorld {
                 // The last recorded sample ends early at a contact. Repeating
                 // its command still gives the body's exact motion over the
                 // whole sample.
-                let command = match sample == last && by_commands(recorded) {
-                    true => recorded.command,
-                    false => Some(BodyCommand::Glide { to: state.pose }),
+                let command = if sample == last && by_commands(recorded) {
+                    recorded.command
+                } else {
+                    Some(BodyCommand::Glide { to: state.pose })
                 };
                 *body = BodySample { state, command };
             }
-            match sample == last {
-                true => whole.at_mut(last).copy_from_slice(&row),
-                false => whole.push(&row),
+            if sample == last {
+                whole.at_mut(last).copy_from_slice(&row)
+            } else {
+                whole.push(&row)
             }
         }
         whole
@@ -129,14 +132,16 @@ impl Onward {
         let at = course.locate(&state.pose);
         let (along_mps, across_mps) = velocity_mps(state, &at);
         let brake_mps2 = (-state.accel_mps2).max(0.0);
-        let stands_s = match brake_mps2 == 0.0 {
-            true => f64::INFINITY,
-            false => along_mps.abs() / brake_mps2,
+        let stands_s = if brake_mps2 == 0.0 {
+            f64::INFINITY
+        } else {
+            along_mps.abs() / brake_mps2
         };
         let lanes = at.lateral_m / road.lane_width_m();
-        let next = match across_mps < 0.0 {
-            true => libm::floor(lanes),
-            false => libm::ceil(lanes),
+        let next = if across_mps < 0.0 {
+            libm::floor(lanes)
+        } else {
+            libm::ceil(lanes)
         };
         let way_m = (next - lanes) * road.lane_width_m();
         Onward {
@@ -145,9 +150,10 @@ impl Onward {
             across_mps,
             brake_mps2,
             stands_s,
-            centred_s: match on_foot || across_mps == 0.0 {
-                true => f64::INFINITY,
-                false => way_m / across_mps,
+            centred_s: if on_foot || across_mps == 0.0 {
+                f64::INFINITY
+            } else {
+                way_m / across_mps
             },
         }
     }
@@ -168,14 +174,16 @@ impl Onward {
             (true, true) => core::f64::consts::PI,
         };
         let moves = after_s < self.stands_s;
-        let (sin, cos) = match is_centred {
-            true => (0.0, direction),
-            false => libm::sincos(self.at.heading_rad),
+        let (sin, cos) = if is_centred {
+            (0.0, direction)
+        } else {
+            libm::sincos(self.at.heading_rad)
         };
         let along_mps = self.along_mps - direction * lost_mps;
-        let across_mps = match moves && !is_centred {
-            true => self.across_mps,
-            false => 0.0,
+        let across_mps = if moves && !is_centred {
+            self.across_mps
+        } else {
+            0.0
         };
         BodyState {
             pose,
@@ -247,9 +255,10 @@ impl DriveScene {
     /// [continued](DriveWorld::continued) motion.
     pub fn advance_along(&mut self, ego: BodyCommand, next: &[BodySample]) -> Flow {
         for (agent, body) in next.iter().enumerate() {
-            let command = match agent == self.layout.ego {
-                true => Some(ego),
-                false => body.command,
+            let command = if agent == self.layout.ego {
+                Some(ego)
+            } else {
+                body.command
             };
             if let Some(command) = command {
                 self.state.plant.command(self.state.bodies[agent], command);
@@ -290,9 +299,10 @@ impl DriveScene {
     /// Returns which agents the ego sees now. See [`DriveWorld::seen`].
     pub fn seen(&self) -> Vec<bool> {
         let spec = &self.layout.spec;
-        match spec.sensors.line_of_sight {
-            true => sight::visible(spec, &self.state.states, self.layout.ego),
-            false => vec![true; spec.agents.len()],
+        if spec.sensors.line_of_sight {
+            sight::visible(spec, &self.state.states, self.layout.ego)
+        } else {
+            vec![true; spec.agents.len()]
         }
     }
 

@@ -67,9 +67,10 @@ impl Sensing {
     pub fn look(&mut self, percept: &mut Percept) {
         if 0 < self.delay {
             self.seen.push_back(percept.clone());
-            let old = match self.delay < self.seen.len() {
-                true => self.seen.pop_front(),
-                false => self.seen.front().cloned(),
+            let old = if self.delay < self.seen.len() {
+                self.seen.pop_front()
+            } else {
+                self.seen.front().cloned()
             };
             if let Some(old) = old {
                 percept.others = old.others;

@@ -148,9 +148,10 @@ impl SceneState {
 
     /// Returns the coordinates of an agent on the road of `viewer`.
     pub fn on_road_of(&self, viewer: usize, agent: usize) -> OnRoad {
-        match self.network.share_road(viewer, agent) {
-            true => self.on_road[agent],
-            false => self.network.locate(viewer, &self.states[agent].pose),
+        if self.network.share_road(viewer, agent) {
+            self.on_road[agent]
+        } else {
+            self.network.locate(viewer, &self.states[agent].pose)
         }
     }
 
@@ -238,9 +239,10 @@ impl SceneState {
         let ((of_a, a_mps), (of_b, b_mps)) = (self.room_before(a, a), self.room_before(a, b));
         // Compares the middles of both bodies, doubled.
         let is_ahead = of_a.near_m + of_a.far_m < of_b.near_m + of_b.far_m;
-        match is_ahead {
-            true => ((of_b.near_m - of_a.far_m).max(0.0), a_mps - b_mps),
-            false => ((of_a.near_m - of_b.far_m).max(0.0), b_mps - a_mps),
+        if is_ahead {
+            ((of_b.near_m - of_a.far_m).max(0.0), a_mps - b_mps)
+        } else {
+            ((of_a.near_m - of_b.far_m).max(0.0), b_mps - a_mps)
         }
     }
 

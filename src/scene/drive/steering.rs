@@ -132,9 +132,10 @@ impl LaneKeeper {
         self.reference_m += moving_mps * sample_s;
         let offset_m = at.lateral_m - self.reference_m;
         // In a curve the front bumper points outwards of the path beneath it.
-        let slip_rad = match at.curvature_per_m == 0.0 {
-            true => at.heading_rad,
-            false => at.heading_rad + self.lever_m * at.curvature_per_m,
+        let slip_rad = if at.curvature_per_m == 0.0 {
+            at.heading_rad
+        } else {
+            at.heading_rad + self.lever_m * at.curvature_per_m
         };
         let drift_mps = speed_mps * libm::sin(slip_rad) - moving_mps;
         let speed_mps = speed_mps.abs().max(MIN_SPEED_MPS);
@@ -143,9 +144,10 @@ impl LaneKeeper {
         let keeping_per_m = -wish_mps2 / (speed_mps * speed_mps);
         // A branch, so that straight roads stay free of rounding. In a bend the
         // path at this offset has radius R − lateral.
-        match at.curvature_per_m == 0.0 {
-            true => keeping_per_m,
-            false => keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m),
+        if at.curvature_per_m == 0.0 {
+            keeping_per_m
+        } else {
+            keeping_per_m + at.curvature_per_m / (1.0 - at.curvature_per_m * at.lateral_m)
         }
     }
 }

@@ -153,10 +153,7 @@ impl Arena {
     /// Returns the ado's next cell for a move in whole cells. Walls block it.
     pub fn ado_moves(&self, ado: Cell, step: (i32, i32)) -> Cell {
         let target = ado.moved(step, self.refine as i32);
-        match self.holds(target) {
-            true => target,
-            false => ado,
-        }
+        if self.holds(target) { target } else { ado }
     }
 
     /// Returns the position after both moved at once. A swap is no capture.

@@ -195,9 +195,10 @@ impl Game {
 /// Ties go to the horizontal axis. Returns action 0 if the game lacks the move.
 pub fn chase(both: Position, moves: &[(i32, i32)]) -> usize {
     let (dx, dy) = (both.ego.x - both.ado.x, both.ego.y - both.ado.y);
-    let wanted = match dy.abs() <= dx.abs() {
-        true => (dx.signum(), 0),
-        false => (0, dy.signum()),
+    let wanted = if dy.abs() <= dx.abs() {
+        (dx.signum(), 0)
+    } else {
+        (0, dy.signum())
     };
     moves.iter().position(|step| *step == wanted).unwrap_or(0)
 }

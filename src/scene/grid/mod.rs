@@ -270,9 +270,10 @@ impl Scene for GridScene {
         self.moment.before = self.moment.now;
         self.moment.now = next;
         self.moment.step += 1;
-        match spec.arena.touching(next) {
-            true => Flow::Contact(self.touch()),
-            false => Flow::Going,
+        if spec.arena.touching(next) {
+            Flow::Contact(self.touch())
+        } else {
+            Flow::Going
         }
     }
 

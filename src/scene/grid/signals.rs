@@ -263,14 +263,20 @@ impl Moment {
             }
             Source::AwayX => cells(self.now.ego.x - self.now.ado.x),
             Source::AwayY => cells(self.now.ego.y - self.now.ado.y),
-            Source::BehindX => match 0.0 <= self.value(arena, Source::AwayX) {
-                true => self.value(arena, Source::Right(Who::Ego)),
-                false => self.value(arena, Source::Left(Who::Ego)),
-            },
-            Source::BehindY => match 0.0 <= self.value(arena, Source::AwayY) {
-                true => self.value(arena, Source::Up(Who::Ego)),
-                false => self.value(arena, Source::Down(Who::Ego)),
-            },
+            Source::BehindX => {
+                if 0.0 <= self.value(arena, Source::AwayX) {
+                    self.value(arena, Source::Right(Who::Ego))
+                } else {
+                    self.value(arena, Source::Left(Who::Ego))
+                }
+            }
+            Source::BehindY => {
+                if 0.0 <= self.value(arena, Source::AwayY) {
+                    self.value(arena, Source::Up(Who::Ego))
+                } else {
+                    self.value(arena, Source::Down(Who::Ego))
+                }
+            }
             Source::EgoStep => cells(arena.ego_step as i32),
             Source::Manhattan => cells(self.now.ego.manhattan(self.now.ado)),
             Source::Captured => f64::from(u8::from(arena.touching(self.now))),

@@ -237,9 +237,10 @@ impl ValueTable {
     fn ahead(&self, left: usize, pair: usize, action: usize) -> f64 {
         let next = self.successors[pair * self.game.moves.len() + action] as usize;
         let ends = left == 1 || self.game.arena.touching(self.game.position(next));
-        match ends {
-            true => self.layers[0][next],
-            false => self.discount * self.layers[left - 1][next],
+        if ends {
+            self.layers[0][next]
+        } else {
+            self.discount * self.layers[left - 1][next]
         }
     }
 }

@@ -57,9 +57,10 @@ impl Rails {
     pub fn after(start: Anchor, after_s: f64) -> Anchor {
         let heading_rad = start.heading_rad + start.yaw_rate_rad_per_s * after_s;
         // Without a turn keep the exact bits, so that a straight motion does not drift.
-        let (sin, cos) = match start.yaw_rate_rad_per_s == 0.0 {
-            true => (start.sin, start.cos),
-            false => libm::sincos(heading_rad),
+        let (sin, cos) = if start.yaw_rate_rad_per_s == 0.0 {
+            (start.sin, start.cos)
+        } else {
+            libm::sincos(heading_rad)
         };
         Anchor {
             x_m: start.x_m + start.walk_mps.0 * after_s,

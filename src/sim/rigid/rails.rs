@@ -104,9 +104,10 @@ impl Motor for Rails {
 /// Returns a rectangle after a time at its velocity and yaw rate.
 fn after(rect: Rect, dt_s: f64) -> Rect {
     // Without a turn keep the exact bits, so that a straight motion does not drift.
-    let (cos, sin) = match rect.yaw_rate_rad_per_s == 0.0 {
-        true => (rect.cos, rect.sin),
-        false => turned((rect.cos, rect.sin), rect.yaw_rate_rad_per_s * dt_s),
+    let (cos, sin) = if rect.yaw_rate_rad_per_s == 0.0 {
+        (rect.cos, rect.sin)
+    } else {
+        turned((rect.cos, rect.sin), rect.yaw_rate_rad_per_s * dt_s)
     };
     Rect {
         x_m: rect.x_m + rect.vx_mps * dt_s,

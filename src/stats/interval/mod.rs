@@ -120,9 +120,10 @@ pub fn runs_interval(solved: &[&Outcomes]) -> [f64; 2] {
     let rate: f64 = scores.sides.iter().map(Side::contribution).sum();
     let starts = scores.starts() as f64;
     let variance = scores.start_variance(rate);
-    let coins = match 0.0 < variance {
-        true => rate * (1.0 - rate) / variance,
-        false => starts,
+    let coins = if 0.0 < variance {
+        rate * (1.0 - rate) / variance
+    } else {
+        starts
     };
     wilson_of(rate, coins.clamp(starts, starts * solved.len() as f64))
 }

@@ -123,9 +123,12 @@ impl Side {
     /// An outcome that does not count is replaced by the mean of its training
     /// against this ego, so it has no effect on the rate.
     fn add(&mut self, solved: &[&Outcomes], counts: &[bool], kept: &[usize]) {
-        let seen = |outcomes: &Outcomes, start: usize| match counts[start] {
-            true => outcomes[start].score(),
-            false => None,
+        let seen = |outcomes: &Outcomes, start: usize| {
+            if counts[start] {
+                outcomes[start].score()
+            } else {
+                None
+            }
         };
         let means: Vec<Option<f64>> = solved
             .iter()

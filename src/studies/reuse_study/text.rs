@@ -121,10 +121,11 @@ fn known_markdown(study: &ReuseStudied) -> String {
         text.push_str(&format!(
             "| {} | {} | {} | {:.2} ({:.2}) | {} | {:.0} | {} | {} |\n",
             known.ego,
-            match is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
-                true => &known.taken_for,
+            if is_telling(known.explained, known.residual_m, known.nominal_residual_m) {
+                &known.taken_for
+            } else {
                 // A member that does not describe the ego is not used, so it is not shown.
-                false => "the nominal ego",
+                "the nominal ego"
             },
             if known.explained { "yes" } else { "no" },
             known.residual_m,

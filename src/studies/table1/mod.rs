@@ -271,9 +271,10 @@ fn learn(
         before = report.decisions;
         let done = progress.done.fetch_add(new, Ordering::Relaxed) + new;
         (progress.watch.progress)(done.min(progress.total), progress.total);
-        match progress.watch.stopped() {
-            true => Control::Stop,
-            false => Control::Continue,
+        if progress.watch.stopped() {
+            Control::Stop
+        } else {
+            Control::Continue
         }
     });
     let mut met = gym.take_successes();
@@ -449,10 +450,12 @@ fn random_ados(game: &Game, request: &Table1) -> Vec<RandomAdos> {
         let solved: Vec<Outcomes> = (0..ados)
             .map(|index| {
                 let table = random_table(game, request.seeds.starts, index);
-                let mark = |start: &Position| match game.captures(*start, |at| table[game.pair(at)])
-                {
-                    true => StartOutcome::Solved,
-                    false => StartOutcome::Unsolved,
+                let mark = |start: &Position| {
+                    if game.captures(*start, |at| table[game.pair(at)]) {
+                        StartOutcome::Solved
+                    } else {
+                        StartOutcome::Unsolved
+                    }
                 };
                 starts.iter().map(mark).collect()
             })

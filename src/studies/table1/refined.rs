@@ -191,9 +191,12 @@ impl<'a> Reuse<'a> {
 
     fn share(&self, seeds: &[&Vec<Reused>]) -> RefinedShare {
         let over = |captured: &dyn Fn(&Reused) -> bool| {
-            let mark = |reused: &Reused| match captured(reused) {
-                true => StartOutcome::Solved,
-                false => StartOutcome::Unsolved,
+            let mark = |reused: &Reused| {
+                if captured(reused) {
+                    StartOutcome::Solved
+                } else {
+                    StartOutcome::Unsolved
+                }
             };
             let solved = seeds.iter().map(|seed| seed.iter().map(mark).collect());
             let solved: Vec<Outcomes> = solved.collect();
@@ -208,9 +211,10 @@ impl<'a> Reuse<'a> {
         let (mut related, mut unrelated) = ((0, 0), (0, 0));
         for seed in seeds {
             for (both, reused) in self.positions.iter().zip(*seed) {
-                let sum = match self.is_related(both) {
-                    true => &mut related,
-                    false => &mut unrelated,
+                let sum = if self.is_related(both) {
+                    &mut related
+                } else {
+                    &mut unrelated
                 };
                 // Only counterexamples of the coarse map are covered by the theorem.
                 if reused.coarse {

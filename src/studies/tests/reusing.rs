@@ -98,9 +98,10 @@ fn every_ado_and_rival_meets_every_ego_on_the_same_starts() {
         assert!(no_worse("search, held, 30", "search, held, 100"));
         assert!(no_worse("replay", "replays"));
         // No member of the family resembles the van.
-        let told = match ego.ego == "van" {
-            true => "nominal",
-            false => "identified",
+        let told = if ego.ego == "van" {
+            "nominal"
+        } else {
+            "identified"
         };
         assert_eq!(of(CONDITIONAL).context.as_deref(), Some(told));
         assert_eq!(of(ADAPTED).context.as_deref(), Some("adapted"));

@@ -27,9 +27,10 @@ pub(super) static PANEL: Panel = Panel {
 };
 
 fn views(story: &Story<'_>, layout: &mut Layout<'_>) -> Result<Views, ViewError> {
-    let title = match story.stage.lights.is_empty() {
-        true => "actions of the ado",
-        false => "actions of the ado, and lights",
+    let title = if story.stage.lights.is_empty() {
+        "actions of the ado"
+    } else {
+        "actions of the ado, and lights"
     };
     let contents = ["$origin/**", "+ /lights/**"];
     let lanes = layout.view("StateTimeline", title, "/actions", &contents)?;

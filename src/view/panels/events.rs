@@ -41,9 +41,12 @@ fn log(story: &Story<'_>, journal: &mut Journal) -> Result<(), ViewError> {
     let events = events(story);
     let log = TextLog::update_fields()
         .with_many_text(events.iter().map(|event| event.text.as_str()))
-        .with_many_level(events.iter().map(|event| match event.grave {
-            true => TextLogLevel::WARN,
-            false => TextLogLevel::INFO,
+        .with_many_level(events.iter().map(|event| {
+            if event.grave {
+                TextLogLevel::WARN
+            } else {
+                TextLogLevel::INFO
+            }
         }));
     let clock = clock(events.iter().map(|event| (event.sample, event.time_s)));
     journal.columns("verdict/events", clock, log.columns_of_unit_batches())

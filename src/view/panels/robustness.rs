@@ -56,9 +56,12 @@ fn robustness_span(story: &Story<'_>) -> (f64, f64) {
 
 /// Replaces infinite robustness (Boolean signals, empty windows) by ±ρ_max.
 fn finite(values: &[f64], rho_max: f64) -> Vec<f64> {
-    let clamp = |value: &f64| match value.is_finite() {
-        true => *value,
-        false => value.clamp(-rho_max, rho_max),
+    let clamp = |value: &f64| {
+        if value.is_finite() {
+            *value
+        } else {
+            value.clamp(-rho_max, rho_max)
+        }
     };
     values.iter().map(clamp).collect()
 }

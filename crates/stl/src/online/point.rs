@@ -138,15 +138,16 @@ impl Point {
 ///
 /// That is the lower end of a minimum and the upper end of a maximum.
 fn opened<E: Extremum>(interval: Interval) -> Interval {
-    match E::NEUTRAL == f64::INFINITY {
-        true => Interval {
+    if E::NEUTRAL == f64::INFINITY {
+        Interval {
             lo: f64::NEG_INFINITY,
             ..interval
-        },
-        false => Interval {
+        }
+    } else {
+        Interval {
             hi: f64::INFINITY,
             ..interval
-        },
+        }
     }
 }
 
@@ -258,9 +259,10 @@ fn until<E: Extremum>(
     };
     if watch.is_open(reading) {
         // The goal may still occur, as long as the left side has held so far.
-        match E::NEUTRAL == f64::NEG_INFINITY {
-            true => interval.hi = E::pick(interval.hi, upper.1),
-            false => interval.lo = E::pick(interval.lo, lower.1),
+        if E::NEUTRAL == f64::NEG_INFINITY {
+            interval.hi = E::pick(interval.hi, upper.1)
+        } else {
+            interval.lo = E::pick(interval.lo, lower.1)
         }
     }
     if strength == Strength::Weak {

@@ -34,12 +34,11 @@ impl<'a> Parser<'a> {
                     .then(|| format!("bounds are two times, such as `[0, {from}]`")),
             ));
         }
-        let to = match is_endless(&self.peek(0).token) {
-            true => {
-                self.advance();
-                None
-            }
-            false => Some(self.time(0)?),
+        let to = if is_endless(&self.peek(0).token) {
+            self.advance();
+            None
+        } else {
+            Some(self.time(0)?)
         };
         let end = self.peek(0).span.end;
         if !self.take_symbol("]") {
@@ -169,11 +168,12 @@ fn is_endless(token: &Token<'_>) -> bool {
 }
 
 fn checked(time: Time) -> Result<Time, StlError> {
-    match MAX_TIME_DEPTH < time.depth {
-        true => Err(
+    if MAX_TIME_DEPTH < time.depth {
+        Err(
             StlError::new("this time is too complicated", time.span.0, "too deep")
                 .with_help("give it a name among the constants"),
-        ),
-        false => Ok(time),
+        )
+    } else {
+        Ok(time)
     }
 }

@@ -84,16 +84,18 @@ impl Parser<'_> {
 }
 
 pub(super) fn checked(node: Node) -> Result<Node, StlError> {
-    match MAX_DEPTH < node.depth {
-        true => Err(too_deep(node.span.0)),
-        false => Ok(node),
+    if MAX_DEPTH < node.depth {
+        Err(too_deep(node.span.0))
+    } else {
+        Ok(node)
     }
 }
 
 pub(super) fn checked_term(term: Term) -> Result<Term, StlError> {
-    match MAX_DEPTH < term.depth {
-        true => Err(too_deep(term.span.0)),
-        false => Ok(term),
+    if MAX_DEPTH < term.depth {
+        Err(too_deep(term.span.0))
+    } else {
+        Ok(term)
     }
 }
 

@@ -163,14 +163,16 @@ fn write_sides<T: Display>(
     a: (T, u8),
     b: (T, u8),
 ) -> fmt::Result {
-    match a.1 < op.strength() {
-        true => write!(f, "({})", a.0)?,
-        false => write!(f, "{}", a.0)?,
+    if a.1 < op.strength() {
+        write!(f, "({})", a.0)?
+    } else {
+        write!(f, "{}", a.0)?
     }
     write!(f, " {} ", op.word())?;
-    match b.1 <= op.strength() {
-        true => write!(f, "({})", b.0),
-        false => write!(f, "{}", b.0),
+    if b.1 <= op.strength() {
+        write!(f, "({})", b.0)
+    } else {
+        write!(f, "{}", b.0)
     }
 }
 

@@ -137,9 +137,12 @@ fn long_runs_forget_what_no_longer_matters() {
 #[test]
 fn a_row_that_is_no_sample_is_refused_and_changes_nothing() {
     let trace = line(std::iter::empty());
-    let not_finite = |value: f64| match value.is_nan() {
-        true => "`x` is NaN at sample 1: traces hold finite numbers only".to_owned(),
-        false => format!("`x` is {value} at sample 1: traces hold finite numbers only"),
+    let not_finite = |value: f64| {
+        if value.is_nan() {
+            "`x` is NaN at sample 1: traces hold finite numbers only".to_owned()
+        } else {
+            format!("`x` is {value} at sample 1: traces hold finite numbers only")
+        }
     };
     let texts = [
         "always (x >= 0)",

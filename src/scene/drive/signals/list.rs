@@ -66,10 +66,11 @@ pub(super) static SIGNALS: &[SignalQuantity] = &[
         .signal("speed", "m/s")
         .is(|state, [a, _]| state.states[a].speed_mps)
         .about("velocity along the heading")
-        .within(|spec, [a, _]| match spec.agents[a].body.is_on_foot() {
-            true => Interval::ANY,
-            false => between(SLOWEST_MPS, FASTEST_MPS),
-        })
+        .within(|spec, [a, _]| if spec.agents[a].body.is_on_foot() {
+Interval::ANY
+} else {
+between(SLOWEST_MPS, FASTEST_MPS)
+})
         .seen_in(0.0, 30.0)
         // No signal has a former name yet, so a test-only name exercises the code.
         .formerly(if cfg!(test) { &["velocity"] } else { &[] })
