@@ -1,4 +1,4 @@
-//! What `eval` prints of egos compared: the gate, and a sweep.
+//! Output of `eval` on compared egos: the gate, and a sweep.
 
 use clap::ValueEnum;
 use serde_json::{Value, json};
@@ -11,7 +11,7 @@ use crate::report::sweep_curve;
 use crate::run_dir::write_file;
 use crate::stats::{at_most, wilson};
 
-/// What the columns of a sweep mean.
+/// Legend of a sweep's columns.
 const EXPLAINED: &str = "
 failing        starts from which some ado makes the ego fail with that value, every rule kept
 95 % interval  of the share of such starts, in %; in 40ths: the same share as a bar, rounded up";
@@ -73,7 +73,7 @@ impl Compared {
         }
     }
 
-    /// Whether a new ego fails where the one before it did not.
+    /// Returns whether the gate fails because of newly failing starts.
     pub(super) fn is_held_up(&self, on: GateOn) -> bool {
         self.gates.iter().any(|gate| match on {
             GateOn::Preventable => gate.is_newly_preventable(),

@@ -4,10 +4,10 @@ use std::ops::RangeInclusive;
 
 use clap::builder::TypedValueParser;
 
-/// How many starts every verb draws that is not told otherwise.
+/// Default number of starts, the same for every verb.
 pub(super) const STARTS: usize = 300;
 
-/// How many starts a verb may draw.
+/// Parser of a number of starts, with its limits.
 pub(super) fn start_count() -> impl TypedValueParser<Value = usize> {
     count(1..=10_000_000).map(|count| count as usize)
 }
@@ -30,7 +30,7 @@ pub(super) fn count(range: RangeInclusive<u64>) -> impl TypedValueParser<Value =
     }
 }
 
-/// A whole number, in thousands (`k`) or millions (`M`) where it says so.
+/// Parses a whole number, also in thousands (`k`) or millions (`M`).
 fn read(text: &str) -> Option<u64> {
     let plain = text.replace('_', "");
     let (digits, zeros) = match plain.strip_suffix(['k', 'K']) {

@@ -89,17 +89,17 @@ pub(super) struct EvalArgs {
     pub(super) common: Common,
 }
 
-/// What becomes of a conditional ado that no run of an ego is granted.
+/// Remark on a conditional ado without any run of an ego.
 const UNTOLD: &str = "the ado is told the parameters of the world's own ego: `--runs 10` identifies every ego from ten runs of it, `--runs 100` also learns how it drives";
 
-/// Whether a file or a shipped world is meant, and no run.
+/// Returns whether the path is a world file or a shipped world, and not a run.
 pub(super) fn is_world(path: &Path) -> bool {
     let mut shipped = Scenario::shipped_names().chain(Scenario::protocol_names());
     let mut is_shipped = || shipped.any(|name| path.as_os_str() == name);
     path.is_file() || (!path.exists() && is_shipped())
 }
 
-/// Refuses what only a run of an ado has.
+/// Refuses options that require a run with an ado.
 fn not_a_run(args: &EvalArgs, has_points: bool) -> Failure {
     let world = args.run.display();
     let (does, keep) = if has_points {
@@ -115,7 +115,7 @@ fn not_a_run(args: &EvalArgs, has_points: bool) -> Failure {
     )
 }
 
-/// A world that nobody has trained in yet.
+/// Evaluates a world in which no ado was trained.
 fn of_world(args: &EvalArgs) -> Result<Exit, Failure> {
     let mut world = load_world(&args.run, &args.common)?;
     let has_points = world.has_points();
@@ -207,7 +207,7 @@ fn keep(args: &EvalArgs, evaluated: &EvaluationTable<'_>, egos: usize) -> Result
     Ok(())
 }
 
-/// What a conditional ado is told of the egos; says so if that is nothing.
+/// Returns the context of a conditional ado, with a remark if it has none.
 fn told(args: &EvalArgs, run: &RunDir) -> Result<Option<ContextSource>, Failure> {
     let context = ContextSource::of(run, args.runs)?;
     if context == Some(ContextSource::Nominal) {
@@ -225,8 +225,9 @@ fn nominal(args: &EvalArgs, run: &RunDir) -> Result<Scenario, Failure> {
     }
 }
 
-/// Who plays: beside an ado that learns egos, unless somebody is named, what it
-/// must never be below.
+/// Returns the ados to play.
+///
+/// By default, an ado that adapts has the baselines beside it that it must exceed.
 fn ados(args: &EvalArgs, run: &RunDir) -> Vec<AdoKind> {
     match (args.ado.is_empty(), args.runs) {
         (false, _) => args.ado.clone(),
@@ -243,13 +244,13 @@ fn ados(args: &EvalArgs, run: &RunDir) -> Vec<AdoKind> {
     }
 }
 
-/// Refuses what could only come to nothing.
+/// Refuses requests without a possible result.
 fn check(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     keeps_something(args)?;
     can_learn(args, nominal)
 }
 
-/// Refuses to learn egos where nobody drives.
+/// Refuses to adapt to egos in worlds without driving.
 fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     if 0 < args.runs && nominal.drive().is_none() {
         return Err(Failure::input(
@@ -260,8 +261,7 @@ fn can_learn(args: &EvalArgs, nominal: &Scenario) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The egos that are met: those of the sweep, or those asked for and the one
-/// before.
+/// Returns the egos of the sweep, or the requested egos and the baseline ego.
 fn egos(
     args: &EvalArgs,
     sweep: Option<&Sweep>,
@@ -291,8 +291,9 @@ fn egos(
     Ok(egos)
 }
 
-/// The theorems, if they are asked for and everything was played; why they
-/// cannot be checked is no reason not to show the rows.
+/// Checks the theorems if requested and if everything was played.
+///
+/// An error of the check does not hide the rows.
 fn checked(
     args: &EvalArgs,
     evaluated: &mut EvaluationTable<'_>,
@@ -369,7 +370,7 @@ fn show(
     compared.show()
 }
 
-/// How it ended, with everything shown and kept.
+/// Returns the exit code, after everything was printed and kept.
 fn ended(
     args: &EvalArgs,
     evaluated: EvaluationTable<'_>,

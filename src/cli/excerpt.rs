@@ -4,11 +4,11 @@ use miette::{LabeledSpan, MietteError, MietteSpanContents, SourceCode, SourceSpa
 
 use crate::visible::{visible, visible_line};
 
-/// Lines of a mistake that are shown; the rest of a longer one is left out.
+/// Most lines of a mistake that are printed.
 const MOST_LINES: usize = 30;
 /// Characters of a line that are shown.
 const MOST_CHARS: usize = 300;
-/// How many of them stand before a mistake that is far to the right.
+/// Characters before a mistake that is far to the right.
 const CHARS_BEFORE: usize = 60;
 
 /// An excerpt of a file: control characters are escaped, long lines are cut.
@@ -16,9 +16,9 @@ const CHARS_BEFORE: usize = 60;
 pub(super) struct Excerpt {
     file: String,
     text: String,
-    /// Lines of the file that stand before the excerpt.
+    /// Lines of the file before the excerpt.
     lines_before: usize,
-    /// Bytes of the mistake's first line that stand before the mistake.
+    /// Bytes before the mistake in its first line.
     column: usize,
 }
 
@@ -149,7 +149,7 @@ impl SourceCode for Excerpt {
 mod tests {
     use super::*;
 
-    /// The excerpt and what is marked in it.
+    /// Returns the excerpt and its marked part.
     fn excerpt(text: &str, wrong: &str) -> (String, String) {
         let at = text.find(wrong).expect("there");
         let (excerpt, label) = Excerpt::of("w.ron", text, at..at + wrong.len(), "here");

@@ -47,14 +47,14 @@ pub enum Exit {
     Interrupted = 130,
 }
 
-/// Why a verb could not be carried out.
+/// Failure of a verb, with its exit code and its help.
 #[derive(Debug)]
 pub struct Failure {
     /// The exit code.
     pub exit: Exit,
     /// One or more messages.
     pub notes: Vec<Note>,
-    /// What stands last, on a line of its own that nothing wraps.
+    /// Last line, which is never wrapped.
     last_line: Option<String>,
 }
 
@@ -196,7 +196,7 @@ impl From<&ScenarioError> for Failure {
     }
 }
 
-/// Warnings as text, for `check`; of very many the first ones.
+/// Formats warnings for `check`, limited to the first ones.
 pub(super) fn warnings(file: &str, text: &str, all: &[Problem]) -> Vec<Note> {
     let first = all.iter().take(MOST_NOTES);
     let mut notes: Vec<Note> = first
@@ -494,7 +494,7 @@ impl From<Vec<NotExported>> for Failure {
     }
 }
 
-/// What it means for the exit code that nothing was exported, and the cure.
+/// Returns the exit code and the help of a refused export.
 fn cure(why: &ExportRefusal) -> (Exit, &'static str) {
     match why {
         ExportRefusal::OpenX(OpenXError::Grid { .. }) => (
@@ -570,10 +570,10 @@ impl From<&TrainError> for Failure {
     }
 }
 
-/// A file names a program, and nobody said that it may be started.
+/// Creates the failure of a program that was named without consent.
 ///
-/// The program stands last, on a line of its own: nothing that its name holds
-/// can be taken for a word of this message.
+/// The program is on the last line, by itself. No part of its name can then be taken for
+/// a part of this message.
 pub fn not_allowed(who: &str, command: &[String]) -> Failure {
     let who = visible_line(who);
     let failure = Failure::input(
@@ -608,7 +608,7 @@ impl From<&Complaint> for Failure {
     }
 }
 
-/// The same of an error that is handed over.
+/// Implements the conversion of an owned error.
 macro_rules! from_owned {
     ($($error:ty),* $(,)?) => {
         $(impl From<$error> for Failure {

@@ -88,7 +88,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     Ok(exit(args, regressions.is_recorded_ego(), &replayed))
 }
 
-/// What the replays come to for a script.
+/// Returns the exit code of the replays.
 fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit {
     let differs = replayed.iter().any(|replayed| !replayed.is_reproduced());
     if is_recorded_ego && differs {
@@ -102,13 +102,13 @@ fn exit(args: &ReplayArgs, is_recorded_ego: bool, replayed: &[Replayed]) -> Exit
     }
 }
 
-/// What all replays come to.
+/// Summary of all replays.
 #[derive(Serialize)]
 struct Tally {
     replayed: usize,
     still_fail: usize,
     fixed: usize,
-    /// Those that tell nothing, since the ego or the physics did not run.
+    /// Replays without a result, because the ego or the physics did not run.
     invalid: usize,
 }
 
@@ -141,7 +141,7 @@ impl Display for Tally {
     }
 }
 
-/// Labels what is reproduced bit for bit.
+/// Labels the replays that are bit-identical.
 fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Failure> {
     let bar = progress::bar("refining");
     let watch = bar.watch();
@@ -156,7 +156,7 @@ fn refine(regressions: &Regressions, replayed: &mut [Replayed]) -> Result<(), Fa
     Ok(())
 }
 
-/// Seals what earlier versions kept, or says that it could be.
+/// Seals files of earlier versions, or remarks that they can be sealed.
 fn seal(
     args: &ReplayArgs,
     regressions: &Regressions,
@@ -166,7 +166,7 @@ fn seal(
     let unsealed: Vec<_> = pairs
         .filter(|(kept, _)| !kept.counterexample.is_sealed())
         .collect();
-    // What is refined is sealed by that.
+    // Refining a file seals it, too.
     if unsealed.is_empty() || args.refine {
         return Ok(());
     }
@@ -207,7 +207,7 @@ fn row(replayed: &Replayed, about: &About) -> serde_json::Value {
     })
 }
 
-/// Runs of an ego that does not answer twice alike.
+/// Formats the runs of an ego that is not deterministic.
 fn runs(repeated: &StartRepeated) -> serde_json::Value {
     let (failing, ran) = repeated.failing();
     json!({
@@ -218,7 +218,7 @@ fn runs(repeated: &StartRepeated) -> serde_json::Value {
     })
 }
 
-/// What the table has no room for: differences, faults, and egos that answer otherwise.
+/// Formats differences, faults and egos that are not deterministic.
 fn remarks(replayed: &[Replayed], known: &[About]) -> String {
     let mut text = String::new();
     for (one, about) in replayed.iter().zip(known) {
@@ -258,7 +258,7 @@ fn remarks(replayed: &[Replayed], known: &[About]) -> String {
     text
 }
 
-/// `null` without a contact; else whether they were kept, or which was not.
+/// Returns `null` without a contact, otherwise whether the rules were kept.
 fn rules_until_contact(episode: &Episode) -> serde_json::Value {
     match &episode.rules_until_contact {
         None => serde_json::Value::Null,

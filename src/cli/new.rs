@@ -11,7 +11,7 @@ use crate::openx::import::{DroppedElements, Import, ImportError, Imported};
 use crate::run_dir::write_file;
 use crate::world::{Scenario, file_text};
 
-/// The world that is written; its name is put in.
+/// Text of the new world, without its name.
 const WORLD: &str = include_str!("new_world.ron");
 
 #[derive(Args, Debug)]
@@ -55,7 +55,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     }
     let name = args.name.strip_suffix(".ron").unwrap_or(&args.name);
     let file = format!("{name}.ron");
-    // The world's own checks say which names files may have.
+    // The checks of the world decide on valid names.
     let text = WORLD.replace("NAME", name);
     if Scenario::parse(&file, &text).is_err() {
         return Err(Failure::input(
@@ -81,7 +81,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Writes the worlds of a protocol; none of them if one cannot be written.
+/// Writes the worlds of a protocol, or none if a file cannot be written.
 fn import(args: &NewArgs, from: &Path) -> Result<Exit, Failure> {
     let named = Path::new(args.name.strip_suffix(".ron").unwrap_or(&args.name));
     let stem = named.file_name().unwrap_or_default().to_string_lossy();

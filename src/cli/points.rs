@@ -1,4 +1,4 @@
-//! `brakecheck eval WORLD` where the world has points: which ones an ego passes.
+//! `brakecheck eval WORLD` in a world with points.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::evaluation::{PointOutcome, PointResult, PointsRequest, PointsTable, p
 use crate::experiment::{EgoUnderTest, consent_to};
 use crate::world::Scenario;
 
-/// What the tables say, below them.
+/// Legend below the tables.
 const EXPLAINED: &str = "
 passed         points at which the ego meets its specification
 failed         points at which it does not; in m/s: the closing speed of its contact
@@ -18,7 +18,7 @@ did not run    points at which the ego or the physics failed: neither passed nor
 varied         passed points at which a lawful variation makes the ego fail: an `!` at the point
 preventable    of those, points at which a human model of UN R157 (CC_LATCHED or FSM) avoids it";
 
-/// Lets every ego meet every point, and shows, keeps and gates what came of it.
+/// Plays every ego at every point, and prints, keeps and gates the results.
 pub(super) fn run(args: &EvalArgs, world: &Scenario) -> Result<Exit, Failure> {
     let egos = EgoUnderTest::find_or_program(world, &args.ego, &args.program)?;
     consent_to(&egos)?;
@@ -133,7 +133,7 @@ fn by_point(world: &Scenario, tables: &[PointsTable]) -> comfy_table::Table {
     all
 }
 
-/// How a point went, in few words.
+/// Formats the outcome of a point in a few words.
 fn outcome(point: &PointResult) -> String {
     let failure = point.failure.as_ref();
     match point.outcome {

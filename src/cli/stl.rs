@@ -82,7 +82,7 @@ pub(super) fn run(args: &StlArgs) -> Result<Exit, Failure> {
     let mut scratch = Scratch::default();
     let measured = Measured {
         robustness: monitor.robustness(&trace, &mut scratch),
-        // At ρ = 0 the formula itself decides; a rule is "kept" only when ρ > 0.
+        // At ρ = 0 the formula itself decides, while a rule is kept only if ρ > 0.
         satisfied: monitor.satisfied(&trace, &mut scratch),
         all: args.all.then(|| monitor.robustness_all(&trace)),
         explanation: args.explain.then(|| monitor.explain(&trace)),
@@ -123,7 +123,7 @@ impl StlArgs {
     }
 }
 
-/// Says that a formula looks beyond the end of the trace, if it does.
+/// Returns a remark if a formula looks beyond the end of the trace.
 fn beyond(monitor: &Monitor, trace: &Trace) -> Option<String> {
     let last = trace.len().saturating_sub(1);
     let reach = monitor.horizon_samples().filter(|reach| last < *reach)?;
@@ -140,7 +140,7 @@ fn beyond(monitor: &Monitor, trace: &Trace) -> Option<String> {
     ))
 }
 
-/// What a formula comes to on a trace.
+/// Result of a formula on a trace.
 struct Measured {
     robustness: f64,
     satisfied: bool,

@@ -7,10 +7,10 @@ use crate::evaluation::{LEAST_REACHABLE, Relation, ReusedOn, Summary};
 use crate::run_dir::Row;
 use crate::sysid::IdentifiedAs;
 
-/// Columns of a table at most; what is wider is wrapped.
+/// Most columns of a table. Wider content is wrapped.
 pub(super) const WIDTH: u16 = 100;
 
-/// What the columns of rows mean, below them.
+/// Legend of the columns of rows.
 const ROWS_EXPLAINED: &str = "
 success        starts on which the ego fails, and no rule was broken before; with its 95 % interval
 recall         of the starts that search solves, the share solved here too; –: none was asked for
@@ -21,20 +21,20 @@ contact        starts that end in a contact; closing: its speed after a failure,
 groups         groups of alike failures (docs/crashes.md); –: none, or not compared
 cpu s          processor time spent on all of the starts";
 
-/// What the columns of a block's egos and of its summary mean.
+/// Legend of the columns of a block's egos and of its summary.
 const BLOCKS_EXPLAINED: &str = "
 reachable      starts that search solves; –: no search was asked for
 union          starts that any ado here, or search, solves
 trained − it   success of the trained ado less that of this one, over the egos of the block
 mean, least    over those egos of which search solves enough to ask for recall";
 
-/// All rows as one table, opened by what happens without an adversary.
+/// Formats all rows as a table, after a line on failures without an adversary.
 pub(super) fn rows(rows: &[Row]) -> String {
     let (lines, remarks) = (lines(rows), remarks(rows));
     format!("{}\n{lines}{ROWS_EXPLAINED}{remarks}", opening(rows))
 }
 
-/// What the table has no room for: contacts, faults, and several runs per start.
+/// Formats contacts, faults and repeated runs, which do not fit into the table.
 pub(super) fn remarks(rows: &[Row]) -> String {
     let mut text = String::new();
     for row in rows {
@@ -77,7 +77,9 @@ pub(super) fn remarks(rows: &[Row]) -> String {
     text
 }
 
-/// The rows of several egos in blocks, each summed up; of one ego, its rows.
+/// Formats the rows of several egos in blocks with summaries.
+///
+/// For a single ego it formats the rows only.
 pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     let all: Vec<Row> = egos.iter().flat_map(|ego| ego.rows.clone()).collect();
     if egos.len() < 2 {
@@ -112,7 +114,7 @@ pub(super) fn reuse(egos: &[ReusedOn], summaries: &[Summary]) -> String {
     text
 }
 
-/// How often each ego of a block fails by itself, and how often it can at all.
+/// Formats the failures of each ego of a block by itself, and its reachable share.
 fn without_adversary(block: &[&ReusedOn]) -> String {
     let mut table = table(&["ego", "fails without an adversary", "reachable", "union"]);
     for ego in block {
@@ -167,7 +169,7 @@ fn summary<'a>(summaries: impl Iterator<Item = &'a Summary>) -> String {
     table.to_string()
 }
 
-/// Two tables: what was found at which cost, and how it came about.
+/// Draws two tables: the findings with their cost, and the details.
 fn lines(rows: &[Row]) -> String {
     let mut found = table(&[
         "ego",
@@ -244,7 +246,7 @@ fn uncounted(rows: &[Row]) -> String {
     }
 }
 
-/// What rows without a success say all the same; one line per number of starts.
+/// Formats upper bounds of rates without a success, per number of starts.
 fn bounds(rows: &[Row]) -> String {
     let one_ego = rows.iter().all(|row| row.ego == rows[0].ego);
     let mut by_starts: Vec<(usize, f64, Vec<String>)> = Vec::new();
@@ -310,7 +312,8 @@ fn by_itself(rows: &[Row], all: usize) -> String {
             continue;
         };
         egos.push(&row.ego);
-        // Of the nominal ego it is what is left out, unless another plant is asked for.
+        // For the nominal ego the number equals the excluded starts, unless the plant
+        // differs.
         if !alone.left_out && row.ego == "nominal" && alone.starts == row.trivial {
             continue;
         }
@@ -347,7 +350,7 @@ fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
 
-/// Who an ego is to a conditional ado, and how far that is to be trusted.
+/// Formats the identified parameters of an ego, with their reliability.
 pub(super) fn identified(found: &IdentifiedAs) -> String {
     let verdict = if found.explains {
         format!(
@@ -414,7 +417,7 @@ mod tests {
         serde_json::from_value(row).expect("a row")
     }
 
-    /// However long the names are, and whatever they mean is said.
+    /// Long names fit, and every mark is explained.
     #[test]
     fn tables_fit_a_terminal_and_their_columns_are_explained() {
         let long = "an ego whose name does not end as soon as one would wish";

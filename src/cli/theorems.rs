@@ -1,4 +1,4 @@
-//! What `eval --theorems` prints.
+//! Output of `eval --theorems`.
 
 use super::table_of;
 use crate::evaluation::TheoremsChecked;
@@ -281,7 +281,7 @@ fn foretold(ego: &str, ado: &str, reading: &str, forecast: &Forecast) -> [String
     ]
 }
 
-/// Three places, or the order of magnitude of what would vanish so.
+/// Formats three decimals, or the order of magnitude of a smaller number.
 fn number(value: f64) -> String {
     match value.abs() {
         size if size.is_infinite() => "∞".to_owned(),

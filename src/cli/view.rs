@@ -91,7 +91,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Who is under test: the ego that is asked for, else the one of the file.
+/// Returns the name of the ego: the requested ego, or that of the file.
 fn ego(args: &ViewArgs, regressions: &Regressions) -> String {
     let recorded = regressions.kept().first();
     let recorded = recorded.map(|kept| kept.counterexample.ego.clone());
@@ -123,7 +123,7 @@ fn draw(
     }
 }
 
-/// Writes the recording and says where it is.
+/// Writes the recording and prints its path.
 fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     let name = replayed.path.with_extension("rrd");
     let name = name.file_name().map(PathBuf::from).unwrap_or(name);
@@ -139,7 +139,7 @@ fn recording(args: &ViewArgs, replayed: &Replayed) -> Result<(), Failure> {
     }
 }
 
-/// Writes the recording; its name, bytes and samples.
+/// Writes the recording, and returns its name, bytes and samples.
 #[cfg(feature = "rerun")]
 fn record(replayed: &Replayed, output: &Path) -> Result<(String, u64, usize), Failure> {
     let file = replayed.path.display().to_string();
@@ -158,7 +158,7 @@ fn record(_: &Replayed, _: &Path) -> Result<(String, u64, usize), Failure> {
     Err(without_viewer())
 }
 
-/// Why there is no recording, and what there is instead.
+/// Returns the failure of a build without the viewer, with the alternative.
 fn without_viewer() -> Failure {
     Failure::input(
         "this brakecheck was built without the viewer's recordings",

@@ -1,4 +1,4 @@
-//! `brakecheck check`: is this world sound, and what can its formulas say?
+//! `brakecheck check`: validation of a world, and its signals for formulas.
 
 mod programs;
 mod signals;

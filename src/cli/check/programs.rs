@@ -8,7 +8,7 @@ use crate::ego::{DOCUMENT, Exercise, Fault, FaultKind, Finding, Hello, Process, 
 use crate::visible::command_line;
 use crate::world::Scenario;
 
-/// A program that a world names, and what it said.
+/// Program that a world names, with its answers.
 #[derive(Serialize)]
 pub(super) struct Named {
     ego: String,
@@ -16,11 +16,11 @@ pub(super) struct Named {
     started: bool,
     hello: Option<Hello>,
     fault: Option<Fault>,
-    /// The first requirement that it does not meet.
+    /// First requirement that the program violates.
     wrong: Option<Finding>,
 }
 
-/// The programs of a world; with consent each is started and tried.
+/// Starts and tests the programs of a world, if you consented.
 pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
     let programs = scenario.programs().into_iter();
     programs
@@ -42,7 +42,7 @@ pub(super) fn tried(scenario: &Scenario, allowed: bool) -> Vec<Named> {
         .collect()
 }
 
-/// What they said, in lines; empty where the world names none.
+/// Formats the results in lines, empty if the world names no program.
 pub(super) fn text(named: &[Named]) -> String {
     let mut text = String::new();
     for one in named {

@@ -8,7 +8,7 @@ use crate::world::Scenario;
 /// With more agents than this, signals that differ by agents only are one line.
 const FEW_AGENTS: usize = 2;
 
-/// A signal, or several that are called alike: pattern, unit and meaning.
+/// Pattern of one or several signal names, with unit and meaning.
 type Pattern = (String, String, String);
 
 pub(super) fn table(scenario: &Scenario) -> String {
@@ -77,7 +77,7 @@ fn pattern(agents: &[&str], name: &str, about: &str) -> (String, String) {
     let name: Vec<String> = head
         .chain(tail.iter().map(|part| (*part).to_owned()))
         .collect();
-    // Owners stand as words, or before the quantity of another name.
+    // Owners appear as words, or as a prefix of another quantity's name.
     let words = about.split(' ').map(|word| {
         let bare = word.trim_matches(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
         let bare = bare.trim_end_matches('.');

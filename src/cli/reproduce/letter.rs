@@ -38,7 +38,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// What a search and ados that learned nothing do, under both judges. `None`: stopped.
+/// Plays a search and untrained ados under both judges, and returns `None` if stopped.
 fn baselines(
     args: &ReproduceArgs,
     path: &LetterPath,

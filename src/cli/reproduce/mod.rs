@@ -174,7 +174,7 @@ impl What {
     }
 }
 
-/// One part of the tables; `None`: interrupted.
+/// Function that makes a part of the tables, and returns `None` if interrupted.
 type Part = fn(&ReproduceArgs) -> Result<Option<Made>, Failure>;
 
 /// A finished table.
@@ -182,7 +182,7 @@ struct Made {
     /// Its files are called so.
     name: &'static str,
     markdown: String,
-    /// An object; its keys differ from those of every other part.
+    /// JSON object, whose keys differ from those of other parts.
     json: Value,
 }
 
@@ -195,9 +195,9 @@ impl Made {
     }
 }
 
-/// Makes a piece of a part, or takes what an earlier command kept of it.
+/// Makes a piece of a part, or reads the piece that an earlier command kept.
 ///
-/// `None`: interrupted.
+/// Returns `None` if interrupted.
 fn once<T: Serialize + DeserializeOwned>(
     args: &ReproduceArgs,
     (piece, scenario): (&str, &Scenario),
@@ -219,10 +219,10 @@ fn once<T: Serialize + DeserializeOwned>(
     Ok(made)
 }
 
-/// What a piece was asked for: its own settings and the seeds.
+/// Returns the settings of a piece: its own and the seeds.
 ///
-/// Pieces that are older than the choice of seeds are of trainings from 1 on and
-/// of test starts of seed 0, and do not say so.
+/// Pieces from before the choice of seeds have trainings from 1 on and test starts of
+/// seed 0. Their settings do not contain the seeds.
 fn settings(seeds: Seeds, mut own: Value) -> Value {
     own["seeds"] = seeds.count.into();
     if seeds.first != 1 {
@@ -234,7 +234,7 @@ fn settings(seeds: Seeds, mut own: Value) -> Value {
     own
 }
 
-/// Which seeds a table is of, in a line above it.
+/// Returns a table with a line above it that states its seeds.
 fn headed(seeds: Seeds, table: &str) -> String {
     format!("With {seeds}.\n\n{table}")
 }

@@ -1,4 +1,4 @@
-//! The paper's remark on generalisation: starts near its failing ones.
+//! Starts near the failing starts of the paper, for its claim of generalisation.
 
 use serde_json::json;
 
@@ -66,7 +66,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// How the trained ado fares near the failing start of a world. `None`: stopped.
+/// Plays the trained ado near the failing start of a world. `None` if stopped.
 fn near(
     args: &ReproduceArgs,
     scenario: &Scenario,

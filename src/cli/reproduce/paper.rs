@@ -8,7 +8,7 @@ use crate::studies::{PaperRow, measure_paper_row, paper_rows_markdown};
 /// Beyond the paper's numbers of episodes: where the curves still rise.
 const MORE: [u64; 4] = [1_000, 2_000, 4_000, 8_000];
 
-/// World, learner (`None`: the world's own), what the paper says, its episodes.
+/// World, learner (`None` for the world's own), the paper's text, its episodes.
 const ROWS: [(&str, Option<&str>, &str, &[u64]); 7] = [
     ("acc", None, "ACC, DQN: 54.8 % in 1.93 h", &[]),
     (

@@ -58,7 +58,7 @@ pub(super) fn run(args: &ReproduceArgs) -> Result<Option<Made>, Failure> {
     }))
 }
 
-/// Trains what is not trained yet.
+/// Trains the ados that are not trained yet.
 fn begin<'a>(
     name: &str,
     scenario: &'a Scenario,
